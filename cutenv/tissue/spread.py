@@ -1,0 +1,132 @@
+"""How the modulus scatters between livers, between cuts and within a cut; and how deep the cuts were."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.tissue.modulus import Formulation
+from cutenv.tissue.tables import table
+from cutenv.validation import in_range, one_of
+
+CUTS_PER_LIVER = 4
+"""A liver takes four parallel cuts (section 5.3, Figure 3.8)."""
+
+_MODEL_THICKNESS = 0.01  # the finite-element specimen behind Table 5.5 is 1 cm thick (section 4.2) [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModulusSpread:
+    """Coefficients of variation (SD over mean) of the LEM at three levels.
+
+    Attributes
+    ----------
+    between_liver_cv : float
+        Of the livers' mean LEM; 0 if the estimate was negative.
+    between_cut_cv : float
+        Of the cuts' mean LEM within one liver.
+    within_cut_cv : float
+        Of the loading segments of one cut. Not normalised by depth: it contains the liver's bulge.
+    between_liver_clipped : bool
+        Whether the between-liver variance came out negative and was set to zero.
+    """
+
+    between_liver_cv: float
+    between_cut_cv: float
+    within_cut_cv: float
+    between_liver_clipped: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse a spread that is none."""
+        for name in ("between_liver_cv", "between_cut_cv", "within_cut_cv"):
+            in_range(name, getattr(self, name), 0.0, 2.0, "1", "It is the SD over the mean, 0.2 for 20 %.")
+
+
+def modulus_spread(formulation: Formulation = "plane_stress") -> ModulusSpread:
+    """Return the spread of the LEM at 90 deg between livers, between cuts and within a cut.
+
+    Parameters
+    ----------
+    formulation : str
+        ``"plane_stress"`` or ``"plane_strain"``.
+
+    Returns
+    -------
+    ModulusSpread
+        Pure numbers.
+
+    Notes
+    -----
+    Source: Tables 5.2 to 5.4, twelve cuts at each of 0.1, 1.27 and 2.54 cm/s; not
+    depth-normalised. Assumption: the rows 1-4, 5-8 and 9-12 are three livers of four cuts each; the thesis
+    says four cuts a liver but not which. Every table is divided by its mean, so that the speeds may be
+    pooled; the mean squares of the one-way random-effects analysis of variance are averaged over the three
+    tables before the components are taken. The within-cut value is the mean over all 36 cuts of the printed
+    SD over the printed average.
+
+    A caution: the rows of Tables 5.2 and 5.3 correlate (0.79 in plane stress), as if equal numbers shared a
+    liver, so the three tables are not three independent samples and the between-liver value is a rough one.
+    """
+    one_of("formulation", formulation, ("plane_stress", "plane_strain"))
+    tables = [table(number) for number in ("5.2", "5.3", "5.4")]
+    averages = [data[f"lem_{formulation}_Pa"] for data in tables]
+    within_cut = [data[f"sd_{formulation}_Pa"] / mean for data, mean in zip(tables, averages, strict=True)]
+    between_liver, between_cut = variance_components(
+        np.stack([mean.reshape(-1, CUTS_PER_LIVER) / mean.mean() for mean in averages])
+    )
+    return ModulusSpread(
+        between_liver_cv=math.sqrt(max(between_liver, 0.0)),
+        between_cut_cv=math.sqrt(between_cut),
+        within_cut_cv=float(np.mean(within_cut)),
+        between_liver_clipped=between_liver < 0,
+    )
+
+
+def variance_components(groups: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the variances between and within groups, by one-way random-effects analysis of variance.
+
+    Parameters
+    ----------
+    groups : ndarray of float64, shape (tables, groups, members)
+        Balanced; the mean squares are averaged over the tables.
+
+    Returns
+    -------
+    between, within : float
+        In the square of the unit of ``groups``. ``between`` is unbiased, so it may be negative.
+    """
+    n_groups, n_members = groups.shape[-2:]
+    group_means = groups.mean(axis=-1, keepdims=True)
+    squares_within = ((groups - group_means) ** 2).sum(axis=(-2, -1))
+    mean_square_within = float(squares_within.mean()) / (n_groups * (n_members - 1))
+    mean_square_between = n_members * float(group_means.var(axis=-2, ddof=1).mean())
+    return (mean_square_between - mean_square_within) / n_members, mean_square_within
+
+
+def mean_depth_of_cut(angle_deg: float = 90, formulation: Formulation = "plane_stress") -> float:
+    """Return the mean depth of the measured cuts [m]: 1.64 cm at 90 deg, plane stress.
+
+    Parameters
+    ----------
+    angle_deg : float
+        90 or 45 [deg].
+    formulation : str
+        ``"plane_stress"`` or ``"plane_strain"``.
+
+    Returns
+    -------
+    float
+        [m]
+
+    Notes
+    -----
+    Source: Table 5.5 takes the force of a cut as if it were 1 cm deep, Table 5.6 takes the force per depth,
+    so their ratio is the depth in cm; averaged over the speeds that both tables have. At 45 deg it gives 1.32
+    cm. Rough: at 90 deg the ratios run from 1.2 to 2.3, where section 5.4 has depths of 0 to about 2 cm.
+    """
+    one_of("formulation", formulation, ("plane_stress", "plane_strain"))
+    column = f"lem_{formulation}_{one_of('angle_deg', angle_deg, (90, 45)):g}_deg_Pa"
+    return float(np.nanmean(table("5.5")[column] / table("5.6")[column])) * _MODEL_THICKNESS

@@ -1,0 +1,202 @@
+"""The thesis's printed tables: read strictly, with their errata and their printed digits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv import resources
+from cutenv.validation import one_of
+
+_KEYS = ("title", "source", "note", "erratum", "resolution", "printed_mean", "printed_population_sd")
+
+
+class Printed(NamedTuple):
+    """A number as printed, and the unit of its last printed digit (both in the unit of its column)."""
+
+    value: float
+    resolution: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """One table of the thesis; ``table["lem_plane_stress_Pa"]`` is a read-only column.
+
+    Attributes
+    ----------
+    number, title : str
+        Number in the thesis (``"5.6"``) and what the table holds.
+    provenance : str
+        Author, work and table number.
+    columns : dict of str to ndarray of float64, shape (rows,)
+        The printed values, NaN where nothing was measured. Names end in the unit (``_Pa``, ``_cm_s``).
+    resolution : dict of str to float
+        Unit of the last printed digit of each column, 0 for exact counts and labels.
+    notes, errata : tuple of str
+        What to know about the print, and where it is wrong.
+    printed_mean, printed_population_sd : dict of str to Printed
+        The printed "Average" row: mean and standard deviation (ddof = 0) over the rows of the column named.
+    """
+
+    number: str
+    title: str
+    provenance: str
+    columns: dict[str, NDArray[np.float64]]
+    resolution: dict[str, float]
+    notes: tuple[str, ...] = ()
+    errata: tuple[str, ...] = ()
+    printed_mean: dict[str, Printed]
+    printed_population_sd: dict[str, Printed]
+
+    def __getitem__(self, column: str) -> NDArray[np.float64]:
+        """Return one column, shape (rows,); an unknown name is a ``ValueError`` that lists the known ones."""
+        return self.columns[one_of(f"column of Table {self.number}", column, self.columns)]
+
+
+def table_numbers() -> tuple[str, ...]:
+    """Return the numbers of the tables that exist, in the thesis's order: ``("4.1", ..., "6.1")``."""
+    stems = (file.stem.removeprefix("table_") for file in resources.path("tables").glob("table_*_*.csv"))
+    return tuple(
+        stem.replace("_", ".") for stem in sorted(stems, key=lambda s: [int(n) for n in s.split("_")])
+    )
+
+
+def table(number: str) -> Table:
+    """Read one table of the thesis.
+
+    Parameters
+    ----------
+    number : str
+        As in the thesis, for example ``"5.6"``.
+
+    Returns
+    -------
+    Table
+        The values as printed; columns that the thesis mislabels carry the name of what they hold.
+
+    Raises
+    ------
+    ValueError
+        If there is no such table, or its file is malformed (file and line are named).
+    """
+    known = one_of("table number", number, table_numbers())
+    return read_table(resources.path(f"tables/table_{known.replace('.', '_')}.csv"), number=known)
+
+
+def read_table(file: Path, *, number: str) -> Table:
+    """Read ``file`` as the table ``number``.
+
+    The format: comment lines ``# key: value`` (title and source once; note and erratum any number of times;
+    ``# resolution: column = unit`` for every column; ``# printed_mean: column = value to unit``), a header of
+    comma-separated column names, then one row of numbers a line. Nothing else, no blank line.
+
+    Raises
+    ------
+    ValueError
+        If the file departs from the format; file and line are named.
+    """
+    return _Reader(file).read(number)
+
+
+class _Reader:
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        self.line = 0
+
+    def read(self, number: str) -> Table:
+        lines = self.file.read_text(encoding="utf-8").splitlines()
+        n_comments = next((i for i, text in enumerate(lines) if not text.startswith("#")), len(lines))
+        comments: dict[str, list[tuple[int, str]]] = {key: [] for key in _KEYS}
+        for self.line, text in enumerate(lines[:n_comments], start=1):
+            key, value = self._split(text.removeprefix("#"), ":", "# key: value")
+            if key not in comments:
+                raise self._error(f"unknown key {key!r}, expected one of {', '.join(_KEYS)}")
+            comments[key].append((self.line, value))
+        self.line = n_comments + 1
+        if len(lines) < n_comments + 2:
+            raise self._error("expected a header of column names and at least one row")
+        names = lines[n_comments].split(",")
+        if len(set(names)) != len(names) or not all(
+            name.isprintable() and name.strip() == name != "" for name in names
+        ):
+            raise self._error(
+                f"column names must be distinct, without blanks around them, got {lines[n_comments]!r}"
+            )
+        rows = []
+        for self.line, text in enumerate(lines[n_comments + 1 :], start=n_comments + 2):
+            cells = text.split(",")
+            if len(cells) != len(names):
+                raise self._error(f"expected {len(names)} values, got {len(cells)}")
+            rows.append([self._number(cell, missing_allowed=True) for cell in cells])
+        values = np.array(rows, dtype=np.float64)
+        values.flags.writeable = False
+        resolution = self._resolution(comments["resolution"], names)
+        return Table(
+            number=number,
+            title=self._once(comments, "title"),
+            provenance=self._once(comments, "source"),
+            columns={name: values[:, i] for i, name in enumerate(names)},
+            resolution=resolution,
+            notes=tuple(value for _, value in comments["note"]),
+            errata=tuple(value for _, value in comments["erratum"]),
+            printed_mean=self._printed(comments["printed_mean"], names),
+            printed_population_sd=self._printed(comments["printed_population_sd"], names),
+        )
+
+    def _once(self, comments: dict[str, list[tuple[int, str]]], key: str) -> str:
+        found = comments[key]
+        if len(found) != 1:
+            self.line = found[1][0] if found else 1
+            raise self._error(f"expected '# {key}: ...' once, found it {len(found)} times")
+        return found[0][1]
+
+    def _resolution(self, entries: list[tuple[int, str]], names: list[str]) -> dict[str, float]:
+        resolution: dict[str, float] = {}
+        for self.line, text in entries:
+            name, unit = self._split(text, "=", "# resolution: column = unit of the last printed digit")
+            resolution[self._known(name, names, resolution)] = self._number(unit, missing_allowed=False)
+        for name in names:
+            if name not in resolution:
+                self.line = 1
+                raise self._error(f"column {name!r} has no '# resolution: {name} = ...'")
+        return resolution
+
+    def _printed(self, entries: list[tuple[int, str]], names: list[str]) -> dict[str, Printed]:
+        printed: dict[str, Printed] = {}
+        for self.line, text in entries:
+            name, rest = self._split(text, "=", "column = value to unit of the last printed digit")
+            value, unit = self._split(rest, " to ", "column = value to unit of the last printed digit")
+            printed[self._known(name, names, printed)] = Printed(
+                self._number(value, missing_allowed=False), self._number(unit, missing_allowed=False)
+            )
+        return printed
+
+    def _known(self, name: str, names: list[str], taken: dict[str, float] | dict[str, Printed]) -> str:
+        if name not in names or name in taken:
+            raise self._error(f"{name!r} is {'stated twice' if name in taken else 'not a column'}")
+        return name
+
+    def _split(self, text: str, separator: str, form: str) -> tuple[str, str]:
+        left, found, right = text.partition(separator)
+        if not found or not left.strip() or not right.strip():
+            raise self._error(f"expected {form!r}, got {text.strip()!r}")
+        return left.strip(), right.strip()
+
+    def _number(self, text: str, *, missing_allowed: bool) -> float:
+        if text == "nan" and missing_allowed:
+            return math.nan
+        try:
+            number = float(text)
+        except ValueError:
+            raise self._error(f"expected a number, got {text!r}") from None
+        if not math.isfinite(number):
+            raise self._error(f"expected a finite number{' or nan' if missing_allowed else ''}, got {text!r}")
+        return number
+
+    def _error(self, message: str) -> ValueError:
+        return ValueError(f"{self.file}, line {self.line}: {message}")

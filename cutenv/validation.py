@@ -1,0 +1,75 @@
+"""Checks at the door: refuse bad input with the field, the value, the range and the cure."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+T = TypeVar("T")
+
+
+def in_range(name: str, value: float, low: float, high: float, unit: str, cure: str = "") -> float:
+    """Return ``value`` as a float if it is finite and ``low <= value <= high``.
+
+    Parameters
+    ----------
+    name, unit : str
+        How the reader calls the field, and its unit ("1" for a pure number).
+    value, low, high : float
+        In ``unit``.
+    cure : str
+        What to do about it, in the reader's words.
+
+    Raises
+    ------
+    TypeError
+        If ``value`` is not one real number.
+    ValueError
+        If it is NaN, infinite or outside the range.
+    """
+    if isinstance(value, (bool, np.bool_, str, bytes)) or value is None:
+        raise TypeError(f"{name} must be one real number in {unit}, got {value!r}. {cure}".rstrip())
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be one real number in {unit}, got {value!r}. {cure}".rstrip()) from None
+    if not (low <= number <= high and np.isfinite(number)):  # NaN fails both comparisons
+        raise ValueError(_out_of_range(name, number, low, high, unit, cure))
+    return number
+
+
+def array_in_range(
+    name: str, values: ArrayLike, low: float, high: float, unit: str, cure: str = ""
+) -> NDArray[np.float64]:
+    """Like :func:`in_range` for an array of any shape; names the first offending value."""
+    try:
+        raw = np.asarray(values)
+        if raw.dtype.kind not in "iuf":
+            raise TypeError
+        array = raw.astype(np.float64, copy=False)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be real numbers in {unit}, got {values!r}. {cure}".rstrip()) from None
+    bad = ~((array >= low) & (array <= high) & np.isfinite(array))
+    if bad.any():
+        raise ValueError(_out_of_range(name, float(array[bad].flat[0]), low, high, unit, cure))
+    return array
+
+
+def one_of(name: str, value: T, choices: Iterable[T]) -> T:
+    """Return ``value`` if it is one of ``choices``; otherwise raise and name the nearest."""
+    known = list(choices)
+    if value not in known:
+        nearest = difflib.get_close_matches(str(value), [str(choice) for choice in known], n=1, cutoff=0.5)
+        hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
+        listed = ", ".join(repr(choice) for choice in known)
+        raise ValueError(f"{name} must be one of {listed}, got {value!r}.{hint}")
+    return value
+
+
+def _out_of_range(name: str, number: float, low: float, high: float, unit: str, cure: str) -> str:
+    shown = "" if unit == "1" else f" {unit}"
+    return f"{name} = {number:g}{shown} is outside {low:g} to {high:g}{shown}. {cure}".rstrip()

@@ -1,0 +1,101 @@
+"""Equations 5.1 to 5.10: LEM against speed, recomputed from Tables 5.5 to 5.7 to the printed digits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from printed_digits import check_printed
+
+from cutenv.tissue.modulus import linear_fit, power_fit
+from cutenv.tissue.tables import table
+
+CUT_OFF = pytest.mark.xfail(reason="5.10: the table gives 49.597, printed 49.59: cut off, not rounded")
+OTHER_VALUE = pytest.mark.xfail(
+    reason="5.3: the table's 64 at 0.1 cm/s gives 24.24; the printed 24.21 belongs to the 63 of section 5.1"
+)
+
+# equation (by the erratum), table, angle [deg], formulation, slope [kPa/(cm/s)], intercept [kPa], rounding
+LINEAR = [
+    ("5.1", "5.5", 90, "plane_stress", -9.21, 63.26, 0.01),
+    ("5.2", "5.5", 90, "plane_strain", -8.70, 59.18, 0.01),
+    ("5.5", "5.6", 90, "plane_stress", -11.6, 48.4, 0.1),
+    ("5.7", "5.6", 90, "plane_strain", -10.6, 44.5, 0.1),
+    ("5.6", "5.6", 45, "plane_stress", -7.2, 30.9, 0.1),
+    ("5.8", "5.6", 45, "plane_strain", -6.4, 28.2, 0.1),
+    ("5.9", "5.7", 90, "plane_stress", -18.22, 79.12, 0.01),
+    ("5.10", "5.7", 45, "plane_stress", -11.59, 49.59, 0.01),
+]
+POWER = [("5.3", "plane_stress", 24.21, -0.42), ("5.4", "plane_strain", 22.17, -0.43)]
+
+
+def check_slope(number, angle_deg, formulation, slope, digit):
+    per_cm_s = linear_fit(number, angle_deg=angle_deg, formulation=formulation).slope / 100
+    check_printed(per_cm_s / 1000, slope, digit)
+
+
+def check_intercept(number, angle_deg, formulation, intercept, digit):
+    fit = linear_fit(number, angle_deg=angle_deg, formulation=formulation)
+    check_printed(fit.intercept / 1000, intercept, digit)
+
+
+@pytest.mark.parametrize(
+    ("number", "angle_deg", "formulation", "slope", "digit"),
+    [pytest.param(*case[1:5], case[6], id=case[0]) for case in LINEAR],
+)
+def test_slope_is_the_printed_one(number, angle_deg, formulation, slope, digit):
+    check_slope(number, angle_deg, formulation, slope, digit)
+
+
+@pytest.mark.parametrize(
+    ("number", "angle_deg", "formulation", "intercept", "digit"),
+    [
+        pytest.param(*case[1:4], *case[5:7], id=case[0], marks=CUT_OFF if case[0] == "5.10" else ())
+        for case in LINEAR
+    ],
+)
+def test_intercept_is_the_printed_one(number, angle_deg, formulation, intercept, digit):
+    check_intercept(number, angle_deg, formulation, intercept, digit)
+
+
+@pytest.mark.parametrize(
+    ("formulation", "coefficient"),
+    [
+        pytest.param(case[1], case[2], id=case[0], marks=OTHER_VALUE if case[0] == "5.3" else ())
+        for case in POWER
+    ],
+)
+def test_coefficient_of_the_power_law_is_the_printed_one(formulation, coefficient):
+    check_printed(power_fit(formulation=formulation).modulus_at_reference / 1000, coefficient, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("formulation", "exponent"), [pytest.param(case[1], case[3], id=case[0]) for case in POWER]
+)
+def test_exponent_of_the_power_law_is_the_printed_one(formulation, exponent):
+    check_printed(power_fit(formulation=formulation).exponent, exponent, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("printed_label", "slope", "intercept"),
+    [((90, "plane_strain"), -7.2, 30.9), ((45, "plane_stress"), -10.6, 44.5)],
+    ids=["5.6", "5.7"],
+)
+def test_equations_5_6_and_5_7_contradict_table_5_6_under_their_printed_labels(
+    printed_label, slope, intercept
+):
+    assert any("5.6 and 5.7" in erratum for erratum in table("5.6").errata)
+    with pytest.raises(AssertionError, match="is not printed as"):
+        check_slope("5.6", *printed_label, slope, 0.1)
+    with pytest.raises(AssertionError, match="is not printed as"):
+        check_intercept("5.6", *printed_label, intercept, 0.1)
+
+
+def test_equation_5_3_follows_from_the_63_of_the_text():
+    data = table("5.5")
+    present = np.isfinite(data["lem_plane_stress_45_deg_Pa"])
+    kPa = data["lem_plane_stress_45_deg_Pa"][present] / 1000
+    assert kPa[0] == 64
+    kPa[0] = 63  # "in the neighborhood of 63,000 N/m2", section 5.1
+    exponent, log_coefficient = np.polyfit(np.log(data["speed_cm_s"][present]), np.log(kPa), 1)
+    check_printed(np.exp(log_coefficient), 24.21, 0.01)
+    check_printed(exponent, -0.42, 0.01)
