@@ -1,0 +1,352 @@
+"""Finite-element model of a clamped specimen with a cut along its centre line (thesis, chapters 3 and 4)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cutenv.tissue.elasticity import FORMULATIONS, lame_parameters
+from cutenv.tissue.mesh import ACROSS, ALONG, ELEMENT_KINDS, CutMesh, checked_divisions, read_only
+from cutenv.tissue.tip_interpolation import TipInterpolation
+from cutenv.tissue.tip_response import TipResponse, stiffness_matrix, tip_responses
+from cutenv.validation import array_in_range, in_range, one_of
+
+_METRES = "Lengths are in metres: 5 cm is 0.05."
+_POSITIVE_MODULUS = "It is Young's modulus in pascals, and positive."
+_MIRROR_TOLERANCE = 1e-12
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CutModel:
+    """Linear finite-element model of a specimen whose cut line is doubled and tied.
+
+    The specimen is clamped along the short edge where the cut starts (y = 0). The nodes on the centre line x
+    = 0 are doubled. Pairs ahead of the tip and at the tip are tied; pairs behind it slide along the line (y)
+    and share the other components of their displacement: the faces neither open nor overlap, and in 3-D do
+    not slide through the thickness either. The blade is a force on the tip pair along +y, away from the
+    clamp; in 3-D it moves all tip nodes through the thickness equally, and its force is their sum.
+
+    A model is immutable; equal arguments make equal models. Everything is computed when it is first asked for
+    and kept: one sparse factorisation serves every cut length. On a specimen that is mirror-symmetric about
+    the cut line the faces carry no shear, so that cutting does not soften it: `stiffness` falls along the cut
+    because the load moves away from the clamp. With a `relative_modulus` that differs between left and right
+    the faces behind the tip slip, and that does soften the specimen.
+
+    A point load in 2-D meets a stiffness that falls with the logarithm of the element size. A modulus found
+    with one model therefore belongs to that model; `convert_modulus` takes it to another.
+
+    Parameters
+    ----------
+    element : {"quad8", "quad4", "hex20"}
+        8-node serendipity quadrilateral, 4-node quadrilateral, 20-node serendipity brick; all integrated
+        fully.
+    formulation : {"plane_stress", "plane_strain", "solid"}
+        ``"solid"`` goes with ``"hex20"``, the plane ones with the quadrilaterals.
+    poisson : float
+        Poisson's ratio [1], 0 to 0.499.
+    width, length : float
+        Of the specimen, across and along the cut [m], 1 mm to 5 m.
+    thickness : float
+        Of the solid model [m], 0.1 mm to 0.5 m; the plane models do not depend on it.
+    divisions : tuple of int, optional
+        Elements across (even), along (2 or more) and, for bricks, through the specimen. By default the
+        thesis's mesh: (8, 15), for bricks (8, 15, 4).
+    relative_modulus : ndarray of shape (n_elements,), optional
+        Modulus of each element over the common one that the methods take [1], 1e-6 to 1e6. Elements are in
+        the order of `element_centres`: reshaped to `divisions` the array is indexed by the place across (from
+        -x to +x), along (from the clamp) and through the specimen. By default uniform.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If an argument is out of range, or arguments do not go together; the message names the cure.
+
+    Notes ----- Mesh, elements and formulations are those of the thesis's sections 4.1 to 4.4 and of its
+    Appendix A (with the erratum that `cutenv.tissue.elasticity` names).
+
+    Examples
+    --------
+    >>> model = CutModel()
+    >>> model.n_nodes, model.n_equations
+    (438, 876)
+    >>> round(model.stiffness(0.05), 3)
+    0.668
+    """
+
+    element: str = "quad8"
+    formulation: str = "plane_stress"
+    poisson: float = 0.3
+    width: float = 0.08
+    length: float = 0.15
+    thickness: float = 0.01
+    divisions: tuple[int, ...] | None = None
+    relative_modulus: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        one_of("element", self.element, ELEMENT_KINDS)
+        one_of("formulation", self.formulation, FORMULATIONS)
+        if (self.element == "hex20") != (self.formulation == "solid"):
+            cure = 'formulation="solid"' if self.element == "hex20" else 'element="hex20"'
+            raise ValueError(
+                f"element={self.element!r} does not go with formulation={self.formulation!r}: bricks are "
+                f"solid, quadrilaterals plane stress or plane strain. Ask for {cure}, or change the other."
+            )
+        lame_parameters(self.formulation, self.poisson)  # refuses a Poisson's ratio that has no model
+        settled: dict[str, object] = {
+            "poisson": float(self.poisson),
+            "width": in_range("width", self.width, 1e-3, 5.0, "m", _METRES),
+            "length": in_range("length", self.length, 1e-3, 5.0, "m", _METRES),
+            "thickness": in_range("thickness", self.thickness, 1e-4, 0.5, "m", _METRES),
+            "divisions": checked_divisions(self.element, self.divisions),
+        }
+        for name, value in settled.items():
+            object.__setattr__(self, name, value)
+        if self.relative_modulus is not None:
+            modulus = _checked_relative_modulus(self.relative_modulus, self.n_elements)
+            object.__setattr__(self, "relative_modulus", modulus)
+
+    def __reduce__(self) -> tuple[type[CutModel], tuple[object, ...]]:
+        # The arguments are the model; a copy computes again what it is asked for.
+        return type(self), (*self._scalars, self.relative_modulus)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, CutModel):
+            return NotImplemented
+        return self._scalars == other._scalars and self._modulus_bytes == other._modulus_bytes
+
+    def __hash__(self) -> int:
+        return hash((self._scalars, self._modulus_bytes))
+
+    def __repr__(self) -> str:
+        names = ("element", "formulation", "poisson", "width", "length", "thickness", "divisions")
+        arguments = ", ".join(f"{n}={v!r}" for n, v in zip(names, self._scalars, strict=True))
+        modulus = "" if self.relative_modulus is None else ", relative_modulus=..."
+        return f"CutModel({arguments}{modulus})"
+
+    @property
+    def _scalars(self) -> tuple[object, ...]:
+        return (
+            self.element,
+            self.formulation,
+            self.poisson,
+            self.width,
+            self.length,
+            self.thickness,
+            self.divisions,
+        )
+
+    @property
+    def _modulus_bytes(self) -> bytes:
+        return b"" if self.relative_modulus is None else self.relative_modulus.tobytes()
+
+    @property
+    def _divisions(self) -> tuple[int, ...]:
+        assert self.divisions is not None  # settled in __post_init__
+        return self.divisions
+
+    @property
+    def dim(self) -> int:
+        """Number of space dimensions: 2, or 3 for bricks."""
+        return len(self._divisions)
+
+    @property
+    def n_elements(self) -> int:
+        """Number of elements."""
+        return math.prod(self._divisions)
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes; both nodes of a pair and the clamped ones count, as in Table 4.3."""
+        return len(self.nodes)
+
+    @property
+    def n_equations(self) -> int:
+        """Number of unknowns; the clamped and the tied ones count, as in Table 4.3."""
+        return self.n_nodes * self.dim
+
+    @cached_property
+    def _mesh(self) -> CutMesh:
+        size = (self.width, self.length, self.thickness)[: self.dim]
+        return CutMesh(kind=ELEMENT_KINDS[self.element], divisions=self._divisions, size=size)
+
+    @property
+    def nodes(self) -> NDArray[np.float64]:
+        """Positions of the nodes [m], shape (n_nodes, dim): first the corners, then the mid-side nodes."""
+        return self._mesh.nodes
+
+    @property
+    def elements(self) -> NDArray[np.int64]:
+        """Corner nodes of each element, shape (n_elements, 4), for bricks (n_elements, 8).
+
+        Counter-clockwise seen from +z; bricks list the lower face, then the upper one.
+        """
+        return self._mesh.elements
+
+    @property
+    def pairs(self) -> NDArray[np.int64]:
+        """Facing nodes of the cut line, (left, right) from the clamp on, shape (n_pairs, 2)."""
+        return self._mesh.pairs
+
+    @cached_property
+    def element_centres(self) -> NDArray[np.float64]:
+        """Centres of the elements [m], shape (n_elements, dim), in the order of `relative_modulus`."""
+        return read_only(self.nodes[self.elements].mean(axis=1))
+
+    @cached_property
+    def tips(self) -> NDArray[np.float64]:
+        """Cut lengths at which a tip stands on element corners [m], shape (n_tips,)."""
+        return read_only(np.linspace(0.0, self.length, self._divisions[ALONG] + 1)[1:].copy())
+
+    @property
+    def is_mirror_symmetric(self) -> bool:
+        """Whether the modulus is the same on both sides of the cut line."""
+        if self.relative_modulus is None:
+            return True
+        modulus = self.relative_modulus.reshape(self._divisions)
+        return np.allclose(modulus, np.flip(modulus, axis=ACROSS), rtol=_MIRROR_TOLERANCE, atol=0.0)
+
+    @property
+    def unit_fields(self) -> NDArray[np.float64]:
+        """Displacement with the tip on each corner, times modulus and thickness, over force [1].
+
+        Shape (n_tips, n_nodes, dim).
+        """
+        return self._interpolation.response.fields
+
+    @cached_property
+    def _interpolation(self) -> TipInterpolation:
+        stiffness = stiffness_matrix(self._mesh, self.formulation, self.poisson, self.relative_modulus)
+        response = tip_responses(self._mesh, stiffness, slipping=not self.is_mirror_symmetric)
+        # The plane models are assembled for unit thickness; the solid one contains its own.
+        thickness = self.thickness if self.dim == 3 else 1.0
+        unit = TipResponse(
+            stiffness=read_only(response.stiffness / thickness), fields=read_only(response.fields * thickness)
+        )
+        return TipInterpolation(mesh=self._mesh, tips=self.tips, response=unit)
+
+    @overload
+    def stiffness(self, cut_length: float) -> float: ...
+    @overload
+    def stiffness(self, cut_length: ArrayLike) -> float | NDArray[np.float64]: ...
+    def stiffness(self, cut_length: ArrayLike) -> float | NDArray[np.float64]:
+        """Return the unit stiffness kappa: blade force over displacement, modulus and thickness.
+
+        Computed where the tip stands on element corners and interpolated in between preserving its shape
+        (PCHIP). Between the clamp and the first corner it keeps the first corner's value, for lack of a tip
+        there.
+
+        Parameters
+        ----------
+        cut_length : array_like
+            Distance of the tip from the clamp [m], 0 to `length`.
+
+        Returns
+        -------
+        float or ndarray
+            kappa [1], of the shape of `cut_length`.
+
+        Raises
+        ------
+        ValueError
+            If a cut length is NaN, negative or beyond the specimen.
+        """
+        a = array_in_range("cut_length", cut_length, 0.0, self.length, "m", self._cut_length_cure)
+        kappa = self._interpolation.stiffness(a)
+        return float(kappa) if a.ndim == 0 else kappa
+
+    def displacement(
+        self, cut_length: float, force: float, modulus: float, thickness: float
+    ) -> NDArray[np.float64]:
+        """Return the displacement of every node under a blade force.
+
+        The tip moves by force / (kappa modulus thickness). Between two element corners the fields for a tip
+        on either are blended linearly and scaled to that; the tip is then taken on the straight line between
+        these corners (in 3-D, at their mean through the thickness). Pairs at or ahead of the tip stay tied.
+        Below the first corner the field keeps the first corner's shape.
+
+        Parameters
+        ----------
+        cut_length : float
+            Distance of the tip from the clamp [m], 0 to `length`.
+        force : float
+            Along +y, away from the clamp [N], -1e6 to 1e6.
+        modulus : float
+            Young's modulus [Pa] where `relative_modulus` is 1, up to 1e12.
+        thickness : float
+            Depth of the cut [m], up to 1 m.
+
+        Returns
+        -------
+        ndarray of shape (n_nodes, dim)
+            Displacement [m].
+
+        Raises
+        ------
+        ValueError
+            If an argument is out of range.
+        """
+        a = in_range("cut_length", cut_length, 0.0, self.length, "m", self._cut_length_cure)
+        f = in_range("force", force, -1e6, 1e6, "N", "Forces are in newtons.")
+        e = in_range("modulus", modulus, 1e-6, 1e12, "Pa", _POSITIVE_MODULUS)
+        b = in_range("thickness", thickness, 1e-6, 1.0, "m", _METRES)
+        return f / (self.stiffness(a) * e * b) * self._interpolation.shape(a)
+
+    @overload
+    def convert_modulus(self, modulus: float, to: CutModel, cut_length: float) -> float: ...
+    @overload
+    def convert_modulus(
+        self, modulus: ArrayLike, to: CutModel, cut_length: ArrayLike
+    ) -> float | NDArray[np.float64]: ...
+    def convert_modulus(
+        self, modulus: ArrayLike, to: CutModel, cut_length: ArrayLike
+    ) -> float | NDArray[np.float64]:
+        """Take a local effective modulus that was found with this model to another model (section 4.4.2).
+
+        Both models then answer the same force with the same displacement: modulus kappa_self / kappa_to.
+
+        Parameters
+        ----------
+        modulus : array_like
+            Local effective modulus of this model [Pa], up to 1e12.
+        to : CutModel
+            The model that shall use it.
+        cut_length : array_like
+            Where it was found [m], 0 to the length of the shorter model; broadcasts with `modulus`.
+
+        Returns
+        -------
+        float or ndarray
+            Local effective modulus of the other model [Pa].
+
+        Raises
+        ------
+        TypeError
+            If `to` is not a `CutModel`.
+        ValueError
+            If a modulus or a cut length is out of range.
+        """
+        if not isinstance(to, CutModel):
+            raise TypeError(f"to must be a CutModel, got {to!r}. Build the model that shall use the modulus.")
+        found = array_in_range("modulus", modulus, 1e-6, 1e12, "Pa", _POSITIVE_MODULUS)
+        converted = found * (np.asarray(self.stiffness(cut_length)) / np.asarray(to.stiffness(cut_length)))
+        return float(converted) if np.ndim(converted) == 0 else converted
+
+    @property
+    def _cut_length_cure(self) -> str:
+        return f"The specimen ends at {self.length:g} m. {_METRES}"
+
+
+def _checked_relative_modulus(modulus: ArrayLike, n_elements: int) -> NDArray[np.float64]:
+    cure = "It is each element's modulus over the common one: divide by that."
+    checked = array_in_range("relative_modulus", modulus, 1e-6, 1e6, "1", cure)
+    if checked.shape != (n_elements,):
+        raise ValueError(
+            f"relative_modulus has shape {checked.shape}, but the mesh has {n_elements} elements. Give one "
+            "value for each row of element_centres; ravel an array that is shaped as divisions."
+        )
+    return read_only(checked.copy())

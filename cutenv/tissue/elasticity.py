@@ -1,0 +1,105 @@
+"""Isotropic linear elasticity of the specimen: plane stress, plane strain and the solid (thesis, Appendix A).
+
+The parameters and the weak form are scikit-fem's; this module only picks them by name and writes them out as
+the matrices that Appendix A prints.
+
+Erratum. Appendix A's shear entries, ``1 - nu`` and ``1 - 2 nu``, belong to the tensor shear strain ``eps_xy =
+gamma_xy / 2``. With the engineering shear strain ``gamma_xy`` that finite elements use they are half as
+large. Read as printed with engineering strain the shear modulus would be twice the isotropic one, and the
+answer would depend on the direction of the axes.
+"""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem.assembly import BilinearForm
+from skfem.models.elasticity import lame_parameters as solid_lame_parameters
+from skfem.models.elasticity import linear_elasticity
+from skfem.models.elasticity import plane_stress as plane_stress_lame_parameters
+
+from cutenv.validation import in_range, one_of
+
+FORMULATIONS = ("plane_stress", "plane_strain", "solid")
+LARGEST_POISSON = 0.499
+_POISSON_CURE = f"Take {LARGEST_POISSON} for an incompressible tissue; 0.5 itself locks a displacement model."
+
+
+def lame_parameters(formulation: str, poisson: float) -> tuple[float, float]:
+    """Lame parameters of a material with unit Young's modulus.
+
+    Parameters
+    ----------
+    formulation : {"plane_stress", "plane_strain", "solid"}
+        Plane stress replaces lambda by ``2 lambda mu / (lambda + 2 mu)``; plane strain and the solid share
+        theirs.
+    poisson : float
+        Poisson's ratio [1], 0 to 0.499.
+
+    Returns
+    -------
+    lam, mu : float
+        In units of Young's modulus.
+
+    Raises
+    ------
+    ValueError
+        If the formulation is unknown or Poisson's ratio out of range.
+    """
+    one_of("formulation", formulation, FORMULATIONS)
+    nu = in_range("poisson", poisson, 0.0, LARGEST_POISSON, "1", _POISSON_CURE)
+    parameters = plane_stress_lame_parameters if formulation == "plane_stress" else solid_lame_parameters
+    lam, mu = parameters(1.0, nu)
+    return float(lam), float(mu)
+
+
+def constitutive_matrix(formulation: str, poisson: float) -> NDArray[np.float64]:
+    """Stress over *engineering* strain at unit modulus: Appendix A with its erratum honoured.
+
+    Parameters
+    ----------
+    formulation : {"plane_stress", "plane_strain", "solid"}
+        The plane ones order their components xx, yy, xy; the solid xx, yy, zz, yz, xz, xy.
+    poisson : float
+        Poisson's ratio [1], 0 to 0.499.
+
+    Returns
+    -------
+    ndarray of shape (3, 3) or (6, 6)
+        In units of Young's modulus. The shear entry is ``mu``: ``(1 - nu)/2 / (1 - nu^2)`` in plane stress
+        and ``(1 - 2 nu)/2 / ((1 + nu)(1 - 2 nu))`` in plane strain.
+
+    Raises
+    ------
+    ValueError
+        If the formulation is unknown or Poisson's ratio out of range.
+    """
+    lam, mu = lame_parameters(formulation, poisson)
+    dim = 3 if formulation == "solid" else 2
+    n_shears = dim * (dim - 1) // 2
+    matrix = np.diag([2.0 * mu] * dim + [mu] * n_shears)
+    matrix[:dim, :dim] += lam
+    return matrix
+
+
+def elastic_form(formulation: str, poisson: float, modulus: NDArray[np.float64]) -> BilinearForm:
+    """Weak form of elasticity with an element-wise modulus.
+
+    Parameters
+    ----------
+    formulation : {"plane_stress", "plane_strain", "solid"}
+    poisson : float
+        Poisson's ratio [1], 0 to 0.499.
+    modulus : ndarray of shape (n_elements,)
+        Young's modulus of each element [Pa], or relative to a common one [1].
+
+    Returns
+    -------
+    skfem.BilinearForm
+        To be assembled on a basis of vector elements.
+    """
+    lam, mu = lame_parameters(formulation, poisson)
+    per_element: Any = modulus[:, np.newaxis]  # against scikit-fem's (n_elements, n_quadrature_points)
+    return cast(BilinearForm, linear_elasticity(lam * per_element, mu * per_element))

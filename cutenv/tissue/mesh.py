@@ -1,0 +1,253 @@
+"""Mesh of the specimen whose cut line is doubled: two halves that touch along the centre line.
+
+Axes: x across the specimen (centre line at x = 0), y along it from the clamped edge at y = 0, z through the
+thickness. The cut runs along the centre line. Every node on that line exists twice, also the one at the
+clamp. What ties the two of a pair together are constraints, see :meth:`CutMesh.constraints`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from skfem import Basis, MeshHex, MeshQuad
+from skfem.element import Element, ElementHexS2, ElementQuad1, ElementQuadS2, ElementVector
+
+ACROSS, ALONG = 0, 1  # x and y; the components of a vector and the axes of an array shaped like ``divisions``
+
+# Corners of an element as steps along x, y (and z): counter-clockwise, the lower face first (VTK's order).
+_QUAD_CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+_HEX_CORNERS = np.array([[*xy, z] for z in (0, 1) for xy in _QUAD_CORNERS])
+
+Number = TypeVar("Number", bound=np.generic)
+
+
+def read_only(array: NDArray[Number]) -> NDArray[Number]:
+    """Return the array, which from now on refuses to be written to."""
+    array.flags.writeable = False
+    return array
+
+
+@dataclass(frozen=True)
+class ElementKind:
+    """What the name of an element stands for.
+
+    ``quadrature_degree`` asks scikit-fem for the full Gauss rule: 2 x 2, 3 x 3 and 3 x 3 x 3 points.
+    """
+
+    element: type[Element]
+    quadrature_degree: int
+    divisions: tuple[int, ...]
+    has_midside_nodes: bool
+
+    @property
+    def dim(self) -> int:
+        """Number of space dimensions."""
+        return len(self.divisions)
+
+
+# The divisions are the thesis's (sections 4.1 to 4.3): elements of 1 x 1 cm, bricks of 1 x 1 x 0.25 cm.
+ELEMENT_KINDS = {
+    "quad4": ElementKind(ElementQuad1, quadrature_degree=3, divisions=(8, 15), has_midside_nodes=False),
+    "quad8": ElementKind(ElementQuadS2, quadrature_degree=5, divisions=(8, 15), has_midside_nodes=True),
+    "hex20": ElementKind(ElementHexS2, quadrature_degree=5, divisions=(8, 15, 4), has_midside_nodes=True),
+}
+
+
+def checked_divisions(element: str, divisions: Sequence[int] | None) -> tuple[int, ...]:
+    """Return the divisions of a mesh, the thesis's where none are given.
+
+    Raises
+    ------
+    ValueError
+        If there are not as many whole numbers as dimensions, the first is odd, or one is too small.
+    """
+    usual = ELEMENT_KINDS[element].divisions
+    if divisions is None:
+        return usual
+    counts = np.asarray(divisions)
+    if counts.shape != (len(usual),) or not np.issubdtype(counts.dtype, np.integer):
+        raise ValueError(
+            f"divisions of {element} must be {len(usual)} whole numbers, got {divisions!r}. Try {usual}."
+        )
+    across, along, *through = (int(n) for n in counts)
+    if across < 2 or across % 2:
+        raise ValueError(
+            f"divisions[0] = {across} must be even and at least 2: the cut line is the centre line and runs "
+            f"along element edges. Take {max(across + across % 2, 2)}."
+        )
+    if along < 2 or min(through, default=1) < 1:
+        raise ValueError(
+            f"divisions = {divisions!r} must have at least 2 elements along the cut and 1 through the "
+            f"thickness. Try {usual}."
+        )
+    return (across, along, *through)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CutMesh:
+    """Nodes and elements of the specimen, and which nodes face each other across the cut line.
+
+    Unknowns are numbered node by node, ``dim * node + component``, as scikit-fem numbers them: first the
+    corners, then the mid-side nodes.
+
+    Parameters
+    ----------
+    kind : ElementKind
+    divisions : tuple of int
+        Elements across, along and, in 3-D, through the specimen; the first is even.
+    size : tuple of float
+        Width, length and, in 3-D, thickness [m].
+    """
+
+    kind: ElementKind
+    divisions: tuple[int, ...]
+    size: tuple[float, ...]
+
+    @property
+    def dim(self) -> int:
+        """Number of space dimensions."""
+        return len(self.divisions)
+
+    @cached_property
+    def corners(self) -> NDArray[np.float64]:
+        """Positions of the element corners [m], shape (n_corners, dim)."""
+        axes = [np.linspace(0.0, size, n + 1) for size, n in zip(self.size, self.divisions, strict=True)]
+        middle = self.divisions[ACROSS] // 2
+        x = axes[ACROSS] - self.size[ACROSS] / 2
+        x[middle] = 0.0
+        axes[ACROSS] = np.insert(x, middle, 0.0)  # the centre line stands twice
+        return read_only(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, self.dim))
+
+    @cached_property
+    def elements(self) -> NDArray[np.int64]:
+        """Corner nodes of each element, shape (n_elements, 4 or 8).
+
+        Counter-clockwise; in 3-D the lower face, then the upper one. Elements are in the order of
+        ``numpy.ndindex(divisions)``: the place along x varies slowest.
+        """
+        cells = np.indices(self.divisions).reshape(self.dim, -1)
+        cells[ACROSS] += cells[ACROSS] >= self.divisions[ACROSS] // 2  # step over the second copy of the line
+        steps = _QUAD_CORNERS if self.dim == 2 else _HEX_CORNERS
+        grid = (self.divisions[ACROSS] + 2, *(n + 1 for n in self.divisions[1:]))
+        corners = cells[:, :, np.newaxis] + steps.T[:, np.newaxis, :]
+        elements: NDArray[np.int64] = np.ravel_multi_index(tuple(corners), grid)
+        return read_only(elements)
+
+    @cached_property
+    def skfem_mesh(self) -> MeshQuad | MeshHex:
+        """The mesh as scikit-fem's; the doubled corners make it double the edges along the line as well."""
+        if self.dim == 2:
+            return MeshQuad(np.ascontiguousarray(self.corners.T), np.ascontiguousarray(self.elements.T))
+        # scikit-fem numbers a brick's corners as those of its unit mesh.
+        order = [np.flatnonzero((corner == _HEX_CORNERS).all(axis=1))[0] for corner in MeshHex().p.T]
+        return MeshHex(np.ascontiguousarray(self.corners.T), np.ascontiguousarray(self.elements[:, order].T))
+
+    @cached_property
+    def basis(self) -> Basis:
+        """scikit-fem's basis of vector elements with full Gauss integration."""
+        element = ElementVector(self.kind.element())
+        return Basis(self.skfem_mesh, element, intorder=self.kind.quadrature_degree)
+
+    @cached_property
+    def nodes(self) -> NDArray[np.float64]:
+        """Positions of all nodes [m], shape (n_nodes, dim)."""
+        if not self.kind.has_midside_nodes:
+            return self.corners
+        mesh = self.skfem_mesh
+        edges = mesh.facets if self.dim == 2 else mesh.edges
+        return read_only(np.vstack([self.corners, self.corners[edges].mean(axis=0)]))
+
+    @cached_property
+    def half_steps(self) -> NDArray[np.int64]:
+        """Positions of all nodes counted in half elements along each axis, shape (n_nodes, dim)."""
+        step = np.array(self.size) / np.array(self.divisions) / 2
+        return read_only(np.rint(self.nodes / step).astype(np.int64))
+
+    @cached_property
+    def pairs(self) -> NDArray[np.int64]:
+        """Nodes that face each other, (left, right), from the clamp to the free end, shape (n_pairs, 2)."""
+        on_line = np.flatnonzero(self.half_steps[:, ACROSS] == 0)
+        from_the_clamp = on_line[np.lexsort(self.half_steps[on_line, ALONG:].T[::-1])]
+        # Elements are numbered from -x to +x: the left half comes first.
+        left_nodes = self.basis.element_dofs[:, : len(self.elements) // 2] // self.dim
+        is_left = np.isin(from_the_clamp, left_nodes)
+        return read_only(np.column_stack([from_the_clamp[is_left], from_the_clamp[~is_left]]))
+
+    @cached_property
+    def _pair_half_steps(self) -> NDArray[np.int64]:
+        """Place of each pair along the line in half elements, shape (n_pairs,)."""
+        along: NDArray[np.int64] = self.half_steps[self.pairs[:, 0], ALONG]
+        return along
+
+    @cached_property
+    def tip_pairs(self) -> NDArray[np.int64]:
+        """Pairs at each tip, (left, right), through the thickness, shape (n_tips, n_through, 2).
+
+        A tip stands on the corners of the elements. In 3-D the mid-side nodes between these corners through
+        the thickness belong to it as well.
+        """
+        along = self._pair_half_steps
+        at_corners: NDArray[np.int64] = self.pairs[(along > 0) & (along % 2 == 0)]
+        return at_corners.reshape(self.divisions[ALONG], -1, 2)
+
+    @cached_property
+    def slips(self) -> csr_array[np.float64]:
+        """Motion of every unknown per unit slip of each pair, shape (n_unknowns, n_slips).
+
+        Pairs from the clamp (without it) to the last tip (without it). A slip moves the right face along +y
+        and the left one along -y by half of it each, so that on a mirror-symmetric specimen it does not
+        couple to the load.
+        """
+        left, right = self.pairs[self._may_slip].T
+        rows = self.dim * np.concatenate([left, right]) + ALONG
+        columns = np.tile(np.arange(left.size), 2)
+        halves = np.repeat([-0.5, 0.5], left.size)
+        return csr_array((halves, (rows, columns)), shape=(self.nodes.size, left.size))
+
+    @cached_property
+    def slips_behind(self) -> NDArray[np.bool_]:
+        """Which slips each tip frees: those strictly behind it, shape (n_slips, n_tips)."""
+        tips = np.arange(1, self.divisions[ALONG] + 1)
+        behind: NDArray[np.bool_] = self._pair_half_steps[self._may_slip, np.newaxis] < 2 * tips
+        return read_only(behind)
+
+    @cached_property
+    def _may_slip(self) -> NDArray[np.bool_]:
+        """Pairs between the clamp and the free end, shape (n_pairs,)."""
+        along = self._pair_half_steps
+        return (along > 0) & (along < 2 * self.divisions[ALONG])
+
+    def constraints(self, tip: int = -1) -> csr_array[np.float64]:
+        """Motion of every unknown per unit of each free one: clamp, tied pairs, slipping pairs.
+
+        Nodes on the clamped edge do not move. A tied pair shares all components of its displacement. A pair
+        strictly behind the tip slips along the line and shares the rest: across it, so that the faces neither
+        open nor overlap, and in 3-D through the thickness, since the faces may slide along the line but not
+        leave it.
+
+        Parameters
+        ----------
+        tip : int
+            Number of the tip, 0 at the first corner from the clamp; -1, the default, ties every pair; the
+            number of tips unties every pair.
+
+        Returns
+        -------
+        csr_array of shape (n_unknowns, n_free)
+        """
+        unknown = np.arange(self.nodes.size).reshape(-1, self.dim)
+        left, right = self.pairs.T
+        slipping = self._pair_half_steps < 2 * (tip + 1)
+        follows = unknown.copy()
+        follows[right] = unknown[left]
+        follows[right[slipping], ALONG] = unknown[right[slipping], ALONG]
+        clamped = self.half_steps[:, ALONG] == 0
+        rows = unknown[~clamped].ravel()
+        leaders, columns = np.unique(follows[~clamped].ravel(), return_inverse=True)
+        return csr_array((np.ones(rows.size), (rows, columns)), shape=(unknown.size, leaders.size))
