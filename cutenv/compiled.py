@@ -1,13 +1,15 @@
 """The one door to Numba: a typed decorator whose on-disk cache never outlives the source.
 
 Numba's cache watches only the file of the function that it stores.  A kernel that inlines the cutting law from
-another file would keep running yesterday's law after an edit or an upgrade, so the first import after any change of
-a compiled source clears the package's cached kernels.
+another file would keep running yesterday's law after an edit or an upgrade, so the kernels are kept in a folder that is
+named after the package's whole source.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -17,6 +19,45 @@ import numba
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).parent
+_PREFIX = "kernels-"
+
+
+def source_digest(package: Path = _PACKAGE) -> str:
+    """A name for the present source of the whole package: constants of any module may be compiled in."""
+    content = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        content.update(path.read_bytes())
+    return content.hexdigest()[:16]
+
+
+def kernel_folder(package: Path = _PACKAGE) -> Path | None:
+    """The folder that keeps compiled kernels of the present source; None where nothing can be written.
+
+    Below ``NUMBA_CACHE_DIR`` if that is set, else beside the source, else in the user's cache.  Folders of earlier
+    sources beside it are removed.
+    """
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    places = [Path(given) / package.name] if given else [package / "__pycache__", _user_cache() / package.name]
+    for place in places:
+        folder = place / (_PREFIX + source_digest(package))
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if not os.access(folder, os.W_OK):
+            continue
+        for earlier in place.glob(_PREFIX + "*"):
+            if earlier != folder:
+                shutil.rmtree(earlier, ignore_errors=True)
+        return folder
+    return None
+
+
+def _user_cache() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+
+
+_FOLDER = kernel_folder()
 
 
 def compiled(function: Function) -> Function:
@@ -24,33 +65,21 @@ def compiled(function: Function) -> Function:
 
     With the environment variable ``NUMBA_DISABLE_JIT=1`` it stays plain Python, which the tests compare with.
     """
-    return cast(Function, numba.njit(cache=True, fastmath=False, error_model="python")(function))
+    return _compiled(function, parallel=False)
 
 
 def compiled_parallel(function: Function) -> Function:
     """Like :func:`compiled`, with ``numba.prange`` loops spread over the cores."""
-    return cast(Function, numba.njit(cache=True, fastmath=False, error_model="python", parallel=True)(function))
+    return _compiled(function, parallel=True)
 
 
-def clear_stale_kernels(package: Path = _PACKAGE) -> bool:
-    """Delete cached kernels below ``package`` if a compiled source changed; return whether it did.
-
-    A read-only installation is left alone: Numba caches elsewhere then, keyed by the path and time of each file.
-    """
-    sources = sorted(path for path in package.rglob("*.py") if b"compiled" in path.read_bytes())
-    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
-    stamp = package / "__pycache__" / "compiled_sources.sha256"
+def _compiled(function: Function, *, parallel: bool) -> Function:
+    # Numba reads the folder once, when it decorates; other packages' kernels stay where they are.
+    settings: Any = numba.config
+    before = settings.CACHE_DIR
+    settings.CACHE_DIR = "" if _FOLDER is None else str(_FOLDER)
     try:
-        if stamp.is_file() and stamp.read_text() == digest:
-            return False
-        for suffix in ("*.nbi", "*.nbc"):
-            for kernel in package.rglob(suffix):
-                kernel.unlink(missing_ok=True)
-        stamp.parent.mkdir(exist_ok=True)
-        stamp.write_text(digest)
-    except OSError:
-        return False
-    return True
-
-
-clear_stale_kernels()
+        decorate = numba.njit(cache=_FOLDER is not None, fastmath=False, error_model="python", parallel=parallel)
+        return cast(Function, decorate(function))
+    finally:
+        settings.CACHE_DIR = before

@@ -54,9 +54,7 @@ def factorisation_speedup(divisions: tuple[int, int] = (8, 15), repeats: int = 3
     """
     specimen = CutModel(divisions=divisions)
     halves = np.where(specimen.element_centres[:, 0] < 0.0, 1.0, 2.0)
-    mesh = CutMesh(
-        kind=ELEMENT_KINDS[specimen.element], divisions=divisions, size=(specimen.width, specimen.length)
-    )
+    mesh = CutMesh(kind=ELEMENT_KINDS[specimen.element], divisions=divisions, size=(specimen.width, specimen.length))
     uniform = stiffness_matrix(mesh, specimen.formulation, specimen.poisson)
     uneven = stiffness_matrix(mesh, specimen.formulation, specimen.poisson, halves)
 
@@ -99,7 +97,8 @@ def _fastest(way: Callable[[], NDArray[np.float64]], repeats: int) -> tuple[floa
     return min(seconds), answer
 
 
-def _print_report() -> None:
+def print_report() -> None:
+    """Print the comparison on the coarsest and the finest mesh."""
     start = time.perf_counter()
     model = CutModel()
     model.stiffness(model.tips)
@@ -118,4 +117,4 @@ def _print_report() -> None:
 
 
 if __name__ == "__main__":
-    _print_report()
+    print_report()

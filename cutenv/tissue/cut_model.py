@@ -259,9 +259,7 @@ class CutModel:
         kappa = self._interpolation.stiffness(a)
         return float(kappa) if a.ndim == 0 else kappa
 
-    def displacement(
-        self, cut_length: float, force: float, modulus: float, thickness: float
-    ) -> NDArray[np.float64]:
+    def displacement(self, cut_length: float, force: float, modulus: float, thickness: float) -> NDArray[np.float64]:
         """Return the displacement of every node under a blade force.
 
         The tip moves by force / (kappa modulus thickness). Between two element corners the fields for a tip
@@ -302,9 +300,7 @@ class CutModel:
     def convert_modulus(
         self, modulus: ArrayLike, to: CutModel, cut_length: ArrayLike
     ) -> float | NDArray[np.float64]: ...
-    def convert_modulus(
-        self, modulus: ArrayLike, to: CutModel, cut_length: ArrayLike
-    ) -> float | NDArray[np.float64]:
+    def convert_modulus(self, modulus: ArrayLike, to: CutModel, cut_length: ArrayLike) -> float | NDArray[np.float64]:
         """Take a local effective modulus that was found with this model to another model (section 4.4.2).
 
         Both models then answer the same force with the same displacement: modulus kappa_self / kappa_to.

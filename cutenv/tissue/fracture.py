@@ -34,6 +34,4 @@ def measured_fracture_resistance() -> FractureResistance:
     data = table("6.1")
     averages = data["fracture_resistance_J_m2"]
     variance_within = float((data["sd_fracture_resistance_J_m2"] ** 2).mean())
-    return FractureResistance(
-        mean=float(averages.mean()), sd=math.sqrt(variance_within + float(averages.var(ddof=0)))
-    )
+    return FractureResistance(mean=float(averages.mean()), sd=math.sqrt(variance_within + float(averages.var(ddof=0))))

@@ -72,9 +72,7 @@ def checked_divisions(element: str, divisions: Sequence[int] | None) -> tuple[in
         return usual
     counts = np.asarray(divisions)
     if counts.shape != (len(usual),) or not np.issubdtype(counts.dtype, np.integer):
-        raise ValueError(
-            f"divisions of {element} must be {len(usual)} whole numbers, got {divisions!r}. Try {usual}."
-        )
+        raise ValueError(f"divisions of {element} must be {len(usual)} whole numbers, got {divisions!r}. Try {usual}.")
     across, along, *through = (int(n) for n in counts)
     if across < 2 or across % 2:
         raise ValueError(

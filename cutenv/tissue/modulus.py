@@ -54,9 +54,7 @@ class SpeedFit:
         _check_range(self.speed_min, self.speed_max)
         in_range("intercept", self.intercept, 1e-3, 1e9, "Pa", "A modulus is positive.")
         in_range("slope", self.slope, -1e12, 1e12, "Pa s/m")
-        in_range(
-            "modulus at speed_max", self.intercept + self.slope * self.speed_max, 1e-3, 1e9, "Pa", self.source
-        )
+        in_range("modulus at speed_max", self.intercept + self.slope * self.speed_max, 1e-3, 1e9, "Pa", self.source)
 
     def modulus(self, speed: ArrayLike) -> NDArray[np.float64]:
         """LEM [Pa] at ``speed`` [m/s] (0 to 0.1, any shape); beyond the measured range, that at its end."""
@@ -275,9 +273,7 @@ def _table_number(poisson: float, depth_normalised: bool) -> str:
         if math.isclose(nu, measured_poisson, abs_tol=1e-9) and bool(depth_normalised) == normalised:
             return number
     kind = "depth-normalised" if depth_normalised else "not depth-normalised"
-    measured = " and ".join(
-        f"{ratio:g}" for ratio, normalised in _TABLES if normalised == bool(depth_normalised)
-    )
+    measured = " and ".join(f"{ratio:g}" for ratio, normalised in _TABLES if normalised == bool(depth_normalised))
     raise ValueError(f"poisson = {nu:g} was not measured: the {kind} moduli are for {measured}. {cure}")
 
 

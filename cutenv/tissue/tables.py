@@ -61,9 +61,7 @@ class Table:
 def table_numbers() -> tuple[str, ...]:
     """Return the numbers of the tables that exist, in the thesis's order: ``("4.1", ..., "6.1")``."""
     stems = (file.stem.removeprefix("table_") for file in resources.path("tables").glob("table_*_*.csv"))
-    return tuple(
-        stem.replace("_", ".") for stem in sorted(stems, key=lambda s: [int(n) for n in s.split("_")])
-    )
+    return tuple(stem.replace("_", ".") for stem in sorted(stems, key=lambda s: [int(n) for n in s.split("_")]))
 
 
 def table(number: str) -> Table:
@@ -124,9 +122,7 @@ class _Reader:
         if len(set(names)) != len(names) or not all(
             name.isprintable() and name.strip() == name != "" for name in names
         ):
-            raise self._error(
-                f"column names must be distinct, without blanks around them, got {lines[n_comments]!r}"
-            )
+            raise self._error(f"column names must be distinct, without blanks around them, got {lines[n_comments]!r}")
         rows = []
         for self.line, text in enumerate(lines[n_comments + 1 :], start=n_comments + 2):
             cells = text.split(",")

@@ -75,9 +75,7 @@ def factorise(stiffness: csr_array[np.float64], constraints: csr_array[np.float6
     ordering.
     """
     constrained = (constraints.T @ stiffness @ constraints).tocsc()
-    return splu(
-        constrained, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
+    return splu(constrained, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 def blade_unknowns(mesh: CutMesh, constraints: csr_array[np.float64]) -> NDArray[np.int64]:

@@ -22,14 +22,10 @@ def small_mesh(element: str) -> CutMesh:
     return CutMesh(kind=ELEMENT_KINDS[element], divisions=divisions, size=size)
 
 
-def pull_on_the_end(
-    mesh: CutMesh, constraints: csr_array, stiffness: csr_array, *, right_half_only: bool
-) -> Array:
+def pull_on_the_end(mesh: CutMesh, constraints: csr_array, stiffness: csr_array, *, right_half_only: bool) -> Array:
     """Displacement under a unit traction along +y at the free end, at unit modulus; shape (n_nodes, dim)."""
     low = 0.0 if right_half_only else -np.inf
-    end = mesh.skfem_mesh.facets_satisfying(
-        lambda x: np.isclose(x[1], LENGTH) & (x[0] > low), boundaries_only=True
-    )
+    end = mesh.skfem_mesh.facets_satisfying(lambda x: np.isclose(x[1], LENGTH) & (x[0] > low), boundaries_only=True)
     basis = FacetBasis(mesh.skfem_mesh, ElementVector(mesh.kind.element()), facets=end, intorder=4)
     load = LinearForm(lambda v, w: v[1]).assemble(basis)
     k = (constraints.T @ stiffness @ constraints).tocsc()
@@ -39,9 +35,7 @@ def pull_on_the_end(
 def check_bar(mesh: CutMesh, poisson: float) -> None:
     """Without lateral contraction the clamp does not disturb a column: u_y = traction y / modulus."""
     formulation = "solid" if mesh.dim == 3 else "plane_stress"
-    u = pull_on_the_end(
-        mesh, mesh.constraints(), stiffness_matrix(mesh, formulation, poisson), right_half_only=False
-    )
+    u = pull_on_the_end(mesh, mesh.constraints(), stiffness_matrix(mesh, formulation, poisson), right_half_only=False)
     exact = np.zeros_like(u)
     exact[:, 1] = mesh.nodes[:, 1]
     assert np.abs(u - exact).max() < 1e-10 * LENGTH
@@ -89,9 +83,7 @@ def check_kelvin(formulation: str, softening_per_halving: float) -> None:
     coarse = CutModel(formulation=formulation, divisions=(16, 30))
     fine = CutModel(formulation=formulation, divisions=(32, 60))
     for a in (0.05, 0.07, 0.1):
-        assert 1 / fine.stiffness(a) - 1 / coarse.stiffness(a) == pytest.approx(
-            softening_per_halving, rel=0.01
-        )
+        assert 1 / fine.stiffness(a) - 1 / coarse.stiffness(a) == pytest.approx(softening_per_halving, rel=0.01)
 
 
 KELVIN = {

@@ -51,9 +51,7 @@ def test_plane_matrices_are_isotropic_with_engineering_strain(formulation: str, 
 
 @pytest.mark.parametrize("formulation", PLANE)
 @pytest.mark.parametrize("nu", POISSON)
-def test_erratum_printed_matrices_are_not_isotropic_with_engineering_strain(
-    formulation: str, nu: float
-) -> None:
+def test_erratum_printed_matrices_are_not_isotropic_with_engineering_strain(formulation: str, nu: float) -> None:
     with pytest.raises(AssertionError):
         check_isotropy(as_printed(formulation, nu), shear_factor=2.0)
 

@@ -333,9 +333,7 @@ def test_a_cut_length_off_the_specimen_is_refused_with_the_cure(quad8: CutModel,
         ({"thickness": 2.0}, "thickness = 2 m is outside .* Lengths are in metres"),
     ],
 )
-def test_a_bad_load_is_refused_with_the_cure(
-    quad8: CutModel, arguments: dict[str, float], message: str
-) -> None:
+def test_a_bad_load_is_refused_with_the_cure(quad8: CutModel, arguments: dict[str, float], message: str) -> None:
     good = {"cut_length": 0.05, "force": 1.0, "modulus": 4e4, "thickness": 0.02}
     with pytest.raises(ValueError, match=message):
         quad8.displacement(**{**good, **arguments})

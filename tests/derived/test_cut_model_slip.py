@@ -157,9 +157,7 @@ def check_against_dense(model: CutModel, *, faces_may_open: bool = False) -> Non
 
 
 @pytest.mark.parametrize(("element", "divisions"), SPECIMENS)
-def test_one_factorisation_agrees_with_a_dense_solution_for_each_tip(
-    element: str, divisions: tuple[int, ...]
-) -> None:
+def test_one_factorisation_agrees_with_a_dense_solution_for_each_tip(element: str, divisions: tuple[int, ...]) -> None:
     check_against_dense(model_of(element, divisions, scattered(divisions, seed=1)))
     check_against_dense(model_of(element, divisions, None))
 

@@ -54,9 +54,7 @@ def check_untying_changes_nothing(mesh: CutMesh, stiffness: csr_array) -> None:
 
 
 @pytest.mark.parametrize(("element", "divisions"), SPECIMENS)
-def test_untying_does_not_change_a_mirror_symmetric_specimen(
-    element: str, divisions: tuple[int, ...]
-) -> None:
+def test_untying_does_not_change_a_mirror_symmetric_specimen(element: str, divisions: tuple[int, ...]) -> None:
     mesh = mesh_of(element, divisions)
     check_untying_changes_nothing(mesh, stiffness_of(mesh))
     check_untying_changes_nothing(mesh, stiffness_of(mesh, mirror_symmetric_modulus(divisions, seed=1)))
@@ -140,9 +138,7 @@ def check_reciprocity(compliance: Array) -> None:
 
 
 @pytest.mark.parametrize(("element", "divisions"), SPECIMENS[:2])
-def test_a_force_here_moves_there_what_a_force_there_moves_here(
-    element: str, divisions: tuple[int, ...]
-) -> None:
+def test_a_force_here_moves_there_what_a_force_there_moves_here(element: str, divisions: tuple[int, ...]) -> None:
     mesh = mesh_of(element, divisions)
     stiffness = stiffness_of(mesh, uneven_modulus(divisions, seed=2))
     check_reciprocity(tip_to_tip(mesh, tip_responses(mesh, stiffness, slipping=False)))
@@ -175,9 +171,7 @@ def test_the_work_of_the_blade_is_stored_in_the_specimen(element: str, divisions
 def test_the_work_of_the_blade_is_not_stored_in_another_material() -> None:
     mesh = mesh_of("quad8", (8, 15))
     with pytest.raises(AssertionError):
-        check_work_is_stored(
-            tip_responses(mesh, stiffness_of(mesh), slipping=True), stiffness_of(mesh, poisson=0.31)
-        )
+        check_work_is_stored(tip_responses(mesh, stiffness_of(mesh), slipping=True), stiffness_of(mesh, poisson=0.31))
 
 
 # ------------------------------------------------------------------------------------- mirror and similarity
@@ -202,9 +196,7 @@ def check_mirror(model: CutModel, mirrored: CutModel) -> None:
         assert u[here].sum(axis=0) * flipped == pytest.approx(v[there].sum(axis=0), abs=1e-11), node
 
 
-@pytest.mark.parametrize(
-    ("element", "divisions"), [("quad4", (8, 15)), ("quad8", (4, 7)), ("hex20", (4, 3, 2))]
-)
+@pytest.mark.parametrize(("element", "divisions"), [("quad4", (8, 15)), ("quad8", (4, 7)), ("hex20", (4, 3, 2))])
 def test_a_mirrored_specimen_answers_as_its_mirror_image(element: str, divisions: tuple[int, ...]) -> None:
     modulus = uneven_modulus(divisions, seed=4)
     check_mirror(
@@ -213,9 +205,7 @@ def test_a_mirrored_specimen_answers_as_its_mirror_image(element: str, divisions
     )
 
 
-@pytest.mark.parametrize(
-    ("element", "divisions"), [("quad4", (8, 15)), ("quad8", (4, 7)), ("hex20", (4, 3, 2))]
-)
+@pytest.mark.parametrize(("element", "divisions"), [("quad4", (8, 15)), ("quad8", (4, 7)), ("hex20", (4, 3, 2))])
 def test_a_specimen_turned_end_to_end_is_no_mirror_image(element: str, divisions: tuple[int, ...]) -> None:
     modulus = uneven_modulus(divisions, seed=4)
     turned = modulus.reshape(divisions)[:, ::-1].ravel()
@@ -232,15 +222,11 @@ def check_similarity(model: CutModel, larger: CutModel, scale: float) -> None:
 
 
 @pytest.mark.parametrize("scale", [0.1, 7.0])
-@pytest.mark.parametrize(
-    ("element", "divisions"), [("quad4", (8, 15)), ("quad8", (4, 7)), ("hex20", (4, 3, 2))]
-)
+@pytest.mark.parametrize(("element", "divisions"), [("quad4", (8, 15)), ("quad8", (4, 7)), ("hex20", (4, 3, 2))])
 def test_unit_stiffness_is_a_pure_number(element: str, divisions: tuple[int, ...], scale: float) -> None:
     """All lengths times a factor, the thickness too: kappa stays, displacements fall as 1 / thickness."""
     modulus = uneven_modulus(divisions, seed=5)
-    check_similarity(
-        model_of(element, divisions, modulus), model_of(element, divisions, modulus, scale), scale
-    )
+    check_similarity(model_of(element, divisions, modulus), model_of(element, divisions, modulus, scale), scale)
 
 
 def test_unit_stiffness_changes_when_one_length_alone_changes() -> None:

@@ -57,9 +57,7 @@ def test_power_law_is_fitted_to_the_logarithms_without_the_missing_speed(formula
     present = np.isfinite(measured)
     assert present.sum() == 6
     log_speed = np.log(data["speed_cm_s"][present])
-    check_least_squares(
-        log_speed, np.log(measured[present]), math.log(fit.modulus_at_reference), fit.exponent
-    )
+    check_least_squares(log_speed, np.log(measured[present]), math.log(fit.modulus_at_reference), fit.exponent)
 
 
 def test_the_logarithmic_fit_comes_closer_to_equations_5_3_and_5_4_than_that_of_the_moduli():
@@ -110,16 +108,10 @@ def test_angles_in_between_are_interpolated_linearly(formulation, poisson, depth
 
 
 @EVERY_HYPOTHESIS
-def test_speeds_beyond_the_measured_ones_count_as_the_nearest_measured(
-    formulation, poisson, depth_normalised
-):
+def test_speeds_beyond_the_measured_ones_count_as_the_nearest_measured(formulation, poisson, depth_normalised):
     for angle in (INCLINED, 1.2, UPRIGHT):
-        beyond = local_effective_modulus(
-            [0.0, 0.0005, 0.03, 0.1], angle, formulation, poisson, depth_normalised
-        )
-        ends = local_effective_modulus(
-            [0.001, 0.001, 0.0254, 0.0254], angle, formulation, poisson, depth_normalised
-        )
+        beyond = local_effective_modulus([0.0, 0.0005, 0.03, 0.1], angle, formulation, poisson, depth_normalised)
+        ends = local_effective_modulus([0.001, 0.001, 0.0254, 0.0254], angle, formulation, poisson, depth_normalised)
         np.testing.assert_array_equal(beyond, ends)
 
 
@@ -211,9 +203,7 @@ def test_fits_that_do_not_exist_are_refused(arguments, hint):
 
 
 SPEED_FIT = SpeedFit(intercept=5e4, slope=-1e6, speed_min=0.001, speed_max=0.0254, source="made up")
-POWER_FIT = PowerFit(
-    modulus_at_reference=2e4, exponent=-0.4, speed_min=0.001, speed_max=0.0254, source="made up"
-)
+POWER_FIT = PowerFit(modulus_at_reference=2e4, exponent=-0.4, speed_min=0.001, speed_max=0.0254, source="made up")
 
 
 @pytest.mark.parametrize(

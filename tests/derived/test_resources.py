@@ -61,15 +61,11 @@ def test_missing_data_name_both_places_and_the_cure(installation):
 
 
 def test_a_missing_file_names_what_was_looked_for_and_the_cure():
-    with pytest.raises(
-        FileNotFoundError, match=r"'tables/table_9_9\.csv': looked for .*table_9_9\.csv.*reinstall"
-    ):
+    with pytest.raises(FileNotFoundError, match=r"'tables/table_9_9\.csv': looked for .*table_9_9\.csv.*reinstall"):
         resources.path("tables/table_9_9.csv")
 
 
-@pytest.mark.parametrize(
-    "name", ["../pyproject.toml", "tables/../../cutenv/__init__.py", "/etc/hostname", "", "."]
-)
+@pytest.mark.parametrize("name", ["../pyproject.toml", "tables/../../cutenv/__init__.py", "/etc/hostname", "", "."])
 def test_names_that_leave_the_folder_are_refused(name):
     with pytest.raises(ValueError, match="must name something inside"):
         resources.path(name)

@@ -10,9 +10,7 @@ import pytest
 from cutenv.validation import array_in_range, in_range, one_of
 
 
-@pytest.mark.parametrize(
-    "value", [0.0, 0.5, 1, 1.0, np.float64(0.25), np.float32(0.25), np.int64(1), np.array(0.5)]
-)
+@pytest.mark.parametrize("value", [0.0, 0.5, 1, 1.0, np.float64(0.25), np.float32(0.25), np.int64(1), np.array(0.5)])
 def test_in_range_returns_a_float_of_the_same_value(value):
     checked = in_range("share", value, 0.0, 1.0, "1")
     assert type(checked) is float
@@ -25,9 +23,7 @@ def test_in_range_refuses_what_is_outside_or_not_finite(value):
         in_range("share", value, 0.0, 1.0, "1")
 
 
-@pytest.mark.parametrize(
-    "value", [True, False, "0.5", b"0.5", None, 1j, [0.5, 0.6], [], {}, np.zeros(2), object()]
-)
+@pytest.mark.parametrize("value", [True, False, "0.5", b"0.5", None, 1j, [0.5, 0.6], [], {}, np.zeros(2), object()])
 def test_in_range_refuses_what_is_not_one_real_number(value):
     with pytest.raises(TypeError, match="share must be one real number in N"):
         in_range("share", value, 0.0, 1.0, "N")
@@ -101,8 +97,7 @@ def test_one_of_lists_the_choices_and_names_the_nearest():
     with pytest.raises(ValueError, match="formulation") as refusal:
         one_of("formulation", "plain_stress", ["plane_stress", "plane_strain"])
     assert str(refusal.value) == (
-        "formulation must be one of 'plane_stress', 'plane_strain', got 'plain_stress'. "
-        "Did you mean 'plane_stress'?"
+        "formulation must be one of 'plane_stress', 'plane_strain', got 'plain_stress'. Did you mean 'plane_stress'?"
     )
 
 

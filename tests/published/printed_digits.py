@@ -65,9 +65,7 @@ def check_fit_within_scatter(
 ) -> None:
     """The fit (of the same angle, unless said otherwise) passes the printed mean within the printed SD."""
     speed = table["speed_cm_s"][row] / 100
-    fitted = local_effective_modulus(
-        speed, math.radians(of_angle_deg or angle_deg), formulation, **hypotheses
-    )
+    fitted = local_effective_modulus(speed, math.radians(of_angle_deg or angle_deg), formulation, **hypotheses)
     measured = table[f"lem_{formulation}_{angle_deg}_deg_Pa"][row]
     scatter = table[f"sd_{formulation}_{angle_deg}_deg_Pa"][row]
     assert abs(fitted - measured) <= scatter, f"the fit gives {fitted:g}, printed {measured:g} +- {scatter:g}"

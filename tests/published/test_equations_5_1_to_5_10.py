@@ -48,10 +48,7 @@ def test_slope_is_the_printed_one(number, angle_deg, formulation, slope, digit):
 
 @pytest.mark.parametrize(
     ("number", "angle_deg", "formulation", "intercept", "digit"),
-    [
-        pytest.param(*case[1:4], *case[5:7], id=case[0], marks=CUT_OFF if case[0] == "5.10" else ())
-        for case in LINEAR
-    ],
+    [pytest.param(*case[1:4], *case[5:7], id=case[0], marks=CUT_OFF if case[0] == "5.10" else ()) for case in LINEAR],
 )
 def test_intercept_is_the_printed_one(number, angle_deg, formulation, intercept, digit):
     check_intercept(number, angle_deg, formulation, intercept, digit)
@@ -59,18 +56,13 @@ def test_intercept_is_the_printed_one(number, angle_deg, formulation, intercept,
 
 @pytest.mark.parametrize(
     ("formulation", "coefficient"),
-    [
-        pytest.param(case[1], case[2], id=case[0], marks=OTHER_VALUE if case[0] == "5.3" else ())
-        for case in POWER
-    ],
+    [pytest.param(case[1], case[2], id=case[0], marks=OTHER_VALUE if case[0] == "5.3" else ()) for case in POWER],
 )
 def test_coefficient_of_the_power_law_is_the_printed_one(formulation, coefficient):
     check_printed(power_fit(formulation=formulation).modulus_at_reference / 1000, coefficient, 0.01)
 
 
-@pytest.mark.parametrize(
-    ("formulation", "exponent"), [pytest.param(case[1], case[3], id=case[0]) for case in POWER]
-)
+@pytest.mark.parametrize(("formulation", "exponent"), [pytest.param(case[1], case[3], id=case[0]) for case in POWER])
 def test_exponent_of_the_power_law_is_the_printed_one(formulation, exponent):
     check_printed(power_fit(formulation=formulation).exponent, exponent, 0.01)
 
@@ -80,9 +72,7 @@ def test_exponent_of_the_power_law_is_the_printed_one(formulation, exponent):
     [((90, "plane_strain"), -7.2, 30.9), ((45, "plane_stress"), -10.6, 44.5)],
     ids=["5.6", "5.7"],
 )
-def test_equations_5_6_and_5_7_contradict_table_5_6_under_their_printed_labels(
-    printed_label, slope, intercept
-):
+def test_equations_5_6_and_5_7_contradict_table_5_6_under_their_printed_labels(printed_label, slope, intercept):
     assert any("5.6 and 5.7" in erratum for erratum in table("5.6").errata)
     with pytest.raises(AssertionError, match="is not printed as"):
         check_slope("5.6", *printed_label, slope, 0.1)

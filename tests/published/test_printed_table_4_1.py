@@ -9,9 +9,7 @@ from cutenv.tissue.tables import table
 
 T = table("4.1")
 ROWS = range(len(T["distance_cm"]))
-TRUNCATED = pytest.mark.xfail(
-    reason="4.75 cm: 35000/36900 is at least 0.946, printed 0.94 (cut off, not rounded)"
-)
+TRUNCATED = pytest.mark.xfail(reason="4.75 cm: 35000/36900 is at least 0.946, printed 0.94 (cut off, not rounded)")
 CASES = [
     pytest.param(row, formulation, marks=TRUNCATED if (row, formulation) == (3, "plane_strain") else ())
     for row in ROWS

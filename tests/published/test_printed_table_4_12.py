@@ -8,9 +8,7 @@ from cutenv.tissue.tables import table
 
 T = table("4.12")
 AREA_CM2 = 8 * 15
-WRONG_NODES = pytest.mark.xfail(
-    reason="440 nodes are printed where 8 x 15 elements have the 438 of Table 4.3"
-)
+WRONG_NODES = pytest.mark.xfail(reason="440 nodes are printed where 8 x 15 elements have the 438 of Table 4.3")
 WRONG_ELEMENTS = pytest.mark.xfail(reason="200 elements are printed where 838 nodes make 240 (10 x 24)")
 
 
@@ -30,10 +28,7 @@ def check_counts(n_nodes: int, n_elements: int) -> None:
     assert n_nodes in {nodes_of(*division) for division in divisions_of(n_elements)}
 
 
-CASES = [
-    pytest.param(row, marks={0: WRONG_NODES, 1: WRONG_ELEMENTS}.get(row, ()))
-    for row in range(len(T["level"]))
-]
+CASES = [pytest.param(row, marks={0: WRONG_NODES, 1: WRONG_ELEMENTS}.get(row, ())) for row in range(len(T["level"]))]
 
 
 @pytest.mark.parametrize("row", CASES)

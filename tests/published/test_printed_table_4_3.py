@@ -18,9 +18,7 @@ def test_equations_are_nodes_times_dimensions(row):
 
 @pytest.mark.parametrize("row", range(3))
 def test_relative_size_is_that_of_the_equations(row):
-    check_printed(
-        T["n_equations"][row] / BRICK, T["relative_model_size"][row], T.resolution["relative_model_size"]
-    )
+    check_printed(T["n_equations"][row] / BRICK, T["relative_model_size"][row], T.resolution["relative_model_size"])
 
 
 def test_the_0_3_of_the_text_is_not_the_relative_size_of_the_8_node_model():

@@ -17,9 +17,7 @@ def check_is_no_ratio(values: np.ndarray) -> None:
 
 
 def test_the_column_at_0_3_repeats_the_plane_stress_column_of_table_4_1():
-    np.testing.assert_array_equal(
-        T["lem_quad8_plane_stress_poisson_0.3_Pa"], table("4.1")["lem_quad8_plane_stress_Pa"]
-    )
+    np.testing.assert_array_equal(T["lem_quad8_plane_stress_poisson_0.3_Pa"], table("4.1")["lem_quad8_plane_stress_Pa"])
 
 
 @pytest.mark.parametrize("column", COLUMNS)

@@ -63,9 +63,7 @@ def test_columns_at_2_54_cm_s_run_mean_mean_sd_sd():
 
 def test_columns_at_2_54_cm_s_do_not_run_as_labelled():
     with pytest.raises(AssertionError, match="is not printed as"):
-        check_order_at_2_54_cm_s(
-            plane_stress_mean=0, plane_stress_sd=1, plane_strain_mean=2, plane_strain_sd=3
-        )
+        check_order_at_2_54_cm_s(plane_stress_mean=0, plane_stress_sd=1, plane_strain_mean=2, plane_strain_sd=3)
 
 
 @pytest.mark.parametrize(("row_of_5_5", "speed"), [(0, "0.10"), (3, "1.27"), (6, "2.54")])
@@ -75,9 +73,7 @@ def test_averages_are_the_45_degree_values_of_table_5_5(row_of_5_5, speed, formu
     assert by_speed["speed_cm_s"][row_of_5_5] == float(speed)
     column = f"lem_{formulation}_at_{speed}_cm_s_Pa"
     check_printed(T.printed_mean[column].value, by_speed[f"lem_{formulation}_45_deg_Pa"][row_of_5_5], 1000)
-    check_printed(
-        T.printed_population_sd[column].value, by_speed[f"sd_{formulation}_45_deg_Pa"][row_of_5_5], 1000
-    )
+    check_printed(T.printed_population_sd[column].value, by_speed[f"sd_{formulation}_45_deg_Pa"][row_of_5_5], 1000)
 
 
 @pytest.mark.parametrize(("speed", "kPa"), [("0.10", 63), ("1.27", 19), ("2.54", 18)])

@@ -18,9 +18,7 @@ def test_modulus_falls_with_speed():
 
 def test_only_2_16_cm_s_at_45_degrees_is_missing():
     missing = {name: np.flatnonzero(np.isnan(values)).tolist() for name, values in T.columns.items()}
-    assert {name for name, rows in missing.items() if rows} == {
-        name for name in T.columns if "_45_deg" in name
-    }
+    assert {name for name, rows in missing.items() if rows} == {name for name in T.columns if "_45_deg" in name}
     assert all(rows in ([], [5]) for rows in missing.values())
     assert T["speed_cm_s"][5] == 2.16
 

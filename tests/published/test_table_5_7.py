@@ -30,9 +30,7 @@ def test_fit_passes_within_the_printed_scatter(row, angle_deg, formulation):
 @pytest.mark.parametrize("formulation", FORMULATIONS)
 def test_the_fit_at_45_degrees_fails_the_same_check_at_90(formulation):
     with pytest.raises(AssertionError, match="the fit gives"):
-        check_fit_within_scatter(
-            T, row=0, angle_deg=90, formulation=formulation, of_angle_deg=45, poisson=0.499
-        )
+        check_fit_within_scatter(T, row=0, angle_deg=90, formulation=formulation, of_angle_deg=45, poisson=0.499)
 
 
 @pytest.mark.parametrize(("speed_cm_s", "mean_kPa", "sd_kPa"), [(0.1, 82, 17), (1.27, 69, 12), (2.54, 38, 9)])

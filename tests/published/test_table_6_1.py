@@ -51,9 +51,7 @@ def test_resistance_does_not_depend_on_length_beyond_its_scatter():
 def check_law_of_total_variance(mean: float, sd: float) -> None:
     """As many cuts of each length as you like, drawn about its printed average with its printed SD."""
     rng = np.random.default_rng(6)
-    cuts = rng.normal(
-        T["fracture_resistance_J_m2"], T["sd_fracture_resistance_J_m2"], size=(200_000, len(ROWS))
-    )
+    cuts = rng.normal(T["fracture_resistance_J_m2"], T["sd_fracture_resistance_J_m2"], size=(200_000, len(ROWS)))
     assert cuts.mean() == pytest.approx(mean, rel=2e-3)
     assert cuts.std() == pytest.approx(sd, rel=5e-3)
 
@@ -65,6 +63,4 @@ def test_mean_and_sd_are_those_of_cuts_of_all_lengths_thrown_together():
 
 def test_the_spread_of_the_averages_alone_fails_the_same_check():
     with pytest.raises(AssertionError):
-        check_law_of_total_variance(
-            measured_fracture_resistance().mean, float(T["fracture_resistance_J_m2"].std())
-        )
+        check_law_of_total_variance(measured_fracture_resistance().mean, float(T["fracture_resistance_J_m2"].std()))

@@ -1,0 +1,12 @@
+"""Gentle cutting of soft tissue: measured forces, a law that conserves energy, tasks for agents and people.
+
+Importing it registers the environments with Gymnasium by name; what is heavy waits until one is made.
+"""
+
+from __future__ import annotations
+
+import gymnasium
+
+__version__ = "0.1.0"
+
+gymnasium.register(id="cutenv/GentleCut-v0", entry_point="cutenv.envs.gentle_cut:GentleCutEnv")

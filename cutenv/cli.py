@@ -1,0 +1,89 @@
+"""The command line: one sub-command for each thing that cutenv does, loaded when it is asked for.
+
+A sub-command's module has ``main(argv)`` with its own parser: the help stands where the options are used,
+and ``cutenv --help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+
+import cutenv
+
+_EXTRA_OF_MODULE = {
+    "matplotlib": "view",
+    "pygame": "view",
+    "rich": "rl",
+    "safetensors": "rl",
+    "stable_baselines3": "rl",
+    "torch": "rl",
+    "tqdm": "rl",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """One sub-command: the module whose ``main(argv)`` runs it, and a line of help."""
+
+    module: str
+    summary: str
+
+
+COMMANDS = {
+    "bench": Command(module="cutenv.bench", summary="measure the speed of the environment on this machine"),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the sub-command named first in ``argv``.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Without the program's name; those of the process by default.
+
+    Returns
+    -------
+    int
+        The exit status: 0 if all went well.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    name, rest = _parser().parse_args(arguments[:1]).command, arguments[1:]
+    try:
+        return _run(COMMANDS[name], rest)
+    except ModuleNotFoundError as error:
+        cure = missing_extra(error)
+        if cure is None:
+            raise
+        print(f"cutenv {name}: {cure}", file=sys.stderr)
+        return 1
+
+
+def missing_extra(error: ModuleNotFoundError) -> str | None:
+    """Return the pip command that brings the missing module, or None if it belongs to no extra."""
+    package = (error.name or "").partition(".")[0]
+    extra = _EXTRA_OF_MODULE.get(package)
+    return extra and f"{package} is not installed: pip install 'cutenv[{extra}]'"
+
+
+def _run(command: Command, argv: list[str]) -> int:
+    status: int | None = import_module(command.module).main(argv)
+    return status or 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    listed = "\n".join(f"  {name:<10} {command.summary}" for name, command in COMMANDS.items())
+    parser = argparse.ArgumentParser(
+        prog="cutenv",
+        description=cutenv.__doc__.partition("\n")[0] if cutenv.__doc__ else None,
+        epilog=f"commands:\n{listed}\n\n'cutenv COMMAND --help' tells its options.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        usage="cutenv [-h] [--version] COMMAND ...",
+    )
+    parser.add_argument("--version", action="version", version=f"cutenv {cutenv.__version__}")
+    parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help="one of those listed below")
+    return parser

@@ -1,0 +1,1 @@
+"""The cut: the law of crack growth under a driven blade, its drive and its force sensor."""

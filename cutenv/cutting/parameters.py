@@ -1,0 +1,55 @@
+"""The constants of the cutting law that belong to no specimen, and the records made of specimens."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutenv.cutting.records import LAW, PROFILE, Records
+from cutenv.parameter import check_parameters, parameter
+from cutenv.tissue.specimen import N_POINTS, Specimen
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawParameters:
+    """Constants of :mod:`cutenv.cutting.law`; those of the tissue stand in ``TissueDescription``."""
+
+    debt_length: float = parameter(
+        1.5e-3, unit="m", low=1e-5, high=0.02, provenance="assumed",
+        why="growth below R may borrow the fracture energy of this length, no more", sweep=(0.5e-3, 3e-3),
+    )  # fmt: skip
+    growth_step: float = parameter(
+        10e-6, unit="m", low=1e-7, high=1e-3, provenance="choice", why="far below a unit of 2 to 12 mm"
+    )
+    friction_per_depth_speed: float = parameter(
+        0.0, unit="N s/m2", low=0.0, high=1e5, provenance="assumed", why="off: no measurement separates it"
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+
+def profile_records(specimens: list[Specimen]) -> Records:
+    """Stiffness, toughness and depth along each specimen, shape (n, 301), as the compiled law takes them."""
+    profiles = np.zeros((len(specimens), N_POINTS), PROFILE)
+    for profile, specimen in zip(profiles, specimens, strict=True):
+        profile["stiffness"] = specimen.stiffness()
+        profile["toughness"] = specimen.fracture_force()
+        profile["depth"] = specimen.depth
+    return profiles
+
+
+def law_records(specimens: list[Specimen], parameters: LawParameters | None = None) -> Records:
+    """The law's constants for each specimen, shape (n,), as the compiled law takes them."""
+    parameters = parameters or LawParameters()
+    laws = np.zeros(len(specimens), LAW)
+    for law, specimen in zip(laws, specimens, strict=True):
+        tissue = specimen.tissue
+        law["quasi_static_modulus"] = tissue.intercept_90
+        for name in ("intercept_90", "slope_90", "intercept_45", "slope_45", "speed_min", "speed_max", "eta90"):
+            law[name] = getattr(tissue, name)
+        law["friction_per_depth"] = specimen.friction_per_depth
+        for name in ("debt_length", "growth_step", "friction_per_depth_speed"):
+            law[name] = getattr(parameters, name)
+    return laws

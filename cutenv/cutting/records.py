@@ -1,0 +1,91 @@
+"""The records that the compiled law reads and writes; every field in SI and radians.
+
+NumPy structured dtypes rather than objects: the same record serves plain Python, one compiled environment and
+thousands of them side by side in one array.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Record = Any
+"""One element of a structured array, fields read as attributes (``state.tip``)."""
+Records = NDArray[Any]
+
+TICK = 1e-3
+"""Duration of one force update [s] (1 kHz)."""
+
+
+def _record(*fields: tuple[str, str]) -> np.dtype[Any]:
+    return np.dtype((np.record, list(fields)))
+
+
+PROFILE = _record(("stiffness", "f8"), ("toughness", "f8"), ("depth", "f8"))
+"""Along the cut line: K = E0 kappa B [N/m]; fracture part of R times B [N]; depth of cut B [m]."""
+
+LAW = _record(
+    ("quasi_static_modulus", "f8"),  # E0 of the depth-normalised plane-stress fit, 90 degrees [Pa]
+    ("intercept_90", "f8"),  # LEM(v, 90 deg) = intercept + slope v [Pa], [Pa s/m]
+    ("slope_90", "f8"),
+    ("intercept_45", "f8"),
+    ("slope_45", "f8"),
+    ("speed_min", "f8"),  # measured range of speed [m/s]
+    ("speed_max", "f8"),
+    ("eta90", "f8"),  # excess of the initiation force at 90 degrees [1]
+    ("debt_length", "f8"),  # l of the ledger's floor -R B l [m]
+    ("growth_step", "f8"),  # advance per step of unstable growth [m]
+    ("friction_per_depth", "f8"),  # [N/m]
+    ("friction_per_depth_speed", "f8"),  # [N s/m2]
+)
+
+DRIVE = _record(
+    ("lag", "f8"),  # time constant of the velocity loop [s]
+    ("acceleration", "f8"),  # limit [m/s2]
+    ("rotation_rate", "f8"),  # limit [rad/s]
+    ("travel", "f8"),  # the blade stays within 0 to travel [m]
+    ("mass", "f8"),  # blade and hand [kg]; 0: the rig, which holds position
+    ("coupling_stiffness", "f8"),  # hand to blade [N/m]
+    ("coupling_damping", "f8"),  # hand to blade [N s/m]
+)
+
+STATE = _record(
+    ("blade", "f8"),  # x [m]
+    ("tip", "f8"),  # a [m]
+    ("speed", "f8"),  # v [m/s]
+    ("angle", "f8"),  # theta [rad]
+    ("hand", "f8"),  # commanded position of the hand or the rig's carriage [m]
+    ("hand_speed", "f8"),  # [m/s]
+    ("arrest_ratio", "f8"),  # F/(R B) where the crack last came to rest; infinity: nothing has run yet
+    ("ledger", "f8"),  # energies since reset [J]
+    ("work", "f8"),
+    ("fracture", "f8"),
+    ("friction", "f8"),
+    ("loss", "f8"),
+    ("uncontrolled", "f8"),  # sum of unstable growth [m]
+    ("units", "i8"),  # number of unstable runs
+    ("running", "i8"),  # whether the crack ran in the last update
+    ("tick", "i8"),  # updates since reset
+)
+
+READING = _record(
+    ("time", "f8"),
+    ("force", "f8"),  # as measured [N]
+    ("position", "f8"),  # blade [m]
+    ("speed", "f8"),  # [m/s]
+    ("angle", "f8"),  # [rad]
+    ("true_force", "f8"),  # on the blade, along the line: elastic plus friction [N]
+    ("elastic_force", "f8"),  # K (x - a) [N]
+    ("tip", "f8"),  # a [m]
+    ("jump", "f8"),  # unstable growth during this tick [m]
+)
+
+
+def new_state(count: int, angle: float) -> Records:
+    """``count`` fresh states, shape (count,): blade and tip at the clamp, at rest, ``angle`` [rad]."""
+    states = np.zeros(count, STATE)
+    states["angle"] = angle
+    states["arrest_ratio"] = np.inf
+    return states

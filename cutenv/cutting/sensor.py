@@ -1,0 +1,118 @@
+"""The force sensor: delay, drift, noise, resolution and tare, for the simulator and for the rig's emulator alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cutenv.compiled import compiled
+from cutenv.cutting.records import TICK, Record, Records
+from cutenv.parameter import check_parameters, parameter
+from cutenv.randomness import normal_at
+from cutenv.validation import array_in_range
+
+_LONGEST_DELAY = 64  # ticks that the line can hold
+_STREAM_NOISE, _STREAM_DRIFT = 1, 2
+
+SENSOR: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            ("noise", "f8"),  # standard deviation [N]
+            ("resolution", "f8"),  # [N]; 0: continuous
+            ("drift", "f8"),  # standard deviation of a random walk after one second [N]
+            ("delay", "i8"),  # [ticks]
+            ("seed", "u8"),
+            ("episode", "u8"),
+            ("offset", "f8"),  # drift so far [N]
+            ("tare", "f8"),  # subtracted from every reading [N]
+            ("line", "f8", (_LONGEST_DELAY,)),  # forces under way, newest at tick modulo length
+        ],
+    )
+)
+"""Parameters and memory of one sensor."""
+
+
+@compiled
+def measure(sensor: Record, force: float, tick: int) -> float:
+    """The reading [N] at update ``tick`` (counted from 0 at reset, every tick once) under a true ``force`` [N]."""
+    line = sensor.line
+    length = len(line)
+    line[tick % length] = force
+    delayed = line[(tick - sensor.delay) % length] if tick >= sensor.delay else 0.0
+    if sensor.drift > 0.0:
+        sensor.offset += sensor.drift * TICK**0.5 * normal_at(sensor.seed, sensor.episode, _STREAM_DRIFT, tick)
+    reading = delayed + sensor.offset - sensor.tare
+    if sensor.noise > 0.0:
+        reading += sensor.noise * normal_at(sensor.seed, sensor.episode, _STREAM_NOISE, tick)
+    if sensor.resolution > 0.0:
+        reading = sensor.resolution * np.floor(reading / sensor.resolution + 0.5)
+    return reading  # type: ignore[no-any-return]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorParameters:
+    """One axis of a force sensor sampled at 1 kHz."""
+
+    force_noise: float = parameter(
+        0.02, unit="N", low=0.0, high=10.0, provenance="assumed",
+        why="below the sensor's resolution", sweep=(0.0, 0.1),
+    )  # fmt: skip
+    force_resolution: float = parameter(
+        0.05, unit="N", low=0.0, high=10.0, provenance="measured",
+        why="thesis 3.1: worst case of the six-axis sensor in the cutting plane", sweep=(0.0, 0.1),
+    )  # fmt: skip
+    force_delay: float = parameter(
+        0.010, unit="s", low=0.0, high=(_LONGEST_DELAY - 1) * TICK, provenance="assumed",
+        why="filter and transport of a networked sensor", sweep=(0.0, 0.030),
+    )  # fmt: skip
+    force_drift: float = parameter(
+        0.0, unit="N/s^0.5", low=0.0, high=1.0, provenance="assumed",
+        why="off; a random walk when wanted", sweep=(0.0, 0.05),
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+
+class Sensor:
+    """A force sensor with a memory: feed it the true force once a millisecond, read what a rig would see.
+
+    Parameters
+    ----------
+    parameters : SensorParameters, optional
+        Noise, resolution, delay, drift.
+    seed, episode : int
+        Key of the noise: the same key and tick give the same noise, in any order and any batch.
+    """
+
+    def __init__(self, parameters: SensorParameters | None = None, *, seed: int = 0, episode: int = 0) -> None:
+        self.parameters = parameters or SensorParameters()
+        self.tick = 0
+        self._records = sensor_records([self.parameters], [seed], [episode])
+
+    def measure(self, force: float) -> float:
+        """The reading [N] of this millisecond under a true ``force`` [N]."""
+        reading = measure(self._records[0], float(force), self.tick)
+        self.tick += 1
+        return reading
+
+    def tare(self, reading: float) -> None:
+        """Take ``reading`` [N] as the new zero."""
+        self._records["tare"] += reading
+
+
+def sensor_records(parameters: list[SensorParameters], seeds: list[int], episodes: list[int]) -> Records:
+    """Fresh sensors, shape (n,), as the compiled law takes them."""
+    for name, keys in (("seed", seeds), ("episode", episodes)):
+        array_in_range(name, keys, 0, 2**64, "1", "Give whole numbers from 0.")
+    sensors = np.zeros(len(parameters), SENSOR)
+    sensors["noise"] = [p.force_noise for p in parameters]
+    sensors["resolution"] = [p.force_resolution for p in parameters]
+    sensors["drift"] = [p.force_drift for p in parameters]
+    sensors["delay"] = [round(p.force_delay / TICK) for p in parameters]
+    sensors["seed"] = seeds
+    sensors["episode"] = episodes
+    return sensors

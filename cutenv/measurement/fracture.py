@@ -1,0 +1,257 @@
+"""Fracture resistance of a cut: the work that a unit of cut area takes (thesis, chapter 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.measurement.depth import SHALLOWEST, DepthProfile
+from cutenv.measurement.loading_ratio import loading_ratio as liver_loading_ratio
+from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
+from cutenv.measurement.segments import Segment, loading_segments
+from cutenv.measurement.strokes import STANDSTILL, Stroke, strokes
+from cutenv.tissue.cut_model import CutModel
+from cutenv.tissue.modulus import quasi_static_modulus
+from cutenv.trace import Trace
+from cutenv.validation import in_range
+
+Array = NDArray[np.float64]
+_Stiffness = Callable[[float, float], float]  # of the tip [m] and friction per depth [N/m]
+
+FRICTION_SHARE = 0.2
+"""Assumed share of friction in the measured resistance [1], where nothing measures it; sweep 0 to 0.4."""
+
+_ROUNDS = 50  # of the fixed-point iteration for the friction share; each one gains a factor of 3 or more
+_SETTLED = 1e-6
+_SHORTEST_CUT = 0.2e-3  # [m]
+_SLOW_SHARE = 0.1  # of the travel that may pass below the speed that counts as standing
+_FINAL = 0.010  # [s] of readings that give the force at the end of the cut
+
+
+@dataclass(frozen=True, kw_only=True)
+class FractureEstimate:
+    """Fracture resistance of one cut.
+
+    Attributes
+    ----------
+    apparent : float
+        Work of the blade per depth and travel [J/m2], equations 6.1 to 6.4: what Table 6.1 holds. It takes
+        the blade's travel for the length of the cut and counts stored energy as fracture, and reads low on
+        short cuts.
+    corrected : float
+        Work per area cut, by the estimated tip, less stored energy, friction's share included [J/m2].
+    cut_length : float
+        From the start of the cut to the estimated tip [m].
+    friction_per_depth : float
+        Friction on the blade per depth of cut [N/m], as used in `corrected`.
+    flags : tuple of str
+        What weakens the estimate, in words; empty if nothing does.
+    """
+
+    apparent: float
+    corrected: float
+    cut_length: float
+    friction_per_depth: float
+    flags: tuple[str, ...]
+
+
+def estimate_fracture_resistance(
+    trace: Trace,
+    *,
+    friction_per_depth: float | None = None,
+    friction_share: float = FRICTION_SHARE,
+    loading_ratio: float | None = None,
+) -> FractureEstimate:
+    """Find the fracture resistance R of a cut from the work of the blade.
+
+    With a return stroke past the tip, the loop is closed: all elastic energy is given back, and the tip is
+    where the force has become plain friction f on the way back. Then R = (W - 2 f x)/(B a) + f/B, or, for a
+    varying depth, R = (W - phi * integral of B |dx|) / (integral of B from 0 to a) + phi with phi = f/B. Any
+    number of earlier strokes may have gone before. Without a return stroke the stored energy F_elastic^2/(2
+    K) and the lag F_elastic/K are estimated from the final force and the stiffness K = slope / r of the last
+    loading segment, and flagged.
+
+    Parameters
+    ----------
+    trace : Trace
+        With position and depth, from the start of the cut on; force in newtons. Without a return stroke also
+        angle, unless `loading_ratio` is given.
+    friction_per_depth : float, optional
+        phi [N/m], 0 to 1e5. By default from the return stroke, or else by `friction_share`.
+    friction_share : float
+        Friction's share of R [1], 0 to 0.9; used, and flagged, only where nothing measures friction.
+    loading_ratio : float, optional
+        r [1], 0.01 to 1, for other tissue. By default that of pig liver at the last segment's speed and
+        angle.
+
+    Returns
+    -------
+    FractureEstimate
+
+    Raises
+    ------
+    ValueError
+        If the trace lacks position, depth or newtons, does not advance, or an argument is out of range.
+
+    Notes
+    -----
+    Equations 6.1 to 6.4 and section 6.2 of the thesis.
+    """
+    by = "estimate_fracture_resistance"
+    trace.require_newtons(by=by)
+    (position,) = trace.require("position", by=by)
+    depth = DepthProfile.recorded(trace, by=by)
+    in_range("friction_share", friction_share, 0.0, 0.9, "1", "It is a share: 20 % is 0.2.")
+    if friction_per_depth is not None:
+        in_range("friction_per_depth", friction_per_depth, 0.0, 1e5, "N/m")
+    if loading_ratio is not None:
+        in_range("loading_ratio", loading_ratio, 0.01, 1.0, "1", "It is LEM over quasi-static modulus.")
+    start = float(position[0])
+    travel = float(position.max()) - start
+    in_range("travel of the blade", travel, 1e-3, 0.5, "m", "Give a record in which the blade advances.")
+
+    _check_speed(trace, position, travel)
+    in_range(
+        "area below the blade",
+        depth.area(start, start + travel),
+        1e-7,
+        1.0,
+        "m2",
+        "Record the depth of cut in m.",
+    )
+
+    flags = []
+    if float(depth.depth.min()) < SHALLOWEST:
+        flags.append("depth below 0.5 mm counts as 0.5 mm in the apparent value")
+    apparent = _work_per_depth(trace, position, depth) / travel  # (6.4)
+    way_back = fit_return_stroke(trace, depth)
+    if way_back is not None:
+        phi = way_back.friction_per_depth if friction_per_depth is None else friction_per_depth
+        return FractureEstimate(
+            apparent=apparent,
+            corrected=_closed_loop(trace, position, depth, way_back, phi),
+            cut_length=way_back.tip - start,
+            friction_per_depth=phi,
+            flags=tuple(flags),
+        )
+    flags.append("no return stroke past the tip: stored energy and lag estimated")
+    ramp = next((s for s in reversed(loading_segments(trace)) if s.is_steady), None)
+    if ramp is None or (loading_ratio is None and ramp.angle is None):
+        missing = "no steady loading segment" if ramp is None else "neither angle nor loading_ratio known"
+        flags.append(f"{missing}: stiffness of mean pig liver")
+        stiffness = _mean_liver_stiffness(depth, float(position.max()))
+    else:
+        r = liver_loading_ratio(ramp.speed, ramp.angle) if loading_ratio is None else loading_ratio
+        stiffness = _ramp_stiffness(ramp, r, position, depth)
+    if friction_per_depth is None:
+        flags.append(f"friction assumed to be {100 * friction_share:g} % of the resistance")
+    corrected, tip, phi = _open_loop(trace, position, depth, stiffness, friction_per_depth, friction_share)
+    return FractureEstimate(
+        apparent=apparent,
+        corrected=corrected,
+        cut_length=tip - start,
+        friction_per_depth=phi,
+        flags=tuple(flags),
+    )
+
+
+def _check_speed(trace: Trace, position: Array, travel: float) -> None:
+    """Refuse a cut too slow to be told from standing, whose friction would be overlooked."""
+    advance = sum(position[s.stop - 1] - position[s.start] for s in strokes(trace.time, position) if s.forward)
+    if advance < (1.0 - _SLOW_SHARE) * travel:
+        raise ValueError(
+            f"the blade moves slower than {STANDSTILL * 1e3:g} mm/s over {1.0 - advance / travel:.0%} of the "
+            "cut, where it counts as standing. Cut at 1 mm/s or faster, which is the measured range."
+        )
+
+
+def _work_per_depth(trace: Trace, position: Array, depth: DepthProfile) -> float:
+    """W* [J/m]: integral of F/B dU (equation 6.2) over ground that the blade had not reached before."""
+    reached = np.maximum.accumulate(position)
+    F_per_B = trace.force / np.maximum(depth.at(position), SHALLOWEST)
+    return float(0.5 * (F_per_B[1:] + F_per_B[:-1]) @ np.diff(reached))
+
+
+def _work(trace: Trace, position: Array, stop: int) -> float:
+    """Work of the blade over the first ``stop`` readings, to and fro [J]."""
+    F = trace.force[:stop]
+    return float(0.5 * (F[1:] + F[:-1]) @ np.diff(position[:stop]))
+
+
+def _rubbed_area(trace: Trace, position: Array, depth: DepthProfile, stop: int) -> float:
+    """Integral of B |dx| over the strokes of the first ``stop`` readings [m2]."""
+    moved = strokes(trace.time, position)
+    return sum(abs(depth.area(*_ends(position, stroke))) for stroke in moved if stroke.stop <= stop)
+
+
+def _ends(position: Array, stroke: Stroke) -> tuple[float, float]:
+    x = position[stroke.samples]
+    return float(x.min()), float(x.max())
+
+
+def _closed_loop(trace: Trace, position: Array, depth: DepthProfile, way_back: ReturnStroke, phi: float) -> float:
+    """R = (W - phi int B |dx|) / int_0^a B da + phi; nothing is stored where the stroke ends."""
+    W = _work(trace, position, way_back.stop)
+    rubbed = phi * _rubbed_area(trace, position, depth, way_back.stop)
+    return (W - rubbed) / depth.area(float(position[0]), way_back.tip) + phi
+
+
+def _ramp_stiffness(ramp: Segment, r: float, position: Array, depth: DepthProfile) -> _Stiffness:
+    """K [N/m] at a tip, from the ramp's slope less friction's share in it, carried there by the depth."""
+    first, last = (float(position[i]) for i in (ramp.start, ramp.stop - 1))
+    rise_of_depth = float(depth.at(last) - depth.at(first)) / (last - first)
+
+    def stiffness(a: float, phi: float) -> float:
+        K = (ramp.slope - phi * rise_of_depth) / r
+        ramp_tip = ramp.position - (ramp.force - phi * float(depth.at(ramp.position))) / K
+        return K * float(depth.at(a) / depth.at(ramp_tip))
+
+    return stiffness
+
+
+def _mean_liver_stiffness(depth: DepthProfile, farthest: float) -> _Stiffness:
+    """K = E0 kappa B [N/m] at a tip, in the thesis's specimen of mean pig liver."""
+    model = CutModel()
+    in_range("position", farthest, 0.0, model.length, "m", "In a longer specimen record a return stroke.")
+
+    def stiffness(a: float, phi: float) -> float:
+        return quasi_static_modulus() * model.stiffness(max(a, 0.0)) * float(depth.at(a))
+
+    return stiffness
+
+
+def _open_loop(
+    trace: Trace,
+    position: Array,
+    depth: DepthProfile,
+    stiffness: _Stiffness,
+    friction_per_depth: float | None,
+    friction_share: float,
+) -> tuple[float, float, float]:
+    """R, a and phi with the tissue still loaded, by fixed-point iteration: phi and a depend on R."""
+    advance = [s for s in strokes(trace.time, position) if s.forward]
+    stop = max(advance, key=lambda stroke: position[stroke.stop - 1]).stop
+    moving = slice(int(np.searchsorted(trace.time, trace.time[stop - 1] - _FINAL)), stop)
+    start, x, F = float(position[0]), float(position[moving].mean()), float(trace.force[moving].mean())
+    W = _work(trace, position, stop)
+    rubbed = _rubbed_area(trace, position, depth, stop)
+
+    a, R = x, 0.0
+    phi = friction_per_depth or 0.0
+    for _ in range(_ROUNDS):
+        K = stiffness(a, phi)
+        F_elastic = max(F - phi * float(depth.at(x)), 0.0)
+        a = max(x - F_elastic / K, start + _SHORTEST_CUT)
+        U = 0.5 * F_elastic**2 / K
+        previous, R = R, (W - phi * rubbed - U) / depth.area(start, a) + phi
+        if friction_per_depth is None:
+            phi = friction_share * R
+        if abs(R - previous) <= _SETTLED * abs(R):
+            return R, a, phi
+    raise RuntimeError(
+        f"friction and resistance did not settle in {_ROUNDS} steps: R {R:g} J/m2, before {previous:g}. "
+        "Give friction_per_depth, or record a return stroke."
+    )

@@ -1,0 +1,43 @@
+"""How fast the force rises while a blade cuts as it loads, over how fast it would rise without growth."""
+
+from __future__ import annotations
+
+import math
+
+from cutenv.tissue.modulus import linear_fit, local_effective_modulus, quasi_static_modulus
+
+_SLACK = 1e-6  # [rad], for angles that went through degrees and back
+_SPEED_SLACK = 0.02  # of the speed, which a record gives with noise
+
+
+def loading_ratio(speed: float, angle: float | None) -> float:
+    """Return r = min(1, LEM(v, theta) / E0) of pig liver.
+
+    Parameters
+    ----------
+    speed : float
+        Magnitude [m/s], 0 to 0.1; outside the measured 0.001 to 0.0254 it counts as the nearest measured one.
+    angle : float
+        Of the blade [rad], pi/4 to pi/2.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the angle is missing or outside the measured ones, or either looks like another unit.
+
+    Notes
+    -----
+    From the fits to Table 5.6, depth-normalised plane stress; E0 is their intercept at 90 degrees.
+    """
+    if angle is None:
+        raise TypeError("the loading ratio of pig liver needs the angle of the blade; else give loading_ratio.")
+    theta = angle
+    for end in (math.pi / 4, math.pi / 2):
+        theta = end if abs(theta - end) < _SLACK else theta
+    return min(1.0, local_effective_modulus(speed, theta) / quasi_static_modulus())
+
+
+def in_measured_range(speed: float) -> bool:
+    """Whether the ratio was measured at ``speed`` [m/s]."""
+    fit = linear_fit("5.6")
+    return (1.0 - _SPEED_SLACK) * fit.speed_min <= speed <= (1.0 + _SPEED_SLACK) * fit.speed_max

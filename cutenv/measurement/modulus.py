@@ -1,0 +1,208 @@
+"""Local effective moduli of a cut: what modulus reproduces each loading increment (sections 3.3.2, 3.4)."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.measurement.depth import SHALLOWEST, DepthProfile
+from cutenv.measurement.loading_ratio import in_measured_range
+from cutenv.measurement.loading_ratio import loading_ratio as liver_loading_ratio
+from cutenv.measurement.return_stroke import fit_return_stroke
+from cutenv.measurement.segments import SMALLEST_DROP, SMOOTHING_READINGS, Segment, loading_segments
+from cutenv.tissue.cut_model import CutModel
+from cutenv.trace import Trace
+from cutenv.validation import in_range
+
+Array = NDArray[np.float64]
+
+_SOFTEST, _STIFFEST = 1e-3, 1e12  # [Pa], between which a modulus is looked for
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ModulusEstimate:
+    """Local effective moduli along a cut; arrays of shape (n_segments,).
+
+    Attributes
+    ----------
+    position : ndarray
+        Estimated tip, where the modulus belongs [m].
+    modulus : ndarray
+        Local effective modulus [Pa], of the model that was asked with.
+    segments : list of Segment
+        The ramps that it was found from, of the force less friction.
+    friction_per_depth : float
+        What was taken off [N/m].
+    flags : tuple of str
+        What weakens the estimate, in words; empty if nothing does.
+    """
+
+    position: Array
+    modulus: Array
+    segments: list[Segment]
+    friction_per_depth: float
+    flags: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.segments)
+
+
+def iterate_modulus(
+    model_force_rise: Callable[[float], float],
+    force_rise: float,
+    *,
+    initial: float = 1e4,
+    tolerance: float = 0.01,
+    most_steps: int = 100,
+) -> float:
+    """Find the modulus with which a model shows a measured rise of force, by the thesis's iteration.
+
+    A linear model needs one step; the iteration serves one whose force is not proportional to the modulus.
+
+    Parameters
+    ----------
+    model_force_rise : callable
+        The model's rise of force Delta F [N] under the measured displacement, as a function of the modulus
+        [Pa].
+    force_rise : float
+        Measured Delta F [N], 1e-6 to 1e4.
+    initial : float
+        First modulus E_1 [Pa], 1e-3 to 1e12, "of arbitrary magnitude".
+    tolerance : float
+        Relative difference of forces at which the iteration stops [1], 1e-12 to 0.5.
+    most_steps : int
+        After which it is said to diverge.
+
+    Returns
+    -------
+    float
+        [Pa]
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range, or the model's force is not positive.
+    RuntimeError
+        If it does not converge; with step, modulus and residual.
+
+    Notes
+    -----
+    Equations 3.1 and 3.2 of the thesis.
+    """
+    dF_exp = in_range("force_rise", force_rise, 1e-6, 1e4, "N", "A loading ramp rises.")
+    E = in_range("initial", initial, _SOFTEST, _STIFFEST, "Pa", "A modulus is positive.")
+    in_range("tolerance", tolerance, 1e-12, 0.5, "1", "The thesis's is 0.01.")
+    in_range("most_steps", most_steps, 1, 1_000_000, "1", "A linear model needs 2.")
+    step, residual = 0, np.inf
+    while step < most_steps and _SOFTEST <= E <= _STIFFEST:
+        dF_fem = in_range("the model's force rise", model_force_rise(E), 1e-300, 1e300, "N")
+        residual = abs(dF_fem - dF_exp) / dF_exp
+        if residual <= tolerance:  # (3.2)
+            return E
+        E = E * dF_exp / dF_fem  # (3.1)
+        step += 1
+    raise RuntimeError(
+        f"the modulus did not converge: step {step}, modulus {E:g} Pa, residual {residual:g}. "
+        "The model's force must rise with its modulus, and less than with its square."
+    )
+
+
+def estimate_local_effective_moduli(
+    trace: Trace,
+    model: CutModel,
+    *,
+    depth_normalised: bool = True,
+    friction_per_depth: float | None = None,
+    loading_ratio: float | None = None,
+    smallest_drop: float = SMALLEST_DROP,
+    smoothing_readings: int = SMOOTHING_READINGS,
+) -> ModulusEstimate:
+    """Find the local effective modulus of every loading segment of a cut.
+
+    The model is linear, so one step of the thesis's iteration gives the modulus exactly: slope / (kappa B).
+    Both kappa and the depth B belong to the crack tip, which follows the blade at a distance of F_elastic/K;
+    with K = slope / r, where r is `loading_ratio`, it stands at x - r F_elastic / slope. Left out are the
+    first segment of each stroke, part of which is elastic, a last one that no drop ended, during which the
+    blade slowed down, and ramps that are not straight, because they hide a drop, or not of one speed.
+
+    Parameters
+    ----------
+    trace : Trace
+        With position, and angle unless `loading_ratio` is given; force in newtons.
+    model : CutModel
+        To which the moduli shall belong; tips beyond its length are an error.
+    depth_normalised : bool
+        True: per depth of cut. False, or where the trace holds no depth (flagged): as if the cut were
+        everywhere as deep as the model is thick, 1 cm by default, which is what the thesis did in Tables 5.1
+        to 5.5.
+    friction_per_depth : float, optional
+        Friction on the blade per depth of cut [N/m], 0 to 1e5. By default from the return stroke; where there
+        is none, zero, and flagged: the tip then appears too far back, and tissue of growing depth up to 12 %
+        too stiff; ``estimate_fracture_resistance(trace).friction_per_depth`` is a fair guess.
+    loading_ratio : float, optional
+        r [1], 0 to 1, for other tissue. By default that of pig liver at each segment's speed and angle. 0
+        takes the blade for the tip, as the thesis did, and reads several per cent high.
+    smallest_drop, smoothing_readings : float
+        As in `loading_segments`.
+
+    Returns
+    -------
+    ModulusEstimate
+        Without segments if none was steady, or the tissue is shallower than 0.5 mm.
+
+    Raises
+    ------
+    ValueError
+        If the trace lacks what is needed, an argument is out of range, or a tip lies beyond the model.
+
+    Notes
+    -----
+    Equations 3.1 and 3.2 of the thesis, and its section 3.4.
+    """
+    by = "estimate_local_effective_moduli"
+    trace.require_newtons(by=by)
+    (position,) = trace.require("position", by=by)
+    if loading_ratio is None:
+        trace.require("angle", by=f"{by} without loading_ratio")
+    else:
+        in_range("loading_ratio", loading_ratio, 0.0, 1.0, "1", "It is LEM over quasi-static modulus.")
+    flags = []
+    if depth_normalised and trace.depth is not None:
+        depth = DepthProfile.recorded(trace, by=by)
+    else:
+        depth = DepthProfile.constant(model.thickness)
+        flags.append(f"not normalised by depth: as if {model.thickness * 100:g} cm deep everywhere")
+    if friction_per_depth is None:
+        way_back = fit_return_stroke(trace, depth)
+        friction = 0.0 if way_back is None else way_back.friction_per_depth
+        if way_back is None:
+            flags.append("friction unknown: no return stroke past the tip; taken as zero")
+    else:
+        friction = in_range("friction_per_depth", friction_per_depth, 0.0, 1e5, "N/m")
+
+    elastic = dataclasses.replace(trace, force=trace.force - friction * depth.at(position))
+    ramps = loading_segments(elastic, smallest_drop=smallest_drop, smoothing_readings=smoothing_readings)
+    segments, tips, moduli = [], [], []
+    for s in ramps:
+        if not s.is_steady:
+            continue
+        r = liver_loading_ratio(s.speed, s.angle) if loading_ratio is None else loading_ratio
+        tip = max(s.position - r * s.force / s.slope, 0.0)
+        B = float(depth.at(tip))
+        if B >= SHALLOWEST:
+            segments.append(s)
+            tips.append(tip)
+            moduli.append(s.slope / (model.stiffness(tip) * B))
+    if loading_ratio is None and not all(in_measured_range(s.speed) for s in segments):
+        flags.append("speed outside the measured range: loading ratio of the nearest measured speed")
+    return ModulusEstimate(
+        position=np.array(tips),
+        modulus=np.array(moduli),
+        segments=segments,
+        friction_per_depth=friction,
+        flags=tuple(flags),
+    )

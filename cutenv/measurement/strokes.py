@@ -1,0 +1,95 @@
+"""Strokes: where in a record the blade moved one way without a stop."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+STANDSTILL = 0.5e-3
+"""Slower than this the blade stands [m/s]: half the lowest speed of the thesis."""
+
+_SHORTEST = 0.2e-3  # [m]
+_WINDOW = 0.025  # [s] to either side, over which speed is the difference of positions: above encoder steps
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stroke:
+    """Instants ``start`` to ``stop - 1`` of a record, in which the blade moved forward, or back."""
+
+    start: int
+    stop: int
+    forward: bool
+
+    @property
+    def samples(self) -> slice:
+        """The instants as a slice."""
+        return slice(self.start, self.stop)
+
+
+def blade_speed(time: Array, position: Array) -> Array:
+    """Speed [m/s] from positions [m] at times [s], shape (n,): difference over 50 ms, or two samples."""
+    n = len(time)
+    half = max(1, round(_WINDOW * (n - 1) / float(time[-1] - time[0])))
+    before = np.maximum(np.arange(n) - half, 0)
+    after = np.minimum(np.arange(n) + half, n - 1)
+    return np.asarray((position[after] - position[before]) / (time[after] - time[before]))
+
+
+def strokes(time: Array, position: Array) -> list[Stroke]:
+    """Split a record where the blade stands or turns; strokes below 0.2 mm are left out."""
+    speed = blade_speed(time, position)
+    direction = np.where(np.abs(speed) > STANDSTILL, np.sign(speed), 0.0)
+    borders = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(time)]
+    found = []
+    for start, stop in itertools.pairwise(borders):
+        if direction[start] != 0.0 and abs(position[stop - 1] - position[start]) >= _SHORTEST:
+            found.append(Stroke(start=start, stop=stop, forward=bool(direction[start] > 0)))
+    return found
+
+
+def bins_of_readings(n_readings: int, size: int) -> NDArray[np.intp]:
+    """Borders of bins of ``size`` readings, the last of up to twice as many; shape (n_bins + 1,)."""
+    n_bins = max(1, n_readings // size)
+    return np.append(np.arange(n_bins) * size, n_readings).astype(np.intp)
+
+
+def bins_of_travel(position: Array, length: float) -> NDArray[np.intp]:
+    """Borders of the bins of ``length`` [m] through which a stroke passes; shape (n_bins + 1,).
+
+    Noise that carries a position back over a border opens no new bin; a step over a whole bin leaves it out.
+    """
+    number = np.floor(np.maximum.accumulate(np.abs(position - position[0])) / length)
+    return np.concatenate(([0], np.flatnonzero(np.diff(number)) + 1, [len(position)])).astype(np.intp)
+
+
+def bin_means(values: Array, borders: NDArray[np.intp]) -> Array:
+    """Mean of ``values`` in each bin, shape (n_bins,)."""
+    return np.asarray(np.add.reduceat(values, borders[:-1]) / np.diff(borders))
+
+
+def turning_points(values: Array, smallest_swing: float) -> list[tuple[int, int]]:
+    """Pairs (valley, hilltop) of indices: rises of ``smallest_swing`` or more, parted by falls of that much.
+
+    A rise that ends the series counts, though no fall follows.
+    """
+    points: list[int] = []
+    rising = False
+    extreme = 0  # the lowest point since the last hilltop, or the highest since the last valley
+    for i, value in enumerate(values.tolist()):
+        beyond = value - float(values[extreme])
+        if beyond == 0.0:
+            continue
+        if (beyond > 0.0) == rising:
+            extreme = i
+        elif abs(beyond) >= smallest_swing:
+            points.append(extreme)
+            rising = not rising
+            extreme = i
+    if rising:
+        points.append(extreme)
+    return list(zip(points[::2], points[1::2], strict=True))

@@ -1,0 +1,7 @@
+"""What can be cut and felt: one interface for the simulator, a replay and a rig."""
+
+from cutenv.plant.interface import Plant
+from cutenv.plant.protocol import Leg, forward_backward, run, to_trace
+from cutenv.plant.simulator import SimulatedPlant
+
+__all__ = ["Leg", "Plant", "SimulatedPlant", "forward_backward", "run", "to_trace"]

@@ -1,0 +1,30 @@
+"""The joint between a task and whatever is cut: a simulator now, a rig through the same interface."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.cutting.records import Records
+
+
+class Plant(Protocol):
+    """A blade in tissue, driven by commands and felt through a force sensor at 1 kHz."""
+
+    @property
+    def depth(self) -> NDArray[np.float64]:
+        """Depth of cut as measured beforehand, one value every 0.5 mm from the clamp, shape (301,) [m]."""
+        ...
+
+    def advance(self, speed: float, angle: float, ticks: int) -> Records:
+        """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds and return what was felt.
+
+        Returns
+        -------
+        Records
+            Readings (:data:`cutenv.cutting.records.READING`), shape (ticks,), valid until the next call.  What a plant
+            cannot know of the fields ``true_force``, ``elastic_force``, ``tip`` and ``jump`` is NaN.
+        """
+        ...

@@ -1,0 +1,101 @@
+"""Scripted motions of the blade, and their records: constant feed, and the thesis's forward-backward travel."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.cutting.records import TICK, Records
+from cutenv.plant.interface import Plant
+from cutenv.plant.simulator import check_angle
+from cutenv.tissue.specimen import SPACING
+from cutenv.trace import Trace
+from cutenv.validation import in_range
+
+_PATIENCE = 2.0  # times the ideal duration of a leg, after which a blade that does not arrive is an error
+_APPROACH = 0.15  # s of travel at the present speed, before which a leg begins to slow down
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leg:
+    """Travel to ``position`` [m] at ``speed`` [m/s, positive] and ``angle`` [rad], then rest for ``dwell`` [s]."""
+
+    position: float
+    speed: float
+    angle: float = math.pi / 2
+    dwell: float = 0.0
+
+    def __post_init__(self) -> None:
+        in_range("position", self.position, 0.0, 0.149, "m", "Lengths are in metres: 80 mm is 0.08.")
+        in_range("speed", self.speed, 1e-5, 0.5, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
+        in_range("dwell", self.dwell, 0.0, 3600.0, "s", "Give the seconds of rest, or 0.")
+        check_angle(self.angle)
+
+
+def forward_backward(
+    *, first: float = 0.0254, second: float = 0.0508, speed: float, angle: float = math.pi / 2
+) -> list[Leg]:
+    """The thesis's two cycles (section 6.2): cut ``first``, return to the start, cut to ``second``, return."""
+    return [Leg(position=target, speed=speed, angle=angle, dwell=0.2) for target in (first, 0.0, second, 0.0)]
+
+
+def run(plant: Plant, legs: list[Leg]) -> Records:
+    """Drive ``plant`` through ``legs`` from where its blade stands; every reading at 1 kHz, the first at rest.
+
+    Returns
+    -------
+    Records
+        Readings, shape (n,).
+
+    Raises
+    ------
+    ValueError
+        If there is no leg.
+    RuntimeError
+        If the blade does not arrive where a leg leads it.
+    """
+    if not legs:
+        raise ValueError("legs is empty: give at least one Leg.")
+    parts: list[Records] = [plant.advance(0.0, legs[0].angle, 1).copy()]
+    position = float(parts[0]["position"][-1])
+    for leg in legs:
+        direction = math.copysign(1.0, leg.position - position)
+        slowest = min(leg.speed, 1e-3)
+        patience = _PATIENCE * abs(leg.position - position) / slowest + 2.0
+        elapsed = 0.0
+        while (left := direction * (leg.position - position)) > 0.5e-6:
+            if elapsed > patience:
+                raise RuntimeError(f"the blade stands at {position:.4f} m and does not reach {leg.position:.4f} m")
+            # Far away, whole blocks at full speed; near the end, slow down to arrive without overshoot.
+            speed = leg.speed if left > _APPROACH * leg.speed + 1e-4 else min(leg.speed, 5.0 * left + 2e-5)
+            ticks = 20 if left > 2.0 * _APPROACH * leg.speed + 1e-3 else 1
+            parts.append(plant.advance(direction * speed, leg.angle, ticks).copy())
+            position = float(parts[-1]["position"][-1])
+            elapsed += ticks * TICK
+        if leg.dwell > 0.0:
+            parts.append(plant.advance(0.0, leg.angle, round(leg.dwell / TICK)).copy())
+            position = float(parts[-1]["position"][-1])
+    return np.concatenate(parts)
+
+
+def depth_along(plant: Plant, position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Depth of cut [m] as measured beforehand, at blade positions [m] of any shape."""
+    return np.interp(position, np.arange(len(plant.depth)) * SPACING, plant.depth)
+
+
+def to_trace(plant: Plant, readings: Records, **metadata: object) -> Trace:
+    """What a rig would have recorded: time, force, position, speed, angle, depth; no hidden state."""
+    position = readings["position"].copy()
+    return Trace(
+        time=readings["time"].copy(),
+        force=readings["force"].copy(),
+        position=position,
+        speed=readings["speed"].copy(),
+        angle=readings["angle"].copy(),
+        depth=depth_along(plant, position),
+        force_unit="N",
+        metadata=dict(metadata),
+    )

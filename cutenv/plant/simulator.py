@@ -1,0 +1,118 @@
+"""The simulated plant: a specimen under the cutting law, a drive and a force sensor."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.cutting.drive import Hand, Rig
+from cutenv.cutting.parameters import LawParameters, law_records, profile_records
+from cutenv.cutting.records import READING, TICK, Record, Records, new_state
+from cutenv.cutting.sensor import SensorParameters, sensor_records
+from cutenv.cutting.simulate import ENERGIES, account, hold
+from cutenv.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen
+from cutenv.validation import array_in_range, in_range
+
+ANGLE_RANGE = (math.radians(45.0), math.radians(90.0))
+"""Measured angles of the blade [rad]."""
+
+_ANGLE_LOW, _ANGLE_HIGH = ANGLE_RANGE[0] - 1e-9, ANGLE_RANGE[1] + 1e-9  # slack for a way through degrees and back
+_FASTEST = 0.5  # [m/s]
+
+
+class SimulatedPlant:
+    """A specimen, cut by a driven blade and felt through a sensor.
+
+    Parameters
+    ----------
+    specimen : Specimen
+        What is cut.
+    drive : Rig or Hand, optional
+        What moves the blade; default the rig.
+    sensor : SensorParameters, optional
+        Noise, resolution and delay of the force.
+    law : LawParameters, optional
+        Constants of the cutting law.
+    seed, episode : int
+        Key of the sensor's noise.
+    angle : float
+        Angle at the start [rad].
+    depth : array, shape (301,), optional
+        Depth as measured beforehand [m]; default the specimen's own.
+
+    Attributes
+    ----------
+    profile : Records
+        The hidden truth along the cut, :data:`~cutenv.cutting.records.PROFILE`, shape (301,).
+    states : Records
+        The hidden state, :data:`~cutenv.cutting.records.STATE`, shape (1,).
+    """
+
+    def __init__(
+        self,
+        specimen: Specimen,
+        *,
+        drive: Rig | Hand | None = None,
+        sensor: SensorParameters | None = None,
+        law: LawParameters | None = None,
+        seed: int = 0,
+        episode: int = 0,
+        angle: float = ANGLE_RANGE[1],
+        depth: NDArray[np.float64] | None = None,
+    ) -> None:
+        check_angle(angle)
+        self.specimen = specimen
+        self.depth = specimen.depth if depth is None else array_in_range("depth", depth, 1e-4, 0.2, "m", "2 cm is 0.02.")
+        if self.depth.shape != (N_POINTS,):
+            raise ValueError(f"depth has shape {self.depth.shape}; give {N_POINTS} values, one every {SPACING} m.")
+        self.states = new_state(1, angle)
+        self.profile = profile_records([specimen])[0]
+        self._laws = law_records([specimen], law)
+        self._drives = (drive or Rig()).records(travel=LENGTH - SPACING)
+        self._sensors = sensor_records([sensor or SensorParameters()], [seed], [episode])
+        self._energies, self._hidden = np.zeros(len(ENERGIES)), np.zeros(4)
+        self._readings = np.zeros(1, READING)
+
+    def advance(self, speed: float, angle: float, ticks: int) -> Records:
+        """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds; see :class:`~cutenv.plant.Plant`."""
+        if not (-_FASTEST <= speed <= _FASTEST and _ANGLE_LOW <= angle <= _ANGLE_HIGH):
+            in_range("speed", speed, -_FASTEST, _FASTEST, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
+            check_angle(angle)
+        if len(self._readings) != ticks or ticks == 0:
+            if in_range("ticks", ticks, 1, 10**7, "1", "Give a whole number of milliseconds.") % 1.0:
+                raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
+            self._readings = np.zeros(int(ticks), READING)
+        hold(self.states, self.profile, self._laws, self._drives, self._sensors, speed, angle, TICK, self._readings)
+        return self._readings
+
+    @property
+    def law(self) -> Record:
+        """Constants of the law for this specimen, :data:`~cutenv.cutting.records.LAW`."""
+        return self._laws[0]
+
+    def account(self) -> tuple[dict[str, float], tuple[float, float, float, float]]:
+        """Energies since the start [J], by name, and the hidden tip [m], blade [m], unstable growth [m] and eta [1].
+
+        The energies are work, stored, fracture, friction, loss, ledger and residual, which is work less the others.
+        """
+        account(self.states, self.profile, self._laws, self._energies, self._hidden)
+        tip, blade, uncontrolled, eta = self._hidden.tolist()
+        return dict(zip(ENERGIES, self._energies.tolist(), strict=True)), (tip, blade, uncontrolled, eta)
+
+    def energy(self) -> dict[str, float]:
+        """Energies since the start [J], by name; see :meth:`account`."""
+        return self.account()[0]
+
+
+def check_angle(angle: float) -> None:
+    """Refuse an ``angle`` [rad] outside the measured ones."""
+    in_range(
+        "angle",
+        angle,
+        _ANGLE_LOW,
+        _ANGLE_HIGH,
+        "rad",
+        "Measured are 45 to 90 degrees; angles are in radians: 90 degrees is 1.5708.",
+    )

@@ -1,0 +1,19 @@
+"""The tissue: finite-element model of the slice, measured moduli and toughness, and specimens drawn from them."""
+
+from cutenv.tissue.cut_model import CutModel
+from cutenv.tissue.description import TissueDescription, load_description, measured_liver
+from cutenv.tissue.fracture import measured_fracture_resistance
+from cutenv.tissue.modulus import local_effective_modulus, quasi_static_modulus
+from cutenv.tissue.specimen import Specimen, draw_liver
+
+__all__ = [
+    "CutModel",
+    "Specimen",
+    "TissueDescription",
+    "draw_liver",
+    "load_description",
+    "local_effective_modulus",
+    "measured_fracture_resistance",
+    "measured_liver",
+    "quasi_static_modulus",
+]

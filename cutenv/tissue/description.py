@@ -1,0 +1,209 @@
+"""A tissue as numbers: what was measured of it, how it spreads, and where each number comes from."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from cutenv.parameter import check_parameters, parameter
+from cutenv.tissue.cut_model import CutModel
+from cutenv.tissue.derivation import derived_value
+from cutenv.tissue.fracture import measured_fracture_resistance
+from cutenv.tissue.modulus import linear_fit
+from cutenv.tissue.spread import mean_depth_of_cut, modulus_spread
+from cutenv.tissue.thickness import rise_length_for
+from cutenv.validation import one_of
+
+SCHEMA = "cutenv-tissue/1"
+_MEASURED = (0.0215, 0.12)  # from the first segment of Table 4.1 to the end of travel (thesis 3.3.2) [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TissueDescription:
+    """Values and spread of one kind of tissue, from which specimens are drawn; SI units.
+
+    Every modulus is a local effective modulus and belongs to the finite-element model named by ``element``,
+    ``formulation``, ``poisson`` and the default mesh; use :meth:`CutModel.convert_modulus` for another.
+    """
+
+    name: str = "pig liver"
+    element: str = "quad8"
+    formulation: str = "plane_stress"
+    poisson: float = parameter(
+        0.3, unit="1", low=0.0, high=0.499, provenance="choice", why="thesis 4.4: of the tabulated moduli"
+    )
+    intercept_90: float = parameter(
+        48.36e3, unit="Pa", low=100.0, high=1e8, provenance="measured",
+        why="LEM at v -> 0, 90 degrees: fit to Table 5.6, depth-normalised plane stress",
+    )  # fmt: skip
+    slope_90: float = parameter(
+        -1.162e6, unit="Pa s/m", low=-1e10, high=1e10, provenance="measured", why="the same fit: fall with speed"
+    )
+    intercept_45: float = parameter(
+        30.93e3, unit="Pa", low=100.0, high=1e8, provenance="measured", why="fit to Table 5.6, 45 degrees"
+    )
+    slope_45: float = parameter(
+        -0.718e6, unit="Pa s/m", low=-1e10, high=1e10, provenance="measured", why="the same fit: fall with speed"
+    )
+    speed_min: float = parameter(
+        0.001, unit="m/s", low=0.0, high=0.1, provenance="measured", why="slowest speed of Table 5.6"
+    )
+    speed_max: float = parameter(
+        0.0254, unit="m/s", low=1e-4, high=0.5, provenance="measured", why="fastest speed of Table 5.6"
+    )
+    modulus_scale: float = parameter(
+        1.0, unit="1", low=0.1, high=10.0, provenance="derived",
+        why="the same for the modulus, whose kept draws measure Table 5.6",
+    )  # fmt: skip
+    modulus_between_liver_cv: float = parameter(
+        0.0, unit="1", low=0.0, high=1.0, provenance="measured", why="variance components of Tables 5.2-5.4"
+    )
+    modulus_between_cut_cv: float = parameter(
+        0.25, unit="1", low=0.0, high=1.0, provenance="measured", why="variance components of Tables 5.2-5.4"
+    )
+    modulus_within_cut_cv: float = parameter(
+        0.2, unit="1", low=0.0, high=1.0, provenance="derived",
+        why="virtual cuts through the bulge show the within-cut spread of Tables 5.2-5.4",
+    )  # fmt: skip
+    correlation_length: float = parameter(
+        0.020, unit="m", low=0.005, high=0.1, provenance="assumed",
+        why="smooth and long against the lag, because a point load averages its neighbourhood", sweep=(0.015, 0.030),
+    )  # fmt: skip
+    fracture_resistance: float = parameter(
+        211.0, unit="J/m2", low=1.0, high=1e5, provenance="derived",
+        why="virtual cuts of 1 to 4 inches have the mean apparent resistance of Table 6.1",
+    )  # fmt: skip
+    fracture_scale: float = parameter(
+        1.0, unit="1", low=0.1, high=10.0, provenance="derived",
+        why="mean before draws that are too steep are drawn again, over the mean of those kept",
+    )  # fmt: skip
+    fracture_between_cut_cv: float = parameter(
+        0.37, unit="1", low=0.0, high=2.0, provenance="measured", why="Table 6.1: spread between cuts"
+    )
+    fracture_within_cut_cv: float = parameter(
+        0.2, unit="1", low=0.0, high=1.0, provenance="assumed", why="not measured", sweep=(0.1, 0.3)
+    )
+    friction_share: float = parameter(
+        0.2, unit="1", low=0.0, high=0.9, provenance="assumed",
+        why="share of the measured resistance that is friction on the blade's faces", sweep=(0.0, 0.4),
+    )  # fmt: skip
+    eta90: float = parameter(
+        0.28, unit="1", low=0.0, high=0.95, provenance="derived",
+        why="unit length of Table 4.1's cut, by scripts/derive_eta90.py", sweep=(0.2, 0.45),
+    )  # fmt: skip
+    edge_depth: float = parameter(
+        0.001, unit="m", low=1e-4, high=0.05, provenance="measured", why="depth from 0 to 2 cm, thesis 5.4"
+    )
+    crown_depth: float = parameter(
+        0.020, unit="m", low=1e-3, high=0.1, provenance="measured", why="depth from 0 to 2 cm, thesis 5.4"
+    )
+    rise_length: float = parameter(
+        0.015, unit="m", low=1e-3, high=0.1, provenance="derived",
+        why="mean depth = Table 5.5 over Table 5.6, over the stretch where segments were measured",
+    )  # fmt: skip
+    mean_depth: float = parameter(
+        0.0149, unit="m", low=1e-4, high=0.05, provenance="measured", why="Table 5.5 over Table 5.6"
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        one_of("element", self.element, ("quad4", "quad8", "hex20"))
+        one_of("formulation", self.formulation, ("plane_stress", "plane_strain", "solid"))
+        if not self.speed_min < self.speed_max:
+            raise ValueError(f"speed_min = {self.speed_min:g} m/s must be below speed_max = {self.speed_max:g} m/s.")
+        if (
+            min(self.intercept_90 + self.slope_90 * self.speed_max, self.intercept_45 + self.slope_45 * self.speed_max)
+            <= 0
+        ):
+            raise ValueError("the local effective modulus must stay positive up to speed_max; check slopes and units.")
+
+    def cut_model(self) -> CutModel:
+        """The finite-element model to which the moduli belong."""
+        return _cut_model(self.element, self.formulation, self.poisson)
+
+    def to_json(self) -> str:
+        """JSON text, read back exactly by :meth:`from_json`."""
+        return json.dumps({"schema": SCHEMA, **dataclasses.asdict(self)}, indent=1)
+
+    @classmethod
+    def from_json(cls, text: str) -> TissueDescription:
+        """Read :meth:`to_json`'s text.
+
+        Raises
+        ------
+        ValueError
+            For another schema, an unknown or a missing field, or a value out of range.
+        """
+        return cls(**checked_fields(text, SCHEMA, {field.name for field in dataclasses.fields(cls)}))
+
+
+def checked_fields(text: str, schema: str, names: set[str]) -> dict[str, Any]:
+    """The fields of a JSON object of one schema, none missing, none unknown."""
+    try:
+        content = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"not JSON: {error}") from None
+    if not isinstance(content, dict) or content.get("schema") != schema:
+        found = content.get("schema") if isinstance(content, dict) else type(content).__name__
+        raise ValueError(f"expected a JSON object with schema {schema!r}, found {found!r}.")
+    del content["schema"]
+    for name in content:
+        one_of("field", name, sorted(names))
+    missing = sorted(names - content.keys())
+    if missing:
+        raise ValueError(f"missing field(s) {', '.join(missing)} of schema {schema}.")
+    return content
+
+
+@lru_cache(maxsize=8)
+def _cut_model(element: str, formulation: str, poisson: float) -> CutModel:
+    return CutModel(element=element, formulation=formulation, poisson=poisson)
+
+
+def tables_only(**changes: Any) -> TissueDescription:
+    """Pig liver as the tables give it, before anything derived by simulation; ``changes`` replace fields."""
+    upright = linear_fit("5.6", angle_deg=90, formulation="plane_stress")
+    inclined = linear_fit("5.6", angle_deg=45, formulation="plane_stress")
+    spread = modulus_spread()
+    resistance = measured_fracture_resistance()
+    mean_depth = mean_depth_of_cut()
+    values: dict[str, Any] = {
+        "intercept_90": upright.intercept,
+        "slope_90": upright.slope,
+        "intercept_45": inclined.intercept,
+        "slope_45": inclined.slope,
+        "speed_min": upright.speed_min,
+        "speed_max": upright.speed_max,
+        "modulus_between_liver_cv": spread.between_liver_cv,
+        "modulus_between_cut_cv": spread.between_cut_cv,
+        "fracture_resistance": resistance.mean,
+        "fracture_between_cut_cv": resistance.sd / resistance.mean,
+        "mean_depth": mean_depth,
+        "rise_length": rise_length_for(mean_depth, edge=0.001, crown=0.020, length=0.15, between=_MEASURED),
+    }
+    return TissueDescription(**(values | changes))
+
+
+FITTED = (
+    "modulus_scale",
+    "modulus_within_cut_cv",
+    "modulus_between_cut_cv",
+    "fracture_resistance",
+    "fracture_scale",
+)
+"""Fields fitted by ``scripts/fit_specimens.py``: virtual measurement of drawn specimens against the tables."""
+
+
+@lru_cache(maxsize=1)
+def measured_liver() -> TissueDescription:
+    """Pig liver as measured: fits computed from the tables, the rest from the derivations in ``assets/derived``."""
+    return tables_only(eta90=derived_value("eta90"), **{name: derived_value(name) for name in FITTED})
+
+
+def load_description(path: str | Path) -> TissueDescription:
+    """Read a tissue description from a JSON file."""
+    return TissueDescription.from_json(Path(path).read_text())

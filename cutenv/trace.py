@@ -1,0 +1,331 @@
+"""What a rig can record of a cut: one instant (`Reading`), and the whole cut (`Trace`)."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cutenv.validation import array_in_range, one_of
+
+FORCE_UNITS = ("N", "1")
+"""Units of force: newtons, or a pure number where a record was normalised."""
+
+_SENSED = ("position", "speed", "angle", "depth")
+_RANGES: dict[str, tuple[float, float, str, str]] = {
+    "time": (-1e12, 1e12, "s", "Give seconds."),
+    "position": (-0.05, 0.5, "m", "Give metres from the clamp: 5 looks like centimetres, which is 0.05."),
+    "speed": (-1.0, 1.0, "m/s", "Give metres per second: 2.54 looks like cm/s, which is 0.0254."),
+    "angle": (0.0, np.pi, "rad", "Give radians: 90 looks like degrees, which is math.radians(90)."),
+    "depth": (0.0, 0.1, "m", "Give the depth of cut in metres: 2 looks like centimetres, which is 0.02."),
+}
+_FORCE_RANGES: dict[str, tuple[float, float, str, str]] = {
+    "N": (-1e3, 1e3, "N", 'Give newtons; 2000 looks like millinewtons. Without a unit: force_unit="1".'),
+    "1": (-1e9, 1e9, "1", "Give numbers, in whatever one unit the record was normalised to."),
+}
+# A cut is felt many times a second; a step of this length is milliseconds taken for seconds.
+_LONGEST_STEP = 0.5  # [s]
+_GAP = 10.0  # median steps: a longer step is a gap in the record, over which speed is not integrated
+_DISAGREEMENT = 10.0  # a wrong unit is off by 10 or more, a noisy or commanded speed by less
+_STILL = 1e-3  # [m] that noise of the speed may add up to
+
+
+class Reading(NamedTuple):
+    """One instant of a cut: only what a rig can measure; what is not known is None.
+
+    Attributes
+    ----------
+    time : float
+        [s].
+    force : float
+        On the blade along the cut line, positive against forward motion; in the trace's force unit.
+    position, speed : float or None
+        Of the blade, from the clamp on [m], [m/s].
+    angle : float or None
+        Of the blade against the surface [rad]; upright is pi/2.
+    depth : float or None
+        Depth of cut at the blade [m].
+    """
+
+    time: float
+    force: float
+    position: float | None = None
+    speed: float | None = None
+    angle: float | None = None
+    depth: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Trace:
+    """A whole cut as recorded: read-only arrays of equal length, SI and radians.
+
+    Parameters
+    ----------
+    time : array_like of shape (n,)
+        [s], strictly increasing; n is 2 or more.
+    force : array_like of shape (n,)
+        On the blade along the cut line, positive against forward motion [N], -1000 to 1000.
+    position : array_like of shape (n,), optional
+        Of the blade [m], growing from the clamp on, -0.05 to 0.5.
+    speed : array_like of shape (n,), optional
+        Of the blade [m/s], -1 to 1; must agree with `position` within a factor of 10.
+    angle : array_like of shape (n,), optional
+        Of the blade against the surface [rad], 0 to pi; upright is pi/2.
+    depth : array_like of shape (n,), optional
+        Depth of cut at the blade [m], 0 to 0.1.
+    force_unit : {"N", "1"}
+        "1": the force is normalised, and nothing that needs newtons can be had from the trace.
+    metadata : mapping
+        Whatever JSON can hold, by name; kept as JSON would give it back.
+
+    Raises
+    ------
+    TypeError
+        If a field is no array of numbers, or the metadata are not what JSON can hold.
+    ValueError
+        If a value is not finite or looks like another unit, lengths differ, or time does not increase.
+
+    Examples
+    --------
+    >>> trace = Trace(time=[0.0, 0.001, 0.002], force=[0.0, 0.1, 0.2])
+    >>> len(trace), trace[1].force
+    (3, 0.1)
+    >>> trace.require("depth", by="score")
+    Traceback (most recent call last):
+    ...
+    ValueError: score needs depth, which this trace does not hold; it holds time, force.
+    """
+
+    time: NDArray[np.float64]
+    force: NDArray[np.float64]
+    position: NDArray[np.float64] | None = None
+    speed: NDArray[np.float64] | None = None
+    angle: NDArray[np.float64] | None = None
+    depth: NDArray[np.float64] | None = None
+    force_unit: str = "N"
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        one_of("force_unit", self.force_unit, FORCE_UNITS)
+        for name, limits in ({"force": _FORCE_RANGES[self.force_unit]} | _RANGES).items():
+            values = getattr(self, name)
+            if values is not None:
+                object.__setattr__(self, name, _column(name, values, limits))
+        for name in self.known:
+            values = getattr(self, name)
+            if values.shape != self.time.shape:
+                raise ValueError(
+                    f"{name} has {len(values)} values and time has {len(self.time)}. Give one per instant."
+                )
+        _check_time(self.time)
+        if self.speed is not None and self.position is not None:
+            _check_speed(self.time, self.position, self.speed)
+        object.__setattr__(self, "metadata", _json_copy(self.metadata))
+
+    @classmethod
+    def from_readings(
+        cls,
+        readings: Iterable[Reading],
+        *,
+        force_unit: str = "N",
+        metadata: Mapping[str, Any] | None = None,
+    ) -> Trace:
+        """Collect instants into a trace; a field is known if every reading knows it.
+
+        Parameters
+        ----------
+        readings : iterable of Reading
+            In order of time, 2 or more.
+        force_unit : {"N", "1"}
+            Unit of their force.
+        metadata : mapping, optional
+            As in `Trace`.
+
+        Raises
+        ------
+        ValueError
+            If a field is known to some readings only, or as in `Trace`.
+        """
+        columns = {
+            name: list(values) for name, values in zip(Reading._fields, zip(*readings, strict=True), strict=False)
+        }
+        for name in _SENSED:
+            unknown = sum(value is None for value in columns.get(name, ()))
+            if unknown == len(columns.get(name, ())):
+                columns[name] = None  # type: ignore[assignment]
+            elif unknown:
+                raise ValueError(f"{name} is None in {unknown} readings, but not in all. Leave these out.")
+        return cls(
+            time=columns.get("time", []),  # type: ignore[arg-type]
+            force=columns.get("force", []),  # type: ignore[arg-type]
+            **{name: columns[name] for name in _SENSED},  # type: ignore[arg-type]
+            force_unit=force_unit,
+            metadata=metadata or {},
+        )
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Names of the fields that the trace holds, time and force among them."""
+        return tuple(name for name in Reading._fields if getattr(self, name) is not None)
+
+    @property
+    def duration(self) -> float:
+        """From the first instant to the last [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def sample_rate(self) -> float:
+        """Mean number of readings a second [Hz]."""
+        return (len(self) - 1) / self.duration
+
+    def require(self, *names: str, by: str) -> tuple[NDArray[np.float64], ...]:
+        """Return the named fields, or say which function needs which missing one.
+
+        Parameters
+        ----------
+        *names : str
+            Among "time", "force", "position", "speed", "angle", "depth".
+        by : str
+            The function that needs them, for the message.
+
+        Returns
+        -------
+        tuple of ndarray, each of shape (n,)
+            In the order of the names.
+
+        Raises
+        ------
+        ValueError
+            If one is missing from the trace, or is no field of a trace.
+        """
+        for name in names:
+            one_of("field", name, Reading._fields)
+        missing = [name for name in names if getattr(self, name) is None]
+        if missing:
+            raise ValueError(
+                f"{by} needs {' and '.join(missing)}, which this trace does not hold; it holds {', '.join(self.known)}."
+            )
+        return tuple(getattr(self, name) for name in names)
+
+    def require_newtons(self, *, by: str) -> NDArray[np.float64]:
+        """Return the force [N], shape (n,), or say which function needs newtons.
+
+        Raises
+        ------
+        ValueError
+            If the force is normalised (`force_unit` "1").
+        """
+        if self.force_unit != "N":
+            raise ValueError(
+                f'{by} needs force in newtons (force_unit "N"), but this trace has force_unit '
+                f'"{self.force_unit}". Multiply by the force that it was normalised with, if that is known.'
+            )
+        return self.force
+
+    def select(self, which: slice | ArrayLike) -> Trace:
+        """Return a part of the trace, for example ``trace.select(slice(0, 120))``.
+
+        Parameters
+        ----------
+        which : slice, or array_like of bool of shape (n,), or array_like of int
+            Instants to keep, in order of time.
+
+        Raises
+        ------
+        ValueError
+            If fewer than 2 remain, a mask has another length, or time no longer increases.
+        """
+        index = which if isinstance(which, slice) else np.asarray(which)
+        if isinstance(index, np.ndarray) and index.dtype == np.bool_ and index.shape != self.time.shape:
+            raise ValueError(f"a mask of shape {index.shape} does not fit a trace of {len(self)} instants.")
+        columns = {name: getattr(self, name)[index] for name in self.known}
+        return Trace(**columns, force_unit=self.force_unit, metadata=self.metadata)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __getitem__(self, i: int) -> Reading:
+        values = (getattr(self, name) for name in Reading._fields)
+        return Reading(*(None if column is None else float(column[i]) for column in values))  # type: ignore[arg-type]
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Trace):
+            return NotImplemented
+        return (
+            (self.known, self.force_unit) == (other.known, other.force_unit)
+            and all(np.array_equal(getattr(self, name), getattr(other, name)) for name in self.known)
+            and self.metadata == other.metadata
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        known = ", ".join(self.known)
+        return f"Trace({known}; {len(self)} instants in {self.duration:g} s, force_unit={self.force_unit!r})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Rebuilt through the constructor, so that a copy's arrays are read-only too.
+        return functools.partial(Trace, **{f.name: getattr(self, f.name) for f in fields(self)}), ()
+
+
+def _column(name: str, values: ArrayLike, limits: tuple[float, float, str, str]) -> NDArray[np.float64]:
+    low, high, unit, cure = limits
+    column = array_in_range(name, values, low, high, unit, cure)
+    if column.ndim != 1:
+        raise ValueError(f"{name} has shape {column.shape}; give one value per instant, shape (n,).")
+    column = column.copy()
+    column.setflags(write=False)
+    return column
+
+
+def _check_time(time: NDArray[np.float64]) -> None:
+    if len(time) < 2:
+        raise ValueError(f"a trace has 2 instants or more, got {len(time)}.")
+    step = np.diff(time)
+    if not (step > 0).all():
+        i = int(np.argmin(step > 0))
+        raise ValueError(
+            f"time must increase strictly, but goes from {time[i]:g} s to {time[i + 1]:g} s at instant "
+            f"{i + 1}. Sort the record, and drop repeated instants."
+        )
+    if np.median(step) > _LONGEST_STEP:
+        raise ValueError(
+            f"time steps by {np.median(step):g} s, more than {_LONGEST_STEP} s. Give seconds: it looks like "
+            "milliseconds, which are to be divided by 1000."
+        )
+
+
+def _check_speed(time: NDArray[np.float64], position: NDArray[np.float64], speed: NDArray[np.float64]) -> None:
+    """Refuse a speed in another unit than the position: integrated, it spans ten times as much or little."""
+    step = np.diff(time)
+    steady = step <= _GAP * np.median(step)
+    by_speed = float(np.ptp(np.cumsum(np.append(0.0, (0.5 * (speed[1:] + speed[:-1]) * step)[steady]))))
+    by_position = float(np.ptp(np.cumsum(np.append(0.0, np.diff(position)[steady]))))
+    low, high = sorted((by_speed, by_position))
+    if high > _DISAGREEMENT * low + _STILL:
+        raise ValueError(
+            f"speed and position disagree: integrated, the speed spans {by_speed:g} m and the position "
+            f"{by_position:g} m. Give both in SI: position in m, speed in m/s (1 cm/s is 0.01)."
+        )
+
+
+def _json_copy(metadata: Mapping[str, Any]) -> dict[str, Any]:
+    if not isinstance(metadata, Mapping):
+        raise TypeError(f"metadata must map names to values, got {metadata!r}.")
+    copy: dict[str, Any] = {}
+    for name, value in metadata.items():
+        if not isinstance(name, str):
+            raise TypeError(f"metadata names are strings, got {name!r}.")
+        try:
+            copy[name] = json.loads(json.dumps(value, allow_nan=False))
+        except (TypeError, ValueError) as error:
+            raise TypeError(
+                f"metadata[{name!r}] = {value!r} is not what JSON can hold ({error}). "
+                "Give text, finite numbers, booleans, None, lists or dicts of these; for arrays .tolist()."
+            ) from None
+    return copy

@@ -1,0 +1,122 @@
+"""Derive eta90, the excess of the force that starts a crack run, from the spacing of the segments of Table 4.1.
+
+    python scripts/derive_eta90.py            prints the derivation
+    python scripts/derive_eta90.py --write    also writes assets/derived/eta90.json
+
+A homogeneous specimen with the modulus of that very cut is cut at its speed; eta90 is the value for which the mean
+length of a unit is that between the table's segments.  Depth cancels.  Biased upward: the table lists only
+significant segments.  The interval is a bootstrap over the table's segments (spacing and modulus).
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from cutenv.cutting.parameters import law_records, profile_records
+from cutenv.cutting.records import READING, TICK, new_state
+from cutenv.cutting.simulate import follow
+from cutenv.tissue.derivation import write_derived
+from cutenv.tissue.description import TissueDescription, tables_only
+from cutenv.tissue.modulus import local_effective_modulus, quasi_static_modulus
+from cutenv.tissue.specimen import Specimen
+from cutenv.tissue.tables import table
+
+SPEED = 0.0038  # of the cut of Table 4.1, thesis 4.4 [m/s]
+DEPTH = 0.01  # cancels [m]
+ETAS = np.linspace(0.10, 0.70, 25)
+STIFFNESSES = np.array([0.5, 0.7, 0.85, 1.0, 1.15, 1.3, 1.6])  # of the cut's mean modulus
+
+
+def cut_along(specimen: Specimen, end: float, speed: float) -> NDArray[np.void]:
+    """Readings of a blade led from the clamp to ``end`` [m] at ``speed`` [m/s], upright."""
+    positions = np.arange(1, math.ceil(end / (speed * TICK)) + 1) * speed * TICK
+    readings = np.zeros(len(positions), READING)
+    state = new_state(1, math.pi / 2)
+    angles = np.full(len(positions), math.pi / 2)
+    follow(state[0], profile_records([specimen])[0], law_records([specimen])[0], positions, angles, TICK, readings)
+    return readings
+
+
+def apparent_over_true(tissue: TissueDescription) -> float:
+    """Mean of W / (B x) over R at the cut lengths of Table 6.1, for the mean tissue cut slowly [1]."""
+    resistance = tissue.fracture_resistance
+    specimen = Specimen.homogeneous(
+        modulus=quasi_static_modulus(), fracture_resistance=resistance, depth=DEPTH, tissue=tissue
+    )
+    lengths = table("6.1")["cut_length_m"]
+    readings = cut_along(specimen, float(lengths.max()), 0.001)
+    work = np.cumsum(readings["true_force"]) * 0.001 * TICK
+    apparent = np.interp(lengths, readings["position"], work) / (DEPTH * lengths)
+    return float(apparent.mean() / resistance)
+
+
+def unit_length(eta90: float, modulus: float, start: float, end: float) -> float:
+    """Mean spacing of crack runs [m] between ``start`` and ``end`` [m], for the quasi-static ``modulus`` [Pa]."""
+    tissue = tables_only(eta90=eta90)
+    corrected = tissue.fracture_resistance / apparent_over_true(tissue)
+    specimen = Specimen.homogeneous(modulus=modulus, fracture_resistance=corrected, depth=DEPTH, tissue=tissue)
+    readings = cut_along(specimen, end + 0.02, SPEED)
+    runs = readings["position"][readings["jump"] > 0.0]
+    # The last run before the range and the first after it give a whole number of units that spans it.
+    first = max(int(np.searchsorted(runs, start)) - 1, 0)
+    last = min(int(np.searchsorted(runs, end)), len(runs) - 1)
+    return float((runs[last] - runs[first]) / (last - first))
+
+
+def main() -> None:
+    """Derive, print and, if asked, write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--write", action="store_true", help="write assets/derived/eta90.json")
+    parser.add_argument("--resamples", type=int, default=10_000, help="bootstrap resamples")
+    arguments = parser.parse_args()
+
+    data = table("4.1")
+    places = data["distance_cm"] / 100.0
+    spacing = np.diff(places)
+    lem = data["lem_quad8_plane_stress_Pa"]
+    ratio = local_effective_modulus(SPEED, math.pi / 2) / quasi_static_modulus()
+    modulus = float(lem.mean()) / ratio  # the table's slope is that at 0.38 cm/s
+    print(f"Table 4.1: {len(spacing)} units of {1e3 * spacing.mean():.2f} mm on average, mean LEM {lem.mean():.0f} Pa")
+
+    lengths = np.array(
+        [
+            [unit_length(eta, modulus * factor, float(places[0]), float(places[-1])) for eta in ETAS]
+            for factor in tqdm(STIFFNESSES, desc="unit length by stiffness")
+        ]
+    )
+
+    def solve(target: float, factor: float) -> float:
+        at_factor = np.array([np.interp(factor, STIFFNESSES, lengths[:, k]) for k in range(len(ETAS))])
+        return float(np.interp(target, np.maximum.accumulate(at_factor), ETAS))
+
+    value = solve(float(spacing.mean()), 1.0)
+    rng = np.random.default_rng(0)
+    resampled = [
+        solve(float(rng.choice(spacing, len(spacing)).mean()), float(rng.choice(lem, len(lem)).mean() / lem.mean()))
+        for _ in range(arguments.resamples)
+    ]
+    low, high = np.quantile(resampled, [0.025, 0.975])
+    print(f"eta90 = {value:.3f}, 95 % bootstrap interval {low:.3f} to {high:.3f} ({arguments.resamples} resamples)")
+    for eta in (0.2, 0.25, 0.3, 0.35, 0.4, 0.45):
+        print(f"  unit length at eta90 = {eta:.2f}: {1e3 * np.interp(eta, ETAS, lengths[3]):.2f} mm")
+    correction = apparent_over_true(dataclasses.replace(tables_only(), eta90=value))
+    print(f"apparent over true fracture resistance, mean of Table 6.1's lengths: {correction:.3f}")
+    if arguments.write:
+        write_derived(
+            "eta90",
+            round(value, 3),
+            unit="1",
+            interval=(round(float(low), 3), round(float(high), 3)),
+            source="spacing of the loading segments of Table 4.1, with that cut's mean LEM",
+            script="scripts/derive_eta90.py",
+        )
+
+
+if __name__ == "__main__":
+    main()

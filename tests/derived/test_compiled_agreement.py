@@ -1,0 +1,202 @@
+"""Plain Python, compiled for one cut, compiled for many: the same law.
+
+Run as a program, with Numba switched off, this file is the plain Python: it reads cases and answers.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from led_cut import UPRIGHT, changed_law, constant_feed, homogeneous, lead, lead_by, liver
+
+import cutenv
+from cutenv.cutting.drive import Hand, Rig
+from cutenv.cutting.parameters import law_records, profile_records
+from cutenv.cutting.records import DRIVE, LAW, PROFILE, READING, STATE, TICK, new_state
+from cutenv.cutting.sensor import SENSOR, SensorParameters, sensor_records
+from cutenv.cutting.simulate import follow, simulate, simulate_batch, update
+from cutenv.randomness import generator
+from cutenv.tissue.specimen import Specimen
+
+Cases = dict[str, Any]
+DTYPES = {
+    "states": STATE,
+    "profiles": PROFILE,
+    "laws": LAW,
+    "drives": DRIVE,
+    "sensors": SENSOR,
+    "readings": READING,
+}
+CUTS, COMMANDS, TICKS = 24, 60, 2400
+
+
+def driven_cuts() -> Cases:
+    """Cuts of drawn specimens by rigs and hands under random commands, at rest at the clamp."""
+    rng = generator(21)
+    kinds = ["liver", "vascular", "uniform"]
+    specimens = [Specimen.draw(rng, specimen_class=kinds[i % 3], tissue=liver()) for i in range(CUTS)]
+    noisy = SensorParameters(force_drift=0.01)
+    return {
+        "states": new_state(CUTS, UPRIGHT),
+        "profiles": profile_records(specimens),
+        "laws": law_records(specimens),
+        "drives": np.concatenate([(Hand() if i % 4 == 3 else Rig()).records(0.1495) for i in range(CUTS)]),
+        "sensors": sensor_records([noisy] * CUTS, list(range(CUTS)), [5] * CUTS),
+        "speeds": rng.uniform(-0.008, 0.0254, (CUTS, COMMANDS)) + 0.0,
+        "angles": UPRIGHT * rng.uniform(0.5, 1.0, (CUTS, COMMANDS)),
+        "readings": np.zeros((CUTS, TICKS), READING),
+    }
+
+
+def copied(cases: Cases) -> Cases:
+    return {name: values.copy() for name, values in cases.items()}
+
+
+def one_by_one(cases: Cases) -> Cases:
+    c = copied(cases)
+    for n in range(len(c["states"])):
+        simulate(*(c[name][n] for name in ORDER), TICK, c["readings"][n])
+    return c
+
+
+ORDER = ("states", "profiles", "laws", "drives", "sensors", "speeds", "angles")
+
+
+def instants(cases: Cases) -> Cases:
+    """One update from each of many states along the cuts: random ones, and those before every tenth run."""
+    rng = np.random.default_rng(3)
+    picked: dict[str, list[Any]] = {name: [] for name in (*ORDER, "readings")}
+    for n in range(len(cases["states"])):
+        c = copied({name: values[n : n + 1] for name, values in cases.items()})
+        chosen = set(rng.choice(TICKS, 8, replace=False).tolist())
+        chosen |= set(np.flatnonzero(one_by_one(c)["readings"]["jump"][0] > 0.0)[::10].tolist())
+        for tick in range(TICKS):
+            k = tick // (TICKS // COMMANDS)
+            command = {"speeds": c["speeds"][:, k : k + 1], "angles": c["angles"][:, k : k + 1]}
+            now = {name: c[name] for name in ORDER} | command
+            if tick in chosen:
+                for name, values in now.items():
+                    picked[name].append(values.copy())
+                picked["readings"].append(np.zeros((1, 1), READING))
+            record = (now[name][0] for name in ORDER[:5])
+            update(
+                *record,
+                float(command["speeds"][0, 0]),
+                float(command["angles"][0, 0]),
+                TICK,
+                c["readings"][0, 0],
+            )
+    return {name: np.concatenate(values) for name, values in picked.items()}
+
+
+def plain_python(cases: Cases, folder: Path) -> Cases:
+    """What the same functions answer without Numba's compiler, in a process of their own."""
+    np.savez(folder / "cases.npz", **cases)
+    command = [sys.executable, __file__, str(folder / "cases.npz"), str(folder / "answers.npz")]
+    places = [str(Path(cutenv.__file__).parents[1]), str(Path(__file__).parents[1])]
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(places)}
+    subprocess.run(command, check=True, env=environment)
+    return load(folder / "answers.npz")
+
+
+def load(file: Path) -> Cases:
+    with np.load(file) as stored:
+        return {name: stored[name].astype(DTYPES.get(name, stored[name].dtype)) for name in stored.files}
+
+
+def numbers(records: Any) -> np.ndarray:
+    """Every field of records as float64, shape (n_fields, ...)."""
+    return np.stack([np.asarray(records[name], dtype=float) for name in records.dtype.names if name != "line"])
+
+
+def check_one_update(ours: Cases, theirs: Cases) -> None:
+    for name in ("states", "readings", "sensors"):
+        a, b = numbers(ours[name]), numbers(theirs[name])
+        assert np.array_equal(np.isinf(a), np.isinf(b))
+        assert np.abs(np.where(np.isinf(a), 0.0, a) - np.where(np.isinf(b), 0.0, b)).max() <= 1e-9
+
+
+def check_whole_cut(ours: Cases, theirs: Cases) -> None:
+    """Thresholds amplify rounding: over a cut compare the number of units and the length of the crack."""
+    assert np.array_equal(ours["states"]["units"], theirs["states"]["units"])
+    assert ours["states"]["tip"] == pytest.approx(theirs["states"]["tip"], abs=1e-6)
+
+
+def check_bit_for_bit(ours: Cases, theirs: Cases) -> None:
+    for name in ("states", "readings", "sensors"):
+        assert ours[name].tobytes() == theirs[name].tobytes()
+
+
+@pytest.fixture(scope="module")
+def cases() -> Cases:
+    return driven_cuts()
+
+
+@pytest.fixture(scope="module")
+def moments(cases: Cases) -> Cases:
+    return instants(cases)
+
+
+def test_from_equal_state_one_update_agrees_in_plain_python_and_compiled(moments, tmp_path):
+    assert len(moments["states"]) > 200
+    compiled, plain = one_by_one(moments), plain_python(moments, tmp_path)
+    assert (compiled["readings"]["jump"] > 0.0).sum() >= 10
+    check_one_update(compiled, plain)
+    tougher = copied(moments)
+    tougher["profiles"]["toughness"] *= 1.0 + 1e-6
+    with pytest.raises(AssertionError):
+        check_one_update(one_by_one(tougher), plain)
+
+
+def test_over_a_cut_plain_python_and_compiled_agree_on_units_and_crack(cases, tmp_path):
+    few = {name: values[:6] for name, values in cases.items()}
+    plain = plain_python(few, tmp_path)
+    assert plain["states"]["units"].min() >= 3
+    check_whole_cut(one_by_one(few), plain)
+    tougher = copied(few)
+    tougher["profiles"]["toughness"] *= 1.01
+    with pytest.raises(AssertionError):
+        check_whole_cut(one_by_one(tougher), plain)
+
+
+def batch(cases: Cases) -> Cases:
+    c = copied(cases)
+    simulate_batch(*(c[name] for name in ORDER), TICK, c["readings"])
+    return c
+
+
+def test_one_cut_and_a_batch_of_cuts_are_equal_bit_for_bit(cases):
+    single = one_by_one(cases)
+    check_bit_for_bit(batch(cases), single)
+    nearly = copied(cases)
+    nearly["laws"]["eta90"][0] *= 1.0 + 1e-15
+    with pytest.raises(AssertionError):
+        check_bit_for_bit(batch(nearly), single)
+
+
+def test_the_order_in_a_batch_and_repetition_change_nothing(cases):
+    once = batch(cases)
+    check_bit_for_bit(batch(cases), once)
+    backwards = batch({name: values[::-1].copy() for name, values in cases.items()})
+    check_bit_for_bit({name: values[::-1].copy() for name, values in backwards.items()}, once)
+
+
+def test_following_a_path_is_the_law_that_the_other_checks_use(cases):
+    path = constant_feed(0.0254, to=0.05)
+    led, plain = lead(homogeneous(), path), lead_by(changed_law(), homogeneous(), path)
+    followed = {"states": new_state(1, UPRIGHT), "readings": np.zeros(len(path), READING)}
+    angles = np.full(len(path), UPRIGHT)
+    follow(followed["states"][0], led.profile, led.law, path, angles, TICK, followed["readings"])
+    assert np.array_equal(followed["readings"]["elastic_force"], led.readings["elastic_force"])
+    assert numbers(plain.states[1:]) == pytest.approx(numbers(led.states[1:]), abs=1e-9)
+
+
+if __name__ == "__main__":
+    answers = one_by_one(load(Path(sys.argv[1])))
+    np.savez(sys.argv[2], **answers)

@@ -1,0 +1,113 @@
+"""Compiled kernels on disk never outlive the source that they were made from."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import cutenv.compiled
+from cutenv.compiled import kernel_folder, source_digest
+
+LAW = """
+from package.compiled import compiled
+
+@compiled
+def force(x: float) -> float:
+    return {factor} * x
+"""
+CALLER = """
+from package.compiled import compiled
+from package.law import force
+
+@compiled
+def twice(x: float) -> float:
+    return 2.0 * force(x)
+"""
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A package of two compiled modules with the door to Numba that cutenv has."""
+    folder = tmp_path / "package"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    (folder / "compiled.py").write_text(Path(cutenv.compiled.__file__).read_text())
+    (folder / "caller.py").write_text(CALLER)
+    write_law(folder, 3.0)
+    return folder
+
+
+def write_law(package: Path, factor: float) -> None:
+    (package / "law.py").write_text(LAW.format(factor=factor))
+
+
+def answer(package: Path, **environment: str) -> float:
+    """What the kernel answers in a new process."""
+    inherited = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA")}
+    done = subprocess.run(
+        [sys.executable, "-c", "from package.caller import twice; print(twice(1.0))"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=inherited | {"PYTHONPATH": str(package.parent)} | environment,
+    )
+    return float(done.stdout)
+
+
+def check_edit_of_an_inlined_function_is_seen(package: Path, **environment: str) -> None:
+    assert answer(package, **environment) == 6.0
+    assert list(package.parent.rglob("*.nbi"))
+    write_law(package, 5.0)
+    assert answer(package, **environment) == 10.0
+
+
+def test_an_edit_of_a_function_in_another_file_reaches_the_kernel_that_inlined_it(package):
+    check_edit_of_an_inlined_function_is_seen(package)
+
+
+def test_the_same_holds_where_the_user_chose_the_cache(package, tmp_path):
+    check_edit_of_an_inlined_function_is_seen(package, NUMBA_CACHE_DIR=str(tmp_path / "chosen"))
+    assert not list(package.rglob("*.nbi"))
+
+
+def test_a_cache_that_is_not_named_after_the_source_would_run_yesterdays_law(package):
+    door = package / "compiled.py"
+    door.write_text(door.read_text().replace("return content.hexdigest()[:16]", 'return "always"'))
+    with pytest.raises(AssertionError):
+        check_edit_of_an_inlined_function_is_seen(package)
+
+
+def test_every_change_of_source_changes_the_digest(package):
+    seen = {source_digest(package)}
+    for change in (
+        lambda: (package / "more.py").write_text("SPACING = 1.0"),
+        lambda: write_law(package, 4.0),
+        lambda: (package / "more.py").write_text("SPACING = 2.0"),
+    ):
+        change()
+        seen.add(source_digest(package))
+    assert len(seen) == 4
+
+
+def test_folders_of_earlier_sources_are_removed_and_nothing_else(package, monkeypatch):
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    first = kernel_folder(package)
+    kept = package / "__pycache__" / "law.cpython-311.pyc"
+    kept.touch()
+    write_law(package, 7.0)
+    second = kernel_folder(package)
+    assert second != first
+    assert second.is_dir()
+    assert not first.exists()
+    assert kept.exists()
+
+
+def test_where_nothing_can_be_written_nothing_is_kept(package, tmp_path):
+    blocked = tmp_path / "blocked"
+    blocked.touch()  # a file where the folder should be
+    assert answer(package, NUMBA_CACHE_DIR=str(blocked)) == 6.0
+    assert not list(tmp_path.rglob("*.nbi"))

@@ -1,0 +1,184 @@
+"""LEM in, LEM out: the modulus that the law was given comes back from the record of a cut."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from recorded_cut import RecordedCut, recorded_cut
+
+from cutenv.measurement import (
+    estimate_fracture_resistance,
+    estimate_local_effective_moduli,
+    iterate_modulus,
+    loading_segments,
+)
+from cutenv.tissue.cut_model import CutModel
+from cutenv.tissue.modulus import local_effective_modulus
+from cutenv.trace import Trace
+
+SPEEDS = (0.001, 0.0127, 0.0254)
+MODEL = CutModel()
+
+
+def check_modulus_comes_back(cut: RecordedCut, **changes: Any) -> None:
+    """Section 6 of the design: 5 % median; the tips besides."""
+    estimate = estimate_local_effective_moduli(cut.trace, MODEL, **changes)
+    assert len(estimate) >= 5
+    ratio = estimate.modulus / cut.true_moduli(estimate.segments)
+    assert abs(np.median(ratio) - 1.0) < 0.025
+    assert np.median(np.abs(ratio - 1.0)) < 0.025
+    tips = np.array([cut.tip[s.samples].mean() for s in estimate.segments])
+    assert np.median(np.abs(estimate.position - tips)) < 0.3e-3
+
+
+@pytest.mark.parametrize("angle_deg", [90.0, 45.0])
+@pytest.mark.parametrize("speed", SPEEDS)
+@pytest.mark.parametrize("kind", ["2 cm", "1 cm", "bulge", "liver"])
+def test_modulus_comes_back_from_any_speed_angle_and_depth(kind: str, speed: float, angle_deg: float) -> None:
+    cut = recorded_cut(kind, speed=speed, angle_deg=angle_deg)
+    check_modulus_comes_back(cut)
+    assert estimate_local_effective_moduli(cut.trace, MODEL).flags == ()
+
+
+def test_kappa_at_the_blade_instead_of_the_tip_is_noticed() -> None:
+    with pytest.raises(AssertionError):
+        check_modulus_comes_back(recorded_cut(), loading_ratio=0.0)
+
+
+@pytest.mark.parametrize("angle_deg", [90.0, 45.0])
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_kappa_at_the_blade_costs_more_than_3_percent(speed: float, angle_deg: float) -> None:
+    cut = recorded_cut(speed=speed, angle_deg=angle_deg)
+    at_tip = estimate_local_effective_moduli(cut.trace, MODEL)
+    at_blade = estimate_local_effective_moduli(cut.trace, MODEL, loading_ratio=0.0)
+    assert 1.03 < np.median(at_blade.modulus / at_tip.modulus) < 1.08
+
+
+def test_friction_left_in_where_the_depth_grows_is_noticed() -> None:
+    with pytest.raises(AssertionError):
+        check_modulus_comes_back(recorded_cut("bulge"), friction_per_depth=0.0)
+
+
+def test_depth_at_the_blade_instead_of_the_tip_is_noticed() -> None:
+    with pytest.raises(AssertionError):
+        check_modulus_comes_back(recorded_cut("bulge"), loading_ratio=0.0)
+
+
+def test_friction_comes_from_the_way_back() -> None:
+    cut = recorded_cut("bulge")
+    estimate = estimate_local_effective_moduli(cut.trace, MODEL)
+    assert estimate.friction_per_depth == pytest.approx(cut.specimen.friction_per_depth, rel=0.03)
+
+
+def test_a_cut_without_way_back_is_flagged_and_friction_can_be_given() -> None:
+    cut = recorded_cut("bulge").forward()
+    assert any("friction unknown" in flag for flag in estimate_local_effective_moduli(cut.trace, MODEL).flags)
+    friction = cut.specimen.friction_per_depth
+    check_modulus_comes_back(cut, friction_per_depth=friction)
+    assert estimate_local_effective_moduli(cut.trace, MODEL, friction_per_depth=friction).flags == ()
+    check_modulus_comes_back(cut, friction_per_depth=estimate_fracture_resistance(cut.trace).friction_per_depth)
+
+
+def test_the_first_segment_after_contact_is_left_out() -> None:
+    cut = recorded_cut(turns=(0.04, 0.0, 0.08, 0.0))
+    left_out = [s.start for s in loading_segments(cut.trace) if s.after_standstill]
+    assert len(left_out) == 2
+    used = [s.start for s in estimate_local_effective_moduli(cut.trace, MODEL).segments]
+    assert not set(left_out) & set(used)
+
+
+def test_without_depth_the_modulus_is_that_of_unit_thickness_and_flagged() -> None:
+    """As in Tables 5.1 to 5.5: force as if the cut were 1 cm deep, so twice the modulus at 2 cm."""
+    cut = recorded_cut()
+    by_depth = estimate_local_effective_moduli(cut.trace, MODEL)
+    blind = dataclasses.replace(cut.trace, depth=None)
+    for estimate in (
+        estimate_local_effective_moduli(blind, MODEL),
+        estimate_local_effective_moduli(cut.trace, MODEL, depth_normalised=False),
+    ):
+        assert estimate.modulus == pytest.approx(2.0 * by_depth.modulus, rel=1e-9)
+        assert any("not normalised by depth: as if 1 cm deep" in flag for flag in estimate.flags)
+
+
+def test_plane_strain_moduli_differ_by_the_ratio_of_stiffness() -> None:
+    cut = recorded_cut()
+    strain = CutModel(formulation="plane_strain")
+    stress_estimate = estimate_local_effective_moduli(cut.trace, MODEL)
+    strain_estimate = estimate_local_effective_moduli(cut.trace, strain)
+    expected = MODEL.convert_modulus(stress_estimate.modulus, strain, stress_estimate.position)
+    assert strain_estimate.modulus == pytest.approx(expected, rel=1e-12)
+
+
+def check_iteration_agrees(tip: float, initial: float, *, thickness: float = 0.02) -> None:
+    """The thesis's loop around the finite-element model ends at the modulus that one division gives."""
+    node = MODEL.pairs[np.argmin(np.abs(MODEL.nodes[MODEL.pairs[:, 0], 1] - tip)), 0]
+    dF, dU = 1.7, 4e-3
+
+    def force_rise(E: float) -> float:
+        per_newton = MODEL.displacement(tip, 1.0, E, thickness)[node, 1]
+        return dU / float(per_newton)
+
+    found = iterate_modulus(force_rise, dF, initial=initial)
+    assert found == pytest.approx(dF / dU / (MODEL.stiffness(tip) * 0.02), rel=1e-9)
+
+
+@pytest.mark.parametrize("initial", [10.0, 5e4, 1e9])
+@pytest.mark.parametrize("tip", [0.02, 0.05, 0.10])
+def test_the_iteration_agrees_with_the_one_step_of_a_linear_model(tip: float, initial: float) -> None:
+    check_iteration_agrees(tip, initial)
+
+
+def test_another_thickness_in_the_iteration_is_noticed() -> None:
+    with pytest.raises(AssertionError):
+        check_iteration_agrees(0.05, 1e4, thickness=0.01)
+
+
+@pytest.mark.parametrize("power", [0.5, 0.8, 1.5])
+def test_the_iteration_finds_the_modulus_of_a_model_that_is_not_linear_in_it(power: float) -> None:
+    E = iterate_modulus(lambda E: 1e-3 * E**power, 1e-3 * 40e3**power, tolerance=1e-6)
+    assert pytest.approx(40e3, rel=1e-5) == E
+
+
+def test_the_iteration_says_where_it_diverges() -> None:
+    with pytest.raises(RuntimeError, match="did not converge: step 100, modulus 10000 Pa, residual 1"):
+        iterate_modulus(lambda E: 1e-8 * E**2, 2.0)
+    with pytest.raises(RuntimeError, match=r"did not converge: step 7, modulus .* Pa, residual"):
+        iterate_modulus(lambda E: 1e-12 * E**3, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"loading_ratio": 1.5}, "loading_ratio = 1.5 is outside"),
+        ({"friction_per_depth": -1.0}, "friction_per_depth = -1 N/m is outside"),
+        ({"smallest_drop": -1.0}, "smallest_drop"),
+    ],
+)
+def test_nonsense_is_refused(changes: dict[str, float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        estimate_local_effective_moduli(recorded_cut().trace, MODEL, **changes)  # type: ignore[arg-type]
+
+
+def test_what_a_trace_lacks_is_named() -> None:
+    trace = recorded_cut().trace
+    with pytest.raises(ValueError, match="estimate_local_effective_moduli needs position"):
+        estimate_local_effective_moduli(Trace(time=trace.time, force=trace.force), MODEL)
+    with pytest.raises(ValueError, match="estimate_local_effective_moduli without loading_ratio needs angle"):
+        estimate_local_effective_moduli(dataclasses.replace(trace, angle=None), MODEL)
+    with pytest.raises(ValueError, match="needs force in newtons"):
+        estimate_local_effective_moduli(dataclasses.replace(trace, force_unit="1"), MODEL)
+
+
+def test_without_angle_the_loading_ratio_can_be_given() -> None:
+    trace = dataclasses.replace(recorded_cut().trace, angle=None)
+    ratio = local_effective_modulus(0.0127, math.radians(90)) / local_effective_modulus(0.0, math.radians(90))
+    assert len(estimate_local_effective_moduli(trace, MODEL, loading_ratio=float(ratio))) > 5
+
+
+def test_a_speed_outside_the_measured_range_is_flagged() -> None:
+    estimate = estimate_local_effective_moduli(recorded_cut(speed=0.035).trace, MODEL)
+    assert any("speed outside the measured range" in flag for flag in estimate.flags)

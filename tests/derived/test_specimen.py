@@ -1,0 +1,266 @@
+"""A specimen: drawn from one seed, in three levels, smooth enough for a point load; kept exactly in JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from led_cut import liver
+
+from cutenv.randomness import generator
+from cutenv.tissue import specimen as specimen_module
+from cutenv.tissue.cut_model import CutModel
+from cutenv.tissue.description import TissueDescription
+from cutenv.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen, draw_liver
+
+Y = np.arange(N_POINTS) * SPACING
+TISSUE = liver(modulus_between_liver_cv=0.15, modulus_between_cut_cv=0.22, modulus_within_cut_cv=0.2)
+kinds = st.sampled_from(["uniform", "liver", "vascular"])
+seeds = st.integers(0, 2**64 - 1)
+
+
+def drawn(seed: int, kind: str = "liver", tissue: TissueDescription = TISSUE) -> Specimen:
+    return Specimen.draw(generator(seed), specimen_class=kind, tissue=tissue)
+
+
+@given(seeds, kinds)
+@settings(max_examples=20)
+def test_one_seed_makes_one_specimen(seed, kind):
+    assert drawn(seed, kind) == drawn(seed, kind)
+    assert kind == "uniform" or drawn(seed, kind) != drawn(seed ^ 1, kind)
+
+
+@given(seeds, kinds)
+@settings(max_examples=20)
+def test_json_round_trip_is_exact(seed, kind):
+    specimen = drawn(seed, kind)
+    assert Specimen.from_json(specimen.to_json()) == specimen
+
+
+# --- three levels -----------------------------------------------------------------------------------------
+
+
+LIVERS, CUTS = 500, 4
+FAR_APART = (40, 240)  # points at 2 cm and 12 cm, five correlation lengths apart
+
+
+@pytest.fixture
+def _no_redraw(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draws as the distributions give them; redrawing what is too steep narrows them."""
+    monkeypatch.setattr(specimen_module, "_STEEPEST", math.inf)
+
+
+def log_moduli(tissue: TissueDescription) -> np.ndarray:
+    """Of 500 livers, 4 cuts each, at two places far apart; shape (livers, cuts, places)."""
+    rng = generator(12)
+    livers = [draw_liver(rng, tissue) for _ in range(LIVERS)]
+    return np.log(
+        [
+            [Specimen.draw(rng, tissue=tissue, liver_factor=one).modulus[list(FAR_APART)] for _ in range(CUTS)]
+            for one in livers
+        ]
+    )
+
+
+def check_levels(tissue: TissueDescription, log_modulus: np.ndarray) -> None:
+    """Variances of ln E between livers, between cuts and within a cut, to 20 % of the description's."""
+
+    def expected(cv: float) -> float:
+        return math.log1p(cv**2)
+
+    within = 0.5 * np.var(log_modulus[..., 0] - log_modulus[..., 1])
+    cut_means = log_modulus.mean(axis=-1)
+    # Half of the difference of two cuts of one liver: between cuts, plus half of the places' variance.
+    pairs = np.var(cut_means[:, 0::2] - cut_means[:, 1::2]) / 2.0
+    liver_means = cut_means.mean(axis=-1)
+    assert within == pytest.approx(expected(tissue.modulus_within_cut_cv), rel=0.2)
+    assert pairs - 0.5 * within == pytest.approx(expected(tissue.modulus_between_cut_cv), rel=0.2)
+    assert np.var(liver_means) - pairs / CUTS == pytest.approx(expected(tissue.modulus_between_liver_cv), rel=0.2)
+
+
+@pytest.mark.usefixtures("_no_redraw")
+def test_the_modulus_spreads_between_livers_between_cuts_and_within_a_cut():
+    log_modulus = log_moduli(TISSUE)
+    check_levels(TISSUE, log_modulus)
+    for level in ("modulus_between_liver_cv", "modulus_between_cut_cv", "modulus_within_cut_cv"):
+        with pytest.raises(AssertionError):
+            check_levels(dataclasses.replace(TISSUE, **{level: 1.3 * getattr(TISSUE, level)}), log_modulus)
+
+
+@pytest.mark.usefixtures("_no_redraw")
+def test_draws_have_the_means_of_the_description_and_the_spread_of_the_resistance():
+    rng = generator(13)
+    specimens = [Specimen.draw(rng, tissue=TISSUE) for _ in range(1500)]
+    modulus = np.array([s.modulus[150] for s in specimens])
+    resistance = np.array([s.fracture_resistance[150] for s in specimens])
+    friction = np.array([s.friction_per_depth for s in specimens]) / TISSUE.friction_share
+    scaled = TISSUE.intercept_90 * TISSUE.modulus_scale
+    assert modulus.mean() == pytest.approx(scaled, rel=4 * modulus.std() / modulus.mean() / math.sqrt(1500))
+    assert resistance.mean() == pytest.approx(TISSUE.fracture_resistance * TISSUE.fracture_scale, rel=0.05)
+    between, within = TISSUE.fracture_between_cut_cv, TISSUE.fracture_within_cut_cv
+    assert friction.std() / friction.mean() == pytest.approx(between, rel=0.12)
+    assert np.var(np.log(resistance)) == pytest.approx(math.log1p(between**2) + math.log1p(within**2), rel=0.15)
+
+
+def check_correlation(length: float, log_modulus: np.ndarray) -> None:
+    """Squared exponential: exp(-1/2) at one correlation length, exp(-2) at two."""
+    for lengths in (0.5, 1.0, 2.0):
+        step = round(lengths * length / SPACING)
+        one, two = log_modulus[:, 100].T, log_modulus[:, 100 + step].T
+        assert np.corrcoef(one, two)[0, 1] == pytest.approx(math.exp(-0.5 * lengths**2), abs=0.06)
+
+
+@pytest.mark.usefixtures("_no_redraw")
+def test_places_correlate_over_20_mm():
+    only_within = dataclasses.replace(TISSUE, modulus_between_liver_cv=0.0, modulus_between_cut_cv=0.0)
+    log_modulus = np.log([drawn(seed, tissue=only_within).modulus for seed in range(3000)])
+    check_correlation(0.020, log_modulus)
+    with pytest.raises(AssertionError):
+        check_correlation(0.030, log_modulus)
+
+
+# --- classes ----------------------------------------------------------------------------------------------
+
+
+def test_uniform_has_no_spread_and_the_mean_depth():
+    one, two = drawn(1, "uniform"), drawn(2, "uniform")
+    assert one == two
+    for values in (one.modulus, one.fracture_resistance, one.depth):
+        assert np.ptp(values) == 0.0
+    assert one.depth[0] == TISSUE.mean_depth
+
+
+def inclusions(specimen: Specimen) -> list[tuple[float, float]]:
+    """Length [m] at half height, and height over the least R, of each tough place in even tissue."""
+    factor = specimen.fracture_resistance / specimen.fracture_resistance.min()
+    borders = np.flatnonzero(np.diff(np.concatenate(([0], (factor > 1.25).astype(int), [0]))))
+    found = []
+    for start, stop in zip(borders[::2], borders[1::2], strict=True):
+        height = float(factor[start:stop].max())
+        found.append((float((factor[start:stop] > 0.5 * (1.0 + height)).sum()) * SPACING, height))
+    return found
+
+
+def test_vascular_adds_one_or_two_inclusions_of_1_5_to_2_5_times_the_resistance_over_2_to_5_mm():
+    even = dataclasses.replace(TISSUE, fracture_within_cut_cv=0.0)
+    found = [inclusions(drawn(seed, "vascular", even)) for seed in range(150)]
+    assert {len(one) for one in found} == {1, 2}
+    assert 0.3 < np.mean([len(one) == 2 for one in found]) < 0.6  # half, less those that touch
+    alone = np.array([one[0] for one in found if len(one) == 1])
+    length, height = alone.T
+    assert height.min() >= 1.45
+    assert height.max() <= 2.5
+    assert length.min() == pytest.approx(0.002, abs=SPACING)
+    assert np.quantile(length, 0.9) == pytest.approx(0.005, abs=2 * SPACING)
+    assert all(not inclusions(drawn(seed, "liver", even)) for seed in range(20))
+
+
+def test_a_liver_has_no_inclusions():
+    even = dataclasses.replace(TISSUE, fracture_within_cut_cv=0.0)
+    assert np.ptp(drawn(3, "liver", even).fracture_resistance) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_mixed_is_liver_or_vascular_half_each():
+    drawn_kinds = [drawn(seed, "mixed").specimen_class for seed in range(200)]
+    assert set(drawn_kinds) == {"liver", "vascular"}
+    assert drawn_kinds.count("liver") == pytest.approx(100, abs=4 * math.sqrt(50))
+
+
+# --- what a cut needs -------------------------------------------------------------------------------------
+
+
+def check_smooth(specimen: Specimen) -> None:
+    """K'(x - a)/K at most 0.5 where the force initiates growth, K = E0 kappa B computed here."""
+    K = specimen.modulus * CutModel().stiffness(Y) * specimen.depth
+    lag = (1.0 + specimen.tissue.eta90) * (1.0 - specimen.tissue.friction_share) * specimen.fracture_resistance
+    lag = lag * specimen.depth / K
+    assert np.max(np.gradient(np.log(K), SPACING) * lag) <= 0.5 * 1.02
+
+
+@pytest.mark.parametrize("kind", ["liver", "vascular"])
+def test_no_draw_is_steeper_than_a_point_load_averages(kind):
+    for seed in range(100):
+        check_smooth(drawn(seed, kind))
+
+
+@pytest.mark.usefixtures("_no_redraw")
+def test_without_redraws_some_are_steeper():
+    steep = [drawn(seed) for seed in range(200) if drawn(seed).steepness() > 0.55]
+    assert steep
+    with pytest.raises(AssertionError):
+        check_smooth(steep[0])
+
+
+def test_tissue_too_uneven_for_any_draw_is_refused():
+    uneven = dataclasses.replace(TISSUE, fracture_resistance=1e5)
+    with pytest.raises(ValueError, match="reduce the within-cut spread"):
+        drawn(0, tissue=uneven)
+
+
+def test_the_bulge_runs_from_1_mm_to_2_cm_with_the_measured_mean():
+    depth = drawn(5).depth
+    assert depth[0] == pytest.approx(0.001, rel=1e-3)
+    assert depth.max() == pytest.approx(0.020, rel=1e-3)
+    measured = (Y >= 0.0215) & (Y <= 0.12)  # from Table 4.1's first segment to the end of travel
+    assert depth[measured].mean() == pytest.approx(TISSUE.mean_depth, rel=5e-3)
+
+
+def test_homogeneous_is_what_it_was_given():
+    specimen = Specimen.homogeneous(
+        modulus=40e3, fracture_resistance=150.0, depth=0.01, friction_share=0.3, tissue=TISSUE
+    )
+    assert np.all(specimen.modulus == 40e3)
+    assert np.all(specimen.fracture_force() == pytest.approx(0.7 * 150.0 * 0.01))
+    assert specimen.friction_per_depth == pytest.approx(45.0)
+    assert specimen.stiffness()[100] == pytest.approx(40e3 * 0.01 * CutModel().stiffness(0.05))
+    assert len(specimen.modulus) == round(LENGTH / SPACING) + 1
+
+
+# --- bad input --------------------------------------------------------------------------------------------
+
+
+def changed(**changes: object) -> Callable[[], Specimen]:
+    return lambda: dataclasses.replace(drawn(1, "uniform"), **changes)
+
+
+@pytest.mark.parametrize(
+    ("make", "named"),
+    [
+        (changed(modulus=np.zeros(N_POINTS)), "modulus = 0 Pa"),
+        (changed(depth=np.full(N_POINTS, 2.0)), "depth = 2 m"),  # in cm
+        (changed(fracture_resistance=np.full(N_POINTS, math.nan)), "fracture_resistance = nan"),
+        (changed(modulus=np.full(7, 4e4)), "modulus has shape"),
+        (changed(friction_per_depth=-1.0), "friction_per_depth = -1"),
+        (changed(specimen_class="vasculer"), "Did you mean 'vascular'"),
+        (lambda: drawn(1, "livre"), "Did you mean 'liver'"),
+        (lambda: Specimen.from_json("{}"), "cutenv-specimen/1"),
+        (lambda: Specimen.from_json("no"), "not JSON"),
+        (lambda: liver(eta90=-0.1), "eta90"),
+        (lambda: liver(friction_share=math.nan), "friction_share"),
+        (lambda: liver(slope_90=-1e7), "must stay positive"),
+        (lambda: liver(element="quad9"), "Did you mean 'quad"),
+    ],
+)
+def test_bad_input_is_refused_by_name(make, named):
+    with pytest.raises(ValueError, match=named):
+        make()
+
+
+def test_json_with_a_missing_or_unknown_field_is_refused():
+    content = json.loads(drawn(1, "uniform").to_json())
+    with pytest.raises(ValueError, match=r"missing.*depth"):
+        Specimen.from_json(json.dumps({name: value for name, value in content.items() if name != "depth"}))
+    with pytest.raises(ValueError, match="dept"):
+        Specimen.from_json(json.dumps(content | {"dept": 1.0}))
+
+
+def test_profiles_cannot_be_changed_afterwards():
+    specimen = drawn(1)
+    with pytest.raises(ValueError, match="read-only"):
+        specimen.depth[0] = 0.5

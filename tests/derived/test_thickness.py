@@ -1,0 +1,92 @@
+"""The natural bulge: 1 mm at the clamp, 2 cm at the crown, and the mean that was measured."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from cutenv.tissue.thickness import bulge, rise_length_for
+
+EDGE, CROWN, LENGTH = 0.001, 0.020, 0.15
+Y = np.linspace(0.0, LENGTH, 3001)
+rises = st.floats(0.008, 0.025)
+
+
+def depth_of(rise: float, y=Y) -> np.ndarray:
+    return bulge(y, edge=EDGE, crown=CROWN, rise_length=rise, length=LENGTH)
+
+
+def check_shape(depth: np.ndarray) -> None:
+    """From a thin edge up to one crown and down again, never outside the measured range."""
+    assert depth[0] == pytest.approx(EDGE, rel=1e-6)
+    assert depth.max() == pytest.approx(CROWN, rel=1e-3)
+    assert np.all((depth > 0.0) & (depth <= CROWN))
+    crown = int(np.argmax(depth))
+    assert np.all(np.diff(depth[: crown + 1]) >= 0.0)
+    assert np.all(np.diff(depth[crown:]) <= 0.0)
+
+
+def check_steepness(depth: np.ndarray, rise: float) -> None:
+    """B'/B never exceeds 1/rise on the way up: the tip's lag stays short against the change of stiffness."""
+    assert np.max(np.gradient(np.log(depth), Y)) <= (1.0 + 1e-6) / rise
+
+
+@given(rises)
+def test_the_bulge_runs_from_edge_to_crown_and_back(rise):
+    check_shape(depth_of(rise))
+
+
+@given(rises)
+def test_the_rise_is_no_steeper_than_its_length(rise):
+    check_steepness(depth_of(rise), rise)
+
+
+def test_other_shapes_fail_the_checks():
+    ramp = np.minimum(EDGE + (CROWN - EDGE) * Y / 0.05, CROWN)
+    with pytest.raises(AssertionError):
+        check_shape(np.maximum(depth_of(0.015), 0.002))
+    with pytest.raises(AssertionError):
+        check_shape(ramp[::-1])
+    with pytest.raises(AssertionError):
+        check_steepness(ramp, 0.05)
+
+
+@given(rises, st.floats(0.5, 2.0))
+def test_dimensional_similarity(rise, scale):
+    """A specimen larger in every direction has the same bulge, larger."""
+    larger = bulge(scale * Y, edge=scale * EDGE, crown=scale * CROWN, rise_length=scale * rise, length=scale * LENGTH)
+    assert larger == pytest.approx(scale * depth_of(rise), rel=1e-9)
+
+
+def check_mean_depth(rise: float, travel: float, mean_depth: float) -> None:
+    volume, _ = quad(lambda y: float(depth_of(rise, y)), 0.0, travel, epsabs=1e-10, limit=200)
+    assert volume / travel == pytest.approx(mean_depth, rel=2e-3)
+
+
+@pytest.mark.parametrize("mean_depth", [0.011, 0.0132, 0.0148, 0.0164])
+@pytest.mark.parametrize("travel", [0.10, 0.12])
+def test_the_rise_length_gives_the_mean_depth(mean_depth, travel):
+    rise = rise_length_for(mean_depth, edge=EDGE, crown=CROWN, length=LENGTH, between=(0.0, travel))
+    check_mean_depth(rise, travel, mean_depth)
+    with pytest.raises(AssertionError):
+        check_mean_depth(1.1 * rise, travel, mean_depth)
+
+
+@pytest.mark.parametrize("mean_depth", [0.0005, 0.001, 0.021, math.nan])
+def test_a_mean_outside_the_bulge_is_refused(mean_depth):
+    with pytest.raises(ValueError, match="mean_depth"):
+        rise_length_for(mean_depth, edge=EDGE, crown=CROWN, length=LENGTH, between=(0.0, 0.12))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("edge", 0.0), ("edge", 1.0), ("crown", 0.0005), ("crown", 2.0), ("rise_length", math.nan)],
+)
+def test_nonsense_is_refused_by_name(field, value):
+    with pytest.raises(ValueError, match=field):
+        bulge(Y, **({"edge": EDGE, "crown": CROWN, "rise_length": 0.015, "length": LENGTH} | {field: value}))

@@ -1,0 +1,194 @@
+"""The energy account of a cut, for any motion of the blade in any specimen."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from led_cut import (
+    INCLINED,
+    UPRIGHT,
+    LedCut,
+    changed_law,
+    homogeneous,
+    lead,
+    lead_by,
+    policies,
+    recorded_work,
+    residual_of,
+    specimens,
+    through,
+)
+
+from cutenv.tissue.specimen import N_POINTS, SPACING, Specimen
+
+some = settings(max_examples=40)
+
+
+def check_identity(cut: LedCut) -> None:
+    """Work = stored + fracture + friction + loss + ledger, at every instant."""
+    assert np.all(np.abs(residual_of(cut)) <= 1e-9 * np.maximum(cut.states["work"], 1e-3))
+
+
+def turning_work(cut: LedCut) -> np.ndarray:
+    """R B^2 |d cot(theta)| / 2 for every turn toward upright up to every state [J]."""
+    swept = np.maximum(np.diff(-1.0 / np.tan(cut.states["angle"])), 0.0)
+    x = cut.states["blade"][:-1]
+    return np.concatenate(([0.0], np.cumsum(0.5 * cut.along("toughness", x) * cut.along("depth", x) * swept)))
+
+
+def check_recorded_work(cut: LedCut) -> None:
+    """The work booked is that of the recorded force over the recorded motion, and of turning.
+
+    The record does not hold the peak from which a run starts: its half step counts to the tolerance.
+    """
+    r = cut.readings
+    moved = np.abs(np.diff(cut.states["blade"]))
+    unseen = np.cumsum(cut.along("stiffness", cut.states["tip"][:-1]) * r["jump"] * moved)
+    difference = cut.states["work"] - turning_work(cut) - recorded_work(cut)
+    scale = np.maximum.accumulate(np.maximum(cut.states["work"], 1e-3))
+    assert np.all(np.abs(difference[1:]) <= unseen + 5e-4 * scale[1:])
+
+
+def check_second_law(cut: LedCut) -> None:
+    """No motion yields work, loop or no loop: what is neither stored nor friction nor turning never falls."""
+    rubbed = cut.states["friction"]
+    assert np.diff(rubbed).min() >= 0.0
+    assert np.diff(cut.states["work"] - cut.stored - rubbed - turning_work(cut)).min() >= -1e-12
+
+
+def check_loss_never_decreases(cut: LedCut) -> None:
+    assert np.diff(cut.states["loss"]).min() >= 0.0
+
+
+def check_a_cut_never_heals(cut: LedCut) -> None:
+    assert np.diff(cut.states["tip"]).min() >= 0.0
+
+
+def check_ledger_floor(cut: LedCut) -> None:
+    """The ledger never falls below -R B l, l = 1.5 mm, of the toughest place so far."""
+    toughest = np.maximum.accumulate(cut.profile["toughness"])
+    R_B = toughest[np.minimum(np.searchsorted(np.arange(N_POINTS) * SPACING, cut.states["tip"]), len(toughest) - 1)]
+    assert np.all(cut.states["ledger"] >= -R_B * 1.5e-3 * (1.0 + 1e-9))
+
+
+@some
+@given(specimens(), policies())
+def test_work_is_stored_fracture_friction_loss_and_ledger_at_every_instant(specimen, policy):
+    check_identity(lead(specimen, *policy.path()))
+
+
+@settings(max_examples=20)
+@given(specimens(), policies(most_legs=4))
+def test_the_work_booked_is_that_of_the_recorded_force(specimen, policy):
+    check_recorded_work(lead(specimen, *policy.path(dt=1e-4), dt=1e-4))
+
+
+@some
+@given(specimens(), policies())
+def test_no_motion_yields_work_and_the_total_work_covers_what_is_stored(specimen, policy):
+    cut = lead(specimen, *policy.path())
+    check_second_law(cut)
+    assert np.all(cut.states["work"] >= cut.stored - 1e-12)
+
+
+@some
+@given(specimens(), policies())
+def test_loss_never_decreases(specimen, policy):
+    check_loss_never_decreases(lead(specimen, *policy.path()))
+
+
+@some
+@given(specimens(), policies())
+def test_a_cut_never_heals(specimen, policy):
+    check_a_cut_never_heals(lead(specimen, *policy.path()))
+
+
+@some
+@given(specimens(), policies())
+def test_the_ledger_never_falls_below_its_floor(specimen, policy):
+    check_ledger_floor(lead(specimen, *policy.path()))
+
+
+def net_work_of_loop(cut: LedCut, back: LedCut) -> float:
+    """Work [J] of a motion ``back`` from where ``cut`` ended to the same blade, tip and angle."""
+    assert back.end.tip == cut.end.tip
+    assert back.end.blade == pytest.approx(cut.end.blade, abs=1e-15)
+    assert back.end.angle == cut.end.angle
+    return float(back.end.work - cut.end.work)
+
+
+@some
+@given(
+    specimens(),
+    policies(most_legs=3),
+    st.floats(1e-6, 0.02),
+    st.floats(INCLINED, UPRIGHT),
+    st.floats(1e-3, 0.0254),
+)
+def test_a_closed_loop_of_motion_and_angle_costs_friction_and_turning(specimen, policy, amplitude, turned, speed):
+    """Retract and come back, turning there and back; where reloading cuts, at most U is given back."""
+    cut = lead(specimen, *policy.path())
+    x = cut.end.blade
+    amplitude = min(amplitude, x)
+    place = through([x - amplitude, x], speed * 1e-3, start=x)
+    angle = cut.end.angle + (turned - cut.end.angle) * np.sin(np.linspace(0.0, np.pi, len(place)))
+    angle[-1] = cut.end.angle
+    back = lead(specimen, place, np.clip(angle, INCLINED, UPRIGHT), start=cut.end)
+    if back.end.tip == cut.end.tip:
+        assert net_work_of_loop(cut, back) >= -1e-12
+    assert back.end.work - cut.end.work >= back.stored[-1] - cut.stored[-1] - 1e-12
+
+
+@some
+@given(specimens(), st.floats(0.005, 0.1), st.floats(0.002, 0.0254), st.floats(0.002, 0.0254))
+def test_unloading_gives_back_the_stored_energy_at_any_speed(specimen, reach, speed_out, speed_back):
+    cut = lead(specimen, through([reach], speed_out * 1e-3))
+    back = lead(specimen, through([cut.end.tip], speed_back * 1e-3, start=reach), start=cut.end)
+    given_back = (cut.end.work - cut.end.friction) - (back.end.work - back.end.friction)
+    assert given_back == pytest.approx(cut.stored[-1], rel=1e-9, abs=1e-15)
+
+
+def strokes(*, step: float, friction_share: float, turning: bool) -> tuple[Specimen, np.ndarray, np.ndarray]:
+    """Creep on in short strokes, return, then cut into tissue so weak that the crack runs up to the blade."""
+    tough = homogeneous(friction_share=friction_share)
+    weak_beyond_5_cm = np.where(np.arange(N_POINTS) * SPACING < 0.05, 211.0, 20.0)
+    specimen = dataclasses.replace(tough, fracture_resistance=weak_beyond_5_cm)
+    creep = [x for peak in np.linspace(0.02, 0.04, 200) for x in (peak, peak - 0.3e-3)]
+    positions = through([*creep, 0.02, 0.06], step)
+    waves = np.cos(np.linspace(0.0, 20.0, len(positions)))
+    angles = 0.5 * (UPRIGHT + INCLINED) + 0.5 * (UPRIGHT - INCLINED) * (waves if turning else 1.0)
+    return specimen, positions, np.broadcast_to(angles, positions.shape)
+
+
+@pytest.mark.parametrize(
+    ("check", "old", "new"),
+    [
+        (check_identity, "change = U - next_U - spent", "change = F * (a - state.tip) - spent"),
+        (check_identity, "        state.work += energy\n", "        state.work += 1.01 * energy\n"),
+        (check_identity, "state.loss += max(state.ledger, 0.0)", "state.loss += 0.0"),
+        (check_identity, "state.friction += force * abs(dx)", "state.friction += force * dx"),
+        (check_recorded_work, "    state.work += force * abs(dx)\n", "    state.work += force * dx\n"),
+        (check_recorded_work, "        state.work += energy\n", "        state.work += 2.0 * energy\n"),
+        (check_recorded_work, "    work = 0.5 * (F", "    work = 0.45 * (F"),
+        (check_second_law, "profile, state.blade, a) - U\n", "profile, state.blade, a) - 1.001 * U\n"),
+        (check_second_law, "    state.work += force * abs(dx)\n", "    state.work += force * dx\n"),
+        (check_loss_never_decreases, "state.loss += max(state.ledger, 0.0)", "state.loss -= state.ledger"),
+        (
+            check_a_cut_never_heals,
+            "    a = state.tip\n    K,",
+            "    a = state.tip = min(state.tip, state.blade)\n    K,",
+        ),
+        (check_ledger_floor, "state.ledger + change >= -toughness * debt_length", "True"),
+    ],
+)
+def test_a_law_broken_on_purpose_fails_its_check(check, old, new):
+    frictionless = check in (check_ledger_floor, check_loss_never_decreases)
+    step = 5e-6 if check is check_recorded_work else 25e-6
+    motion = strokes(step=step, friction_share=0.0 if frictionless else 0.2, turning=not frictionless)
+    check(lead(*motion))
+    with pytest.raises(AssertionError):
+        check(lead_by(changed_law((old, new)), *motion))

@@ -1,0 +1,120 @@
+"""Real cuts, recorded by others: 207 hand-held scalpel excisions (Straizys et al. 2023) read as traces."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from cutenv.measurement import (
+    estimate_fracture_resistance,
+    estimate_local_effective_moduli,
+    loading_segments,
+)
+from cutenv.tissue.cut_model import CutModel
+from cutenv.trace import Trace
+
+SCRIPT = Path(__file__).parents[2] / "scripts" / "real_records.py"
+
+
+def _script() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("real_records", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+real_records = _script()
+recorded = pytest.mark.skipif(
+    not real_records.DATA.is_file(), reason="the recorded cuts lie beside the repository, and are not there"
+)
+
+
+@pytest.fixture(scope="module")
+def cuts() -> list[Trace]:
+    return real_records.read_cuts(real_records.DATA)
+
+
+def check_they_are_the_published_cuts(cuts: list[Trace]) -> None:
+    """18 trials, 207 cuts, 180 samples each at 30 Hz, normalised to the data set's maximum."""
+    assert len(cuts) == 207
+    assert sorted({cut.metadata["trial"] for cut in cuts}) == [f"T{i:02d}" for i in range(1, 19)]
+    assert all(len(cut) == 180 for cut in cuts)
+    assert all(cut.sample_rate == pytest.approx(30.0, rel=1e-4) for cut in cuts)
+    assert all(cut.force_unit == "1" for cut in cuts)
+    assert max(cut.force.max() for cut in cuts) == 1.0
+
+
+@recorded
+def test_all_published_cuts_are_read(cuts: list[Trace]) -> None:
+    check_they_are_the_published_cuts(cuts)
+
+
+@recorded
+def test_a_lost_cut_is_noticed(cuts: list[Trace]) -> None:
+    with pytest.raises(AssertionError):
+        check_they_are_the_published_cuts(cuts[:-1])
+
+
+@recorded
+def test_a_cut_tells_where_it_comes_from(cuts: list[Trace]) -> None:
+    assert len({(cut.metadata["trial"], cut.metadata["cut"]) for cut in cuts}) == 207
+    for cut in cuts:
+        assert "straizys" in cut.metadata["source"]
+        assert cut.metadata["licence"].startswith("MIT")
+        assert cut.known == ("time", "force")
+
+
+@recorded
+def test_what_needs_newtons_or_position_refuses_them_by_name(cuts: list[Trace]) -> None:
+    cut = cuts[0]
+    for refuses in (
+        loading_segments,
+        estimate_fracture_resistance,
+        lambda trace: estimate_local_effective_moduli(trace, CutModel()),
+    ):
+        with pytest.raises(ValueError, match=r'needs force in newtons .force_unit "N".'):
+            refuses(cut)
+    scaled = Trace(time=cut.time, force=5.0 * cut.force, force_unit="N")
+    with pytest.raises(ValueError, match="loading_segments needs position"):
+        loading_segments(scaled)
+
+
+@recorded
+def test_statistics_are_those_of_the_numbers(cuts: list[Trace]) -> None:
+    trial = [cut for cut in cuts if cut.metadata["trial"] == "T08"]
+    forces = np.array([cut.force[:120] for cut in trial])
+    statistics = real_records.force_statistics(trial)
+    assert statistics["cuts"] == 10
+    assert statistics["mean"] == pytest.approx(forces.mean())
+    assert statistics["peak"] == pytest.approx(forces.max(axis=1).mean())
+    assert statistics["sd"] == pytest.approx(forces.std(axis=1).mean())
+    assert statistics["rms_rate"] == pytest.approx(30.0 * np.sqrt((np.diff(forces) ** 2).mean()), rel=2e-3)
+
+
+@recorded
+def test_the_script_prints_a_row_for_every_trial() -> None:
+    ran = subprocess.run([sys.executable, str(SCRIPT)], capture_output=True, text=True, check=True)
+    assert ran.stdout.count("\n   T") == 18
+    assert "207" in ran.stdout.splitlines()[-3]
+
+
+def test_a_missing_file_is_exit_code_2_and_the_cure(tmp_path: Path) -> None:
+    command = [sys.executable, str(SCRIPT), "--data", str(tmp_path / "none.csv")]
+    ran = subprocess.run(command, capture_output=True, text=True)
+    assert ran.returncode == 2
+    assert "--data" in ran.stderr
+
+
+def test_another_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "other.csv"
+    path.write_text("# a comment\ntime,force\n0,1\n")
+    with pytest.raises(ValueError, match="has columns time, force; expected trial, cut, time_s"):
+        real_records.read_cuts(path)
