@@ -1,0 +1,1 @@
+"""The Gymnasium environments; the only room of the package that knows Gymnasium."""

@@ -1,0 +1,91 @@
+"""The constants of an episode by keyword: each belongs to the drive, the sensor, the law, the task or the lab."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.cutting.drive import Hand, Rig
+from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.sensor import SensorParameters
+from cutenv.parameter import check_parameters, parameter
+from cutenv.task.weights import Limits, RewardWeights
+from cutenv.tissue.field import field_modes
+from cutenv.tissue.specimen import N_POINTS, SPACING
+from cutenv.validation import one_of
+
+_SHALLOWEST = 0.5e-3  # [m], that a measured profile can show
+_PREFIX = "weight_"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Knowledge:
+    """What the lab measures before the cut."""
+
+    depth_noise: float = parameter(
+        0.5e-3, unit="m", low=0.0, high=0.01, provenance="assumed",
+        why="a depth profile from images of the blade, thesis 3.4", sweep=(0.0, 2e-3),
+    )  # fmt: skip
+    depth_noise_length: float = parameter(
+        0.010, unit="m", low=0.002, high=0.1, provenance="assumed", why="correlation of its error along the cut"
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+    def measure_depth(self, depth: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+        """The depth of cut as measured beforehand, shape (301,) [m]: the true one with a smooth error."""
+        modes = field_modes(N_POINTS, SPACING, self.depth_noise_length)
+        error = self.depth_noise * (modes @ rng.standard_normal(modes.shape[1]))
+        return np.maximum(depth + error, _SHALLOWEST)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constants:
+    """Every constant of an episode that is not the specimen's."""
+
+    drive: Rig | Hand = dataclasses.field(default_factory=Rig)
+    sensor: SensorParameters = dataclasses.field(default_factory=SensorParameters)
+    law: LawParameters = dataclasses.field(default_factory=LawParameters)
+    weights: RewardWeights = dataclasses.field(default_factory=RewardWeights)
+    limits: Limits = dataclasses.field(default_factory=Limits)
+    knowledge: Knowledge = dataclasses.field(default_factory=Knowledge)
+
+    @classmethod
+    def from_keywords(
+        cls, keywords: Mapping[str, float], *, drive: str = "rig", others: Iterable[str] = ()
+    ) -> Constants:
+        """Sort flat ``keywords`` (weights as ``weight_<term>``) into their groups.
+
+        ``others`` are the keywords that the caller takes itself, for one of them may have been meant.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For a name that no group knows (the nearest is named) and for a value out of range.
+        """
+        kinds: dict[str, Any] = {
+            "drive": {"rig": Rig, "hand": Hand}[one_of("drive", drive, ("rig", "hand"))],
+            "sensor": SensorParameters,
+            "law": LawParameters,
+            "weights": RewardWeights,
+            "limits": Limits,
+            "knowledge": Knowledge,
+        }
+        owner = {
+            (_PREFIX if group == "weights" else "") + field.name: (group, field.name)
+            for group, kind in kinds.items()
+            for field in dataclasses.fields(kind)
+        }
+        chosen: dict[str, dict[str, float]] = {group: {} for group in kinds}
+        for keyword, value in keywords.items():
+            if keyword not in owner:
+                one_of("keyword", keyword, sorted([*owner, *others]))
+            group, name = owner[keyword]
+            chosen[group][name] = value
+        return cls(**{group: kind(**chosen[group]) for group, kind in kinds.items()})

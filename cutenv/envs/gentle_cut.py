@@ -1,0 +1,337 @@
+"""``cutenv/GentleCut-v0``: cut a slice of measured liver to a target length, gently."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from cutenv.envs.constants import Constants
+from cutenv.envs.tissue_source import TissueSource
+from cutenv.plant.simulator import ANGLE_RANGE, SimulatedPlant
+from cutenv.randomness import generator
+from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.task.observation import BOUND, COMPONENTS
+from cutenv.tissue.specimen import CLASSES, N_POINTS, SPACING, Specimen
+from cutenv.validation import in_range, one_of
+
+SHORTEST, LONGEST = 0.060, 0.100
+"""Range from which the target length is drawn [m]."""
+
+_OPTIONS = ("specimen", "target_length", "episode")
+_UPDATES_HZ = 1000
+
+
+class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """Cut from the clamp to a target length, gently: the crack tip is scored, not the blade, which leads it.
+
+    A scalpel cuts a slice of liver, 8 cm wide and 15 cm long, clamped along the edge where the cut starts.  The blade
+    drags tissue along (F = K (x - a)), the crack follows in sudden runs of several millimetres, and its tip is hidden:
+    an agent sees a force.  Physics at 1 kHz, decisions at ``control_hz``.  Model and data: see the README.
+
+    Action
+    ------
+    ``Box(-1, 1, (2,), float32)``; values outside are clipped, NaN is refused with a ValueError.
+
+    === =============== ====================== ======
+    Num Action          -1 to 1 is             Unit
+    === =============== ====================== ======
+    0   target speed    -2.54 to 2.54          cm/s
+    1   target angle    45 to 90 (upright)     deg
+    === =============== ====================== ======
+
+    The drive follows through its lag and limits.  With ``angle_mode="fixed"`` the second number is ignored.
+
+    Observation
+    -----------
+    ``Box(-10, 10, (12,), float32)``: (value - offset) / scale, clipped; only what a rig can know.
+
+    === ============== ============================================ ===== ======= =======
+    Num Name           Meaning                                      Unit  Scale   Offset
+    === ============== ============================================ ===== ======= =======
+    0   force          force now                                    N     5       0
+    1   force_mean     its mean since the last decision             N     5       0
+    2   force_min      its minimum since the last decision          N     5       0
+    3   force_max      its maximum since the last decision          N     5       0
+    4   position       blade, from the clamp                        m     0.1     0
+    5   speed          of the blade                                 m/s   0.0254  0
+    6   angle          of the blade; 90 degrees is upright          rad   0.3927  1.1781
+    7   depth          of cut at the blade, as measured beforehand  m     0.02    0
+    8   distance       from blade to target                         m     0.1     0
+    9   time_left      until the deadline                           s     30      0
+    10  last_speed     last action: target speed                    1     1       0
+    11  last_angle     last action: target angle                    1     1       0
+    === ============== ============================================ ===== ======= =======
+
+    Reward
+    ------
+    Progress of the tip / L, less costs that add up at every millisecond, less a cost at the end.
+
+    ============ ======= ===================================================================
+    Term         Weight  Charged for
+    ============ ======= ===================================================================
+    progress     1       tip gained / L, up to the target
+    uncontrolled 0.3     unstable growth / L
+    jump         0.1     sum of (run / 10 mm)^2
+    force        0.2     integral of force per depth above 400 N/m, / (100 N/m s)
+    lag          0.1     integral of the tip's lag above 10 mm, / (10 mm s)
+    backward     0.3     backward travel after first contact / L
+    time         0.3     time / 30 s
+    tip_error    0.2     at the end: min(tip error / 3 mm, 3)
+    wedge        0.2     at the end: uncut wedge / B = cot(angle)
+    stored       0.1     at the end: stored energy / (R B 3 mm)
+    safety       1       at an end for safety: the worst that stopping could still have cost
+    ============ ======= ===================================================================
+
+    Doing nothing returns -0.9.  No return exceeds 1.  An end for safety also pays the time left, tip error and wedge at
+    their largest, and a loaded tissue.  Weights can be replaced by keyword (``weight_jump=0.2``).
+
+    Ends
+    ----
+    All are ``terminated``; ``truncated`` is always False; ``info["end"]`` names which.
+
+    =========== =========================================================================================
+    End         When
+    =========== =========================================================================================
+    finished    after 10 mm of travel, speed below 0.5 mm/s and force below friction + 0.1 N for 0.3 s
+    force_limit force per depth above ``force_limit_per_depth``; an end for safety
+    overshoot   tip more than 5 mm beyond the target; an end for safety
+    deadline    ``deadline_s`` have passed
+    =========== =========================================================================================
+
+    Success (``info["is_success"]``): finished, tip within 3 mm of the target, blade within 10 degrees of upright.
+
+    Arguments
+    ---------
+    =============== ======= ===========================================================================
+    Keyword         Default Meaning
+    =============== ======= ===========================================================================
+    specimen_class  "mixed" "uniform", "liver", "vascular" (tough inclusions) or "mixed" (half each)
+    target_length   None    length of the cut [m]; None: drawn from 0.060 to 0.100 m
+    tissue          None    path of a tissue or specimen JSON file; None: the measured pig liver
+    control_hz      50      decisions per second; divides 1000
+    deadline_s      30.0    time for a cut [s]
+    angle_mode      "free"  "free" or "fixed"
+    fixed_angle_deg 90.0    angle of the blade if fixed [deg], 45 to 90
+    reward_from     "truth" "truth" or "estimate" (tip from force, as on a rig)
+    drive           "rig"   "rig" (holds position) or "hand" (yields to force)
+    render_mode     None    "rgb_array" or "human"
+    =============== ======= ===========================================================================
+
+    Besides, each constant of the parameter table (``acceleration``, ``motor_lag``, ``rotation_rate``, ``force_noise``,
+    ``force_resolution``, ``force_delay``, ``force_limit_per_depth``, ...; SI units) and each weight
+    (``weight_<term>``) can be given by keyword; an unknown name is an error that names the nearest.
+
+    Reset options: ``specimen`` (a :class:`~cutenv.tissue.Specimen` or its JSON text), ``target_length`` [m],
+    ``episode`` (number of the episode under the current seed).
+
+    Info
+    ----
+    ``truth`` (hidden state), ``energy`` (in joules since reset: work, stored, fracture, friction, loss, ledger and
+    residual, which is work minus all the others), ``reward_terms``, ``cost`` (force above the limit, overshoot),
+    ``speed_out_of_range`` (blade outside 0.1 to 2.54 cm/s: the modulus is that of the nearest measured speed) and, at
+    the end, ``end`` and ``is_success``.
+
+    Version history
+    ---------------
+    v0: first version; may change until the first published comparison of agents.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}
+
+    def __init__(
+        self,
+        *,
+        specimen_class: str = "mixed",
+        target_length: float | None = None,
+        tissue: str | Path | None = None,
+        control_hz: int = 50,
+        deadline_s: float = 30.0,
+        angle_mode: str = "free",
+        fixed_angle_deg: float = 90.0,
+        reward_from: str = "truth",
+        drive: str = "rig",
+        render_mode: str | None = None,
+        **constants: float,
+    ) -> None:
+        one_of("specimen_class", specimen_class, CLASSES)
+        one_of("angle_mode", angle_mode, ("free", "fixed"))
+        one_of("reward_from", reward_from, ("truth", "estimate"))
+        one_of("drive", drive, ("rig", "hand"))
+        one_of("render_mode", render_mode, (None, *self.metadata["render_modes"]))
+        in_range("control_hz", control_hz, 1, _UPDATES_HZ, "Hz", "Give decisions per second, 50 by default.")
+        if _UPDATES_HZ % control_hz:
+            raise ValueError(f"control_hz = {control_hz:g} does not divide {_UPDATES_HZ}; take 50, 100 or 200.")
+        in_range("fixed_angle_deg", fixed_angle_deg, 45.0, 90.0, "deg", "Measured are 45 to 90 degrees.")
+        self.deadline = in_range("deadline_s", deadline_s, 1.0, 3600.0, "s", "Give the seconds for a cut.")
+        self.target_length = None if target_length is None else _checked_length(target_length)
+        self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": control_hz}
+        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.observation_space = spaces.Box(-BOUND, BOUND, (len(COMPONENTS),), np.float32)
+
+        self._specimen_class = specimen_class
+        self._tissue = TissueSource(tissue)
+        self._ticks = round(_UPDATES_HZ / control_hz)
+        self._fixed_angle = math.radians(fixed_angle_deg) if angle_mode == "fixed" else None
+        self._from_truth = reward_from == "truth"
+        self._constants = Constants.from_keywords(constants, drive=drive, others=_ARGUMENTS)
+        self._seed: int | None = None
+        self._episode = 0
+        self._ended = True
+        self._viewer: Any = None
+        self.plant: SimulatedPlant
+        self.cutting: GentleCutting
+        self.specimen: Specimen
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Draw the next specimen and put the blade to the clamp; see the class for ``options``."""
+        super().reset(seed=seed)
+        options = options or {}
+        for name in options:
+            one_of("option", name, _OPTIONS)
+        if seed is not None or self._seed is None:
+            self._seed = int(self.np_random.integers(2**63)) if seed is None else seed
+            self._episode = 0
+        episode = self._episode if options.get("episode") is None else _checked_episode(options["episode"])
+        rng = generator(self._seed, episode)
+
+        length = rng.uniform(SHORTEST, LONGEST)
+        if self.target_length is not None:
+            length = self.target_length
+        if options.get("target_length") is not None:
+            length = _checked_length(options["target_length"])
+        specimen = options.get("specimen")
+        if isinstance(specimen, str):
+            specimen = Specimen.from_json(specimen)
+        elif specimen is None:
+            specimen = self._tissue.draw(rng, self._specimen_class)
+        elif not isinstance(specimen, Specimen):
+            raise TypeError(f"specimen must be a cutenv.tissue.Specimen or its JSON text, got {specimen!r}.")
+        self.specimen = specimen
+        constants = self._constants
+        angle = ANGLE_RANGE[1] if self._fixed_angle is None else self._fixed_angle
+        self.plant = SimulatedPlant(
+            specimen,
+            drive=constants.drive,
+            sensor=constants.sensor,
+            law=constants.law,
+            seed=self._seed,
+            episode=episode,
+            angle=angle,
+            depth=constants.knowledge.measure_depth(specimen.depth, rng),
+        )
+        tissue = specimen.tissue
+        nominal_friction = tissue.friction_share * tissue.fracture_resistance
+        self.cutting = GentleCutting(
+            self.plant,
+            tissue,
+            constants.weights,
+            constants.limits,
+            truth=self.plant.profile if self._from_truth else None,
+            friction_per_depth=specimen.friction_per_depth if self._from_truth else nominal_friction,
+            target_length=length,
+            deadline=self.deadline,
+            ticks=self._ticks,
+        )
+        self._episode = episode + 1
+        self._ended = False
+        observation = self.cutting.rest(angle)
+        if self.render_mode == "human":
+            self.render()
+        return observation, self._info()
+
+    def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Command target speed and angle until the next decision; see the class for everything else."""
+        if self._ended:
+            raise gymnasium.error.ResetNeeded("the episode has ended: call reset() before step().")
+        command = np.asarray(action, dtype=np.float64)
+        if command.shape != (2,) or np.isnan(command).any():
+            raise ValueError(f"action = {action!r} must hold 2 numbers in [-1, 1] (speed, angle), and none may be NaN.")
+        command = np.minimum(np.maximum(command, -1.0), 1.0)
+        if self._fixed_angle is not None:
+            command[1] = (self._fixed_angle - math.radians(67.5)) / math.radians(22.5)
+        observation, reward = self.cutting.step(command)
+        self._ended = self.cutting.end != ""
+        info = self._info()
+        if self._ended:
+            info["end"] = self.cutting.end
+            info["is_success"] = self.cutting.success
+        if self.render_mode == "human":
+            self.render()
+        return observation, reward, self._ended, False, info
+
+    def _info(self) -> dict[str, Any]:
+        energy, (tip, blade, uncontrolled, eta) = self.plant.account()
+        specimen = self.specimen
+        tissue = specimen.tissue
+        speed = abs(float(self.plant.states["speed"][0]))
+        place = min(round(tip / SPACING), N_POINTS - 1)
+        return {
+            "truth": {
+                "tip_m": tip,
+                "blade_m": blade,
+                "fracture_resistance_J_m2": float(specimen.fracture_resistance[place]),
+                "modulus_Pa": float(specimen.modulus[place]),
+                "initiation_excess": eta,
+                "units": int(self.plant.states["units"][0]),
+                "uncontrolled_m": uncontrolled,
+                "specimen_class": specimen.specimen_class,
+                "target_length_m": self.cutting.target_length,
+            },
+            "energy": energy,
+            "reward_terms": self.cutting.reward_terms,
+            "cost": self.cutting.cost,
+            "speed_out_of_range": speed > 0.0 and not tissue.speed_min <= speed <= tissue.speed_max,
+        }
+
+    @property
+    def force_limit_per_depth(self) -> float:
+        """Force per depth of cut that ends an episode [N/m]."""
+        return self._constants.limits.force_limit_per_depth
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Draw the cut: an array (height, width, 3) for "rgb_array", a window for "human"."""
+        if self.render_mode is None:
+            gymnasium.logger.warn('render() needs gymnasium.make(..., render_mode="rgb_array" or "human").')
+            return None
+        if self._viewer is None:
+            from cutenv.viewer import CutViewer  # drawing is an extra
+
+            self._viewer = CutViewer(window=self.render_mode == "human", fps=self.metadata["render_fps"])
+        picture: NDArray[np.uint8] = self._viewer.draw(self.plant, self.cutting)
+        return picture if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
+
+
+_ARGUMENTS = [
+    name
+    for name, argument in inspect.signature(GentleCutEnv.__init__).parameters.items()
+    if argument.kind is inspect.Parameter.KEYWORD_ONLY
+]
+
+
+def _checked_episode(episode: float) -> int:
+    cure = "Give the whole number of an episode, counted from 0."
+    if in_range("episode", episode, 0, 2**63, "1", cure) % 1.0:
+        raise ValueError(f"episode = {episode:g} is not a whole number. {cure}")
+    return int(episode)
+
+
+def _checked_length(length: float) -> float:
+    return in_range(
+        "target_length", length, 0.015, 0.130, "m", "Lengths are in metres: 80 mm is 0.08; a specimen is 0.15 m long."
+    )

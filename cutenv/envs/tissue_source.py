@@ -1,0 +1,61 @@
+"""Where the specimens of an environment come from: the measured liver, another tissue, or one given specimen."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from cutenv.tissue import description, specimen
+from cutenv.tissue.description import TissueDescription
+from cutenv.tissue.specimen import Specimen
+
+
+class TissueSource:
+    """Draws specimens.
+
+    Parameters
+    ----------
+    path : str or Path, optional
+        A tissue description (``TissueDescription.to_json``), from which specimens are drawn, or a specimen
+        (``Specimen.to_json``), which is cut in every episode.  None: the measured pig liver.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If the file is missing or is neither.
+    """
+
+    def __init__(self, path: str | Path | None) -> None:
+        self._tissue: TissueDescription | None = None
+        self._specimen: Specimen | None = None
+        if path is None:
+            return
+        if not isinstance(path, (str, Path)):
+            raise TypeError(f"tissue = {path!r} must be the path of a tissue or specimen JSON.")
+        file = Path(path)
+        if not file.is_file():
+            raise FileNotFoundError(
+                f"tissue = {str(path)!r}: no such file; give the path of a tissue or specimen JSON."
+            )
+        text = file.read_text()
+        try:
+            schema = json.loads(text)["schema"]
+        except (json.JSONDecodeError, KeyError, TypeError):
+            schema = None
+        if schema == specimen.SCHEMA:
+            self._specimen = Specimen.from_json(text)
+        elif schema == description.SCHEMA:
+            self._tissue = TissueDescription.from_json(text)
+        else:
+            raise ValueError(
+                f"tissue = {str(path)!r} is neither a tissue ({description.SCHEMA}) nor a specimen "
+                f"({specimen.SCHEMA}): its schema is {schema!r}."
+            )
+
+    def draw(self, rng: np.random.Generator, specimen_class: str) -> Specimen:
+        """The next specimen, of ``specimen_class`` unless one specimen was given."""
+        if self._specimen is not None:
+            return self._specimen
+        return Specimen.draw(rng, specimen_class=specimen_class, tissue=self._tissue)

@@ -1,0 +1,20 @@
+"""What every policy is: something that is told when a cut begins and answers observations with actions."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Policy(Protocol):
+    """A policy for ``cutenv/GentleCut-v0`` and everything with the same spaces."""
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the last cut; ``rng`` is the only source of chance for the next."""
+        ...
+
+    def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The action, shape (2,) float32 in [-1, 1], for an observation, shape (12,)."""
+        ...

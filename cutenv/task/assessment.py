@@ -1,0 +1,144 @@
+"""The reward and the ends of gentle cutting, assessed at every millisecond so that nothing hides between decisions.
+
+Reward of a step = progress / L - costs.  All costs are non-negative and extensive: they add up as they occur.  At the
+end, whichever it is, the same terminal cost is charged; an end for safety also pays the worst that stopping could
+still have cost, so that it never pays to end early:
+
+    time left, tip error at its cap, a full wedge, and a tissue left loaded.
+
+Costs that have no bound (force, lag, jumps, backward travel) are not in that worst case: a policy that stops and
+unloads escapes them, so a breach is dearer than stopping in every state.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cutenv.compiled import compiled
+from cutenv.cutting.law import depth_at, stiffness_at, toughness_at
+from cutenv.cutting.records import TICK, Record, Records
+
+FORCE_ALLOWED = 400.0
+"""Force per depth of cut that costs nothing [N/m]."""
+LAG_ALLOWED = 0.010
+"""Lag of the tip behind the blade that costs nothing [m]."""
+OVERSHOOT_ALLOWED = 0.005
+"""Tip beyond the target, above which the task ends [m]."""
+TIP_TOLERANCE = 0.003
+"""Tip error of a success, and scale of its cost [m]."""
+ANGLE_TOLERANCE = math.radians(10.0)
+"""From upright, of a success [rad]."""
+TIP_ERROR_CAP = 3.0
+"""Largest tip error that is charged, in tolerances."""
+TRAVEL_TO_FINISH = 0.010
+"""The task can be finished once the blade has been this far [m]."""
+SPEED_AT_REST = 0.5e-3
+"""[m/s]"""
+FORCE_UNLOADED = 0.1
+"""Above friction, below which the blade counts as unloaded [N]."""
+TIME_AT_REST = 0.3
+"""Rest and unloaded for this long is finished [s]."""
+TIME_SCALE = 30.0
+"""Time that costs its weight once [s]."""
+WORST_STORED = 2.0
+"""Stored energy charged to an end for safety, in R B 3 mm: a tip 12 mm behind at F = R B."""
+
+_PROGRESS, _UNCONTROLLED, _JUMP, _FORCE, _LAG, _BACKWARD, _TIME, _TIP, _WEDGE, _STORED, _SAFETY = range(11)
+_FINISHED, _FORCE_LIMIT, _OVERSHOOT, _DEADLINE = range(1, 5)
+_SHALLOWEST = 0.001  # [m], below which force per depth would be noise over nothing
+
+
+@compiled
+def assess(
+    task: Record,
+    progress: Record,
+    profile: Records,
+    readings: Records,
+    forces: Records,
+    tips: Records,
+    jumps: Records,
+    terms: Records,
+) -> None:
+    """Charge one step to the reward's terms and find out whether the task has ended.
+
+    Parameters
+    ----------
+    task : Record
+        :data:`~cutenv.task.records.TASK`.
+    progress : Record
+        :data:`~cutenv.task.records.PROGRESS`, changed in place.
+    profile : Records
+        :data:`~cutenv.cutting.records.PROFILE`, shape (301,): the tissue, true or nominal.
+    readings : Records
+        :data:`~cutenv.cutting.records.READING`, shape (ticks,).
+    forces, tips, jumps : array, shape (ticks,)
+        Force on the blade [N], crack tip [m] and unstable growth [m] at each tick: true, or as a rig estimates them.
+    terms : array, shape (11,)
+        Filled with the terms of this step in the order of :data:`~cutenv.task.records.TERMS`; their sum is the reward.
+    """
+    L = task.target
+    terms[:] = 0.0
+    progress.over_limit = 0.0
+    for i in range(len(readings)):
+        reading = readings[i]
+        x = reading.position
+        a = tips[i]
+        depth = max(depth_at(profile, x), _SHALLOWEST)
+        force_per_depth = abs(forces[i]) / depth
+
+        terms[_PROGRESS] += (min(a, L) - min(progress.tip, L)) / L
+        terms[_UNCONTROLLED] -= task.uncontrolled * jumps[i] / L
+        terms[_JUMP] -= task.jump * (jumps[i] / 0.010) ** 2
+        terms[_FORCE] -= task.force * max(force_per_depth - FORCE_ALLOWED, 0.0) * TICK / 100.0
+        terms[_LAG] -= task.lag * max(x - a - LAG_ALLOWED, 0.0) * TICK / 0.010
+        if progress.touched == 1:
+            terms[_BACKWARD] -= task.backward * max(progress.position - x, 0.0) / L
+        terms[_TIME] -= task.time * TICK / TIME_SCALE
+
+        progress.touched = 1 if x > a else progress.touched
+        progress.tip = a
+        progress.position = x
+        progress.furthest = max(progress.furthest, x)
+        progress.time += TICK
+        progress.over_limit = max(progress.over_limit, abs(forces[i]) - task.force_limit_per_depth * depth)
+        progress.overshoot = max(a - L, 0.0)
+
+        at_rest = abs(reading.speed) < SPEED_AT_REST
+        unloaded = reading.force < task.friction_per_depth * depth + FORCE_UNLOADED
+        quiet = at_rest and unloaded and progress.furthest >= TRAVEL_TO_FINISH
+        progress.quiet = progress.quiet + TICK if quiet else 0.0
+
+        if force_per_depth > task.force_limit_per_depth:
+            progress.end = _FORCE_LIMIT
+        elif a > L + OVERSHOOT_ALLOWED:
+            progress.end = _OVERSHOOT
+        elif progress.quiet >= TIME_AT_REST - 0.5 * TICK:
+            progress.end = _FINISHED
+        elif progress.time >= task.deadline - 0.5 * TICK:
+            progress.end = _DEADLINE
+        if progress.end != 0:
+            charge_end(task, progress, profile, reading.angle, terms)
+            break
+
+
+@compiled
+def charge_end(task: Record, progress: Record, profile: Records, angle: float, terms: Records) -> None:
+    """The terminal cost, the same for every end, and what an end for safety pays besides."""
+    x = progress.position
+    a = progress.tip
+    stored = 0.5 * stiffness_at(profile, a)[0] * max(x - a, 0.0) ** 2
+    terms[_TIP] -= task.tip_error * min(abs(a - task.target) / TIP_TOLERANCE, TIP_ERROR_CAP)
+    terms[_WEDGE] -= task.wedge / math.tan(angle)
+    terms[_STORED] -= task.stored * stored / (toughness_at(profile, a) * 0.003)
+    if progress.end in (_FORCE_LIMIT, _OVERSHOOT):
+        time_left = max(task.deadline - progress.time, 0.0)
+        terms[_SAFETY] -= task.time * time_left / TIME_SCALE
+        terms[_SAFETY] -= task.tip_error * TIP_ERROR_CAP + task.wedge + task.stored * WORST_STORED
+
+
+@compiled
+def succeeded(task: Record, progress: Record, angle: float) -> bool:
+    """Finished, tip within 3 mm of the target, blade within 10 degrees of upright."""
+    near = abs(progress.tip - task.target) <= TIP_TOLERANCE
+    upright = abs(0.5 * math.pi - angle) <= ANGLE_TOLERANCE
+    return progress.end == _FINISHED and near and upright

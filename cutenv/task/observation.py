@@ -1,0 +1,111 @@
+"""What an agent may see: only what a rig can know, each value over a documented scale."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cutenv.compiled import compiled
+from cutenv.cutting.law import depth_at
+from cutenv.cutting.records import Record, Records
+from cutenv.validation import in_range
+
+SPEED_SCALE = 0.0254
+"""Speed of action 1 [m/s]: the fastest measured."""
+ANGLE_CENTRE, ANGLE_SCALE = math.radians(67.5), math.radians(22.5)
+"""Angle of action 0, and its reach to 45 and 90 degrees [rad]."""
+_FASTEST = 0.5  # [m/s], beyond which a speed looks like cm/s
+BOUND = 10.0
+"""Observations are clipped to this in either direction."""
+
+
+@dataclass(frozen=True)
+class Component:
+    """One number of the observation: (value - offset) / scale, in ``unit``."""
+
+    name: str
+    meaning: str
+    unit: str
+    scale: float
+    offset: float = 0.0
+
+
+COMPONENTS = (
+    Component("force", "force now", "N", 5.0),
+    Component("force_mean", "its mean since the last decision", "N", 5.0),
+    Component("force_min", "its minimum since the last decision", "N", 5.0),
+    Component("force_max", "its maximum since the last decision", "N", 5.0),
+    Component("position", "blade, from the clamp", "m", 0.1),
+    Component("speed", "of the blade", "m/s", SPEED_SCALE),
+    Component("angle", "of the blade; 90 degrees is upright", "rad", ANGLE_SCALE, ANGLE_CENTRE),
+    Component("depth", "of cut at the blade, as measured beforehand", "m", 0.02),
+    Component("distance", "from blade to target", "m", 0.1),
+    Component("time_left", "until the deadline", "s", 30.0),
+    Component("last_speed", "last action: target speed", "1", 1.0),
+    Component("last_angle", "last action: target angle", "1", 1.0),
+)
+"""The observation, in order."""
+
+SCALES = np.array([component.scale for component in COMPONENTS])
+OFFSETS = np.array([component.offset for component in COMPONENTS])
+
+
+@compiled
+def observe(
+    task: Record, measured: Records, readings: Records, time: float, last_action: Records, observation: Records
+) -> None:
+    """Fill ``observation``, shape (12,) float32, from the readings since the last decision.
+
+    ``measured`` is the profile with the depth as measured beforehand; ``time`` since reset [s].
+    """
+    last = readings[len(readings) - 1]
+    low = high = readings[0].force
+    total = 0.0
+    for i in range(len(readings)):
+        total += readings[i].force
+        low = min(low, readings[i].force)
+        high = max(high, readings[i].force)
+    values = (
+        last.force,
+        total / len(readings),
+        low,
+        high,
+        last.position,
+        last.speed,
+        last.angle,
+        depth_at(measured, last.position),
+        task.target - last.position,
+        task.deadline - time,
+        last_action[0],
+        last_action[1],
+    )
+    for k in range(len(values)):
+        observation[k] = min(max((values[k] - OFFSETS[k]) / SCALES[k], -BOUND), BOUND)
+
+
+def in_units(observation: ArrayLike) -> dict[str, NDArray[np.float64]]:
+    """An observation (shape (..., 12)) as named values in SI units, each of shape (...)."""
+    values = checked_observation(observation) * SCALES + OFFSETS
+    return {component.name: values[..., k] for k, component in enumerate(COMPONENTS)}
+
+
+def checked_observation(observation: ArrayLike) -> NDArray[np.float64]:
+    """An observation, shape (..., 12), of finite numbers; ValueError for anything else."""
+    values = np.asarray(observation, dtype=np.float64)
+    if values.shape[-1:] != (len(COMPONENTS),):
+        raise ValueError(f"observation has shape {values.shape}; its last axis must hold {len(COMPONENTS)} numbers.")
+    if not np.isfinite(values).all():
+        raise ValueError(f"observation = {values} must be finite; give it as the environment returned it.")
+    return values
+
+
+def to_action(speed: float, angle: float) -> NDArray[np.float32]:
+    """The action, shape (2,) float32 in [-1, 1], for a speed [m/s] and an angle [rad]; clipped to the reach."""
+    if not (abs(speed) <= _FASTEST and 0.0 <= angle <= math.pi):
+        in_range("speed", speed, -_FASTEST, _FASTEST, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
+        in_range("angle", angle, 0.0, math.pi, "rad", "Angles are in radians: 90 degrees is 1.5708.")
+    action = np.array([speed / SPEED_SCALE, (angle - ANGLE_CENTRE) / ANGLE_SCALE], dtype=np.float32)
+    return np.clip(action, -1.0, 1.0)

@@ -1,0 +1,60 @@
+"""The records of the compiled assessment; SI and radians."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cutenv.cutting.records import Record, Records
+
+__all__ = ["ENDS", "PROGRESS", "TASK", "TERMS", "Record", "Records"]
+
+TERMS = (
+    "progress",
+    "uncontrolled",
+    "jump",
+    "force",
+    "lag",
+    "backward",
+    "time",
+    "tip_error",
+    "wedge",
+    "stored",
+    "safety",
+)
+"""Names of the reward's terms, in the order of the arrays that hold them."""
+
+ENDS = ("", "finished", "force_limit", "overshoot", "deadline")
+"""Names of the ends by their code; code 0: not ended."""
+
+TASK: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [(name, "f8") for name in TERMS[1:-1]]  # weights, see RewardWeights
+        + [
+            ("target", "f8"),  # L [m]
+            ("deadline", "f8"),  # [s]
+            ("force_limit_per_depth", "f8"),  # [N/m]
+            ("friction_per_depth", "f8"),  # of the moving blade [N/m]
+        ],
+    )
+)
+
+PROGRESS: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            ("tip", "f8"),  # so far, as assessed [m]
+            ("position", "f8"),  # of the blade at the last reading [m]
+            ("furthest", "f8"),  # of the blade so far [m]
+            ("quiet", "f8"),  # time for which the blade has been at rest and unloaded [s]
+            ("time", "f8"),  # since reset [s]
+            ("touched", "i8"),  # whether the blade has loaded the tissue
+            ("end", "i8"),  # index in ENDS
+            ("over_limit", "f8"),  # largest force above the limit in this step [N]
+            ("overshoot", "f8"),  # of the tip beyond the target [m]
+        ],
+    )
+)
+"""Memory of the assessment between decisions."""

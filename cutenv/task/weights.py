@@ -1,0 +1,69 @@
+"""Weights of the reward and limits of the task; frozen as version 0 of the environment once an agent is compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutenv.parameter import check_parameters, parameter
+from cutenv.task.records import TASK, Records
+
+
+@dataclass(frozen=True, kw_only=True)
+class RewardWeights:
+    """Weights of the costs; each is charged as it occurs, so that no average hides and no early end saves."""
+
+    uncontrolled: float = parameter(
+        0.3, unit="1", low=0.0, high=100.0, provenance="choice", why="per target length of unstable growth"
+    )
+    jump: float = parameter(0.1, unit="1", low=0.0, high=100.0, provenance="choice", why="per (run of 10 mm) squared")
+    force: float = parameter(
+        0.2, unit="1", low=0.0, high=100.0, provenance="choice", why="per 100 N/m s of force per depth above 400 N/m"
+    )
+    lag: float = parameter(
+        0.1, unit="1", low=0.0, high=100.0, provenance="choice", why="per 10 mm s of lag above 10 mm"
+    )
+    backward: float = parameter(
+        0.3, unit="1", low=0.0, high=100.0, provenance="choice", why="per target length of backward travel"
+    )
+    time: float = parameter(0.3, unit="1", low=0.0, high=100.0, provenance="choice", why="per 30 s")
+    tip_error: float = parameter(
+        0.2, unit="1", low=0.0, high=100.0, provenance="choice", why="at the end, per 3 mm, up to 9 mm"
+    )
+    wedge: float = parameter(
+        0.2, unit="1", low=0.0, high=100.0, provenance="choice", why="at the end, per wedge as wide as deep"
+    )
+    stored: float = parameter(
+        0.1, unit="1", low=0.0, high=100.0, provenance="choice", why="at the end, per fracture energy of 3 mm"
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """Where the task ends for safety."""
+
+    force_limit_per_depth: float = parameter(
+        1000.0, unit="N/m", low=1.0, high=1e5, provenance="assumed",
+        why="a planner that knows the tissue never meets it", sweep=(600.0, 1500.0),
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+
+def task_record(
+    weights: RewardWeights, limits: Limits, *, target_length: float, deadline: float, friction_per_depth: float
+) -> Records:
+    """One task as the compiled assessment takes it, shape (1,): lengths in m, deadline in s, friction in N/m."""
+    task = np.zeros(1, TASK)
+    for name in ("uncontrolled", "jump", "force", "lag", "backward", "time", "tip_error", "wedge", "stored"):
+        task[name] = getattr(weights, name)
+    task["force_limit_per_depth"] = limits.force_limit_per_depth
+    task["target"] = target_length
+    task["deadline"] = deadline
+    task["friction_per_depth"] = friction_per_depth
+    return task

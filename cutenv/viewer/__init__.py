@@ -1,0 +1,9 @@
+"""Pictures of a cut while it happens; drawing needs pygame-ce, which the extra ``cutenv[view]`` installs."""
+
+from __future__ import annotations
+
+from cutenv.viewer.cut_viewer import CutViewer
+from cutenv.viewer.scene import ForceTrace, Layout, Moment
+from cutenv.viewer.slab import Slab
+
+__all__ = ["CutViewer", "ForceTrace", "Layout", "Moment", "Slab"]

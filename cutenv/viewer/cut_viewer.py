@@ -1,0 +1,103 @@
+"""The picture of a cut: slab from above, blade from the side, force along the cut, numbers and reward."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.plant.simulator import SimulatedPlant
+from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.viewer import chart, palette, readout, views
+from cutenv.viewer.canvas import Canvas
+from cutenv.viewer.scene import ForceTrace, Layout, Moment
+from cutenv.viewer.slab import Slab, slab_of
+from cutenv.viewer.window import Window
+
+
+class CutViewer:
+    """Draws a simulated cut, as an array and, if asked for, in a window.
+
+    From above the tissue is displaced as the finite-element model says, at one scale with the ruler; that the
+    cut gapes is illustration. From the side the tissue is at rest, so that the tip and the blade that carries
+    it stand apart by the lag. The force stands below, over the place of the blade. The tip is hidden from
+    agents, and marked so.
+
+    Parameters
+    ----------
+    window : bool
+        Whether to open a window. Closing it ends the drawing in it and not the cut. Without one no display
+        is touched.
+    fps : float
+        Pictures per second of the window; drawing waits until the next one is due.
+
+    Raises
+    ------
+    ImportError
+        If pygame is not installed.
+    """
+
+    def __init__(self, *, window: bool = False, fps: float = 50.0) -> None:
+        self.layout = Layout()
+        self._canvas = Canvas(self.layout.width, self.layout.height, palette.PAPER)
+        self._window = Window(self.layout.width, self.layout.height, fps) if window else None
+        self._cutting: GentleCutting | None = None
+        self._slab: Slab
+        self._trace: ForceTrace
+        self._standing: Canvas
+
+    @property
+    def window_open(self) -> bool:
+        """Whether there is a window that nobody has closed."""
+        return self._window is not None and self._window.open
+
+    def draw(self, plant: SimulatedPlant, cutting: GentleCutting) -> NDArray[np.uint8]:
+        """Draw the present moment.
+
+        The force that is shown was felt in the steps that were drawn; a line bridges those in between.
+
+        Returns
+        -------
+        ndarray of shape (720, 960, 3)
+            Red, green, blue, 0 to 255.
+        """
+        moment = Moment.of(plant, cutting)
+        fresh = cutting is not self._cutting
+        if fresh:
+            self._cutting = cutting
+            self._trace = ForceTrace()
+            self._slab = slab_of(plant.specimen.cut_model())
+        scale = self._trace.low, self._trace.high
+        felt = self._trace.add(cutting.readings)
+        if fresh or (self._trace.low, self._trace.high) != scale:
+            self._standing = self._draw_standing(moment)
+            chart.draw_force(self._standing, self.layout, self._trace, self._trace.whole())
+        elif felt:
+            chart.draw_force(self._standing, self.layout, self._trace, self._trace.latest())
+
+        canvas, layout = self._canvas, self.layout
+        canvas.paste(self._standing)
+        views.draw_from_above(canvas, layout, moment, self._slab)
+        views.draw_from_the_side(canvas, layout, moment)
+        chart.draw_present(canvas, layout, moment, self._trace)
+        readout.draw_header(canvas, layout, moment)
+        readout.draw_numbers(canvas, layout, moment)
+        readout.draw_reward(canvas, layout, moment)
+        if self._window is not None:
+            self._window.show(canvas)
+        return canvas.picture()
+
+    def _draw_standing(self, moment: Moment) -> Canvas:
+        """What stands still during a cut; the force is added to it as it comes."""
+        layout, model = self.layout, self._slab.model
+        canvas = Canvas(layout.width, layout.height, palette.PAPER)
+        views.draw_clamp(canvas, layout, model.width)
+        views.draw_section_at_rest(canvas, layout, moment)
+        views.draw_ruler(canvas, layout, model.length)
+        chart.draw_axes(canvas, layout, moment, self._trace)
+        readout.draw_legend(canvas, layout)
+        return canvas
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()

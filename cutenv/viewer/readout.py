@@ -1,0 +1,94 @@
+"""What is read in words and numbers: task and end, what the rig knows, reward by term, legend."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cutenv.viewer import palette
+from cutenv.viewer.canvas import Canvas, Colour
+from cutenv.viewer.scene import Layout, Moment, depth_at
+from cutenv.viewer.views import LARGEST_DISPLACEMENT, draw_band, draw_tip
+
+_SMALL, _NORMAL = 16, 19
+_MARGIN = 16  # [px]
+_NUMBERS, _REWARD, _LEGEND = 72, 298, 600  # where the parts of the column begin, from the top [px]
+_REWARD_REACH = 62  # of a bar [px], for a term of 1
+
+
+def draw_header(canvas: Canvas, layout: Layout, moment: Moment) -> None:
+    """What is to be done, or how it ended; and the time."""
+    ground = palette.HEADER
+    if moment.end:
+        ground = palette.SUCCESS if moment.success else palette.FAILURE
+    canvas.bar(0, 0, layout.width, layout.header, ground)
+    middle = layout.header / 2 + 1
+    words = moment.verdict or f"Cut gently, until the tip stands at {moment.target * 1e3:.1f} mm"
+    canvas.text(words, (_MARGIN, middle), size=25, colour=palette.PAPER)
+    clock = f"{moment.time:.1f} s of {moment.deadline:.0f} s"
+    canvas.text(clock, (layout.width - _MARGIN, middle), size=20, colour=palette.PAPER, anchor="midright")
+
+
+def draw_numbers(canvas: Canvas, layout: Layout, moment: Moment) -> None:
+    """Force, motion and places."""
+    left, right, top = layout.column, layout.width - _MARGIN, _NUMBERS
+    limit = moment.force_limit_per_depth * depth_at(moment.depth, moment.blade)
+    canvas.text(f"{_rounded(moment.force, 2):.2f} N", (left, top + 9), size=46, colour=palette.FORCE)
+    beside = (("force on the blade", palette.QUIET), (f"limit {limit:.2f} N", palette.LIMIT))
+    for k, (words, colour) in enumerate(beside):
+        canvas.text(words, (right, top + 20 * k), size=_SMALL, colour=colour, anchor="midright")
+    rows: tuple[tuple[str, str, Colour], ...] = (
+        ("speed", f"{_rounded(moment.speed * 100, 2):.2f} cm/s", palette.INK),
+        ("angle of the blade", f"{math.degrees(moment.angle):.0f}°", palette.INK),
+        ("blade", f"{moment.blade * 1e3:.1f} mm", palette.INK),
+        ("tip (hidden)", f"{moment.tip * 1e3:.1f} mm", palette.INK),
+        ("target", f"{moment.target * 1e3:.1f} mm", palette.TARGET),
+    )
+    for k, (name, value, colour) in enumerate(rows):
+        y = top + 56 + 27 * k
+        canvas.text(name, (left, y), size=_NORMAL, colour=palette.QUIET)
+        canvas.text(value, (right, y), size=22, colour=colour, anchor="midright")
+
+
+def draw_reward(canvas: Canvas, layout: Layout, moment: Moment) -> None:
+    """The return so far and its terms: gains to the right of the line, costs to the left."""
+    left, right, top = layout.column, layout.width - _MARGIN, _REWARD
+    canvas.text("return so far", (left, top), size=_NORMAL, colour=palette.QUIET)
+    canvas.text(f"{_rounded(sum(moment.totals.values()), 3):.3f}", (right, top), size=30, anchor="midright")
+    zero, bottom = left + 150, top + 24 + 23 * len(moment.totals)
+    canvas.line(np.array([[zero, top + 22], [zero, bottom]]), palette.QUIET)
+    for k, (name, value) in enumerate(moment.totals.items()):
+        y = top + 36 + 23 * k
+        end = zero + _REWARD_REACH * min(max(value, -1.0), 1.0)
+        colour = palette.GAIN if value > 0.0 else palette.LOSS
+        canvas.text(name.replace("_", " "), (left, y), size=_SMALL, colour=palette.QUIET)
+        canvas.bar(min(zero, end), y - 6, max(zero, end), y + 7, colour)
+        shown = _rounded(value, 3)
+        canvas.text(f"{shown:+.3f}" if shown else "0", (right, y), size=_SMALL, anchor="midright")
+
+
+def draw_legend(canvas: Canvas, layout: Layout) -> None:
+    """What the marks and lines of views and chart mean."""
+    left, top = layout.column, _LEGEND
+    right, middle = left + len(palette.TISSUE), left + 0.5 * len(palette.TISSUE)
+    draw_tip(canvas, np.array([middle, top]))
+    draw_band(canvas, middle - 11, middle, middle + 11, top + 15, top + 33)
+    for k, colour in enumerate(palette.TISSUE):
+        canvas.bar(left + k, top + 41, left + k + 1, top + 56, colour)
+    canvas.line(np.array([[left, top + 72], [right, top + 72]]), palette.LIMIT, 2.0)
+    canvas.dashes(np.array([[left, top + 96], [right, top + 96]]), palette.COST, width=2.0)
+    meanings = (
+        "tip, hidden from the agent",
+        "target and its tolerance",
+        f"displacement, 0 to {LARGEST_DISPLACEMENT * 1e3:.0f} mm",
+        "force limit",
+        "force above this costs",
+    )
+    for k, words in enumerate(meanings):
+        canvas.text(words, (right + 14, top + 24 * k), size=_SMALL, colour=palette.QUIET)
+
+
+def _rounded(value: float, digits: int) -> float:
+    """Rounded, and a zero without a sign."""
+    return round(value, digits) + 0.0

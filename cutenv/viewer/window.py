@@ -1,0 +1,50 @@
+"""A window that shows pictures at a steady rate."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cutenv.viewer.canvas import Canvas, import_pygame
+
+
+class Window:
+    """The one window of pygame's display, opened at construction.
+
+    Parameters
+    ----------
+    width, height : int
+        [px].
+    fps : float
+        Pictures per second; showing one waits until it is due.
+
+    Attributes
+    ----------
+    open : bool
+        False once it was closed, by `close` or by the person before it.
+    """
+
+    def __init__(self, width: int, height: int, fps: float) -> None:
+        self._pygame: Any = import_pygame()
+        self._pygame.display.init()
+        self._screen = self._pygame.display.set_mode((width, height))
+        self._pygame.display.set_caption("cutenv")
+        self._clock = self._pygame.time.Clock()
+        self._fps = fps
+        self.open = True
+
+    def show(self, canvas: Canvas) -> None:
+        """Show a canvas; do nothing if the window is closed."""
+        # All events are taken, lest a full queue hide the one that closes the window.
+        if self.open and any(event.type == self._pygame.QUIT for event in self._pygame.event.get()):
+            self.close()
+        if not self.open:
+            return
+        self._screen.blit(canvas.surface, (0, 0))
+        self._pygame.display.flip()
+        self._clock.tick(self._fps)
+
+    def close(self) -> None:
+        """Close the window; a second time does nothing."""
+        if self.open:
+            self.open = False
+            self._pygame.display.quit()

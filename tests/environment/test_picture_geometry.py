@@ -1,0 +1,294 @@
+"""Geometry and words of the picture of a cut; nothing here draws, so that nothing here needs pygame."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cutenv.cutting.records import READING
+from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.task.records import ENDS, TERMS
+from cutenv.tissue.cut_model import CutModel
+from cutenv.viewer import ForceTrace, Layout, Moment, Slab, palette
+from cutenv.viewer.scene import blade_from_above, blade_from_the_side, depth_at, front_from_the_side
+from cutenv.viewer.slab import half_gap
+
+LAYOUT = Layout()
+
+
+@pytest.fixture
+def env() -> GentleCutEnv:
+    env = GentleCutEnv(specimen_class="uniform", target_length=0.08)
+    env.reset(seed=3)
+    return env
+
+
+def advance(env: GentleCutEnv, steps: int, speed: float = 0.4, angle: float = 1.0) -> None:
+    for _ in range(steps):
+        env.step(np.array([speed, angle], np.float32))
+
+
+# The slab
+
+
+@pytest.fixture(scope="module")
+def slab() -> Slab:
+    return Slab(CutModel())
+
+
+def line(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of values on the lattice, those on the cut line along it, left face."""
+    return values[0, -1, :, 1]
+
+
+def check_carries_the_tip(slab: Slab, displacement: NDArray[np.float64], tip: float, lag: float) -> None:
+    """The clamp holds, the tip moves with the blade, and no place moves much further."""
+    along = line(slab.rest)
+    assert np.abs(displacement[:, :, 0]).max() == 0.0
+    assert np.interp(tip, along, line(displacement)) == pytest.approx(lag, rel=1e-9)
+    # Between corners the tip's neighbours move a little more than the straight line between them.
+    assert np.abs(displacement).max() <= 1.2 * lag
+
+
+@pytest.mark.parametrize("tip", [0.02, 0.05, 0.0537, 0.1])
+def test_the_slab_is_carried_by_its_tip(slab: Slab, tip: float) -> None:
+    check_carries_the_tip(slab, slab.displacement(tip, 0.006), tip, 0.006)
+
+
+def test_a_slab_displaced_for_another_tip_is_noticed(slab: Slab) -> None:
+    with pytest.raises(AssertionError):
+        check_carries_the_tip(slab, slab.displacement(0.07, 0.006), 0.05, 0.006)
+
+
+def test_the_lattice_moves_as_the_nodes_of_the_finite_element_model(slab: Slab) -> None:
+    model, tip, lag = slab.model, 0.05, 0.004
+    modulus, thickness = 48e3, 0.018
+    nodal = model.displacement(tip, model.stiffness(tip) * modulus * thickness * lag, modulus, thickness)
+    lattice = slab.displacement(tip, lag).reshape(-1, 2)
+    places = slab.rest.reshape(-1, 2)
+    for corner in np.unique(model.elements):
+        nearest = np.hypot(*(places - model.nodes[corner]).T) < 1e-9
+        assert nearest.any()
+        assert np.allclose(lattice[nearest], nodal[corner], atol=1e-12)
+
+
+def test_a_loaded_slab_differs_from_one_at_rest_and_an_unloaded_does_not(env: GentleCutEnv) -> None:
+    slab = Slab(env.specimen.cut_model())
+    advance(env, 150)
+    loaded = Moment.of(env.plant, env.cutting)
+    assert loaded.lag > 1e-3
+    assert np.abs(slab.displacement(loaded.tip, loaded.lag)).max() >= loaded.lag * 0.99
+    advance(env, 60, speed=-0.5)
+    unloaded = Moment.of(env.plant, env.cutting)
+    assert unloaded.lag == 0.0
+    assert np.abs(slab.displacement(unloaded.tip, unloaded.lag)).max() == 0.0
+
+
+def test_the_target_line_moves_with_the_tissue_on_which_it_is_marked(slab: Slab) -> None:
+    at_rest = slab.line_across(np.zeros_like(slab.rest), 0.0725)
+    assert np.allclose(at_rest[:, 1], 0.0725, atol=1e-15)
+    assert at_rest[:, 0].min() == pytest.approx(-0.04)
+    displacement = slab.displacement(0.0725, 0.005)
+    carried = slab.line_across(displacement, 0.0725)
+    middle = np.abs(at_rest[:, 0]) < 1e-12
+    assert np.allclose(carried[middle, 1], 0.0775, atol=1e-9)
+    assert carried[:, 1].min() > 0.0725
+
+
+def test_the_cut_is_drawn_open_between_clamp_and_tip_only(slab: Slab) -> None:
+    tip, lag = 0.0537, 0.004
+    outline = slab.cut_outline(slab.displacement(tip, lag), tip)
+    assert outline[:, 1].min() == pytest.approx(0.0, abs=1e-12)
+    assert outline[:, 1].max() == pytest.approx(tip + lag, rel=1e-9)
+    assert np.abs(outline[:, 0]).max() < 0.003
+    assert half_gap(np.array([0.0, tip, tip + 0.01]), tip).tolist() == [0.0, 0.0, 0.0]
+    ahead = slab.rest[0, :, :, 1] >= tip
+    opened = slab.opened(slab.rest, tip)
+    assert np.array_equal(opened[:, ahead], slab.rest[:, ahead])
+
+
+def test_an_element_of_any_kind_can_be_drawn() -> None:
+    for model in (
+        CutModel(element="quad4", divisions=(4, 10)),
+        CutModel(element="hex20", formulation="solid", divisions=(2, 4, 1)),
+    ):
+        slab = Slab(model)
+        tip = float(model.tips[1])
+        assert np.ptp(slab.rest[..., 0]) == pytest.approx(model.width)
+        assert np.ptp(slab.rest[..., 1]) == pytest.approx(model.length)
+        check_carries_the_tip(slab, slab.displacement(tip, 0.003), tip, 0.003)
+
+
+# The blade
+
+
+def check_edge(outline: NDArray[np.float64], blade: float, angle: float, depth: float) -> None:
+    """The edge runs from the lower end, a wedge behind, through the blade's place at the surface."""
+    lower, upper = outline[0], outline[-1]
+    assert lower[0] == pytest.approx(blade - depth / math.tan(angle), abs=1e-12)
+    assert lower[1] == 0.0
+    slope = math.atan2(upper[1] - lower[1], upper[0] - lower[0])
+    assert slope == pytest.approx(angle, abs=1e-12)
+    at_surface = lower[0] + (upper[0] - lower[0]) * depth / upper[1]
+    assert at_surface == pytest.approx(blade, abs=1e-12)
+
+
+@pytest.mark.parametrize("degrees", [45.0, 60.0, 90.0])
+def test_the_edge_leans_at_its_angle_through_its_place_at_the_surface(degrees: float) -> None:
+    angle = math.radians(degrees)
+    check_edge(blade_from_the_side(0.06, angle, 0.018), 0.06, angle, 0.018)
+
+
+def test_an_edge_at_another_angle_is_noticed() -> None:
+    with pytest.raises(AssertionError):
+        check_edge(blade_from_the_side(0.06, math.radians(80), 0.018), 0.06, math.radians(90), 0.018)
+
+
+def test_the_cut_front_stands_at_the_tip_and_leaves_the_wedge() -> None:
+    depth = np.full(301, 0.018)
+    front = front_from_the_side(0.06, math.radians(45), depth)
+    assert front[-3].tolist() == pytest.approx([0.06, 0.018])
+    assert front[-2].tolist() == pytest.approx([0.06 - 0.018, 0.0])
+    assert front_from_the_side(0.0, math.radians(45), depth)[:, 0].max() == 0.0
+
+
+def test_from_above_only_an_inclined_blade_stands_out_over_uncut_tissue() -> None:
+    for degrees, ahead in ((90.0, False), (45.0, True)):
+        section, overhang = blade_from_above(0.06, math.radians(degrees), 0.01)
+        assert section[:, 1].max() == pytest.approx(0.06)
+        assert bool(overhang[:, 1].max() > 0.061) is ahead
+
+
+# Force, numbers and words
+
+
+def felt(time: float, force: NDArray[np.float64]) -> NDArray[np.void]:
+    readings = np.zeros(len(force), READING)
+    readings["time"] = time + 1e-3 * np.arange(len(force))
+    readings["position"] = 0.01 * readings["time"]
+    readings["force"] = force
+    return readings
+
+
+def check_shows_peak(points: NDArray[np.float64], peak: float) -> None:
+    assert points[:, 1].max() == peak
+
+
+def test_the_trace_keeps_a_peak_of_one_millisecond() -> None:
+    trace = ForceTrace()
+    force = np.full(1000, 2.0)
+    force[487] = 5.0
+    trace.add(felt(0.001, force))
+    check_shows_peak(trace.whole(), 5.0)
+    assert len(trace.whole()) < 200
+
+
+def test_a_trace_of_means_would_lose_the_peak_and_is_noticed() -> None:
+    force = np.full(1000, 2.0)
+    force[487] = 5.0
+    means = force.reshape(-1, 20).mean(axis=1)
+    with pytest.raises(AssertionError):
+        check_shows_peak(np.stack([means, means], axis=-1), 5.0)
+
+
+def test_the_trace_adds_a_step_once_and_joins_it_to_the_last() -> None:
+    trace = ForceTrace()
+    first, second = felt(0.001, np.linspace(0.0, 1.0, 20)), felt(0.021, np.linspace(1.0, 2.0, 20))
+    assert trace.add(first)
+    count = len(trace.whole())
+    assert not trace.add(first)
+    assert len(trace.whole()) == count
+    assert trace.add(second)
+    assert trace.latest()[0].tolist() == trace.whole()[count - 1].tolist()
+    assert trace.whole()[-1, 1] == 2.0
+
+
+def test_the_chart_grows_with_the_force_and_never_cuts_it_off() -> None:
+    trace = ForceTrace()
+    trace.add(felt(0.001, np.array([0.0, 3.0])))
+    at_first = trace.low, trace.high
+    trace.add(felt(0.1, np.array([3.0, 17.3, -2.2])))
+    assert trace.low < at_first[0]
+    assert trace.high > at_first[1]
+    assert trace.low < -2.2
+    assert trace.high > 17.3
+    pixels = LAYOUT.in_chart(trace.whole(), trace.low, trace.high)
+    assert pixels[:, 1].min() > LAYOUT.chart_top
+    assert pixels[:, 1].max() < LAYOUT.chart_bottom
+
+
+def test_a_moment_tells_what_the_rig_and_the_truth_know(env: GentleCutEnv) -> None:
+    advance(env, 120, angle=0.0)
+    moment = Moment.of(env.plant, env.cutting)
+    assert env.cutting.readings is not None
+    last = env.cutting.readings[-1]
+    assert (moment.blade, moment.tip) == (last["position"], last["tip"])
+    assert moment.force == last["force"]
+    assert moment.lag == pytest.approx(last["position"] - last["tip"])
+    assert math.degrees(moment.angle) == pytest.approx(67.5)
+    assert moment.target == 0.08
+    assert moment.force_limit_per_depth == 1000.0
+    assert depth_at(moment.depth, moment.blade) == pytest.approx(env.specimen.tissue.mean_depth)
+
+
+def test_the_terms_shown_add_up_to_the_return(env: GentleCutEnv) -> None:
+    rewards = [env.step(np.array([0.6, 0.5], np.float32))[1] for _ in range(100)]
+    totals = Moment.of(env.plant, env.cutting).totals
+    assert list(totals) == list(TERMS)
+    assert sum(totals.values()) == pytest.approx(sum(rewards), abs=1e-12)
+
+
+@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize("success", [False, True])
+def test_every_end_is_put_in_words(env: GentleCutEnv, end: str, success: bool) -> None:
+    moment = dataclasses.replace(Moment.of(env.plant, env.cutting), end=end, success=success)
+    assert ("success" in moment.verdict) is (success and end == "finished")
+    assert bool(moment.verdict) is bool(end)
+    assert "_" not in moment.verdict
+
+
+def test_a_finished_failure_says_what_was_missed(env: GentleCutEnv) -> None:
+    moment = dataclasses.replace(Moment.of(env.plant, env.cutting), end="finished")
+    assert dataclasses.replace(moment, tip=0.0755).verdict == "finished: tip 4.5 mm off target"
+    upright = dataclasses.replace(moment, tip=0.0801, angle=math.radians(60))
+    assert upright.verdict == "finished: blade at 60°, not upright"
+
+
+# Colours
+
+# Viénot, Brettel & Mollon (1999), linear RGB.
+DICHROMATS = {
+    "protanopia": np.array([[0.11238, 0.88762, 0.0], [0.11238, 0.88762, 0.0], [0.00401, -0.00401, 1.0]]),
+    "deuteranopia": np.array([[0.29275, 0.70725, 0.0], [0.29275, 0.70725, 0.0], [-0.02234, 0.02234, 1.0]]),
+}
+
+
+def check_told_apart(first: tuple[int, int, int], second: tuple[int, int, int], sight: str) -> None:
+    """Two colours differ for a dichromat: by 30 in CIE L*a*b*, where 2 is just noticed."""
+    rgb = (np.array([first, second]) / 255) ** 2.2 @ DICHROMATS[sight].T
+    to_xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+    x, y, z = np.cbrt((np.clip(rgb, 0, 1) @ to_xyz.T) / [0.9505, 1.0, 1.089]).T
+    lab = np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
+    assert np.linalg.norm(lab[0] - lab[1]) > 30
+
+
+@pytest.mark.parametrize("sight", DICHROMATS)
+@pytest.mark.parametrize(
+    "pair",
+    [("GAIN", "LOSS"), ("SUCCESS", "FAILURE"), ("TARGET", "LIMIT"), ("TARGET", "FORCE"), ("LIMIT", "FORCE")],
+)
+def test_colours_that_mean_something_are_told_apart_without_red_or_green(pair: tuple[str, str], sight: str) -> None:
+    check_told_apart(getattr(palette, pair[0]), getattr(palette, pair[1]), sight)
+
+
+def test_a_red_and_a_green_are_not_told_apart_so_the_check_can_fail() -> None:
+    with pytest.raises(AssertionError):
+        check_told_apart((214, 80, 40), (100, 140, 40), "deuteranopia")
+
+
+def test_the_tissue_darkens_steadily_with_displacement() -> None:
+    assert np.all(np.diff(np.array(palette.TISSUE).sum(axis=1)) < 0)
