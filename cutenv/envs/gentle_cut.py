@@ -261,6 +261,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             command[1] = (self._fixed_angle - math.radians(67.5)) / math.radians(22.5)
         observation, reward = self.cutting.step(command)
         self._ended = self.cutting.end != ""
+        if self.cutting.updates < self._ticks:
+            self.plant.take_back(self.cutting.updates, *self.cutting.command)
         info = self._info()
         if self._ended:
             info["end"] = self.cutting.end
@@ -272,8 +274,6 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def _info(self) -> dict[str, Any]:
         energy, (tip, blade, uncontrolled, eta) = self.plant.account()
         specimen = self.specimen
-        tissue = specimen.tissue
-        speed = abs(float(self.plant.states["speed"][0]))
         place = min(round(tip / SPACING), N_POINTS - 1)
         return {
             "truth": {
@@ -290,7 +290,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "energy": energy,
             "reward_terms": self.cutting.reward_terms,
             "cost": self.cutting.cost,
-            "speed_out_of_range": speed > 0.0 and not tissue.speed_min <= speed <= tissue.speed_max,
+            "speed_out_of_range": self.cutting.speed_out_of_range,
         }
 
     @property

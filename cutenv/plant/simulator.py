@@ -64,7 +64,9 @@ class SimulatedPlant:
     ) -> None:
         check_angle(angle)
         self.specimen = specimen
-        self.depth = specimen.depth if depth is None else array_in_range("depth", depth, 1e-4, 0.2, "m", "2 cm is 0.02.")
+        self.depth = (
+            specimen.depth if depth is None else array_in_range("depth", depth, 1e-4, 0.2, "m", "2 cm is 0.02.")
+        )
         if self.depth.shape != (N_POINTS,):
             raise ValueError(f"depth has shape {self.depth.shape}; give {N_POINTS} values, one every {SPACING} m.")
         self.states = new_state(1, angle)
@@ -74,6 +76,7 @@ class SimulatedPlant:
         self._sensors = sensor_records([sensor or SensorParameters()], [seed], [episode])
         self._energies, self._hidden = np.zeros(len(ENERGIES)), np.zeros(4)
         self._readings = np.zeros(1, READING)
+        self._before = (self.states.copy(), self._sensors.copy())
 
     def advance(self, speed: float, angle: float, ticks: int) -> Records:
         """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds; see :class:`~cutenv.plant.Plant`."""
@@ -84,8 +87,14 @@ class SimulatedPlant:
             if in_range("ticks", ticks, 1, 10**7, "1", "Give a whole number of milliseconds.") % 1.0:
                 raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
             self._readings = np.zeros(int(ticks), READING)
+        self._before[0][:], self._before[1][:] = self.states, self._sensors
         hold(self.states, self.profile, self._laws, self._drives, self._sensors, speed, angle, TICK, self._readings)
         return self._readings
+
+    def take_back(self, ticks: int, speed: float, angle: float) -> None:
+        """Undo the last :meth:`advance`, with the same command, beyond its first ``ticks`` milliseconds."""
+        self.states[:], self._sensors[:] = self._before
+        self.advance(speed, angle, ticks)
 
     @property
     def law(self) -> Record:

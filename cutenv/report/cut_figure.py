@@ -94,4 +94,4 @@ def _draw_side(axes: Axes, readings: Records, depth: np.typing.NDArray[np.float6
     axes.axvline(tip_mm, color=_RUN, linestyle="--", linewidth=1, label="crack tip at the end")
     axes.set_ylabel("depth [mm]")
     axes.set_ylim(-1.25 * height, 4.0)
-    axes.legend(loc="lower right", ncols=3, fontsize=8, frameon=False)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, fontsize=8, frameon=False)

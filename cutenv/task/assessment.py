@@ -79,6 +79,7 @@ def assess(
     L = task.target
     terms[:] = 0.0
     progress.over_limit = 0.0
+    progress.out_of_range = 0
     for i in range(len(readings)):
         reading = readings[i]
         x = reading.position
@@ -103,6 +104,11 @@ def assess(
         progress.over_limit = max(progress.over_limit, abs(forces[i]) - task.force_limit_per_depth * depth)
         progress.overshoot = max(a - L, 0.0)
 
+        progress.updates = i + 1
+        progress.angle = reading.angle
+        if reading.speed != 0.0 and not task.speed_min <= abs(reading.speed) <= task.speed_max:
+            progress.out_of_range += 1
+
         at_rest = abs(reading.speed) < SPEED_AT_REST
         unloaded = reading.force < task.friction_per_depth * depth + FORCE_UNLOADED
         quiet = at_rest and unloaded and progress.furthest >= TRAVEL_TO_FINISH
@@ -117,18 +123,18 @@ def assess(
         elif progress.time >= task.deadline - 0.5 * TICK:
             progress.end = _DEADLINE
         if progress.end != 0:
-            charge_end(task, progress, profile, reading.angle, terms)
+            charge_end(task, progress, profile, terms)
             break
 
 
 @compiled
-def charge_end(task: Record, progress: Record, profile: Records, angle: float, terms: Records) -> None:
+def charge_end(task: Record, progress: Record, profile: Records, terms: Records) -> None:
     """The terminal cost, the same for every end, and what an end for safety pays besides."""
     x = progress.position
     a = progress.tip
     stored = 0.5 * stiffness_at(profile, a)[0] * max(x - a, 0.0) ** 2
     terms[_TIP] -= task.tip_error * min(abs(a - task.target) / TIP_TOLERANCE, TIP_ERROR_CAP)
-    terms[_WEDGE] -= task.wedge / math.tan(angle)
+    terms[_WEDGE] -= task.wedge / math.tan(progress.angle)
     terms[_STORED] -= task.stored * stored / (toughness_at(profile, a) * 0.003)
     if progress.end in (_FORCE_LIMIT, _OVERSHOOT):
         time_left = max(task.deadline - progress.time, 0.0)
@@ -137,8 +143,9 @@ def charge_end(task: Record, progress: Record, profile: Records, angle: float, t
 
 
 @compiled
-def succeeded(task: Record, progress: Record, angle: float) -> bool:
+def succeeded(task: Record, progress: Record) -> bool:
     """Finished, tip within 3 mm of the target, blade within 10 degrees of upright."""
     near = abs(progress.tip - task.target) <= TIP_TOLERANCE
-    upright = abs(0.5 * math.pi - angle) <= ANGLE_TOLERANCE
-    return progress.end == _FINISHED and near and upright
+    upright = abs(0.5 * math.pi - progress.angle) <= ANGLE_TOLERANCE
+    success: bool = progress.end == _FINISHED and near and upright
+    return success

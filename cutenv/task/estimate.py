@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from cutenv.compiled import compiled
 from cutenv.cutting.law import depth_at, stiffness_at
-from cutenv.cutting.records import Record, Records
+from cutenv.cutting.records import TICK, Record, Records
 
 _RUN = 0.3e-3  # [m] of tip advance beyond the blade's own, below which it is noise and not an unstable run
+_SETTLE = 50  # updates for which the blade must keep its direction: a delayed force still holds the friction of before
+_WINDOW = 20  # updates over which a run is looked for, longer than the sensor's noise and whatever the decision rate
 _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
 
 
@@ -16,24 +18,29 @@ def estimate(
 ) -> None:
     """Fill ``tips`` [m] and ``jumps`` [m], shape (ticks,), from what was felt.
 
-    A cut never heals, so the tip never goes back.  Over the step as a whole, the tip's advance beyond the blade's is
-    taken for an unstable run, booked at the last tick.
+    A cut never heals, so the tip never goes back.  Over every 20 ms, the tip's advance beyond the blade's is taken for an
+    unstable run, booked at their last millisecond.
     """
     a = progress.tip
-    start = a
+    tick = round(progress.time / TICK)
     for i in range(len(readings)):
         reading = readings[i]
         friction = task.friction_per_depth * depth_at(nominal, reading.position)
         moving = 1.0 if reading.speed > 0.0 else (-1.0 if reading.speed < 0.0 else 0.0)
+        progress.settled = progress.settled + 1 if moving == progress.direction else 0
+        progress.direction = moving
         elastic = max(reading.force - moving * friction, 0.0)
         guess = a
         for _ in range(_ITERATIONS):
             guess = reading.position - elastic / stiffness_at(nominal, max(guess, 0.0))[0]
-        if elastic > 0.0:
+        if elastic > 0.0 and progress.settled >= _SETTLE:
             a = max(a, guess)
         tips[i] = a
         jumps[i] = 0.0
-    feed = max(readings[len(readings) - 1].position - progress.position, 0.0)
-    run = a - start - feed
-    if run > _RUN:
-        jumps[len(readings) - 1] = run
+        tick += 1
+        if tick % _WINDOW == 0:
+            run = a - progress.window_tip - max(reading.position - progress.window_position, 0.0)
+            if run > _RUN:
+                jumps[i] = run
+            progress.window_tip = a
+            progress.window_position = reading.position

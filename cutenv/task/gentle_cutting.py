@@ -42,7 +42,8 @@ def decide_from_truth(
     """Assess the readings since the last decision by hidden state, and observe them; arrays of length 1 for records."""
     forces, tips, jumps = readings["true_force"], readings["tip"], readings["jump"]
     assess(tasks[0], progresses[0], truth, readings, forces, tips, jumps, terms)
-    observe(tasks[0], nominal, readings, progresses[0].time, last_action, observation)
+    felt = readings[: progresses[0].updates]
+    observe(tasks[0], nominal, felt, progresses[0].time, last_action, observation)
 
 
 @compiled
@@ -60,7 +61,8 @@ def decide_from_estimate(
     """The same as a rig can: tip and runs estimated from the measured force."""
     estimate(tasks[0], progresses[0], nominal, readings, tips, jumps)
     assess(tasks[0], progresses[0], nominal, readings, readings["force"], tips, jumps, terms)
-    observe(tasks[0], nominal, readings, progresses[0].time, last_action, observation)
+    felt = readings[: progresses[0].updates]
+    observe(tasks[0], nominal, felt, progresses[0].time, last_action, observation)
 
 
 class GentleCutting:
@@ -104,8 +106,14 @@ class GentleCutting:
         self._totals = np.zeros(len(TERMS))
         self.readings: Records | None = None
         self.last_action = np.zeros(2)
+        self.command = (0.0, ANGLE_CENTRE)
         self._task = task_record(
-            weights, limits, target_length=target_length, deadline=deadline, friction_per_depth=friction_per_depth
+            weights,
+            limits,
+            target_length=target_length,
+            deadline=deadline,
+            friction_per_depth=friction_per_depth,
+            speeds=(tissue.speed_min, tissue.speed_max),
         )
         self._progress = np.zeros(1, PROGRESS)
         self._nominal = nominal_profile(tissue, plant.depth)
@@ -114,10 +122,9 @@ class GentleCutting:
 
     def step(self, action: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
         """Command an action (2 numbers in [-1, 1]) for one decision; return observation, shape (12,), and reward."""
-        speed = SPEED_SCALE * float(action[0])
-        angle = ANGLE_CENTRE + ANGLE_SCALE * float(action[1])
+        speed, angle = self.command = (SPEED_SCALE * float(action[0]), ANGLE_CENTRE + ANGLE_SCALE * float(action[1]))
         self.last_action[:] = action
-        readings = self.readings = self.plant.advance(speed, angle, self.ticks)
+        readings = self.plant.advance(speed, angle, self.ticks)
         observation = np.empty(len(COMPONENTS), np.float32)
         if self._truth is None:
             decide_from_estimate(
@@ -130,6 +137,7 @@ class GentleCutting:
                 observation,
             )  # fmt: skip
         self._totals += self.terms
+        self.readings = readings[: self.updates]
         return observation, float(self.terms.sum())
 
     def rest(self, angle: float) -> NDArray[np.float32]:
@@ -149,9 +157,17 @@ class GentleCutting:
     @property
     def success(self) -> bool:
         """Finished, tip within 3 mm of the target, blade within 10 degrees of upright."""
-        if self.readings is None:
-            return False
-        return bool(succeeded(self._task[0], self._progress[0], self.readings["angle"][-1]))
+        return bool(succeeded(self._task[0], self._progress[0]))
+
+    @property
+    def updates(self) -> int:
+        """Milliseconds that counted of the last decision: all, or those up to the end."""
+        return int(self._progress["updates"][0])
+
+    @property
+    def speed_out_of_range(self) -> bool:
+        """Whether the blade moved outside the measured range of speed since the last decision."""
+        return bool(self._progress["out_of_range"][0] > 0)
 
     @property
     def time(self) -> float:

@@ -37,6 +37,8 @@ TASK: np.dtype[Any] = np.dtype(
             ("deadline", "f8"),  # [s]
             ("force_limit_per_depth", "f8"),  # [N/m]
             ("friction_per_depth", "f8"),  # of the moving blade [N/m]
+            ("speed_min", "f8"),  # measured range [m/s]
+            ("speed_max", "f8"),
         ],
     )
 )
@@ -47,9 +49,16 @@ PROGRESS: np.dtype[Any] = np.dtype(
         [
             ("tip", "f8"),  # so far, as assessed [m]
             ("position", "f8"),  # of the blade at the last reading [m]
+            ("window_tip", "f8"),  # where the present window of the estimate began [m]
+            ("window_position", "f8"),
             ("furthest", "f8"),  # of the blade so far [m]
             ("quiet", "f8"),  # time for which the blade has been at rest and unloaded [s]
             ("time", "f8"),  # since reset [s]
+            ("direction", "f8"),  # of the blade: 1, 0 or -1, and for how many updates it has had it
+            ("settled", "i8"),
+            ("out_of_range", "i8"),  # updates of this step at a speed outside the measured range
+            ("updates", "i8"),  # of this step, up to the end if there is one
+            ("angle", "f8"),  # of the blade at the last of them [rad]
             ("touched", "i8"),  # whether the blade has loaded the tissue
             ("end", "i8"),  # index in ENDS
             ("over_limit", "f8"),  # largest force above the limit in this step [N]

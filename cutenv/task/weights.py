@@ -56,9 +56,15 @@ class Limits:
 
 
 def task_record(
-    weights: RewardWeights, limits: Limits, *, target_length: float, deadline: float, friction_per_depth: float
+    weights: RewardWeights,
+    limits: Limits,
+    *,
+    target_length: float,
+    deadline: float,
+    friction_per_depth: float,
+    speeds: tuple[float, float],
 ) -> Records:
-    """One task as the compiled assessment takes it, shape (1,): lengths in m, deadline in s, friction in N/m."""
+    """One task as the compiled assessment takes it, shape (1,): lengths in m, deadline in s, friction in N/m, speeds in m/s."""
     task = np.zeros(1, TASK)
     for name in ("uncontrolled", "jump", "force", "lag", "backward", "time", "tip_error", "wedge", "stored"):
         task[name] = getattr(weights, name)
@@ -66,4 +72,5 @@ def task_record(
     task["target"] = target_length
     task["deadline"] = deadline
     task["friction_per_depth"] = friction_per_depth
+    task["speed_min"], task["speed_max"] = speeds
     return task

@@ -134,6 +134,7 @@ class Specimen:
         ValueError
             If the class is unknown, or the tissue is so uneven that no smooth enough specimen is found.
         """
+        _check_generator(rng)
         tissue = tissue or measured_liver()
         one_of("specimen_class", specimen_class, CLASSES)
         if specimen_class == "uniform":
@@ -229,7 +230,13 @@ class Specimen:
 
 def draw_liver(rng: np.random.Generator, tissue: TissueDescription | None = None) -> float:
     """How much stiffer than the mean one liver is [1]."""
+    _check_generator(rng)
     return float(_lognormal(rng.standard_normal(), (tissue or measured_liver()).modulus_between_liver_cv))
+
+
+def _check_generator(rng: np.random.Generator) -> None:
+    if not isinstance(rng, np.random.Generator):
+        raise TypeError(f"rng = {rng!r} must be a numpy.random.Generator; cutenv.randomness.generator(seed) makes one.")
 
 
 @lru_cache(maxsize=8)

@@ -1,4 +1,4 @@
-"""Rewards and ends of gentle cutting worked out again from every millisecond, in NumPy and from the words of the task."""
+"""Rewards and ends of gentle cutting worked out again from every millisecond, from the words of the task."""
 
 from __future__ import annotations
 

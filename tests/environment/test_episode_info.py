@@ -40,7 +40,9 @@ def test_a_success_ends_with_the_blade_within_ten_degrees_of_upright(degrees, su
     assert record.infos[-1]["is_success"] == success
 
 
-@pytest.mark.parametrize(("end", "keywords"), [("force_limit", {"force_limit_per_depth": 250.0}), ("deadline", {"deadline_s": 5.0})])
+@pytest.mark.parametrize(
+    ("end", "keywords"), [("force_limit", {"force_limit_per_depth": 250.0}), ("deadline", {"deadline_s": 5.0})]
+)
 def test_no_other_end_is_a_success_however_near_the_tip(end, keywords):
     even = Specimen.homogeneous(modulus=48e3, fracture_resistance=200.0, depth=0.02)
     tougher = dataclasses.replace(even, fracture_resistance=np.linspace(50.0, 650.0, 301))
@@ -129,7 +131,7 @@ def test_the_truth_is_the_hidden_state_where_the_readings_end():
         "fracture_resistance_J_m2": specimen.fracture_resistance[place],
         "modulus_Pa": specimen.modulus[place],
         "initiation_excess": pytest.approx(specimen.tissue.eta90),
-        "units": np.count_nonzero(np.diff(record.readings["jump"] > 0.0, prepend=False)) // 2,
+        "units": np.count_nonzero(np.diff((record.readings["jump"] > 0.0).astype(int), prepend=0) == 1),
         "uncontrolled_m": pytest.approx(record.readings["jump"].sum()),
         "specimen_class": "vascular",
         "target_length_m": 0.09,
@@ -169,17 +171,16 @@ def test_a_speed_outside_the_measured_range_is_flagged(drive, speed, flagged):
     assert record.infos[-1]["speed_out_of_range"] is flagged
 
 
-@pytest.mark.xfail(strict=True, reason="only the speed at the instant of the decision is looked at")
 def test_a_speed_outside_the_measured_range_is_flagged_between_decisions_too():
     lurching = make(drive="hand", control_hz=5)
     record = cut(lurching, steady(FASTEST), seed=1)
-    blocks = np.abs(record.readings["speed"]).reshape(-1, 200).max(axis=1)
-    assert [info["speed_out_of_range"] for info in record.infos] == list(blocks > FASTEST)
+    speed = np.abs(record.readings["speed"])
+    outside = (speed > FASTEST) | ((speed > 0.0) & (speed < 0.001))
+    decisions = np.array_split(outside, np.arange(200, len(outside), 200))
+    assert [info["speed_out_of_range"] for info in record.infos] == [bool(some.any()) for some in decisions]
+    assert any(not some.any() for some in decisions)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="the blade goes on moving for the rest of the decision in which the episode ended"
-)
 def test_nothing_happens_after_the_end():
     coarse = make(control_hz=2, **QUIET)
     record = cut(coarse, steady(FASTEST))
@@ -187,9 +188,6 @@ def test_nothing_happens_after_the_end():
     assert record.infos[-1]["truth"]["tip_m"] == coarse.unwrapped.cutting.tip
 
 
-@pytest.mark.xfail(
-    strict=True, reason="success looks at the blade's angle where the decision ends, the wedge where the cut ended"
-)
 def test_success_and_wedge_are_judged_at_the_same_instant():
     slow = {"control_hz": 1, "rotation_rate": math.radians(40.0), **QUIET}
     parts = [(3.0, 0.02, UPRIGHT), (2.0, -0.01, INCLINED), (4.0, 0.0, UPRIGHT)]

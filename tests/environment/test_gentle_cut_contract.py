@@ -188,7 +188,7 @@ def test_an_action_out_of_range_is_its_clipped_self(action, clipped):
 def test_an_action_of_the_wrong_shape_is_refused(action):
     env = make().unwrapped
     env.reset(seed=0)
-    with pytest.raises(ValueError, match="action .* must hold 2 numbers"):
+    with pytest.raises(ValueError, match=r"action .* must hold 2 numbers"):
         env.step(np.array(action, np.float32))
 
 

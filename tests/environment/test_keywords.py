@@ -106,7 +106,7 @@ def test_a_value_that_is_no_number_is_refused_by_name(keywords):
 
 def test_a_target_length_given_at_reset_is_checked_alike_and_holds_for_one_cut():
     env = make(target_length=0.07)
-    with pytest.raises(ValueError, match="80 mm is 0.08"):
+    with pytest.raises(ValueError, match=r"80 mm is 0\.08"):
         env.reset(seed=0, options={"target_length": 80})
     lengths = [env.reset(options=options)[1]["truth"]["target_length_m"] for options in ({"target_length": 0.09}, None)]
     assert lengths == [0.09, 0.07]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import gymnasium
 import numpy as np
 import pytest
@@ -31,7 +33,7 @@ def test_observations_are_stacked():
     first = env.reset(seed=0)[0]
     assert first.shape == (4, 12)
     stacked = [env.step(CUTTING)[0] for _ in range(6)]
-    for earlier, later in zip(stacked, stacked[1:], strict=False):
+    for earlier, later in itertools.pairwise(stacked):
         np.testing.assert_array_equal(earlier[1:], later[:-1])
     assert env.observation_space.contains(stacked[-1])
 

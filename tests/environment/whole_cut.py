@@ -81,7 +81,7 @@ def legs(*parts: tuple[float, float, float], control_hz: int = 50) -> Script:
 
 def cut(env: gymnasium.Env[Any, Any], policy: Any, seed: int = 0, **options: Any) -> Cut:
     """One episode with ``policy`` on the specimen of ``seed``."""
-    observation, info = env.reset(seed=seed, options=options or None)
+    observation, _ = env.reset(seed=seed, options=options or None)
     policy.reset(np.random.default_rng(seed))
     return go_on(env, policy, observation)
 

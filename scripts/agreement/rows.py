@@ -1,0 +1,111 @@
+"""One number of the thesis beside ours, and a group of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+SHOWN = "not a target"
+"""Tolerance of a row that is shown for what it is worth."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One comparison in words: ``agrees`` is None where two numbers are shown and nothing is claimed."""
+
+    what: str
+    reference: str
+    ours: str
+    tolerance: str
+    agrees: bool | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Rows that belong together, and what to say of them in one line.
+
+    Attributes
+    ----------
+    title, source : str
+        What is compared, and with what: table, equation, figure or section.
+    ours, tolerance : str
+        Of all rows at once, for the summary.
+    rows : tuple of Row
+    notes : tuple of str
+        Errata that were honoured, and why a row misses.
+    """
+
+    title: str
+    source: str
+    ours: str
+    tolerance: str
+    rows: tuple[Row, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def misses(self) -> list[Row]:
+        """Rows that do not agree."""
+        return [row for row in self.rows if row.agrees is False]
+
+    @property
+    def claims(self) -> list[Row]:
+        """Rows that claim to agree."""
+        return [row for row in self.rows if row.agrees is not None]
+
+    @property
+    def verdict(self) -> str:
+        """``agrees``, ``MISS`` or ``shown``, with how many of how many."""
+        n, hits = len(self.claims), len(self.claims) - len(self.misses)
+        if n == 0:
+            return "shown"
+        return f"{'MISS' if self.misses else 'agrees'} ({hits}/{n})"
+
+
+def exactly(what: str, reference: float, ours: float) -> Row:
+    """A count."""
+    return Row(
+        what=what, reference=f"{reference:g}", ours=f"{ours:g}", tolerance="exact", agrees=bool(ours == reference)
+    )
+
+
+def near(
+    what: str,
+    reference: float,
+    ours: float,
+    *,
+    relative: float | None = None,
+    absolute: float | None = None,
+    form: str = ".4g",
+) -> Row:
+    """A number that shall lie within ``relative`` or ``absolute`` of its reference; neither: only shown."""
+    difference = abs(ours - reference)
+    if relative is not None:
+        tolerance, agrees = f"{100 * relative:.3g} %", bool(difference <= relative * abs(reference))
+    elif absolute is not None:
+        tolerance, agrees = f"{absolute:.3g}", bool(difference <= absolute * (1 + 1e-9))
+    else:
+        tolerance, agrees = SHOWN, None
+    return Row(
+        what=what, reference=format(reference, form), ours=format(ours, form), tolerance=tolerance, agrees=agrees
+    )
+
+
+def printed_as(what: str, printed: float, ours: float, digit: float) -> Row:
+    """A number that shall round to the printed one, whose last digit counts ``digit``."""
+    decimals = max(0, len(f"{digit:.6f}".rstrip("0").partition(".")[2]))
+    return Row(
+        what=what,
+        reference=f"{printed:.{decimals}f}",
+        ours=f"{ours:.{decimals + 2}f}",
+        tolerance="printed digits",
+        agrees=bool(abs(ours - printed) <= digit / 2 * (1 + 1e-9)),
+    )
+
+
+def at_most(what: str, ours: float, limit: float, *, reference: str = "0") -> Row:
+    """A residual."""
+    return Row(what=what, reference=reference, ours=f"{ours:.1e}", tolerance=f"{limit:.0e}", agrees=bool(ours <= limit))
+
+
+def holds(what: str, reference: str, ours: str, agrees: bool, *, tolerance: str = "shown") -> Row:
+    """A statement of the thesis that is true or not."""
+    return Row(what=what, reference=reference, ours=ours, tolerance=tolerance, agrees=bool(agrees))

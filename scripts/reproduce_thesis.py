@@ -1,0 +1,103 @@
+"""Print the thesis's numbers beside ours, misses shown, and draw its figures.
+
+    python scripts/reproduce_thesis.py                      everything, under two minutes; figures into figures/
+    python scripts/reproduce_thesis.py --quick              fewer speeds, specimens and policies
+    python scripts/reproduce_thesis.py --only plane-strain  one comparison or figure, by its short name
+    python scripts/reproduce_thesis.py --markdown FILE      the summary as a Markdown table, for the README
+
+How well drawn livers show the measured spread is printed by scripts/fit_specimens.py.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from agreement import COMPARISONS, Comparison
+from thesis_figures import FIGURES, draw
+from tqdm import tqdm
+
+ROOT = Path(__file__).parents[1]
+MARKS = {True: "ok", False: "MISS", None: "--"}
+
+
+def aligned(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Text columns under ``header``, two spaces apart."""
+    widths = [max(len(row[i]) for row in [header, *rows]) for i in range(len(header))]
+    lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) for row in [header, *rows]]
+    lines.insert(1, "  ".join("-" * w for w in widths))
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def text_of(name: str, comparison: Comparison) -> str:
+    """Every row of one comparison, then its notes."""
+    rows = [(MARKS[row.agrees], row.what, row.reference, row.ours, row.tolerance) for row in comparison.rows]
+    title = f"{name}: {comparison.title} [{comparison.source}]  {comparison.verdict}"
+    notes = "".join(f"\n     note: {note}" for note in comparison.notes)
+    return f"\n{title}\n{aligned(('', 'what', 'reference', 'ours', 'tolerance'), rows)}{notes}"
+
+
+def summary_of(done: dict[str, Comparison]) -> str:
+    """One line a comparison, then the misses by name and their number."""
+    rows = [(name, c.title, c.source, c.ours, c.tolerance, c.verdict) for name, c in done.items()]
+    text = aligned(("name", "what", "reference", "ours", "tolerance", "verdict"), rows)
+    misses = [
+        f"  MISS  {name}: {row.what}: {row.ours} for {row.reference}" for name, c in done.items() for row in c.misses
+    ]
+    claims = sum(len(c.claims) for c in done.values())
+    shown = sum(len(c.rows) for c in done.values()) - claims
+    closing = f"{claims - len(misses)} of {claims} rows agree, {len(misses)} miss; {shown} more are shown, not claimed."
+    return "\n".join([text, "", *misses, closing])
+
+
+def markdown_of(done: dict[str, Comparison]) -> str:
+    """The summary as a Markdown table."""
+    lines = ["| what | reference | ours | tolerance | verdict |", "|---|---|---|---|---|"]
+    for c in done.values():
+        verdict = f"**{c.verdict}**" if c.misses else c.verdict
+        lines.append(f"| {c.title} | {c.source} | {c.ours} | {c.tolerance} | {verdict} |")
+    return "\n".join(lines) + "\n"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Compare, print, draw; return the number of rows that miss."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=ROOT / "figures", help="folder of the figures")
+    parser.add_argument(
+        "--only",
+        action="append",
+        choices=[*COMPARISONS, *FIGURES],
+        metavar="NAME",
+        help=f"may be repeated; comparisons: {', '.join(COMPARISONS)}; figures: {', '.join(FIGURES)}",
+    )
+    parser.add_argument("--quick", action="store_true", help="fewer speeds, specimens and policies")
+    parser.add_argument("--markdown", type=Path, metavar="FILE", help="also write the summary there")
+    arguments = parser.parse_args(argv)
+    chosen = arguments.only or [*COMPARISONS, *FIGURES]
+
+    began = time.perf_counter()
+    done: dict[str, Comparison] = {}
+    drawn: list[Path] = []
+    with tqdm(chosen, desc="thesis", unit="part") as parts:
+        for name in parts:
+            parts.set_postfix_str(name)
+            if name in COMPARISONS:
+                done[name] = COMPARISONS[name](arguments.quick)
+                tqdm.write(text_of(name, done[name]))
+            else:
+                drawn.append(draw(name, arguments.out, arguments.quick))
+    if done:
+        print(f"\nSummary\n{summary_of(done)}")
+    if arguments.markdown:
+        arguments.markdown.write_text(markdown_of(done))
+        print(f"Markdown: {arguments.markdown}")
+    for path in drawn:
+        print(f"figure: {path}")
+    print(f"{time.perf_counter() - began:.0f} s. The spread of drawn livers: python scripts/fit_specimens.py")
+    return sum(len(c.misses) for c in done.values())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,105 @@
+"""The main job as a user runs it, small: trains, evaluates, writes, and survives an interruption."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
+
+PROGRAM = str(Path(__file__).parents[2] / "agents" / "ppo.py")
+SMALL = ("--name", "small", "--environments", "4", "--rollout", "64", "--specimens", "2")
+FILES = ("policy.zip", "checkpoint.zip", "scores.csv", "summary.csv", "learning_curve.csv", "run.json", "cut.png")
+
+
+def train(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, PROGRAM, *arguments], cwd=folder, capture_output=True, text=True, check=False, timeout=300
+    )
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    folder = tmp_path_factory.mktemp("training")
+    done = train(folder, *SMALL, "--timesteps", "1024")
+    assert done.returncode == 0, done.stderr
+    return folder / "runs" / "small", done.stdout
+
+
+def test_a_run_leaves_everything_it_names(finished):
+    run, printed = finished
+    assert [name for name in FILES if not (run / name).is_file()] == []
+    assert str(Path("runs") / "small") in printed
+
+
+def test_every_policy_met_the_same_specimens(finished):
+    scores = rows(finished[0] / "scores.csv")
+    seeds = {row["policy"]: [] for row in scores}
+    for row in scores:
+        seeds[row["policy"]].append(row["seed"])
+    assert len(seeds) == 5
+    assert len({tuple(own) for own in seeds.values()}) == 1
+
+
+def test_intervals_hold_their_means(finished):
+    for row in rows(finished[0] / "summary.csv"):
+        assert float(row["low_95"]) <= float(row["mean"]) <= float(row["high_95"])
+
+
+def test_training_and_test_seeds_are_disjoint(finished):
+    seeds = json.loads((finished[0] / "run.json").read_text())["seeds"]
+    assert max(seeds["training"]) < min(seeds["test"])
+
+
+def test_a_run_is_never_overwritten(finished):
+    again = train(finished[0].parents[1], *SMALL)
+    assert again.returncode != 0
+    assert "--resume" in again.stderr
+
+
+def test_a_number_that_makes_no_sense_is_refused_before_any_work(tmp_path):
+    done = train(tmp_path, "--name", "bad", "--gamma", "1.5")
+    assert "--gamma 1.5 is outside 0.0 to 1.0" in done.stderr
+    assert not (tmp_path / "runs").exists()
+
+
+def test_an_interrupted_run_goes_on_from_its_checkpoint(tmp_path):
+    process = subprocess.Popen(
+        [sys.executable, PROGRAM, *SMALL, "--timesteps", "100000000"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+    )  # fmt: skip
+    assert process.stderr is not None
+    seen = ""
+    deadline = time.monotonic() + 120
+    while "return" not in seen and time.monotonic() < deadline:  # the bar shows it after the first rollout
+        seen = (seen + process.stderr.read(1))[-200:]
+    process.send_signal(signal.SIGINT)
+    printed, _ = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "checkpoint.zip is usable" in printed
+    assert "--resume runs/small" in printed
+
+    done = train(tmp_path, "--resume", "runs/small", "--timesteps", "1")
+    assert done.returncode == 0, done.stderr
+    assert "resuming after" in done.stdout
+    assert (tmp_path / "runs" / "small" / "policy.zip").is_file()
+
+
+def test_resuming_nothing_says_what_is_missing(tmp_path):
+    done = train(tmp_path, "--resume", "runs/none")
+    assert done.returncode != 0
+    assert "holds no checkpoint.zip" in done.stderr
