@@ -66,7 +66,9 @@ class CutModel:
     ValueError, TypeError
         If an argument is out of range, or arguments do not go together; the message names the cure.
 
-    Notes ----- Mesh, elements and formulations are those of the thesis's sections 4.1 to 4.4 and of its
+    Notes
+    -----
+    Mesh, elements and formulations are those of the thesis's sections 4.1 to 4.4 and of its
     Appendix A (with the erratum that `cutenv.tissue.elasticity` names).
 
     Examples

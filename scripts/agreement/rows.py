@@ -60,6 +60,12 @@ class Comparison:
         return f"{'MISS' if self.misses else 'agrees'} ({hits}/{n})"
 
 
+def hits(rows: list[Row]) -> str:
+    """How many of the claimed rows agree, in words."""
+    claims = [row for row in rows if row.agrees is not None]
+    return f"{sum(row.agrees is True for row in claims)} of {len(claims)}"
+
+
 def exactly(what: str, reference: float, ours: float) -> Row:
     """A count."""
     return Row(

@@ -31,7 +31,7 @@ from thesis_figures.style import (
     save,
 )
 
-KIND = "liver 1"
+TYPICAL, TOUGH = "liver 1", "liver 2"  # the tough one turns at 1 inch while it loads, not after a run
 N_CUTS = 42  # the thesis's forty, equally many of each length
 UPRIGHT = math.pi / 2
 _SMOOTHING = 50  # readings
@@ -44,7 +44,7 @@ def resistance_by_length(path: Path, quick: bool) -> None:
     figure, (work, resistance) = panels(
         1, 2, (11.0, 4.4), "Figures 6.3 and 6.4 anew: work of the blade, and apparent fracture resistance R = W*/x"
     )
-    cut = virtual_cut(KIND, speed=SPEEDS[1], turns=(0.1016,))
+    cut = virtual_cut(TYPICAL, speed=SPEEDS[1], turns=(0.1016,))
     assert cut.trace.position is not None
     x = 100 * cut.trace.position
     W = float(np.trapezoid(cut.trace.force, cut.trace.position))
@@ -84,7 +84,7 @@ def _draw_resistance(ax: Axes, cuts: int) -> None:
 def forward_backward(path: Path, quick: bool) -> None:
     """Figures 6.5 to 6.7: travel, and force in the first (red) and the second (blue) cycle."""
     speed = SPEEDS[0]
-    cut = protocol(KIND, speed)
+    cut = protocol(TOUGH, speed)
     out, back, on, home = legs(cut)
     title = f"Figures 6.5 to 6.7 anew: forward-backward travel in a drawn liver, {cm_s(speed)}, 90°"
     figure, axes = panels(1, 3, (13.0, 4.4), title)
@@ -126,7 +126,7 @@ def smoothed(force: Array) -> Array:
 
 def energy_account(path: Path, quick: bool) -> None:
     """Where the work of a cut and of its return stroke goes, at every instant."""
-    plant = SimulatedPlant(specimen(KIND), seed=2)
+    plant = SimulatedPlant(specimen(TYPICAL), seed=2)
     account: dict[str, list[float]] = {}
     times, places, speed = [], [], 0.0127
     while plant.states["blade"][0] < 0.09:
