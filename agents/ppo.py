@@ -101,6 +101,7 @@ class Adapter(gymnasium.Wrapper[Any, Any, Any, Any]):
     def reset(self, **kwargs: Any) -> tuple[np.ndarray, dict[str, Any]]:
         """Reset the environment; the observation with its features."""
         observation, info = self.env.reset(**kwargs)
+        self._features.reset()
         return self._features(observation), info
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, Any, bool, bool, dict[str, Any]]:
@@ -116,6 +117,10 @@ class Features:
 
     def __init__(self) -> None:
         self._tip_estimate = TipEstimate()
+
+    def reset(self) -> None:
+        """Forget the last cut."""
+        self._tip_estimate.reset()
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """The observation with distance of the estimated tip from target and blade, in cm, at its end."""
@@ -140,7 +145,8 @@ class Agent:
         self._features = Features()
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Nothing to forget."""
+        """Forget the last cut."""
+        self._features.reset()
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """The action for an observation."""

@@ -38,6 +38,7 @@ class StopAndUnload:
 
     def reset(self) -> None:
         """Forget the last cut."""
+        self._tip_estimate.reset()
         self._stopping = False
         self._unloaded = False
 
@@ -48,7 +49,8 @@ class StopAndUnload:
 
     def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32] | None:
         """The action once the cut is to end, else None."""
-        if not self._stopping and self.distance_left(observation) > self._margin:
+        left = self.distance_left(observation)
+        if not self._stopping and left > self._margin:
             return None
         self._stopping = True
         # Drawing back, friction pulls the force below the elastic one, so that zero is reached while the tissue still

@@ -7,7 +7,7 @@ from cutenv.cutting.law import depth_at, stiffness_at
 from cutenv.cutting.records import TICK, Record, Records
 
 _RUN = 0.3e-3  # [m] of tip advance beyond the blade's own, below which it is noise and not an unstable run
-_SETTLE = 50  # updates for which the blade must keep its direction: a delayed force still holds the friction of before
+_SETTLE = 50  # updates for which the blade must keep its direction: a delayed force holds the friction of before
 _WINDOW = 20  # updates over which a run is looked for, longer than the sensor's noise and whatever the decision rate
 _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
 
@@ -18,8 +18,8 @@ def estimate(
 ) -> None:
     """Fill ``tips`` [m] and ``jumps`` [m], shape (ticks,), from what was felt.
 
-    A cut never heals, so the tip never goes back.  Over every 20 ms, the tip's advance beyond the blade's is taken for an
-    unstable run, booked at their last millisecond.
+    A cut never heals, so the tip never goes back.  Over every 20 ms, the tip's advance beyond the blade's is taken for
+    an unstable run, booked at their last millisecond.
     """
     a = progress.tip
     tick = round(progress.time / TICK)

@@ -1,0 +1,256 @@
+#!/usr/bin/env python3
+"""Set up cutenv in .venv, then train an agent or run the tests. Needs nothing but Python.
+
+usage: python3 scripts/start.py COMMAND [--torch-index URL] [--accept-cuda] [ARGUMENT ...]
+
+  train   set up, then run agents/ppo.py with the arguments (--quick: about a minute)
+  test    set up, then run pytest with the arguments
+  setup   set up only
+
+  --torch-index URL   at the first set-up, take torch from this package index (of CPU builds, for instance)
+  --accept-cuda       let pip download CUDA packages on a machine without an NVIDIA driver
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import importlib.util
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import urllib.request
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PROGRAMS = {"train": ["agents/ppo.py"], "test": ["-m", "pytest", "-n", "2"], "setup": []}
+PYTHON = f"{sys.version_info[0]}.{sys.version_info[1]}"
+# Measured with a CPU build of torch: 1.7 GB of .venv, 0.4 GB of downloads that pip holds twice while it works.
+DISK_BYTES = 3_000_000_000
+UNPACKED = 3  # times its download: what a CUDA package takes in pip's cache, while it is fetched, and unpacked
+INTERRUPTED = "installing"
+
+UNREACHABLE = re.compile(
+    r"Failed to establish|[Cc]onnection (broken|refused|reset|aborted|error)|[Nn]ame.?[Rr]esolution|timed out"
+    r"|ProxyError|SSLError|requirement pip|Cannot install pip "  # every index has pip: no pip is no index
+)
+
+
+class Refusal(Exception):
+    """Set-up cannot go on; the message says why and names the cure."""
+
+
+def supported_pythons(pyproject: str) -> list[str]:
+    """Read the Pythons that work, such as "3.11", from the classifiers: the one place that lists them."""
+    return re.findall(r'"Programming Language :: Python :: (3\.\d+)"', pyproject)
+
+
+def check_python(version: str, implementation: str, supported: list[str]) -> None:
+    """Refuse a Python for which a dependency has no wheel."""
+    if implementation != "cpython" or version not in supported:
+        raise Refusal(
+            f"This is {implementation} {version}; all that cutenv needs has wheels for CPython "
+            f"{', '.join(supported)}.\n"
+            f"Cure: run this script with one of those, such as 'python{supported[0]} scripts/start.py'."
+        )
+
+
+def check_venv_module() -> None:
+    """Refuse a Python that cannot make virtual environments, as Debian ships it."""
+    if not (importlib.util.find_spec("venv") and importlib.util.find_spec("ensurepip")):
+        raise Refusal(
+            "This Python has no working 'venv' module.\nCure: on Debian or Ubuntu 'apt install "
+            f"python{PYTHON}-venv'; elsewhere, install Python with its whole standard library."
+        )
+
+
+def check_writable(folder: Path) -> None:
+    """Refuse a folder in which .venv cannot be made."""
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise Refusal(
+            f"{folder} cannot be written to ({error.strerror}).\n"
+            "Cure: copy the project to a folder of your own and start there."
+        ) from None
+
+
+def check_disk(free_bytes: int, needed_bytes: int) -> None:
+    """Refuse a disk that the installation would fill."""
+    if free_bytes < needed_bytes:
+        raise Refusal(
+            f"Set-up needs {needed_bytes / 1e9:.1f} GB on the disk of {ROOT}; "
+            f"{free_bytes / 1e9:.1f} GB are free.\n"
+            "Cure: free some space, or move the project to a larger disk."
+        )
+
+
+def fingerprint(root: Path, python: str) -> str:
+    """Name what an installation depends on: what is asked for, where, and the Python."""
+    parts = [(root / name).read_bytes() for name in ("pyproject.toml", "constraints.txt")]
+    return hashlib.sha256(b"\0".join([*parts, str(root).encode(), python.encode()])).hexdigest()
+
+
+def python_of(venv: Path) -> str:
+    """Path of a virtual environment's Python."""
+    return str(venv / ("Scripts/python.exe" if os.name == "nt" else "bin/python"))
+
+
+def state_of(venv: Path, wanted: str) -> str:
+    """Tell whether ``venv`` is "ready", "stale" (install over it) or "broken" (make it anew; so is none)."""
+    stamp = venv / "cutenv-setup.txt"
+    stamped = stamp.read_text() if stamp.is_file() else ""
+    probe = [python_of(venv), "-c", "import pip, sys; print(sys.version)"]
+    try:
+        answer = subprocess.run(probe, capture_output=True, text=True, timeout=60)
+    except (OSError, subprocess.TimeoutExpired):
+        return "broken"
+    if answer.returncode != 0 or answer.stdout.strip() != sys.version.strip() or stamped == INTERRUPTED:
+        return "broken"
+    return "ready" if stamped == wanted else "stale"
+
+
+def cure_for(errors: str) -> str:
+    """Turn what pip complained of into what the reader can do."""
+    if re.search(r"No space left|Errno 28|not enough space", errors):
+        return "The disk is full. Cure: free some space, or point TMPDIR and PIP_CACHE_DIR to a larger disk."
+    if UNREACHABLE.search(errors):
+        return (
+            "The package index cannot be reached. Cure: connect to the network and run this again; behind a "
+            "proxy or with a mirror, set HTTPS_PROXY or PIP_INDEX_URL."
+        )
+    missing = re.search(r"No matching distribution found for (\S+)", errors)
+    if missing:
+        return (
+            f"The index has no wheel of {missing[1]} for Python {PYTHON} on this machine. Cure: take another "
+            "of the Pythons in pyproject.toml's classifiers, in its 64-bit build, or another index."
+        )
+    return "pip failed; its own words stand above. What is half done is made anew at the next run."
+
+
+def pip(venv: Path, *arguments: str) -> None:
+    """Run the environment's pip; what it complains of is shown, with the cure, only if it fails."""
+    command = [python_of(venv), "-m", "pip", "--no-input", "--disable-pip-version-check", *arguments]
+    done = subprocess.run(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    if done.returncode != 0:
+        raise Refusal("\n".join(done.stderr.strip().splitlines()[-12:]) + f"\n\n{cure_for(done.stderr)}")
+
+
+def cuda_wheels(report: dict) -> list[str]:
+    """Addresses of the wheels in pip's plan that only an NVIDIA GPU has a use for, and of torch with them."""
+    urls = {item["metadata"]["name"].lower(): item["download_info"]["url"] for item in report["install"]}
+    cuda = [name for name in urls if name.startswith(("nvidia-", "cuda-")) or name == "triton"]
+    return [urls[name] for name in (*cuda, "torch") if name in urls] if cuda else []
+
+
+def download_bytes(url: str) -> int:
+    """Ask how long the file at ``url`` is, without fetching it."""
+    with urllib.request.urlopen(urllib.request.Request(url, method="HEAD"), timeout=20) as answer:
+        return int(answer.headers["Content-Length"])
+
+
+def total_bytes(urls: list[str]) -> int | None:
+    """Add up the downloads; None where the index does not tell."""
+    try:
+        with ThreadPoolExecutor(8) as pool:
+            return sum(pool.map(download_bytes, urls))
+    except (OSError, TypeError, ValueError):
+        return None
+
+
+def check_cuda(report: dict, accepted: bool) -> None:
+    """Refuse to download gigabytes for a GPU that is not there, unless that was accepted."""
+    driver = Path("/proc/driver/nvidia/version").exists() or shutil.which("nvidia-smi")
+    wheels = cuda_wheels(report)
+    if not wheels or driver or sys.platform != "linux":
+        return
+    size = total_bytes(wheels)
+    if not accepted:
+        shown = f"{size / 1e9:.1f} GB" if size else "gigabytes; the index does not tell how many"
+        raise Refusal(
+            f"This machine has no NVIDIA driver, yet pip would download CUDA packages for torch ({shown}).\n"
+            "Cure: add '--torch-index URL' with the address of an index of torch's CPU builds (PyTorch's "
+            "page 'Get started' shows it for 'CPU'), or '--accept-cuda' to download them all the same."
+        )
+    check_disk(shutil.disk_usage(ROOT).free, DISK_BYTES + UNPACKED * (size or 0))
+
+
+def make_venv(venv: Path) -> None:
+    """Make ``venv`` anew, empty but for pip."""
+    check_disk(shutil.disk_usage(ROOT).free, DISK_BYTES)
+    if Path(sys.prefix) == venv:
+        raise Refusal(".venv is broken and in use. Cure: run this with the Python that it was made from.")
+    print(f"cutenv: making .venv with Python {PYTHON}", flush=True)
+    command = [sys.executable, "-m", "venv", "--clear", str(venv)]
+    made = subprocess.run(command, capture_output=True, text=True)
+    if made.returncode != 0:
+        raise Refusal(f"{made.stdout}{made.stderr}\n{cure_for(made.stdout + made.stderr)}")
+
+
+def set_up(venv: Path, torch_index: str | None, accept_cuda: bool) -> None:
+    """Bring ``venv`` to what pyproject.toml and constraints.txt ask for; at once if it is there already."""
+    wanted = fingerprint(ROOT, sys.version)
+    state = state_of(venv, wanted)
+    if state == "ready":
+        return
+    check_venv_module()
+    check_writable(ROOT)
+    if state == "broken":
+        make_venv(venv)
+    stamp, plan = venv / "cutenv-setup.txt", venv / "cutenv-plan.json"
+    install = ["install", "-c", "constraints.txt"]
+    everything = ["--only-binary", ":all:", "-e", ".[dev]"]
+    print("cutenv: asking the package index what is needed", flush=True)
+    pip(venv, *install, "--quiet", "pip")  # a Python's own pip may be too old to plan without downloading
+    if torch_index:
+        stamp.write_text(INTERRUPTED)
+        pip(venv, *install, "--no-deps", "--index-url", torch_index, "torch")
+    dry_run = ["--quiet", "--dry-run", "--use-feature", "fast-deps", "--report", str(plan)]
+    pip(venv, *install, *dry_run, *everything)
+    report = json.loads(plan.read_text(encoding="utf-8"))
+    check_cuda(report, accept_cuda)
+    print(f"cutenv: installing {len(report['install'])} packages", flush=True)
+    stamp.write_text(INTERRUPTED)
+    pip(venv, *install, *everything)
+    stamp.write_text(wanted)
+
+
+def main(argv: list[str]) -> int:
+    """Set up, then become the program that was asked for."""
+    if not argv or argv[0] in ("-h", "--help"):
+        print(__doc__)
+        return 0
+    parser = argparse.ArgumentParser(prog="start.py", add_help=False, allow_abbrev=False)
+    parser.add_argument("command", choices=PROGRAMS)
+    parser.add_argument("--torch-index", metavar="URL")
+    parser.add_argument("--accept-cuda", action="store_true")
+    options, passed_on = parser.parse_known_args(argv)
+    venv = ROOT / ".venv"
+    try:
+        supported = supported_pythons((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+        check_python(PYTHON, sys.implementation.name, supported)
+        set_up(venv, options.torch_index, options.accept_cuda)
+    except Refusal as refusal:
+        print(f"\ncutenv: {refusal}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("\ncutenv: interrupted; the same command begins anew", file=sys.stderr)
+        return 130
+    if options.command == "setup":
+        print(f"cutenv: {venv} is ready")
+        return 0
+    command = [python_of(venv), *PROGRAMS[options.command], *passed_on]
+    os.chdir(ROOT)
+    sys.stdout.flush()
+    if os.name == "nt":
+        return subprocess.call(command)
+    os.execv(command[0], command)  # become it: an interrupt reaches the program, and nothing is left behind
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,84 @@
+"""The wheel holds cutenv and its data alone, and works like the checkout; so does one that an sdist makes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DATA = [ROOT / "assets" / folder for folder in ("derived", "tables")]  # pictures are for the README
+ASSETS = {path.relative_to(ROOT).as_posix() for folder in DATA for path in folder.rglob("*") if path.is_file()}
+MODULES = {path.relative_to(ROOT).as_posix() for path in (ROOT / "cutenv").rglob("*.py")}
+
+READ_A_TABLE = """
+import cutenv, cutenv.resources
+table = cutenv.resources.path("tables/table_6_1.csv")
+print(cutenv.__version__, cutenv.__file__, table, len(table.read_text()), sep="\\n")
+"""
+
+
+def run(*command: str | Path, cwd: Path) -> str:
+    done = subprocess.run([sys.executable, *map(str, command)], cwd=cwd, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def only(folder: Path, pattern: str) -> Path:
+    (found,) = folder.glob(pattern)
+    return found
+
+
+@pytest.fixture(scope="module", params=["checkout", "sdist"])
+def wheel(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Make a wheel, from the checkout or from an sdist of it; without the network."""
+    out = tmp_path_factory.mktemp(request.param)
+    how = ["--wheel"] if request.param == "checkout" else []  # none: the wheel is made from the sdist
+    run("-m", "build", "--no-isolation", *how, "--outdir", out, ROOT, cwd=out)
+    return only(out, "*.whl")
+
+
+def check_holds_only_the_package(names: set[str]) -> None:
+    package = {name for name in names if not name.startswith("cutenv-")}
+    assert package == MODULES | {"cutenv/py.typed"} | {f"cutenv/{name}" for name in ASSETS}
+
+
+def test_wheel_holds_the_package_and_its_data_alone(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        names = set(archive.namelist())
+    check_holds_only_the_package(names)
+    with pytest.raises(AssertionError):
+        check_holds_only_the_package(names | {"tests/conftest.py"})
+    with pytest.raises(AssertionError):
+        check_holds_only_the_package(names - {"cutenv/assets/tables/table_6_1.csv"})
+
+
+def test_wheel_reads_its_own_tables_from_anywhere(wheel: Path, tmp_path: Path) -> None:
+    site, elsewhere = tmp_path / "site", tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    run("-m", "pip", "install", "--no-deps", "--no-index", "--quiet", "--target", site, wheel, cwd=elsewhere)
+    code = f"import sys; sys.path.insert(0, {str(site)!r}){READ_A_TABLE}"
+    _, module, table, length = run("-c", code, cwd=elsewhere).split()
+    assert Path(module) == site / "cutenv" / "__init__.py"
+    assert Path(table) == site / "cutenv" / "assets" / "tables" / "table_6_1.csv"
+    assert int(length) == len((ROOT / "assets" / "tables" / "table_6_1.csv").read_text())
+
+
+def test_wheel_declares_version_licence_and_command(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        names = [name for name in archive.namelist() if ".dist-info/" in name]
+        info = {Path(name).name: archive.read(name).decode() for name in names}
+    version = run("-c", "import cutenv; print(cutenv.__version__)", cwd=ROOT).strip()
+    assert f"\nVersion: {version}\n" in info["METADATA"]
+    assert "\nLicense-Expression: MIT\n" in info["METADATA"]
+    assert "cutenv = cutenv.cli:main" in info["entry_points.txt"]
+    assert "The cutenv developers" in info["LICENSE"]
+
+
+def test_editable_install_reads_the_checkout(tmp_path: Path) -> None:
+    _, module, table, _ = run("-c", READ_A_TABLE, cwd=ROOT).split()
+    assert Path(module) == ROOT / "cutenv" / "__init__.py"
+    assert Path(table) == ROOT / "assets" / "tables" / "table_6_1.csv"

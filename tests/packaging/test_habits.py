@@ -1,0 +1,70 @@
+"""The habits that a program can check: lint, form, types and the direction of imports."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SCRIPTS = Path(sys.executable).parent
+
+
+def check(*command: str, cwd: Path = ROOT) -> None:
+    """Run one of the environment's programs; what it says is the failure's message."""
+    done = subprocess.run([str(SCRIPTS / command[0]), *command[1:]], cwd=cwd, capture_output=True, text=True)
+    assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout[-6000:]}{done.stderr[-2000:]}"
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    """Copy the package and its configuration to where a habit can be broken."""
+    shutil.copytree(ROOT / "cutenv", tmp_path / "cutenv", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    return tmp_path
+
+
+def test_lint_is_clean() -> None:
+    check("ruff", "check", "--no-cache", ".")
+
+
+def test_form_is_that_of_ruff_format() -> None:
+    check("ruff", "format", "--check", "--no-cache", ".")
+
+
+def test_types_are_strict_and_hold() -> None:
+    check("mypy")
+
+
+def test_layers_import_downwards() -> None:
+    check("lint-imports", "--no-cache")
+
+
+@pytest.mark.parametrize(
+    ("module", "line", "contract"),
+    [
+        ("validation", "from cutenv.tissue import tables", "a layer imports downwards only"),
+        ("tissue/elasticity", "import gymnasium", "gymnasium lives in the environments"),
+        ("validation", "import torch", "learners stay outside the package"),
+        ("validation", "import matplotlib.pyplot", "drawing is done by the viewer and the report"),
+        ("measurement/simulating", "import cutenv.cutting.law", "measurement and scoring never see"),
+        ("utils", "import math", "a layer imports downwards only"),
+    ],
+)
+def test_a_broken_layer_is_noticed(copy: Path, module: str, line: str, contract: str) -> None:
+    path = copy / "cutenv" / f"{module}.py"
+    path.parent.mkdir(exist_ok=True)
+    (path.parent / "__init__.py").touch()
+    path.write_text(f"{path.read_text() if path.exists() else ''}\n{line}\n")
+    with pytest.raises(AssertionError, match=f"(?s){contract}.*BROKEN|not listed as layers"):
+        check("lint-imports", "--no-cache", cwd=copy)
+
+
+def test_an_untyped_function_is_noticed(tmp_path: Path) -> None:
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    (tmp_path / "untyped.py").write_text("def double(x):\n    return 2 * x\n")
+    with pytest.raises(AssertionError, match="Function is missing a type annotation"):
+        check("mypy", "untyped.py", cwd=tmp_path)

@@ -1,0 +1,30 @@
+"""``import cutenv`` costs what Gymnasium costs: what is heavy waits until it is used."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = ("torch", "stable_baselines3", "matplotlib", "pygame", "numba", "scipy", "skfem")
+
+
+def check_nothing_heavy_is_loaded(statement: str) -> None:
+    code = f"import sys\n{statement}\nprint(*(name for name in {HEAVY!r} if name in sys.modules))"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout.split() == []
+
+
+def test_import_cutenv_loads_nothing_heavy() -> None:
+    check_nothing_heavy_is_loaded("import cutenv")
+
+
+def test_help_loads_nothing_heavy() -> None:
+    check_nothing_heavy_is_loaded("import cutenv.cli; cutenv.cli._parser().format_help()")
+
+
+@pytest.mark.parametrize("statement", ["import cutenv, numba", "import cutenv, matplotlib.pyplot"])
+def test_a_heavy_import_is_noticed(statement: str) -> None:
+    with pytest.raises(AssertionError):
+        check_nothing_heavy_is_loaded(statement)
