@@ -64,7 +64,7 @@ def task_record(
     friction_per_depth: float,
     speeds: tuple[float, float],
 ) -> Records:
-    """One task as the compiled assessment takes it, shape (1,): lengths in m, times in s, friction in N/m, speeds in m/s."""
+    """One task as the compiled assessment takes it, shape (1,); lengths [m], times [s], friction [N/m], speed [m/s]."""
     task = np.zeros(1, TASK)
     for name in ("uncontrolled", "jump", "force", "lag", "backward", "time", "tip_error", "wedge", "stored"):
         task[name] = getattr(weights, name)
