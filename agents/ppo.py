@@ -45,33 +45,39 @@ from tqdm import tqdm
 from cutenv.policy import ConstantFeed, FastThenSlow, RandomAction, TipEstimate
 from cutenv.report import draw_cut
 from cutenv.task.observation import BOUND, COMPONENTS, SCALES
+from cutenv.tissue.specimen import CLASSES
 
 MAX_ENVIRONMENTS = 1000  # seeds that one training run may take of TRAINING_SEEDS
 POSITION, DISTANCE = ([c.name for c in COMPONENTS].index(name) for name in ("position", "distance"))
 PACKAGES = ("cutenv", "gymnasium", "numpy", "numba", "scikit-fem", "stable-baselines3", "torch")
 
 
+def option(default: Any, meaning: str, choices: tuple[str, ...] | None = None) -> Any:
+    """A field of the arguments that is an option of the command line."""
+    return dataclasses.field(default=default, metadata={"help": meaning, "choices": choices})
+
+
 @dataclass(frozen=True)
 class Arguments:
     """What a run depends on; every field is an option of the command line."""
 
-    name: str = ""  # folder below runs/; default: date and time
-    seed: int = 0  # of training: networks, exploration and specimens
-    timesteps: int = 1_500_000  # decisions to train for
-    specimen_class: str = "liver"  # uniform, liver, vascular or mixed
-    angle_mode: str = "free"  # free or fixed
-    control_hz: int = 10  # decisions per second
-    dead_zone: float = 0.25  # of the speed's action, mapped to rest
-    environments: int = 16  # side by side
-    rollout: int = 512  # decisions per environment and update
-    batch_size: int = 256
-    epochs: int = 4
-    learning_rate: float = 1e-3  # falls linearly to a tenth
-    gamma: float = 0.995
-    gae_lambda: float = 0.95
-    hidden: int = 64  # units in each of two layers
-    specimens: int = 100  # held-out, for the evaluation
-    checkpoint_seconds: float = 20.0  # between checkpoints
+    name: str = option("", "folder below runs/; default: date and time")
+    seed: int = option(0, "of networks, exploration and training specimens")
+    timesteps: int = option(1_500_000, "decisions to train for")
+    specimen_class: str = option("liver", "tissue to train and test on", CLASSES)
+    angle_mode: str = option("free", "whether the agent turns the blade", ("free", "fixed"))
+    control_hz: int = option(10, "decisions per second")
+    dead_zone: float = option(0.25, "share of the speed's action that means rest")
+    environments: int = option(16, "side by side")
+    rollout: int = option(512, "decisions of each environment between updates")
+    batch_size: int = option(256, "decisions of a gradient step")
+    epochs: int = option(4, "passes over a rollout")
+    learning_rate: float = option(1e-3, "at the start; falls linearly to a tenth")
+    gamma: float = option(0.995, "discount of a decision")
+    gae_lambda: float = option(0.95, "of the generalised advantage estimate")
+    hidden: int = option(64, "units in each of two layers")
+    specimens: int = option(100, "held-out specimens of the evaluation")
+    checkpoint_seconds: float = option(20.0, "between checkpoints")
 
     def __post_init__(self) -> None:
         limits = {
@@ -278,7 +284,9 @@ def read_curve(path: Path) -> list[dict[str, float]]:
 
 
 def record_run(arguments: Arguments, run: Path) -> None:
-    """Keep what the run depends on: arguments, seeds, versions, commit."""
+    """Make the run's folder and keep there what the run depends on: arguments, seeds, versions, commit."""
+    gymnasium.make(ENVIRONMENT, **environment_arguments(arguments)).close()  # refuses nonsense before anything is made
+    run.mkdir(parents=True, exist_ok=True)
     git = subprocess.run(
         ["git", "rev-parse", "HEAD"], cwd=Path(__file__).parent, capture_output=True, text=True, check=False
     )
@@ -338,8 +346,14 @@ def parse() -> tuple[Arguments, Path, bool]:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for field in dataclasses.fields(Arguments):
         kind = {"str": str, "int": int, "float": float}[str(field.type)]
-        option = "--" + field.name.replace("_", "-")
-        parser.add_argument(option, type=kind, default=None, help=f"default {field.default!r}")
+        default = f" (default {field.default})" if field.default != "" else ""
+        parser.add_argument(
+            "--" + field.name.replace("_", "-"),
+            type=kind,
+            choices=field.metadata["choices"],
+            metavar=None if field.metadata["choices"] else kind.__name__.upper(),
+            help=field.metadata["help"] + default,
+        )
     parser.add_argument("--quick", action="store_true", help="about a minute in all: 300 000 decisions")
     parser.add_argument("--resume", type=Path, metavar="RUN", help="folder of an interrupted run to go on with")
     given = vars(parser.parse_args())
@@ -357,7 +371,6 @@ def parse() -> tuple[Arguments, Path, bool]:
     run = Path("runs") / name
     if run.exists():
         raise SystemExit(f"{run} exists; give another --name, or --resume {run} to go on with it.")
-    run.mkdir(parents=True)
     return dataclasses.replace(arguments, name=name), run, False
 
 

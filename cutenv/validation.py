@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 T = TypeVar("T")
 
+_MANY = 16  # choices, beyond which the nearest is named before they are listed
+
 
 def in_range(name: str, value: float, low: float, high: float, unit: str, cure: str = "") -> float:
     """Return ``value`` as a float if it is finite and ``low <= value <= high``.
@@ -66,6 +68,8 @@ def one_of(name: str, value: T, choices: Iterable[T]) -> T:
         nearest = difflib.get_close_matches(str(value), [str(choice) for choice in known], n=1, cutoff=0.5)
         hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
         listed = ", ".join(repr(choice) for choice in known)
+        if hint and len(known) > _MANY:
+            raise ValueError(f"{name} {value!r} is not known.{hint} All: {listed}.")
         raise ValueError(f"{name} must be one of {listed}, got {value!r}.{hint}")
     return value
 

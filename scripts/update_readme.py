@@ -139,7 +139,7 @@ def draw_picture(path: Path) -> None:
 def main() -> None:
     """Rewrite or check blocks."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("blocks", nargs="*", choices=[*BLOCKS, []])
+    parser.add_argument("blocks", nargs="*", choices=[*BLOCKS, []], metavar="BLOCK", help=", ".join(BLOCKS))
     parser.add_argument("--run", type=Path, help="folder of the training run to quote")
     parser.add_argument("--check", action="store_true", help="compare instead of writing")
     parser.add_argument("--picture", action="store_true", help="draw the picture")

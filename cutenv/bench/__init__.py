@@ -12,7 +12,11 @@ def main(argv: Sequence[str]) -> int:
     """Print the benchmarks named in ``argv``, all by default."""
     parser = argparse.ArgumentParser(prog="cutenv bench", description=__doc__)
     parser.add_argument(
-        "only", nargs="*", choices=["step", "factorisation", []], help="step, factorisation; default both"
+        "only",
+        nargs="*",
+        choices=["step", "factorisation", []],
+        metavar="BENCHMARK",
+        help="step, factorisation; default both",
     )
     chosen = parser.parse_args(argv).only or ["step", "factorisation"]
     if "step" in chosen:

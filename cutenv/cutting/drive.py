@@ -41,10 +41,6 @@ class Rig:
         drives["travel"] = travel
         return drives
 
-    def record(self, travel: float) -> Record:
-        """The one element of :meth:`records`."""
-        return self.records(travel)[0]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Hand:
@@ -92,10 +88,6 @@ class Hand:
         drives["coupling_stiffness"] = self.coupling_stiffness
         drives["coupling_damping"] = self.coupling_damping
         return drives
-
-    def record(self, travel: float) -> Record:
-        """The one element of :meth:`records`."""
-        return self.records(travel)[0]
 
 
 _AT_REST = 1e-5  # [m/s], below the step of an encoder: 10 nm in a millisecond

@@ -15,6 +15,7 @@ from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.parameter import check_parameters, parameter
 from cutenv.task.weights import Limits, RewardWeights
+from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.field import field_modes
 from cutenv.tissue.specimen import N_POINTS, SPACING
 from cutenv.validation import one_of
@@ -83,9 +84,16 @@ class Constants:
             for field in dataclasses.fields(kind)
         }
         chosen: dict[str, dict[str, float]] = {group: {} for group in kinds}
+        tissue = {field.name for field in dataclasses.fields(TissueDescription)}
         for keyword, value in keywords.items():
+            if keyword in tissue and keyword not in owner:
+                raise ValueError(f"{keyword} belongs to the tissue: pass tissue=FILE, a TissueDescription as JSON.")
             if keyword not in owner:
                 one_of("keyword", keyword, sorted([*owner, *others]))
             group, name = owner[keyword]
             chosen[group][name] = value
-        return cls(**{group: kind(**chosen[group]) for group, kind in kinds.items()})
+        try:
+            weights = RewardWeights(**chosen.pop("weights"))
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"{_PREFIX}{error}") from None
+        return cls(weights=weights, **{group: kinds[group](**own) for group, own in chosen.items()})

@@ -134,9 +134,9 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     Info
     ----
     ``truth`` (hidden state), ``energy`` (in joules since reset: work, stored, fracture, friction, loss, ledger and
-    residual, which is work minus all the others), ``reward_terms``, ``cost`` (force above the limit, overshoot),
-    ``speed_out_of_range`` (blade outside 0.1 to 2.54 cm/s: the modulus is that of the nearest measured speed) and, at
-    the end, ``end`` and ``is_success``.
+    residual, which is work minus all the others), ``reward_terms`` (of this step), ``cost`` (force above the limit,
+    overshoot), ``speed_out_of_range`` (blade outside 0.1 to 2.54 cm/s: the modulus is that of the nearest measured
+    speed) and, at the end, ``end`` and ``is_success``.
 
     Version history
     ---------------
@@ -166,9 +166,11 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         one_of("drive", drive, ("rig", "hand"))
         one_of("render_mode", render_mode, (None, *self.metadata["render_modes"]))
         in_range("control_hz", control_hz, 1, _UPDATES_HZ, "Hz", "Give decisions per second, 50 by default.")
-        if _UPDATES_HZ % control_hz:
+        if _UPDATES_HZ % control_hz or control_hz % 1:
             raise ValueError(f"control_hz = {control_hz:g} does not divide {_UPDATES_HZ}; take 50, 100 or 200.")
         in_range("fixed_angle_deg", fixed_angle_deg, 45.0, 90.0, "deg", "Measured are 45 to 90 degrees.")
+        if angle_mode == "free" and fixed_angle_deg != 90.0:
+            raise ValueError(f'fixed_angle_deg = {fixed_angle_deg:g} needs angle_mode="fixed"; it is "free".')
         self.deadline = in_range("deadline_s", deadline_s, 1.0, 3600.0, "s", "Give the seconds for a cut.")
         self.target_length = None if target_length is None else _checked_length(target_length)
         self.render_mode = render_mode
@@ -252,7 +254,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Command target speed and angle until the next decision; see the class for everything else."""
         if self._ended:
-            raise gymnasium.error.ResetNeeded("the episode has ended: call reset() before step().")
+            raise gymnasium.error.ResetNeeded("no cut is going on: call reset() before step().")
         command = np.asarray(action, dtype=np.float64)
         if command.shape != (2,) or np.isnan(command).any():
             raise ValueError(f"action = {action!r} must hold 2 numbers in [-1, 1] (speed, angle), and none may be NaN.")
@@ -303,6 +305,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self.render_mode is None:
             gymnasium.logger.warn('render() needs gymnasium.make(..., render_mode="rgb_array" or "human").')
             return None
+        if not hasattr(self, "plant"):
+            raise gymnasium.error.ResetNeeded("there is nothing to draw yet: call reset() before render().")
         if self._viewer is None:
             from cutenv.viewer import CutViewer  # drawing is an extra
 

@@ -33,7 +33,9 @@ class TissueSource:
         if path is None:
             return
         if not isinstance(path, (str, Path)):
-            raise TypeError(f"tissue = {path!r} must be the path of a tissue or specimen JSON.")
+            raise TypeError(
+                f"tissue = {str(path)[:60]} must be the path of a tissue or specimen JSON (to_json writes one)."
+            )
         file = Path(path)
         if not file.is_file():
             raise FileNotFoundError(

@@ -32,7 +32,8 @@ class ModulusEstimate:
     position : ndarray
         Estimated tip, where the modulus belongs [m].
     modulus : ndarray
-        Local effective modulus [Pa], of the model that was asked with.
+        Local effective modulus [Pa], of the model that was asked with, at each segment's own speed and angle:
+        the slow, upright one is this over the loading ratio (`cutenv.tissue.local_effective_modulus`).
     segments : list of Segment
         The ramps that it was found from, of the force less friction.
     friction_per_depth : float

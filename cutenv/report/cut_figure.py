@@ -13,7 +13,7 @@ from cutenv.tissue.specimen import SPACING
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_TISSUE, _RUN, _FORCE, _TARGET = "#f2d3c9", "#d55e00", "#0072b2", "#009e73"
+_TISSUE, _RUN, _FORCE, _TARGET, _ANGLE = "#f2d3c9", "#d55e00", "#0072b2", "#009e73", "#8a3ffc"
 _TOLERANCE_MM = 3.0
 
 
@@ -48,6 +48,7 @@ def draw_cut(
     figure = Figure(figsize=(9, 6.5), layout="constrained")
     side, trace, motion = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 2.2, 1.0))
     _draw_side(side, readings, depth)
+    side.fill_between([], [], [], color=_TARGET, alpha=0.15, label="target \u00b1 3 mm")
     blade_mm = 1e3 * readings["position"]
     trace.plot(blade_mm, readings["force"], color=_FORCE, linewidth=0.8, label="measured force")
     along_mm = 1e3 * np.arange(len(depth)) * SPACING
@@ -58,14 +59,15 @@ def draw_cut(
     motion.plot(blade_mm, 100.0 * readings["speed"], color="black", linewidth=0.8)
     motion.set_ylabel("speed [cm/s]")
     angle = motion.twinx()
-    angle.plot(blade_mm, np.degrees(readings["angle"]), color=_RUN, linewidth=0.8)
-    angle.set_ylabel("angle [deg]", color=_RUN)
+    angle.plot(blade_mm, np.degrees(readings["angle"]), color=_ANGLE, linewidth=0.8)
+    angle.set_ylabel("angle [deg]", color=_ANGLE)
     angle.set_ylim(40, 95)
     motion.set_xlabel("distance from the clamp [mm]: blade (force, speed, angle), crack tip (cut)")
     target_mm = 1e3 * target_length
     for axes in (side, trace, motion):
         axes.axvspan(target_mm - _TOLERANCE_MM, target_mm + _TOLERANCE_MM, color=_TARGET, alpha=0.15, linewidth=0)
         axes.axvline(target_mm, color=_TARGET, linewidth=1.2)
+    side.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=6, fontsize=8, frameon=False)
     motion.set_xlim(-2.0, max(target_mm, float(blade_mm.max())) + 8.0)
     figure.suptitle(title, fontsize=11)
     figure.savefig(path, dpi=130)
@@ -94,4 +96,3 @@ def _draw_side(axes: Axes, readings: Records, depth: np.typing.NDArray[np.float6
     axes.axvline(tip_mm, color=_RUN, linestyle="--", linewidth=1, label="crack tip at the end")
     axes.set_ylabel("depth [mm]")
     axes.set_ylim(-1.25 * height, 4.0)
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, fontsize=8, frameon=False)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -199,8 +197,3 @@ class GentleCutting:
     def force_limit_per_depth(self) -> float:
         """Force per depth of cut above which the task ends [N/m]."""
         return float(self._task[0]["force_limit_per_depth"])
-
-    @property
-    def tip_error(self) -> float:
-        """Distance of the tip from the target [m]."""
-        return math.fabs(self.tip - self.target_length)

@@ -26,11 +26,15 @@ _MEASURED = (0.0215, 0.12)  # from the first segment of Table 4.1 to the end of 
 class TissueDescription:
     """Values and spread of one kind of tissue, from which specimens are drawn; SI units.
 
+    :func:`measured_liver` gives pig liver as measured; the defaults here are only near it.  For a tissue of your own,
+    replace fields of it, and set ``modulus_scale`` and ``fracture_scale`` to 1: they belong to the liver's spread, and
+    ``scripts/fit_specimens.py`` shows how they were fitted.  Class ``uniform`` uses neither.
+
     Every modulus is a local effective modulus and belongs to the finite-element model named by ``element``,
     ``formulation``, ``poisson`` and the default mesh; use :meth:`CutModel.convert_modulus` for another.
     """
 
-    name: str = "pig liver"
+    name: str = "near pig liver"
     element: str = "quad8"
     formulation: str = "plane_stress"
     poisson: float = parameter(
@@ -38,16 +42,31 @@ class TissueDescription:
     )
     intercept_90: float = parameter(
         48.36e3, unit="Pa", low=100.0, high=1e8, provenance="measured",
-        why="LEM at v -> 0, 90 degrees: fit to Table 5.6, depth-normalised plane stress",
+        why="LEM at v -> 0, 90 degrees: fit to Table 5.6, depth-normalised plane stress; 48.4 kPa is 48400 Pa",
     )  # fmt: skip
     slope_90: float = parameter(
-        -1.162e6, unit="Pa s/m", low=-1e10, high=1e10, provenance="measured", why="the same fit: fall with speed"
+        -1.162e6,
+        unit="Pa s/m",
+        low=-1e10,
+        high=1e10,
+        provenance="measured",
+        why="fall of the LEM with speed: fit to Table 5.6, 90 degrees",
     )
     intercept_45: float = parameter(
-        30.93e3, unit="Pa", low=100.0, high=1e8, provenance="measured", why="fit to Table 5.6, 45 degrees"
+        30.93e3,
+        unit="Pa",
+        low=100.0,
+        high=1e8,
+        provenance="measured",
+        why="LEM at v -> 0, 45 degrees: fit to Table 5.6",
     )
     slope_45: float = parameter(
-        -0.718e6, unit="Pa s/m", low=-1e10, high=1e10, provenance="measured", why="the same fit: fall with speed"
+        -0.718e6,
+        unit="Pa s/m",
+        low=-1e10,
+        high=1e10,
+        provenance="measured",
+        why="fall of the LEM with speed: fit to Table 5.6, 45 degrees",
     )
     speed_min: float = parameter(
         0.001, unit="m/s", low=0.0, high=0.1, provenance="measured", why="slowest speed of Table 5.6"
@@ -57,7 +76,7 @@ class TissueDescription:
     )
     modulus_scale: float = parameter(
         1.0, unit="1", low=0.1, high=10.0, provenance="derived",
-        why="the same for the modulus, whose kept draws measure Table 5.6",
+        why="mean modulus before draws that are too steep are drawn again; those kept measure Table 5.6",
     )  # fmt: skip
     modulus_between_liver_cv: float = parameter(
         0.0, unit="1", low=0.0, high=1.0, provenance="measured", why="variance components of Tables 5.2-5.4"
@@ -75,11 +94,11 @@ class TissueDescription:
     )  # fmt: skip
     fracture_resistance: float = parameter(
         211.0, unit="J/m2", low=1.0, high=1e5, provenance="derived",
-        why="virtual cuts of 1 to 4 inches have the mean apparent resistance of Table 6.1",
+        why="virtual cuts of 1 to 4 inches have the mean apparent resistance of Table 6.1; 0.24 kJ/m2 is 240 J/m2",
     )  # fmt: skip
     fracture_scale: float = parameter(
         1.0, unit="1", low=0.1, high=10.0, provenance="derived",
-        why="mean before draws that are too steep are drawn again, over the mean of those kept",
+        why="mean resistance before draws that are too steep are drawn again, over the mean of those kept",
     )  # fmt: skip
     fracture_between_cut_cv: float = parameter(
         0.37, unit="1", low=0.0, high=2.0, provenance="measured", why="Table 6.1: spread between cuts"
@@ -172,6 +191,7 @@ def tables_only(**changes: Any) -> TissueDescription:
     resistance = measured_fracture_resistance()
     mean_depth = mean_depth_of_cut()
     values: dict[str, Any] = {
+        "name": "pig liver",
         "intercept_90": upright.intercept,
         "slope_90": upright.slope,
         "intercept_45": inclined.intercept,

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 STRESS, STRAIN, SOLID = "#0072b2", "#d55e00", "#009e73"  # plane stress, plane strain, 3-D
 FIRST, SECOND = "#c81e1e", "#1e46c8"  # red and blue cycles of Figures 6.5 to 6.7
 UPRIGHT, INCLINED = "#0072b2", "#d55e00"  # 90 and 45 degrees
-TRUTH, FORCE, PALE = "0.55", "0.15", "0.8"
+FORCE, PALE = "0.15", "0.8"
 
 LEM_LABEL = "LEM [10$^3$ N/m$^2$]"
 DISTANCE_LABEL = "distance from the constrained edge [cm]"

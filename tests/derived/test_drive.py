@@ -37,7 +37,7 @@ def drive_blade(
 
 def commanded(target: float, ticks: int, rig: Rig, *, dt: float = TICK, travel: float = 0.15) -> Any:
     """Speed of the rig's carriage after every tick [m/s]."""
-    state, drive = new_state(1, UPRIGHT)[0], rig.record(travel)
+    state, drive = new_state(1, UPRIGHT)[0], rig.records(travel)[0]
     speeds = np.empty(ticks)
     for i in range(ticks):
         advance_command(state, drive, target, dt)
@@ -136,7 +136,7 @@ def test_the_rig_does_not_lurch():
 
 def test_the_hands_friction_slows_and_stops_but_never_reverses():
     """A free blade (the hand's grip as weak as it may be) under friction alone."""
-    drive = Hand(coupling_stiffness=10.0, coupling_damping=0.0).record(0.15)
+    drive = Hand(coupling_stiffness=10.0, coupling_damping=0.0).records(0.15)[0]
     state = new_state(1, UPRIGHT)[0]
     state.blade = state.hand = 0.05
     state.speed = 0.02
