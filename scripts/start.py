@@ -231,6 +231,9 @@ def main(argv: list[str]) -> int:
     parser.add_argument("--accept-cuda", action="store_true")
     options, passed_on = parser.parse_known_args(argv)
     venv = ROOT / ".venv"
+    if {"-h", "--help"} & set(passed_on) and not (venv / "cutenv-setup.txt").exists():
+        print(f"{__doc__}\nThe options of '{options.command}' itself: the same line again, after 'setup'.")
+        return 0
     try:
         supported = supported_pythons((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
         check_python(PYTHON, sys.implementation.name, supported)

@@ -203,6 +203,18 @@ def test_cuda_with_a_driver_is_what_was_wanted(
 # Once is enough
 
 
+def test_help_is_given_before_anything_is_installed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(start, "ROOT", tmp_path)
+    monkeypatch.setattr(start, "set_up", lambda *arguments: pytest.fail("it began to install"))
+    assert start.main(["train", "--help"]) == 0
+    assert "after 'setup'" in capsys.readouterr().out
+    (tmp_path / "pyproject.toml").write_text((ROOT / "pyproject.toml").read_text())
+    with pytest.raises(pytest.fail.Exception, match="began to install"):
+        start.main(["train", "--quick"])
+
+
 def test_a_finished_set_up_is_ready_and_is_left_alone(venv: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = start.fingerprint(ROOT, sys.version)
     stamp(venv, wanted)
