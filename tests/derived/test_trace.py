@@ -185,7 +185,10 @@ def test_a_part_that_is_no_trace_is_refused() -> None:
 def test_a_pause_left_out_does_not_look_like_another_speed() -> None:
     time = np.concatenate((np.arange(1000) * 1e-3, 600.0 + np.arange(1000) * 1e-3))
     position = 0.0254 * np.concatenate((np.arange(1000), np.arange(1000, 2000))) * 1e-3
-    Trace(time=time, force=np.zeros(2000), position=position, speed=np.full(2000, 0.0254))
+    known = {"time": time, "force": np.zeros(2000), "position": position}
+    assert np.all(Trace(**known, speed=np.full(2000, 0.0254)).speed == 0.0254)
+    with pytest.raises(ValueError, match="speed"):
+        Trace(**known, speed=np.full(2000, 0.5))
 
 
 @given(st.lists(st.tuples(st.floats(-10.0, 10.0), st.floats(0.0, 0.1), st.floats(0.1, 1.5)), min_size=2, max_size=20))
