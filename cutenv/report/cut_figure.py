@@ -1,26 +1,34 @@
-"""One cut above its force trace, as a picture file."""
+"""One cut above its force trace, as a picture."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cutenv.cutting.records import Records
+from cutenv.report.page import label, new_figure
 from cutenv.tissue.specimen import SPACING
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
 
 _TISSUE, _RUN, _FORCE, _TARGET, _ANGLE = "#f2d3c9", "#d55e00", "#0072b2", "#009e73", "#8a3ffc"
 _TOLERANCE_MM = 3.0
+_POINTS = 3000  # of a line: more than a picture is wide, and 30 s at 1 kHz would be megabytes of vector drawing
+_WIDE, _PHONE = 9.0, 6.0  # width as a file; below this one the picture is drawn for a phone [in]
 
 
 def draw_cut(
     path: Path,
     readings: Records,
-    depth: np.typing.NDArray[np.float64],
+    depth: Array,
     *,
     target_length: float,
     force_limit_per_depth: float,
@@ -42,38 +50,110 @@ def draw_cut(
         [N/m]
     title : str
         Above the picture.
-    """
-    from matplotlib.figure import Figure  # an extra, and slow to import
 
-    figure = Figure(figsize=(9, 6.5), layout="constrained")
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed; names the command that installs it.
+    """
+    figure = cut_figure(
+        readings, depth, target_length=target_length, force_limit_per_depth=force_limit_per_depth, title=title
+    )
+    part = path.with_name(path.stem + ".part" + path.suffix)  # never half a picture under the final name
+    figure.savefig(part, dpi=130)
+    part.replace(path)
+
+
+def cut_figure(
+    readings: Records,
+    depth: Array,
+    *,
+    target_length: float,
+    force_limit_per_depth: float,
+    title: str = "",
+    width: float = _WIDE,
+    beside: Sequence[Records] = (),
+) -> Figure:
+    """One cut above its force trace, speed and angle; parameters as :func:`draw_cut`, and two more.
+
+    Parameters
+    ----------
+    width : float
+        [in]; a picture for a phone has its key in fewer columns.
+    beside : sequence of Records
+        Readings of the cuts that this one is compared with: the axes hold them too, so that all have one scale.
+    """
+    phone = width < _PHONE
+    figure = new_figure(width, 6.4 if phone else 6.5)
     side, trace, motion = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 2.2, 1.0))
     _draw_side(side, readings, depth)
     side.fill_between([], [], [], color=_TARGET, alpha=0.15, label="target \u00b1 3 mm")
-    blade_mm = 1e3 * readings["position"]
-    trace.plot(blade_mm, readings["force"], color=_FORCE, linewidth=0.8, label="measured force")
-    along_mm = 1e3 * np.arange(len(depth)) * SPACING
-    trace.plot(along_mm, force_limit_per_depth * depth, color="0.4", linestyle=":", label="force limit")
-    trace.set_ylim(min(-0.5, 1.1 * float(readings["force"].min())), 1.25 * float(readings["force"].max()) + 0.2)
-    trace.set_ylabel("force on the blade [N]")
-    trace.legend(loc="upper left", frameon=False)
-    motion.plot(blade_mm, 100.0 * readings["speed"], color="black", linewidth=0.8)
-    motion.set_ylabel("speed [cm/s]")
-    angle = motion.twinx()
-    angle.plot(blade_mm, np.degrees(readings["angle"]), color=_ANGLE, linewidth=0.8)
-    angle.set_ylabel("angle [deg]", color=_ANGLE)
-    angle.set_ylim(40, 95)
-    motion.set_xlabel("distance from the clamp [mm]: blade (force, speed, angle), crack tip (cut)")
+    _draw_force(trace, readings, depth, force_limit_per_depth)
+    _draw_motion(motion, readings)
+    whose = "" if phone else ": blade (force, speed, angle), crack tip (cut)"
+    motion.set_xlabel(f"distance from the clamp [mm]{whose}")
     target_mm = 1e3 * target_length
     for axes in (side, trace, motion):
         axes.axvspan(target_mm - _TOLERANCE_MM, target_mm + _TOLERANCE_MM, color=_TARGET, alpha=0.15, linewidth=0)
         axes.axvline(target_mm, color=_TARGET, linewidth=1.2)
-    side.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=6, fontsize=8, frameon=False)
-    motion.set_xlim(-2.0, max(target_mm, float(blade_mm.max())) + 8.0)
-    figure.suptitle(title, fontsize=11)
-    figure.savefig(path, dpi=130)
+    side.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2 if phone else 6, fontsize=8, frameon=False)
+    _set_scales(trace, motion, (readings, *beside), target_mm)
+    if title:
+        figure.suptitle(label(title), fontsize=11)
+    return figure
 
 
-def _draw_side(axes: Axes, readings: Records, depth: np.typing.NDArray[np.float64]) -> None:
+def thinned(x: Array, y: Array, points: int = _POINTS) -> tuple[Array, Array]:
+    """Two of every few points of a line, shapes (n,): the lowest and the highest, so that no peak is lost."""
+    stride = -(-2 * len(y) // points)  # rounded up
+    if stride <= 2:
+        return x, y
+    whole = len(y) // stride * stride
+    blocks = y[:whole].reshape(-1, stride)
+    extremes = np.sort(np.stack((blocks.argmin(axis=1), blocks.argmax(axis=1)), axis=1), axis=1)
+    kept = (extremes + stride * np.arange(len(blocks))[:, None]).ravel()
+    kept = np.unique(np.concatenate((kept, [0], np.arange(whole, len(y)), [len(y) - 1])))
+    return x[kept], y[kept]
+
+
+def _set_scales(trace: Axes, motion: Axes, cuts: Sequence[Records], target_mm: float) -> None:
+    """Let the axes hold all of the cuts."""
+    low, high = _extremes(cuts, "force")
+    trace.set_ylim(min(-0.5, 1.1 * low), 1.25 * high + 0.2)
+    low, high = (100.0 * value for value in _extremes(cuts, "speed"))
+    margin = max(0.05 * (high - low), 0.05)  # a blade may keep one speed, or none
+    motion.set_ylim(low - margin, high + margin)
+    motion.set_xlim(-2.0, max(target_mm, 1e3 * _extremes(cuts, "position")[1]) + 8.0)
+
+
+def _extremes(cuts: Sequence[Records], name: str) -> tuple[float, float]:
+    """Least and largest reading of a field over some cuts."""
+    return min(float(cut[name].min()) for cut in cuts), max(float(cut[name].max()) for cut in cuts)
+
+
+def _draw_force(axes: Axes, readings: Records, depth: Array, force_limit_per_depth: float) -> None:
+    """Force over the blade's place, below the force at which the cut would be ended."""
+    axes.plot(
+        *thinned(1e3 * readings["position"], readings["force"]), color=_FORCE, linewidth=0.8, label="measured force"
+    )
+    along_mm = 1e3 * np.arange(len(depth)) * SPACING
+    axes.plot(along_mm, force_limit_per_depth * depth, color="0.4", linestyle=":", label="force limit")
+    axes.set_ylabel("force on the blade [N]")
+    axes.legend(loc="upper left", framealpha=0.85, edgecolor="none", borderpad=0.1)
+
+
+def _draw_motion(axes: Axes, readings: Records) -> None:
+    """Speed and angle over the blade's place."""
+    blade_mm = 1e3 * readings["position"]
+    axes.plot(*thinned(blade_mm, 100.0 * readings["speed"]), color="black", linewidth=0.8)
+    axes.set_ylabel("speed [cm/s]")
+    angle = axes.twinx()
+    angle.plot(*thinned(blade_mm, np.degrees(readings["angle"])), color=_ANGLE, linewidth=0.8)
+    angle.set_ylabel("angle [deg]", color=_ANGLE)
+    angle.set_ylim(40, 95)
+
+
+def _draw_side(axes: Axes, readings: Records, depth: Array) -> None:
     """The slab from the side: what is cut, what of it ran away, where the blade ended."""
     along_mm = 1e3 * np.arange(len(depth)) * SPACING
     depth_mm = 1e3 * depth

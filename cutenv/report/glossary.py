@@ -1,0 +1,70 @@
+"""What the numbers of a page mean, for people who did not write the task."""
+
+from __future__ import annotations
+
+TERMS = {
+    "uncontrolled": "uncontrolled advance",
+    "jump": "large jumps",
+    "force": "force per depth",
+    "lag": "lag",
+    "backward": "backing up",
+    "time": "time",
+    "tip_error": "tip error",
+    "wedge": "wedge left",
+    "stored": "left loaded",
+    "safety": "ended for safety",
+}
+"""Costs of :data:`cutenv.task.records.TERMS` in few words."""
+
+MEANINGS = (
+    (
+        "Return",
+        "The rewards of one cut added up: progress toward the target, which comes to 1 for a whole cut, less what "
+        "was not gentle or not exact. Doing nothing gets about \u22121.",
+    ),
+    (
+        "Success",
+        "The share of cuts that ended at rest and unloaded, with the crack tip within 3 mm of the target and the blade "
+        "within 10 degrees of upright.",
+    ),
+    ("Tip error", "How far the crack tip is from the target at the end. The tip counts, not the blade, and is hidden."),
+    (
+        "Jump, uncontrolled share",
+        "Tissue does not part evenly: when the force is high enough, the crack runs ahead by itself. A jump is the "
+        "length of one such run; the uncontrolled share is the part of the whole cut made by them.",
+    ),
+    (
+        "Force per depth",
+        "The force on the blade divided by how deep the tissue is there. Thick tissue needs more force, so the force "
+        "alone would blame the tissue. Above 400 N/m it costs; at the force limit the cut is ended for safety.",
+    ),
+    ("Lag", "How far the blade leads the crack tip, dragging tissue along; it costs above 10 mm."),
+    ("Wedge", "What stays uncut below a blade that ends inclined: its edge leans ahead of its foot."),
+    (
+        "Held-out specimen",
+        "A piece of tissue that was used neither to train nor to choose the agent. All policies cut the same ones.",
+    ),
+    (
+        "95 % interval",
+        "In brackets or as a line: from repeated evaluations on other specimens, about 95 of 100 such intervals would "
+        "hold the true mean. It covers chance in the specimens, not in the training: this is one training run.",
+    ),
+    (
+        "Paired difference",
+        "Agent minus baseline on the same specimen, then averaged. Easy and hard specimens cancel, so it decides what "
+        "two intervals side by side may leave open: a difference counts where its interval does not hold 0.",
+    ),
+    (
+        "Upper bound",
+        "A planner that is told the hidden tip and the tissue. No agent can know as much, so it is no competitor: it "
+        "shows how much there is to gain.",
+    ),
+)
+"""Terms with what they mean, for a reader who did not write the task."""
+
+LIMITS = (
+    "The tissue is simulated. Its stiffness and its resistance to cutting are drawn from measured values of pig liver; "
+    "friction, drive and sensor are partly assumed. Nothing here has been validated for assessing or credentialing "
+    "people, for other tissue or for an operation, and one training run does not tell how another would turn out."
+)
+"""What no number of the page says."""

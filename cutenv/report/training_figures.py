@@ -1,0 +1,168 @@
+"""The drawings of a training run's page: returns, costs, the grid of constant feeds, the learning curve."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cutenv.report.page import Html, Row, escaped, label, new_figure, number, table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+ROLES = ("agent", "script", "bound", "other")
+"""What a policy is on the page: the learned one, the best script, the upper bound, another."""
+
+_COLOURS = {"agent": "#0072b2", "script": "#e69f00", "bound": "#009e73", "other": "#6b6b6b"}
+_MARKERS = {"agent": "o", "script": "s", "bound": "D", "other": "o"}
+_RETURN, _VALIDATION, _KEPT = "#56b4e9", "#d55e00", "#009e73"
+_PALE, _DEEP = (0xF1, 0xF6, 0xFA), (0x00, 0x5A, 0x94)  # ends of the heat map
+_PHONE = 6.0  # width below which a picture is drawn for a phone [in]
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A mean of a policy with its 95 % interval."""
+
+    policy: str
+    role: str
+    mean: float
+    low: float
+    high: float
+
+
+def returns_figure(bars: Sequence[Bar], width: float) -> Figure:
+    """Dot and interval of every policy's return, in the order given from above, for a width [in]."""
+    phone = width < _PHONE
+    figure = new_figure(width, 0.75 + (0.5 if phone else 0.36) * len(bars))
+    axes = figure.subplots()
+    places = -np.arange(len(bars))
+    for place, bar in zip(places, bars, strict=True):
+        colour = _COLOURS[bar.role]
+        axes.plot([bar.low, bar.high], [place, place], color=colour, linewidth=2.5, solid_capstyle="butt")
+        inside = "white" if bar.role == "bound" else colour
+        axes.plot(
+            bar.mean, place, _MARKERS[bar.role], color=colour, markerfacecolor=inside, markersize=7, markeredgewidth=2
+        )
+    names = [label(textwrap.shorten(bar.policy, 60, placeholder=" ...")) for bar in bars]
+    if phone:  # names beside the dots would leave no room for the dots
+        axes.set_yticks([])
+        for place, name in zip(places, names, strict=True):
+            axes.annotate(name, (0.0, place), (2, 8), ("axes fraction", "data"), textcoords="offset points", fontsize=8)
+    else:
+        axes.set_yticks(places, [textwrap.fill(name, 36) for name in names])
+    axes.set_ylim(-len(bars) + 0.5, 0.7 if phone else 0.5)
+    axes.set_xlabel("return")
+    _plain(axes, "x")
+    return figure
+
+
+def costs_figure(terms: Sequence[str], policies: Sequence[Sequence[Bar]], width: float) -> Figure:
+    """Costs side by side, a group of bars for each term.
+
+    Parameters
+    ----------
+    terms : sequence of str
+        In the reader's words, from above.
+    policies : sequence of sequence of Bar
+        For each policy, as many costs as there are terms.
+    width : float
+        [in]
+    """
+    phone = width < _PHONE
+    figure = new_figure(width, 1.0 + len(terms) * (0.12 + 0.14 * len(policies)) + (0.2 * len(policies) * phone))
+    axes = figure.subplots()
+    thickness = 0.8 / len(policies)
+    for row, bars in enumerate(policies):
+        places = -np.arange(len(terms)) - (row - 0.5 * (len(policies) - 1)) * thickness
+        means = np.array([bar.mean for bar in bars])
+        axes.barh(places, means, 0.92 * thickness, color=_COLOURS[bars[0].role], label=label(bars[0].policy))
+        for place, bar in zip(places, bars, strict=True):
+            axes.plot([bar.low, bar.high], [place, place], color="0.25", linewidth=0.9)
+    axes.set_yticks(-np.arange(len(terms)), [textwrap.fill(term, 14) if phone else term for term in terms])
+    axes.set_xlim(left=min(0.0, *(bar.mean for bars in policies for bar in bars)))
+    axes.set_ylim(-len(terms) + 0.45, 0.55)
+    axes.set_xlabel("cost, in units of return")
+    figure.legend(loc="outside upper left", ncols=1 if phone else len(policies), frameon=False, fontsize=9)
+    _plain(axes, "x")
+    return figure
+
+
+def curve_figure(curve: Sequence[Mapping[str, float]], chosen_at: int | None, width: float) -> Figure:
+    """Return and success over the decisions trained for, and where the kept checkpoint was taken."""
+    from matplotlib.ticker import EngFormatter
+
+    phone = width < _PHONE
+    figure = new_figure(width, 4.6 if phone else 4.8)
+    panels = figure.subplots(2, 1, sharex=True)
+    for axes, name in zip(panels, ("return", "success"), strict=True):
+        axes.plot(*_column(curve, name), color=_RETURN, linewidth=1.4, label="training episodes, exploring")
+        decisions, values = _column(curve, f"validation_{name}")
+        if len(values):
+            axes.plot(
+                decisions, values, "o-", color=_VALIDATION, linewidth=0.8, markersize=4.5, label="validation specimens"
+            )
+        if chosen_at is not None:
+            axes.axvline(chosen_at, color=_KEPT, linestyle="--", linewidth=1.5, label="checkpoint kept")
+        axes.set_ylabel(name)
+        _plain(axes, "y")
+    panels[1].set_ylim(-0.03, 1.03)
+    panels[1].set_xlabel("decisions")
+    panels[1].xaxis.set_major_formatter(EngFormatter())
+    handles, names = panels[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper left", ncols=1 if phone else 3, frameon=False, fontsize=9)
+    return figure
+
+
+def _column(curve: Sequence[Mapping[str, float]], name: str) -> tuple[list[float], list[float]]:
+    """Decisions and values of a column where it has any."""
+    rows = [row for row in curve if math.isfinite(row.get(name, math.nan))]
+    return [row["decisions"] for row in rows], [row[name] for row in rows]
+
+
+def _plain(axes: Axes, grid: Any) -> None:
+    """No box around the drawing, and faint lines across the axis that is read."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(axis=grid, color="0.9", linewidth=0.8)
+    axes.set_axisbelow(True)
+    if axes.get_xlim()[0] < 0.0 < axes.get_xlim()[1] and grid == "x":
+        axes.axvline(0.0, color="0.6", linewidth=0.8, zorder=0.5)
+
+
+def heat_map(grid: Sequence[Mapping[str, Any]]) -> Html:
+    """Return at every speed and angle as a table whose cells are shaded by it; it reads aloud and needs no picture."""
+    cells = {(row["speed_cm_s"], row["angle_deg"]): row for row in grid}
+    speeds, angles = (sorted({row[name] for row in grid}) for name in ("speed_cm_s", "angle_deg"))
+    means = [row["mean"] for row in grid]
+    lowest, best = min(means), max(means)
+    headings = [Html('speed<br><span class="unit">[cm/s]</span>'), *(Html(f"{angle:g}&deg;") for angle in angles)]
+    rows = [
+        Row([escaped(f"{speed:g}"), *(_heat_cell(cells[speed, angle], lowest, best) for angle in angles)])
+        for speed in speeds
+    ]
+    return table("Return of constant feed at each speed (rows) and blade angle (columns)", headings, rows, "heat")
+
+
+def _heat_cell(row: Mapping[str, Any], lowest: float, best: float) -> Html:
+    share = (row["mean"] - lowest) / (best - lowest) if best > lowest else 0.0
+    colour = [round(pale + share * (deep - pale)) for pale, deep in zip(_PALE, _DEEP, strict=True)]
+    ink = "#fff" if _luminance(colour) < 0.179 else "#000"  # where both have the same contrast
+    half = 0.5 * (row["high_95"] - row["low_95"])
+    is_best = row["mean"] == best
+    return Html(
+        f'<span class="shade{" best" if is_best else ""}" style="background:#{bytes(colour).hex()};color:{ink}">'
+        f"<b>{number(row['mean'], 2)}</b><small>&plusmn;{number(half, 2)}</small>"
+        f"<small>{number(100.0 * row['success'], 0)} %{' <i>best</i>' if is_best else ''}</small></span>"
+    )
+
+
+def _luminance(colour: Sequence[int]) -> float:
+    """Relative luminance of an sRGB colour, as WCAG 2 defines it."""
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (v / 255.0 for v in colour)]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

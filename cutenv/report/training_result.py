@@ -1,0 +1,280 @@
+"""What a training run came to, as plain data: checked at the door, so that the page cannot be wrong about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.cutting.records import READING, Records
+from cutenv.report.training_figures import Bar
+from cutenv.validation import array_in_range, in_range, one_of
+
+Rows = Sequence[Mapping[str, Any]]
+
+SPECIMEN_CLASS = "specimen class"
+"""The fact that the headline needs."""
+
+_LARGEST = 1e12  # no score is beyond; NaN and infinity are refused with it
+_SHARE = "It is a share of the cuts, not a percentage."
+_ROUNDING = 1e-9
+_CURE = "An interval needs two specimens or more; look for a NaN in the scores."
+
+
+@dataclass(frozen=True)
+class Score:
+    """A score as a column: its name in the data, its heading, unit, factor to that unit and digits shown."""
+
+    name: str
+    heading: str
+    unit: str
+    factor: float
+    digits: int
+
+
+COLUMNS = (
+    Score("return", "return", "", 1.0, 2),
+    Score("success", "success", "%", 100.0, 0),
+    Score("tip_error_mm", "tip error", "mm", 1.0, 2),
+    Score("peak_force_N", "peak force", "N", 1.0, 2),
+    Score("time_s", "time", "s", 1.0, 1),
+    Score("largest_jump_mm", "largest jump", "mm", 1.0, 2),
+    Score("uncontrolled_share", "uncontrolled share", "%", 100.0, 0),
+)
+"""Scores of the comparison, in its order."""
+
+DIFFERENCES = (
+    Score("return", "return", "", 1.0, 3),
+    Score("success", "success", "percentage points", 100.0, 0),
+)
+"""Scores of the paired differences, in their order."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutPicture:
+    """One cut to be drawn.
+
+    Parameters
+    ----------
+    policy : str
+        Whose cut.
+    caption : str
+        Below the picture: which specimen, how it ended.
+    readings : Records
+        The whole cut at 1 kHz, :data:`cutenv.cutting.records.READING`, shape (n,); hidden tip included.
+    depth : array, shape (301,)
+        Depth of cut along the line [m].
+    target_length : float
+        [m]
+    force_limit_per_depth : float
+        [N/m]
+
+    Raises
+    ------
+    TypeError, ValueError
+        For readings that are empty, lack a field or hold NaN, and for lengths that are none.
+    """
+
+    policy: str
+    caption: str
+    readings: Records
+    depth: NDArray[np.float64]
+    target_length: float
+    force_limit_per_depth: float
+
+    def __post_init__(self) -> None:
+        found = self.readings.dtype.names or ()
+        for name in READING.names or ():
+            if name not in found:
+                raise ValueError(f"readings of {self.policy!r} lack the field {name!r}; they have {', '.join(found)}.")
+            array_in_range(f"readings[{name!r}] of {self.policy!r}", self.readings[name], -1e9, 1e9, "SI")
+        if not len(self.readings):
+            raise ValueError(f"readings of {self.policy!r} are empty; give those of a whole cut.")
+        if self.depth.ndim != 1 or not self.depth.size:
+            raise ValueError(f"depth of {self.policy!r} must have shape (n,), got {self.depth.shape}.")
+        array_in_range(f"depth of {self.policy!r}", self.depth, 0.0, 1.0, "m")
+        in_range(f"target_length of {self.policy!r}", self.target_length, 0.0, 1.0, "m")
+        in_range(f"force_limit_per_depth of {self.policy!r}", self.force_limit_per_depth, 0.0, 1e9, "N/m")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingResult:
+    """What a training run came to, as plain data.
+
+    Parameters
+    ----------
+    title, subtitle : str
+        At the head of the page.
+    facts : mapping of str to str
+        What the run depends on: seed, decisions, versions, commit; ``"specimen class"`` must be among them.
+    summary : sequence of mappings
+        Rows ``policy, score, mean, low_95, high_95, cuts``: every score of ``COLUMNS`` for every policy, and the terms
+        ``reward_...`` for agent, best script and bound.  All policies met the same held-out specimens.
+    differences : sequence of mappings
+        Rows ``policy, baseline, score, mean, low_95, high_95, cuts``: agent minus baseline, paired by specimen; score
+        ``return`` for the best script at least, ``success`` where known.
+    agent, best_script : str
+        The learned policy, and the script that it has to beat.
+    bound : str or None
+        A planner that knows the hidden state: an upper bound, no competitor.
+    grid : sequence of mappings
+        Rows ``speed_cm_s, angle_deg, mean, low_95, high_95, success``: return of constant feed, one row for every pair
+        of a speed and an angle.
+    cuts : sequence of CutPicture
+        The agent's and the best script's on one specimen.
+    curve : sequence of mappings
+        Rows ``decisions, return, success`` and, where validated, ``validation_return, validation_success`` (otherwise
+        absent or NaN).
+    chosen_at : int or None
+        Decisions after which the kept checkpoint was taken.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a missing policy, score or cell, and for a number that is none; names the row and the field.
+    """
+
+    title: str
+    subtitle: str
+    facts: Mapping[str, str]
+    summary: Rows
+    differences: Rows
+    agent: str
+    best_script: str
+    bound: str | None
+    grid: Rows
+    cuts: Sequence[CutPicture]
+    curve: Sequence[Mapping[str, float]]
+    chosen_at: int | None
+
+    def __post_init__(self) -> None:
+        if SPECIMEN_CLASS not in self.facts:
+            raise ValueError(f"facts must hold {SPECIMEN_CLASS!r}, which the headline names; got {list(self.facts)}.")
+        _check_rows("summary", self.summary, ("policy", "score"), ("mean", "low_95", "high_95", "cuts"))
+        _check_rows(
+            "differences", self.differences, ("policy", "baseline", "score"), ("mean", "low_95", "high_95", "cuts")
+        )
+        self._check_policies()
+        self._check_differences()
+        self._check_counts()
+        _check_rows("grid", self.grid, (), ("speed_cm_s", "angle_deg", "mean", "low_95", "high_95", "success"))
+        for place, row in enumerate(self.grid):
+            in_range(f"success of grid[{place}]", row["success"], 0.0, 1.0, "1", _SHARE)
+        _check_whole(self.grid)
+        if self.curve:
+            _check_rows("curve", self.curve, (), ("decisions", "return", "success"))
+        if self.chosen_at is not None:
+            in_range("chosen_at", self.chosen_at, 0, _LARGEST, "decisions")
+        for place, cut in enumerate(self.cuts):
+            one_of(f"cuts[{place}].policy", cut.policy, self.policies)
+
+    def _check_policies(self) -> None:
+        known = list(dict.fromkeys(row["policy"] for row in self.summary))
+        for name in ("agent", "best_script", "bound"):
+            policy = getattr(self, name)
+            if name != "bound" or policy is not None:
+                one_of(name, policy, known)
+        if len(set(self.compared())) < len(self.compared()):
+            raise ValueError(f"agent, best_script and bound must differ, got {', '.join(map(repr, self.compared()))}.")
+        for policy in known:
+            for column in COLUMNS:
+                self.score(policy, column.name)
+            in_range(f"success of {policy!r}", self.score(policy, "success")["mean"], 0.0, 1.0, "1", _SHARE)
+        for policy in self.compared():
+            for term in self.terms():
+                self.score(policy, f"reward_{term}")
+
+    def _check_differences(self) -> None:
+        for place, row in enumerate(self.differences):
+            one_of(f"differences[{place}].policy", row["policy"], [self.agent])
+            one_of(f"differences[{place}].baseline", row["baseline"], self.policies)
+            one_of(f"differences[{place}].score", row["score"], [column.name for column in DIFFERENCES])
+        if self.difference(self.best_script, "return") is None:
+            raise ValueError(
+                f"differences has no row of score 'return' with baseline {self.best_script!r}, the best_script; "
+                "the headline is made of it."
+            )
+
+    def _check_counts(self) -> None:
+        counts = sorted({row["cuts"] for row in (*self.summary, *self.differences)})
+        if len(counts) > 1:
+            raise ValueError(
+                f"summary and differences count {', '.join(map(str, counts))} cuts; every policy must meet the same "
+                "specimens, or they cannot be compared."
+            )
+
+    @property
+    def policies(self) -> list[str]:
+        """Every policy of the summary, the best return first."""
+        return sorted(dict.fromkeys(row["policy"] for row in self.summary), key=lambda policy: -self._return(policy))
+
+    def _return(self, policy: str) -> float:
+        return float(self.score(policy, "return")["mean"])
+
+    def score(self, policy: str, name: str) -> Mapping[str, Any]:
+        """The row of the summary for a policy and a score."""
+        found = (row for row in self.summary if (row["policy"], row["score"]) == (policy, name))
+        row = next(found, None)
+        if row is None:
+            raise ValueError(f"summary has no score {name!r} for policy {policy!r}; evaluate it for every policy.")
+        return row
+
+    def difference(self, baseline: str, name: str) -> Mapping[str, Any] | None:
+        """The row of the differences for a baseline and a score, if there is one."""
+        found = (row for row in self.differences if (row["baseline"], row["score"]) == (baseline, name))
+        return next(found, None)
+
+    def role(self, policy: str) -> str:
+        """What a policy is on the page; see :data:`cutenv.report.training_figures.ROLES`."""
+        return {self.bound: "bound", self.best_script: "script", self.agent: "agent"}.get(policy, "other")
+
+    def bar(self, policy: str, name: str, sign: float = 1.0) -> Bar:
+        """A score with its interval as the figures take it; ``sign`` -1 turns a reward's term into a cost."""
+        row = self.score(policy, name)
+        low, high = sorted((sign * row["low_95"], sign * row["high_95"]))
+        return Bar(policy, self.role(policy), sign * row["mean"], low, high)
+
+    def terms(self) -> list[str]:
+        """The reward's terms, in the order of the agent's rows."""
+        names = [row["score"] for row in self.summary if row["policy"] == self.agent]
+        return [name.removeprefix("reward_") for name in names if name.startswith("reward_")]
+
+    def compared(self) -> list[str]:
+        """The agent, the best script and, if there is one, the bound."""
+        return [policy for policy in (self.agent, self.best_script, self.bound) if policy is not None]
+
+
+def _check_rows(name: str, rows: Rows, words: Sequence[str], numbers: Sequence[str]) -> None:
+    """Refuse no rows, a row twice, a field that lacks or is no number, and a mean outside of its own interval."""
+    if not rows:
+        raise ValueError(f"{name} is empty; give its rows.")
+    seen = set()
+    for place, row in enumerate(rows):
+        for field in (*words, *numbers):
+            if field not in row:
+                raise ValueError(f"{name}[{place}] lacks {field!r}; it has {', '.join(map(repr, row))}.")
+        key = tuple(row[word] for word in words)
+        here = f"{name}[{place}] ({', '.join(map(str, key))})" if key else f"{name}[{place}]"
+        if key and key in seen:
+            raise ValueError(f"{here} comes twice; give one row for each.")
+        seen.add(key)
+        for field in numbers:
+            in_range(f"{field} of {here}", row[field], -_LARGEST, _LARGEST, "1", _CURE if "mean" in row else "")
+        if "mean" in row and not row["low_95"] - _ROUNDING <= row["mean"] <= row["high_95"] + _ROUNDING:
+            raise ValueError(
+                f"{here} has mean {row['mean']:g} outside of its interval "
+                f"{row['low_95']:g} to {row['high_95']:g}; check which is which."
+            )
+
+
+def _check_whole(grid: Rows) -> None:
+    """Refuse a grid in which a pair of speed and angle is missing or comes twice."""
+    pairs = [(row["speed_cm_s"], row["angle_deg"]) for row in grid]
+    for speed in dict.fromkeys(speed for speed, _ in pairs):
+        for angle in dict.fromkeys(angle for _, angle in pairs):
+            count = pairs.count((speed, angle))
+            if count != 1:
+                raise ValueError(f"grid has {count} rows for {speed:g} cm/s at {angle:g} degrees; give one.")

@@ -1,0 +1,135 @@
+"""A headless Chromium that opens one file, told over a pipe what to do (the Chrome DevTools Protocol)."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import json
+import os
+import select
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+PROGRAM = shutil.which("chromium")
+PATIENCE_S = 120.0  # a browser that says nothing for so long is stuck
+_OPTIONS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--remote-debugging-pipe",
+)
+
+_AS_3_AND_4 = """
+import fcntl, os, sys
+ends = [fcntl.fcntl(int(end), fcntl.F_DUPFD, 10) for end in sys.argv[1:3]]  # out of the way of 3 and 4
+os.dup2(ends[0], 3)
+os.dup2(ends[1], 4)
+os.execv(sys.argv[3], sys.argv[3:])
+"""
+"""The browser reads from its descriptor 3 and writes to 4."""
+
+
+class Browser:
+    """One page in one browser; answers come in order, and what happened meanwhile is kept in ``events``."""
+
+    def __init__(self, to_browser: int, from_browser: int) -> None:
+        self._to, self._from = to_browser, from_browser
+        self._unread = b""
+        self._session: str | None = None
+        self._number = 0
+        self.events: list[dict[str, Any]] = []
+        target = self.tell("Target.createTarget", url="about:blank")["targetId"]
+        self._session = self.tell("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ("Page", "Network", "Log", "Runtime"):
+            self.tell(f"{domain}.enable")
+
+    def tell(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """Send a command; its result."""
+        self._number += 1
+        message = {"id": self._number, "method": method, "params": parameters}
+        if self._session is not None:
+            message["sessionId"] = self._session
+        os.write(self._to, json.dumps(message).encode() + b"\0")
+        while True:
+            heard = self._hear()
+            if heard.get("id") == self._number:
+                assert "error" not in heard, f"{method}: {heard['error']}"
+                return heard["result"]
+            self.events.append(heard)
+
+    def open(self, path: Path, width: int, *, dark: bool = False) -> None:
+        """Open a file in a window of a width [px] and wait until it is loaded."""
+        self.tell(
+            "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=width < 700
+        )
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self.tell("Emulation.setEmulatedMedia", features=[scheme])
+        self.events.clear()
+        self.tell("Page.navigate", url=path.as_uri())
+        while not any(event.get("method") == "Page.loadEventFired" for event in self.events):
+            self.events.append(self._hear())
+
+    def value(self, expression: str) -> Any:
+        """What a JavaScript expression is worth in the page; a promise is waited for."""
+        result = self.tell("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in result, result["exceptionDetails"]
+        return result["result"].get("value")
+
+    def screenshot(self, path: Path) -> None:
+        """Write a picture of the whole page (.png)."""
+        shot = self.tell("Page.captureScreenshot", captureBeyondViewport=True)
+        path.write_bytes(base64.b64decode(shot["data"]))
+
+    def requests(self) -> list[str]:
+        """Every address that the page asked for since it was opened."""
+        asked = (event for event in self.events if event.get("method") == "Network.requestWillBeSent")
+        return [event["params"]["request"]["url"] for event in asked]
+
+    def complaints(self) -> list[str]:
+        """What the browser logged since the page was opened: refused fetches and errors."""
+        logged = (event for event in self.events if event.get("method") == "Log.entryAdded")
+        return [event["params"]["entry"]["text"] for event in logged]
+
+    def _hear(self) -> dict[str, Any]:
+        while b"\0" not in self._unread:
+            ready, _, _ = select.select([self._from], [], [], PATIENCE_S)
+            assert ready, f"the browser said nothing for {PATIENCE_S:g} s"
+            part = os.read(self._from, 1 << 16)
+            assert part, "the browser ended"
+            self._unread += part
+        message, _, self._unread = self._unread.partition(b"\0")
+        heard: dict[str, Any] = json.loads(message)
+        return heard
+
+
+@contextlib.contextmanager
+def browser(profile: Path) -> Iterator[Browser]:
+    """A browser with a fresh profile folder, ended when it is left."""
+    assert PROGRAM is not None
+    read_here, write_there = os.pipe()
+    read_there, write_here = os.pipe()
+    command = [sys.executable, "-c", _AS_3_AND_4, str(read_there), str(write_there), PROGRAM, *_OPTIONS]
+    process = subprocess.Popen(
+        [*command, f"--user-data-dir={profile}", "about:blank"],
+        pass_fds=(read_there, write_there),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    os.close(read_there)
+    os.close(write_there)
+    try:
+        yield Browser(write_here, read_here)
+    finally:
+        os.close(write_here)
+        os.close(read_here)
+        process.terminate()
+        process.wait(PATIENCE_S)

@@ -1,0 +1,93 @@
+"""A cut is drawn into a file or a figure, for a desk or a phone, and no peak of a long one is lost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
+
+import made_up_result as made_up
+
+from cutenv.report import draw_cut
+from cutenv.report.cut_figure import cut_figure, thinned
+
+CUT: dict[str, Any] = {"target_length": 0.078, "force_limit_per_depth": 1000.0}
+DEPTH = np.linspace(0.001, 0.02, 301)
+
+
+def test_a_cut_is_written_as_a_picture_and_nothing_else(tmp_path: Path) -> None:
+    draw_cut(tmp_path / "cut.png", made_up.readings(), DEPTH, title="costs $5, not $\\frac$", **CUT)
+    assert [path.name for path in tmp_path.iterdir()] == ["cut.png"]
+    assert (tmp_path / "cut.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_failed_drawing_leaves_the_older_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "cut.png"
+    path.write_text("older")
+
+    def fails(*_: Any) -> None:
+        raise OSError("no space left")
+
+    monkeypatch.setattr(Path, "replace", fails)
+    with pytest.raises(OSError, match="no space left"):
+        draw_cut(path, made_up.readings(), DEPTH, title="newer", **CUT)
+    assert path.read_text() == "older"
+
+
+def test_cuts_side_by_side_have_one_scale() -> None:
+    mild, harsh = made_up.readings(), made_up.readings()
+    harsh["force"] *= 3.0
+    harsh["speed"] *= 2.0
+    harsh["position"] *= 1.2
+
+    def scales(*cuts: Any) -> list[Any]:
+        figure = cut_figure(cuts[0], DEPTH, beside=cuts[1:], **CUT)
+        return [(axes.get_xlim(), axes.get_ylim()) for axes in figure.axes]
+
+    assert scales(mild, harsh) == scales(harsh, mild)
+    assert scales(mild) != scales(mild, harsh)
+
+
+def test_a_blade_that_never_moved_can_be_drawn() -> None:
+    still = made_up.readings()
+    for name in ("position", "speed", "tip", "jump", "force"):
+        still[name] = 0.0
+    assert len(cut_figure(still, DEPTH, width=3.8, **CUT).axes) == 4
+
+
+def check_keeps_what_is_seen(x: np.ndarray, y: np.ndarray, kept: tuple[np.ndarray, np.ndarray], points: int) -> None:
+    """Few points, of the line and in its order, with its ends; none of the others stands out from those near it."""
+    width = -(-2 * len(x) // points)
+    assert len(kept[0]) <= points + width + 1
+    places = np.searchsorted(x, kept[0])
+    np.testing.assert_array_equal(x[places], kept[0])
+    np.testing.assert_array_equal(y[places], kept[1])
+    assert (np.diff(places) > 0).all()
+    assert (places[0], places[-1]) == (0, len(x) - 1)
+    for k in range(len(x)):
+        near = y[places[(places > k - width) & (places < k + width)]]
+        assert near.min() <= y[k] <= near.max()
+
+
+@pytest.mark.parametrize("count", [3001, 7753, 20_011])
+def test_a_thinned_line_looks_the_same(count: int) -> None:
+    rng = np.random.default_rng(count)
+    x, y = np.arange(count) * 1e-3, rng.normal(0.0, 0.02, count) + np.arange(count) % 300 / 300.0
+    y[rng.integers(count)] = 9.0
+    check_keeps_what_is_seen(x, y, thinned(x, y, 3000), 3000)
+
+
+def test_a_line_that_lost_its_peak_is_noticed() -> None:
+    x, y = np.arange(30_000) * 1e-3, np.zeros(30_000)
+    y[12_345] = 9.0
+    with pytest.raises(AssertionError):
+        check_keeps_what_is_seen(x, y, (x[::11], y[::11]), 3000)
+
+
+def test_a_short_line_is_left_as_it_is() -> None:
+    x = np.arange(100.0)
+    np.testing.assert_array_equal(thinned(x, x), (x, x))
