@@ -77,20 +77,24 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     Term         Weight  Charged for
     ============ ======= ===================================================================
     progress     1       tip gained / L, up to the target
-    uncontrolled 0.3     unstable growth / L
-    jump         0.1     sum of (run / 10 mm)^2
-    force        0.2     integral of force per depth above 400 N/m, / (100 N/m s)
-    lag          0.1     integral of the tip's lag above 10 mm, / (10 mm s)
+    uncontrolled 0.15    unstable growth / L
+    jump         0.05    sum of (run / 10 mm)^2
+    force        0.02    integral of force per depth above 400 N/m, / (100 N/m s)
+    lag          0.03    integral of the tip's lag above 10 mm, / (10 mm s)
     backward     0.3     backward travel after first contact / L
-    time         0.3     time / 30 s
+    haste        0.1     integral over travel of stopping distance / 3 mm, / L
+    time         0.15    time / 30 s
     tip_error    0.2     at the end: min(tip error / 3 mm, 3)
     wedge        0.2     at the end: uncut wedge / B = cot(angle)
     stored       0.1     at the end: stored energy / (R B 3 mm)
     safety       1       at an end for safety: the worst that stopping could still have cost
     ============ ======= ===================================================================
 
-    Doing nothing returns -0.9.  No return exceeds 1.  An end for safety also pays the time left, tip error and wedge at
-    their largest, and a loaded tissue.  Weights can be replaced by keyword (``weight_jump=0.2``).
+    The stopping distance is v^2 / (2 x 0.1 m/s2): a blade that needs longer to stop than success allows for is not
+    under control, whatever it meets.
+
+    Doing nothing returns -0.75.  No return exceeds 1.  An end for safety also pays the time left, tip error and wedge
+    at their largest, and a loaded tissue.  Weights can be replaced by keyword (``weight_jump=0.2``).
 
     Ends
     ----

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,16 @@ ANGLE_RANGE = (math.radians(45.0), math.radians(90.0))
 
 _ANGLE_LOW, _ANGLE_HIGH = ANGLE_RANGE[0] - 1e-9, ANGLE_RANGE[1] + 1e-9  # slack for a way through degrees and back
 _FASTEST = 0.5  # [m/s]
+
+
+class Snapshot(NamedTuple):
+    """Copies of all that the compiled law needs to go on from here; the hidden truth among it."""
+
+    states: Records
+    profile: Records
+    laws: Records
+    drives: Records
+    sensors: Records
 
 
 class SimulatedPlant:
@@ -95,6 +106,10 @@ class SimulatedPlant:
         """Undo the last :meth:`advance`, with the same command, beyond its first ``ticks`` milliseconds."""
         self.states[:], self._sensors[:] = self._before
         self.advance(speed, angle, ticks)
+
+    def snapshot(self) -> Snapshot:
+        """The hidden state and everything that moves it: records of shape (1,), and the profile, shape (301,)."""
+        return Snapshot(*(part.copy() for part in (self.states, self.profile, self._laws, self._drives, self._sensors)))
 
     @property
     def law(self) -> Record:

@@ -38,12 +38,14 @@ FORCE_UNLOADED = 0.1
 """Above friction, below which the blade counts as unloaded [N]."""
 TIME_AT_REST = 0.3
 """Rest and unloaded for this long is finished [s]."""
+DECELERATION = 0.1
+"""Of a blade that is stopped, in the cost of haste [m/s2]."""
 TIME_SCALE = 30.0
 """Time that costs its weight once [s]."""
 WORST_STORED = 2.0
 """Stored energy charged to an end for safety, in R B 3 mm: a tip 12 mm behind at F = R B."""
 
-_PROGRESS, _UNCONTROLLED, _JUMP, _FORCE, _LAG, _BACKWARD, _TIME, _TIP, _WEDGE, _STORED, _SAFETY = range(11)
+_PROGRESS, _UNCONTROLLED, _JUMP, _FORCE, _LAG, _BACKWARD, _HASTE, _TIME, _TIP, _WEDGE, _STORED, _SAFETY = range(12)
 _FINISHED, _FORCE_LIMIT, _OVERSHOOT, _DEADLINE = range(1, 5)
 _SHALLOWEST = 0.001  # [m], below which force per depth would be noise over nothing
 
@@ -73,7 +75,7 @@ def assess(
         :data:`~cutenv.cutting.records.READING`, shape (ticks,).
     forces, tips, jumps : array, shape (ticks,)
         Force on the blade [N], crack tip [m] and unstable growth [m] at each tick: true, or as a rig estimates them.
-    terms : array, shape (11,)
+    terms : array, shape (12,)
         Filled with the terms of this step in the order of :data:`~cutenv.task.records.TERMS`; their sum is the reward.
     """
     L = task.target
@@ -94,6 +96,8 @@ def assess(
         terms[_LAG] -= task.lag * max(x - a - LAG_ALLOWED, 0.0) * TICK / 0.010
         if progress.touched == 1:
             terms[_BACKWARD] -= task.backward * max(progress.position - x, 0.0) / L
+        stopping_distance = reading.speed**2 / (2.0 * DECELERATION)
+        terms[_HASTE] -= task.haste * stopping_distance / TIP_TOLERANCE * abs(x - progress.position) / L
         terms[_TIME] -= task.time * TICK / TIME_SCALE
 
         progress.touched = 1 if x > a else progress.touched

@@ -114,7 +114,7 @@ class GentleCutting:
             speeds=(tissue.speed_min, tissue.speed_max),
         )
         self._progress = np.zeros(1, PROGRESS)
-        self._nominal = nominal_profile(tissue, plant.depth)
+        self.nominal = nominal_profile(tissue, plant.depth)
         self._truth = truth
         self._tips, self._jumps = np.zeros(ticks), np.zeros(ticks)
 
@@ -126,12 +126,12 @@ class GentleCutting:
         observation = np.empty(len(COMPONENTS), np.float32)
         if self._truth is None:
             decide_from_estimate(
-                self._task, self._progress, self._nominal, readings, self._tips, self._jumps, self.last_action,
+                self._task, self._progress, self.nominal, readings, self._tips, self._jumps, self.last_action,
                 self.terms, observation,
             )  # fmt: skip
         else:
             decide_from_truth(
-                self._task, self._progress, self._truth, self._nominal, readings, self.last_action, self.terms,
+                self._task, self._progress, self._truth, self.nominal, readings, self.last_action, self.terms,
                 observation,
             )  # fmt: skip
         self._totals += self.terms
@@ -144,8 +144,12 @@ class GentleCutting:
         readings = np.zeros(1, READING)
         readings["angle"] = angle
         observation = np.empty(len(COMPONENTS), np.float32)
-        observe(self._task[0], self._nominal, readings, 0.0, self.last_action, observation)
+        observe(self._task[0], self.nominal, readings, 0.0, self.last_action, observation)
         return observation
+
+    def assessment(self) -> tuple[Records, Records]:
+        """Copies of the task and of the progress made, as the compiled assessment takes them, shape (1,) each."""
+        return self._task.copy(), self._progress.copy()
 
     @property
     def end(self) -> str:

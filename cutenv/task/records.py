@@ -17,6 +17,7 @@ TERMS = (
     "force",
     "lag",
     "backward",
+    "haste",
     "time",
     "tip_error",
     "wedge",

@@ -107,6 +107,20 @@ class Specimen:
         )
 
     @classmethod
+    def mean(cls, tissue: TissueDescription | None = None) -> Specimen:
+        """The mean of the livers that :meth:`draw` gives: no spread, but the bulge of a real slice."""
+        tissue = tissue or measured_liver()
+        resistance = tissue.fracture_resistance * tissue.fracture_scale
+        ones = np.ones(N_POINTS)
+        return cls(
+            modulus=tissue.intercept_90 * tissue.modulus_scale * ones,
+            fracture_resistance=resistance * ones,
+            depth=_bulge_of(tissue),
+            friction_per_depth=tissue.friction_share * resistance,
+            tissue=tissue,
+        )
+
+    @classmethod
     def draw(
         cls,
         rng: np.random.Generator,
