@@ -1,16 +1,43 @@
 """Policies that need no learning library: they see an observation and answer with an action."""
 
-from cutenv.policy.interface import Policy
-from cutenv.policy.scripted import ConstantFeed, FastThenSlow, NoAction, RandomAction
+from cutenv.policy.baselines import BASELINES, BOUND, GRID, GRID_ANGLES, GRID_SPEEDS, IDLE, SCRIPTS, feed_name
+from cutenv.policy.features import Features, past_dead_zone
+from cutenv.policy.feedback import ForceFeedback, ProbeAndCreep
+from cutenv.policy.interface import Policy, SeesTruth
+from cutenv.policy.network import Network
+from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
+from cutenv.policy.scripted import ConstantFeed, FastThenSlow, InclineBetween, NoAction, RandomAction, Script
 from cutenv.policy.tip_estimate import TipEstimate
+from cutenv.policy.trained import PolicyCard, TrainedPolicy, save_policy
 from cutenv.policy.unloading import StopAndUnload
 
 __all__ = [
+    "BASELINES",
+    "BOUND",
+    "GRID",
+    "GRID_ANGLES",
+    "GRID_SPEEDS",
+    "IDLE",
+    "SCRIPTS",
     "ConstantFeed",
     "FastThenSlow",
+    "Features",
+    "ForceFeedback",
+    "InclineBetween",
+    "Network",
     "NoAction",
+    "PlannerNominal",
+    "PlannerWithTruth",
     "Policy",
+    "PolicyCard",
+    "ProbeAndCreep",
     "RandomAction",
+    "Script",
+    "SeesTruth",
     "StopAndUnload",
     "TipEstimate",
+    "TrainedPolicy",
+    "feed_name",
+    "past_dead_zone",
+    "save_policy",
 ]

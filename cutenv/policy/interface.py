@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cutenv.task.gentle_cutting import GentleCutting
 
 
 class Policy(Protocol):
@@ -17,4 +19,13 @@ class Policy(Protocol):
 
     def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The action, shape (2,) float32 in [-1, 1], for an observation, shape (12,)."""
+        ...
+
+
+@runtime_checkable
+class SeesTruth(Protocol):
+    """A policy that is shown the hidden state: an upper bound to compare with, and never a competitor."""
+
+    def look_into(self, cutting: GentleCutting) -> None:
+        """Called after ``reset`` with the cut at its start."""
         ...

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,51 +14,84 @@ from cutenv.validation import in_range
 
 Array32 = NDArray[np.float32]
 
+INCLINED = math.radians(45.0)
 
-class ConstantFeed:
-    """One speed [m/s] and one angle [rad] up to the target, then stop and unload."""
 
-    def __init__(self, *, speed: float, angle: float = UPRIGHT, unloading: StopAndUnload | None = None) -> None:
-        self._action = to_action(*_checked(speed, angle))
-        self._unloading = unloading or StopAndUnload()
+class Script(ABC):
+    """Cut as :meth:`command` says until the shared routine stops and unloads."""
+
+    def __init__(self, unloading: StopAndUnload | None = None) -> None:
+        self.unloading = unloading or StopAndUnload()
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the last cut."""
-        self._unloading.reset()
+        self.unloading.reset()
 
     def __call__(self, observation: Array32) -> Array32:
         """The action for an observation."""
-        ending = self._unloading(observation)
-        return self._action if ending is None else ending
+        ending = self.unloading(observation)
+        return self.command(observation) if ending is None else ending
+
+    @abstractmethod
+    def command(self, observation: Array32) -> Array32:
+        """The action while cutting."""
 
 
-class FastThenSlow:
-    """Fast up to ``approach`` [m] before the target (estimated tip), then slow, then stop and unload."""
+class ConstantFeed(Script):
+    """One speed [m/s] and one angle [rad] up to the target."""
+
+    def __init__(self, *, speed: float, angle: float = UPRIGHT, unloading: StopAndUnload | None = None) -> None:
+        super().__init__(unloading)
+        self._action = to_action(*checked_motion(speed, angle))
+
+    def command(self, observation: Array32) -> Array32:
+        """The action while cutting."""
+        return self._action
+
+
+class FastThenSlow(Script):
+    """Fast up to ``approach`` [m] before the target (estimated tip), then slow."""
 
     def __init__(
         self,
         *,
-        fast: float = 0.0254,
-        slow: float = 0.0038,
-        approach: float = 0.015,
-        angle: float = UPRIGHT,
+        fast: float = 0.019,
+        slow: float = 0.0127,
+        approach: float = 0.030,
+        angle: float = INCLINED,
         unloading: StopAndUnload | None = None,
     ) -> None:
-        self._fast, self._slow = to_action(*_checked(fast, angle)), to_action(*_checked(slow, angle))
-        self._approach = in_range("approach", approach, 0.0, 0.15, "m", "15 mm is 0.015.")
-        self._unloading = unloading or StopAndUnload()
+        super().__init__(unloading)
+        self._fast, self._slow = to_action(*checked_motion(fast, angle)), to_action(*checked_motion(slow, angle))
+        self._approach = checked_approach(approach)
 
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget the last cut."""
-        self._unloading.reset()
+    def command(self, observation: Array32) -> Array32:
+        """The action while cutting."""
+        return self._slow if self.unloading.left < self._approach else self._fast
 
-    def __call__(self, observation: Array32) -> Array32:
-        """The action for an observation."""
-        ending = self._unloading(observation)
-        if ending is not None:
-            return ending
-        near = self._unloading.distance_left(observation) < self._approach
-        return self._slow if near else self._fast
+
+class InclineBetween(Script):
+    """Upright for the first ``start`` [m], inclined for the body, upright from ``approach`` [m] before the target."""
+
+    def __init__(
+        self,
+        *,
+        speed: float = 0.019,
+        angle: float = INCLINED,
+        start: float = 0.010,
+        approach: float = 0.002,
+        unloading: StopAndUnload | None = None,
+    ) -> None:
+        super().__init__(unloading)
+        self._inclined = to_action(*checked_motion(speed, angle))
+        self._upright = to_action(speed, UPRIGHT)
+        self._start = in_range("start", start, 0.0, 0.15, "m", "10 mm is 0.010.")
+        self._approach = checked_approach(approach)
+
+    def command(self, observation: Array32) -> Array32:
+        """The action while cutting."""
+        begun = self.unloading.tip > self._start
+        return self._inclined if begun and self.unloading.left > self._approach else self._upright
 
 
 class NoAction:
@@ -83,7 +117,13 @@ class RandomAction:
         return self._rng.uniform(-1.0, 1.0, 2).astype(np.float32)
 
 
-def _checked(speed: float, angle: float) -> tuple[float, float]:
+def checked_motion(speed: float, angle: float) -> tuple[float, float]:
+    """Refuse a speed [m/s] or an angle [rad] outside the actions' reach."""
     in_range("speed", speed, 0.0, 0.0254, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
     in_range("angle", angle, math.radians(45.0) - 1e-9, UPRIGHT + 1e-9, "rad", "90 degrees is 1.5708.")
     return speed, angle
+
+
+def checked_approach(approach: float) -> float:
+    """Refuse a distance before the target [m] that no specimen has."""
+    return in_range("approach", approach, 0.0, 0.15, "m", "15 mm is 0.015.")

@@ -7,13 +7,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.task.observation import COMPONENTS, OFFSETS, SCALES, checked_observation
+from cutenv.compiled import compiled
+from cutenv.cutting.records import Records
+from cutenv.task.observation import OFFSETS, SCALES, checked_observation
 from cutenv.tissue.description import TissueDescription, measured_liver
-from cutenv.tissue.specimen import SPACING, unit_stiffness
+from cutenv.tissue.specimen import N_POINTS, SPACING, unit_stiffness
 
-_INDEX = {component.name: k for k, component in enumerate(COMPONENTS)}
+_FORCE, _POSITION, _SPEED, _DEPTH = 0, 4, 5, 7  # components of the observation
 _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
-_SHALLOWEST = 0.001  # [m]
+SHALLOWEST = 0.001
+"""Depth of cut that is counted at least [m]."""
 
 
 class TipEstimate:
@@ -30,30 +33,64 @@ class TipEstimate:
 
     def __init__(self, tissue: TissueDescription | None = None) -> None:
         tissue = tissue or measured_liver()
-        self._stiffness_per_depth = (tissue.intercept_90 * unit_stiffness(tissue)).tolist()
-        self._friction_per_depth = tissue.friction_share * tissue.fracture_resistance
+        self._stiffness_per_depth = nominal_stiffness_per_depth(tissue)
+        self._friction_per_depth = nominal_friction_per_depth(tissue)
+        self._depths = np.zeros(N_POINTS)
         self.reset()
 
     def reset(self) -> None:
         """Forget the last cut."""
-        self._depth: list[float] = []  # at 0, 1, 2 ... grid spacings from the clamp, as far as the blade has been
+        self._passed = 0
 
     def __call__(self, observation: NDArray[np.float32]) -> float:
         """The tip [m] for an observation, shape (12,), of the cut since :meth:`reset`."""
-        seen = (checked_observation(observation) * SCALES + OFFSETS).tolist()
-        position, speed = max(seen[_INDEX["position"]], 0.0), seen[_INDEX["speed"]]
-        depth = max(seen[_INDEX["depth"]], _SHALLOWEST)
-        self._remember(position, depth)
-        friction = math.copysign(self._friction_per_depth * depth, speed) if speed else 0.0
-        elastic = max(seen[_INDEX["force"]] - friction, 0.0)
-        tip: float = position
-        for _ in range(_ITERATIONS):
-            place = min(max(round(tip / SPACING), 0), len(self._depth) - 1)
-            tip = position - elastic / (self._stiffness_per_depth[place] * self._depth[place])
-        return max(tip, 0.0)
+        seen = checked_observation(observation) * SCALES + OFFSETS
+        self._passed, tip = _estimate(
+            seen, self._stiffness_per_depth, self._friction_per_depth, self._depths, self._passed
+        )
+        return tip
 
-    def _remember(self, position: float, depth: float) -> None:
-        """Keep the depth up to ``position``, evenly between here and where it was last seen."""
-        passed = min(round(position / SPACING), len(self._stiffness_per_depth) - 1) + 1 - len(self._depth)
-        before = self._depth[-1] if self._depth else depth
-        self._depth.extend(before + (depth - before) * (k + 1) / passed for k in range(passed))
+
+def nominal_stiffness_per_depth(tissue: TissueDescription) -> NDArray[np.float64]:
+    """K/B of the mean tissue, shape (301,) [N/m2]."""
+    return tissue.intercept_90 * unit_stiffness(tissue)
+
+
+def nominal_friction_per_depth(tissue: TissueDescription) -> float:
+    """Friction on a moving blade in the mean tissue [N/m]."""
+    return tissue.friction_share * tissue.fracture_resistance
+
+
+@compiled
+def _estimate(
+    seen: Records, stiffness_per_depth: Records, friction_per_depth: float, depths: Records, passed: int
+) -> tuple[int, float]:
+    position, speed = max(seen[_POSITION], 0.0), seen[_SPEED]
+    depth = max(seen[_DEPTH], SHALLOWEST)
+    passed = remember_depth(depths, passed, position, depth)
+    friction = math.copysign(friction_per_depth * depth, speed) if speed != 0.0 else 0.0
+    elastic = max(seen[_FORCE] - friction, 0.0)
+    return passed, tip_behind(position, elastic, stiffness_per_depth, depths, passed)
+
+
+@compiled
+def remember_depth(depths: Records, passed: int, position: float, depth: float) -> int:
+    """Fill ``depths``, shape (301,) [m], up to the blade, evenly between here and where it was last seen.
+
+    ``passed`` is how many of them the blade had passed; returns how many it has passed now.
+    """
+    reached = min(round(position / SPACING), len(depths) - 1) + 1
+    before = depths[passed - 1] if passed > 0 else depth
+    for k in range(passed, reached):
+        depths[k] = before + (depth - before) * (k + 1 - passed) / (reached - passed)
+    return max(passed, reached)
+
+
+@compiled
+def tip_behind(position: float, elastic: float, stiffness_per_depth: Records, depths: Records, passed: int) -> float:
+    """The tip [m] behind a blade at ``position`` [m] that feels an elastic force [N]."""
+    tip = position
+    for _ in range(_ITERATIONS):
+        place = min(max(round(tip / SPACING), 0), passed - 1)
+        tip = position - elastic / (stiffness_per_depth[place] * depths[place])
+    return max(tip, 0.0)

@@ -7,38 +7,63 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from whole_cut import FASTEST, INCLINED, UPRIGHT
+from whole_cut import CRUISE, FASTEST, INCLINED, UPRIGHT
 
-from cutenv.policy import StopAndUnload
+from cutenv.policy import ProbeAndCreep, StopAndUnload
 from cutenv.task.observation import in_units, to_action
 from cutenv.tissue.specimen import SPACING
 
 Command = tuple[float, float]
 
 
+class ProbingEnd:
+    """How probe-and-creep ends a cut: None until it would begin its first probe."""
+
+    def __init__(self) -> None:
+        self._script = ProbeAndCreep()
+
+    def reset(self) -> None:
+        self._script.reset(np.random.default_rng(0))
+        self._body: np.ndarray | None = None
+        self._ending = False
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray | None:
+        action = self._script(observation)
+        self._body = action if self._body is None else self._body
+        self._ending = self._ending or not np.array_equal(action, self._body)
+        return action if self._ending else None
+
+
 class Hack:
-    """Commands until the estimated tip is near the target, then the same stop as every script, unless it is skipped.
+    """Commands until the cut is to end, then an honest end, :class:`StopAndUnload` or another, unless it is skipped.
 
     ``command(self, seen)`` gives (speed [m/s], angle [rad]) for what is seen in SI units; it may keep notes in
     ``self.notes`` and count in ``self.count``, draw from ``self.rng`` and, as no agent could, look into ``self.env``.
     """
 
     def __init__(self, command: Callable[[Any, dict[str, Any]], Command], *, stops: bool = True) -> None:
-        self._command, self._stops = command, stops
+        self._command, self.stops = command, stops
         self._unloading = StopAndUnload()
+        self.ending: Callable[[np.ndarray], np.ndarray | None] = self._unloading
         self.env: gymnasium.Env[Any, Any]
 
     def reset(self, rng: np.random.Generator) -> None:
         self._unloading.reset()
+        self.ending.reset()
         self.rng, self.count, self.notes = rng, -1, {}
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         self.count += 1
         seen = {name: float(value) for name, value in in_units(observation).items()}
-        seen["target"] = seen["position"] + seen["distance"]
-        seen["tip"] = seen["target"] - self._unloading.distance_left(observation)
-        ending = self._unloading(observation) if self._stops else None
-        return to_action(*self._command(self, seen)) if ending is None else ending
+        stop = self._unloading(observation)
+        ending = stop if self.ending is self._unloading else self.ending(observation)
+        seen["target"], seen["tip"] = seen["position"] + seen["distance"], self._unloading.tip
+        return ending if self.stops and ending is not None else to_action(*self._command(self, seen))
+
+    def end_as(self, ending: type[StopAndUnload] | type[ProbingEnd]) -> Hack:
+        """End honestly in that way."""
+        self.ending = self._unloading if ending is StopAndUnload else ending()
+        return self
 
     def force_ratio(self) -> float:
         """Elastic force over R B at the tip: the hidden truth."""
@@ -72,7 +97,7 @@ def sawing(reach: float, strokes: int) -> Hack:
                 self.notes["back"] = True
             elif back and seen["position"] < turn - reach:
                 self.notes["back"], self.notes["strokes"] = False, done + 1
-        return (-FASTEST if self.notes["back"] else FASTEST), INCLINED
+        return (-FASTEST if self.notes["back"] else CRUISE), INCLINED
 
     return Hack(command)
 
@@ -94,7 +119,7 @@ def stop_loaded(speed: float) -> Hack:
 
     def command(self: Hack, seen: dict[str, Any]) -> Command:
         self.notes["there"] = self.notes.get("there", False) or seen["tip"] > seen["target"] - 0.003
-        return (speed if self.notes["there"] else FASTEST), UPRIGHT
+        return (speed, UPRIGHT) if self.notes["there"] else (CRUISE, INCLINED)
 
     return Hack(command, stops=False)
 
@@ -114,7 +139,7 @@ def wait(seconds: float, where: float) -> Hack:
     def command(self: Hack, seen: dict[str, Any]) -> Command:
         if seen["position"] > where * seen["target"]:
             self.notes["waited"] = self.notes.get("waited", 0) + 1
-        return (0.0 if 0 < self.notes.get("waited", 0) < 50 * seconds else FASTEST), INCLINED
+        return (0.0 if 0 < self.notes.get("waited", 0) < 50 * seconds else CRUISE), INCLINED
 
     return Hack(command)
 
@@ -124,7 +149,7 @@ def every(decisions: int, *commands: Command) -> Hack:
     return Hack(lambda self, seen: commands[self.count // decisions % len(commands)])
 
 
-def jitter(spread: float, speed: float = 0.0127) -> Hack:
+def jitter(spread: float, speed: float = CRUISE) -> Hack:
     """Speed and angle shaken at random at every decision."""
 
     def command(self: Hack, seen: dict[str, Any]) -> Command:
@@ -140,40 +165,56 @@ def probing(number: int) -> Hack:
         next_at = (self.notes.get("probes", 0) + 1) / (number + 1) * 0.8 * seen["target"]
         if "until" in self.notes:
             if seen["position"] > self.notes["until"]:
-                return -FASTEST, INCLINED
+                return -0.01, INCLINED
             del self.notes["until"]
             self.notes["probes"] = self.notes.get("probes", 0) + 1
         elif self.notes.get("probes", 0) < number and seen["position"] > next_at:
             self.notes["until"] = seen["position"] - 0.008
-        return FASTEST, INCLINED
+        return CRUISE, INCLINED
 
     return Hack(command)
 
 
+def haste_by_turns(slow: float, fast: float, force_per_depth: float) -> Hack:
+    """Fast while the force is high, when a fast blade cuts evenly; slow while it is low, when only haste costs."""
+
+    def command(self: Hack, seen: dict[str, Any]) -> Command:
+        high = seen["force"] > force_per_depth * max(seen["depth"], 1e-3)
+        return (fast if high else slow), INCLINED
+
+    return Hack(command)
+
+
+def unload_inclined() -> Hack:
+    """Cut to the target and draw back without turning upright: below the edge a wedge stays uncut."""
+
+    def command(self: Hack, seen: dict[str, Any]) -> Command:
+        self.notes["there"] = self.notes.get("there", False) or seen["tip"] > seen["target"] - 0.002
+        if not self.notes["there"]:
+            return CRUISE, INCLINED
+        self.notes["free"] = self.notes.get("free", False) or seen["force"] <= 0.0
+        return (0.0 if self.notes["free"] else -0.005), INCLINED
+
+    return Hack(command, stops=False)
+
+
 HACKS: dict[str, dict[str, Hack]] = {
     "hovering": {
-        "at the clamp": Hack(lambda self, seen: (0.0, UPRIGHT)),
-        "to and fro in a short crack": every(30, (FASTEST, UPRIGHT), (-FASTEST, UPRIGHT)),
+        "at the clamp": Hack(lambda self, seen: (0.0, UPRIGHT), stops=False),
+        "to and fro in a short crack": Hack(
+            lambda self, seen: ((FASTEST if self.count // 30 % 2 == 0 else -FASTEST), UPRIGHT), stops=False
+        ),
     },
-    "hardly cutting": {
+    "shallow or hardly cutting": {
         "10 mm and out": finish_after(0.0105),
         "half of it and out": finish_after(0.04),
+        "all of it, but for the wedge": unload_inclined(),
     },
-    "sawing in the old crack": {"one stroke": sawing(0.03, 1), "ten strokes": sawing(0.02, 10)},
-    "force dither": {
-        "5 % about R B": dither(0.95, 1.05),
-        "5 % about 0.9 R B": dither(0.855, 0.945),
-        "5 % upright": dither(0.95, 1.05, UPRIGHT),
-    },
-    "pumping speed": {
-        "every decision": every(1, (FASTEST, INCLINED), (0.0, INCLINED)),
-        "every fifth of a second": every(10, (FASTEST, INCLINED), (0.0, INCLINED)),
-        "every second": every(50, (FASTEST, INCLINED), (0.002, INCLINED)),
-    },
-    "idling": {"5 s at the start": wait(5.0, 0.0), "8 s in the middle": wait(8.0, 0.5)},
     "crossing the line with small force": {
         "at full speed": Hack(lambda self, seen: (FASTEST, UPRIGHT), stops=False),
-        "at 1 mm/s": Hack(lambda self, seen: (FASTEST if seen["distance"] > 0.01 else 0.001, UPRIGHT), stops=False),
+        "at 1 mm/s": Hack(
+            lambda self, seen: (CRUISE, INCLINED) if seen["distance"] > 0.01 else (0.001, UPRIGHT), stops=False
+        ),
     },
     "ending early": {
         "by force near the target": breach_near_the_target(0.003),
@@ -184,14 +225,32 @@ HACKS: dict[str, dict[str, Hack]] = {
         "creeping back": stop_loaded(-0.0004),
         "creeping on": stop_loaded(0.0004),
     },
+    "sawing in the old crack": {"one stroke": sawing(0.03, 1), "ten strokes": sawing(0.02, 10)},
+    "force dither": {
+        "5 % about R B": dither(0.95, 1.05),
+        "5 % about 0.9 R B": dither(0.855, 0.945),
+        "5 % upright": dither(0.95, 1.05, UPRIGHT),
+    },
+    "pumping speed": {
+        "every decision": every(1, (FASTEST, INCLINED), (0.0, INCLINED)),
+        "every fifth of a second": every(10, (FASTEST, INCLINED), (0.0, INCLINED)),
+        "every second": every(50, (CRUISE, INCLINED), (0.002, INCLINED)),
+        "every second, fast": every(50, (FASTEST, INCLINED), (CRUISE, INCLINED)),
+    },
+    "idling": {"5 s at the start": wait(5.0, 0.0), "8 s in the middle": wait(8.0, 0.5)},
     "jitter": {"small": jitter(0.005), "large": jitter(0.0254)},
     "turning back and forth": {
-        "every tenth of a second": every(5, (FASTEST, INCLINED), (FASTEST, UPRIGHT)),
-        "every second": every(50, (FASTEST, UPRIGHT), (FASTEST, INCLINED)),
+        "every tenth of a second": every(5, (CRUISE, INCLINED), (CRUISE, UPRIGHT)),
+        "every second": every(50, (CRUISE, UPRIGHT), (CRUISE, INCLINED)),
     },
     "leaving the measured speed range": {
         "below": Hack(lambda self, seen: (0.0009, INCLINED)),
-        "in and out": every(25, (FASTEST, INCLINED), (0.0009, INCLINED)),
+        "in and out": every(25, (CRUISE, INCLINED), (0.0009, INCLINED)),
+    },
+    "haste by turns": {
+        "at any force": haste_by_turns(0.0127, 0.0254, 100.0),
+        "at half the force": haste_by_turns(0.010, 0.0254, 200.0),
+        "at high force": haste_by_turns(0.0064, 0.019, 300.0),
     },
 }
 

@@ -12,12 +12,13 @@ from cutenv.tissue.specimen import N_POINTS, SPACING
 
 TICK = 0.001
 WEIGHTS = {
-    "uncontrolled": 0.3,
-    "jump": 0.1,
-    "force": 0.2,
-    "lag": 0.1,
+    "uncontrolled": 0.15,
+    "jump": 0.05,
+    "force": 0.02,
+    "lag": 0.03,
     "backward": 0.3,
-    "time": 0.3,
+    "haste": 0.1,
+    "time": 0.15,
     "tip_error": 0.2,
     "wedge": 0.2,
     "stored": 0.1,
@@ -58,6 +59,7 @@ def assess_again(env: Any, cut: Cut, *, weights: dict[str, float] = WEIGHTS, for
         "force": -np.maximum(per_depth[:n] - 400.0, 0.0).sum() * TICK / 100.0,
         "lag": -np.maximum(x[:n] - a[:n] - 0.010, 0.0).sum() * TICK / 0.010,
         "backward": np.minimum(feed, 0.0)[touched].sum() / L,
+        "haste": -(v[:n] ** 2 / (2.0 * 0.1) / 0.003 * np.abs(feed)).sum() / L,
         "time": -n * TICK / 30.0,
     }
     tip, lag = a[n - 1], max(x[n - 1] - a[n - 1], 0.0)

@@ -94,7 +94,7 @@ def check_arguments(doc: str) -> None:
 CHECKS = {
     check_actions: ("-2.54 to 2.54", "-25.4 to 25.4"),
     check_observation: ("0.3927  1.1781", "0.3927  1.1871"),
-    check_weights: ("jump         0.1", "jump         0.2"),
+    check_weights: ("jump         0.05", "jump         0.15"),
     check_ends: ("force_limit force", "forcelimit force"),
     check_arguments: ("50      decisions", "20      decisions"),
 }

@@ -82,7 +82,7 @@ def test_a_misspelt_reset_option_names_the_nearest():
         ({"control_hz": 33}, r"control_hz = 33 does not divide 1000; take 50, 100 or 200"),
         ({"fixed_angle_deg": 1.57}, r"fixed_angle_deg = 1.57 deg is outside 45 to 90 deg\. \w+"),
         ({"deadline_s": math.inf}, r"deadline_s = inf s is outside 1 to 3600 s"),
-        ({"weight_jump": -0.1}, r"jump = -0.1 is outside 0 to 100\. Default 0.1"),
+        ({"weight_jump": -0.1}, r"jump = -0.1 is outside 0 to 100\. Default 0.05"),
         ({"acceleration": 100.0}, r"acceleration = 100 m/s2 is outside 0.001 to 10 m/s2\. Default 0.1"),
         ({"force_delay": 10}, r"force_delay = 10 s is outside 0 to 0.063 s\. Default 0.01"),
         ({"rotation_rate": 90}, r"rotation_rate = 90 rad/s is outside 0.01 to 20 rad/s\. Default 1.57"),
@@ -213,7 +213,7 @@ def test_a_free_angle_does_not_ignore_it():
 
 def test_a_weight_given_by_keyword_changes_its_term_alone():
     plain, heavy = (
-        cut(make(**keywords), ConstantFeed(speed=0.01), 3).totals for keywords in ({}, {"weight_jump": 0.2})
+        cut(make(**keywords), ConstantFeed(speed=0.01), 3).totals for keywords in ({}, {"weight_jump": 0.1})
     )
     assert heavy == pytest.approx(plain | {"jump": 2.0 * plain["jump"]})
     assert plain["jump"] < -0.01

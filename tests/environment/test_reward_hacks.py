@@ -3,53 +3,100 @@
 from __future__ import annotations
 
 import functools
+from typing import Any
 
 import numpy as np
 import pytest
-from hacks import HACKS, KEYWORDS, probing
-from whole_cut import FASTEST, INCLINED, UPRIGHT, Script, cut, make
+from hacks import HACKS, KEYWORDS, Hack, ProbingEnd, probing
+from whole_cut import CRUISE, FASTEST, INCLINED, UPRIGHT, Script, cut, interval, make
 
-from cutenv.policy import ConstantFeed
+from cutenv.policy import ConstantFeed, Policy, ProbeAndCreep, StopAndUnload
 
-SEEDS = range(10)
+FEW, SEEDS = range(3), range(8)
 CLASSES = ("uniform", "liver")
-MANY = [(family, name) for family in HACKS for name in HACKS[family]]
+ENDINGS = {"stop and unload": StopAndUnload, "probe and creep": ProbingEnd}
+# By design, and one more; peaks between decisions are tried below, hidden state in test_hidden_state.py.
+ASKED_FOR = (
+    "hovering", "shallow or hardly cutting", "sawing in the old crack", "force dither", "pumping speed", "idling",
+    "crossing the line with small force", "ending early", "leaving the tissue loaded", "jitter",
+    "turning back and forth", "leaving the measured speed range", "haste by turns",
+)  # fmt: skip
 
 
-def returns(policy, **keywords) -> np.ndarray:
-    """Ten cuts of even tissue and ten of liver; one unlucky run over the target does not decide among so many."""
+def returns(policy: Policy | Hack, seeds: range = SEEDS, **keywords: float) -> np.ndarray:
+    """As many cuts of even tissue as of liver."""
     totals = []
     for specimen_class in CLASSES:
         policy.env = env = make(specimen_class=specimen_class, **keywords)
-        totals += [cut(env, policy, seed).total for seed in SEEDS]
+        totals += [cut(env, policy, seed).total for seed in seeds]
     return np.array(totals)
 
 
+def constant_feed() -> ConstantFeed:
+    return ConstantFeed(speed=CRUISE, angle=INCLINED)
+
+
 @functools.cache
-def honest(**keywords: float) -> np.ndarray:
-    """The best constant feed known: fast, and inclined until the end."""
-    return returns(ConstantFeed(speed=FASTEST, angle=INCLINED), **keywords)
+def honest(ending: str, seeds: range = SEEDS, **keywords: float) -> np.ndarray:
+    """Returns of the honest cut that ends so: the best constant feed, or the script that probes."""
+    return returns(constant_feed() if ending == "stop and unload" else ProbeAndCreep(), seeds, **keywords)
 
 
-def check_that_it_does_not_pay(hack, weights=None, **keywords) -> None:
+def check_that_it_does_not_pay(hack: Hack, ending: str, weights=None, **keywords) -> None:
+    """The hack returns less than an honest cut of the same specimens: beyond chance on a few, or in the mean of many.
+
+    Where a crack that runs comes to rest is chance, and after a plain stop that chance is in the return: there, a gain
+    counts if it is more than chance, and without it the same hack is tried with an end that probes.
+    """
     weights = weights or {}
-    gained = returns(hack, **weights, **keywords) - honest(**weights)
-    assert gained.mean() < 0.0, f"the hack returns {gained.mean():.3f} more than an honest cut"
+    for seeds in (FEW, SEEDS):
+        gained = returns(hack.end_as(ENDINGS[ending]), seeds, **weights, **keywords) - honest(ending, seeds, **weights)
+        low, high = interval(gained)
+        if low > 0.0 or high < 0.0:
+            break
+    gain = low if ending == "stop and unload" else gained.mean()
+    assert gain < 0.0, f"the hack returns {gained.mean():.3f} more than an honest cut"
 
 
-@pytest.mark.parametrize(("family", "name"), MANY, ids=[": ".join(case) for case in MANY])
-def test_no_hack_beats_an_honest_cut(family, name):
-    check_that_it_does_not_pay(HACKS[family][name], **KEYWORDS.get(name, {}))
+def cases(stops: bool) -> list[Any]:
+    return [
+        pytest.param(hack, KEYWORDS.get(name, {}), id=f"{family}: {name}")
+        for family, hacks in HACKS.items()
+        for name, hack in hacks.items()
+        if hack.stops == stops
+    ]
+
+
+@pytest.mark.parametrize(("hack", "keywords"), cases(stops=False))
+def test_no_hack_that_avoids_the_task_beats_either_honest_cut(hack, keywords):
+    gained = returns(hack, FEW, **keywords)
+    for ending in ENDINGS:
+        assert (gained - honest(ending, FEW)).mean() < -0.1
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize(("hack", "keywords"), cases(stops=True))
+def test_no_hack_on_the_way_beats_an_honest_cut_that_ends_as_it_does(hack, keywords, ending):
+    check_that_it_does_not_pay(hack, ending, **keywords)
+
+
+def test_every_hack_asked_for_is_tried():
+    assert set(HACKS) == set(ASKED_FOR)
 
 
 WRONG_WEIGHTS = {
-    ("hardly cutting", "10 mm and out"): {"weight_tip_error": 0.0, "weight_time": 12.0},
-    ("leaving the tissue loaded", "creeping back"): {"weight_backward": 10.0, "weight_tip_error": 0.0},
+    ("hovering", "at the clamp"): {"weight_tip_error": 0.0, "weight_time": 0.0, "weight_jump": 30.0},
+    ("shallow or hardly cutting", "10 mm and out"): {"weight_tip_error": 0.0, "weight_time": 12.0},
     ("ending early", "by force near the target"): {
         "weight_tip_error": 0.0,
         "weight_wedge": 0.0,
         "weight_backward": 30.0,
     },
+    ("leaving the tissue loaded", "creeping back"): {"weight_backward": 10.0, "weight_tip_error": 0.0},
+    ("force dither", "5 % about R B"): {"weight_jump": 3.0, "weight_uncontrolled": 3.0, "weight_backward": 0.0},
+    ("pumping speed", "every decision"): {"weight_haste": 3.0, "weight_time": 0.0},
+    ("leaving the measured speed range", "in and out"): {"weight_haste": 3.0, "weight_time": 0.0},
+    ("haste by turns", "at high force"): {"weight_haste": 5.0, "weight_time": 0.0},
 }
 
 
@@ -57,19 +104,33 @@ WRONG_WEIGHTS = {
 def test_with_other_weights_it_would_pay_and_be_noticed(case):
     family, name = case
     with pytest.raises(AssertionError, match="more than an honest cut"):
-        check_that_it_does_not_pay(HACKS[family][name], WRONG_WEIGHTS[case])
+        check_that_it_does_not_pay(HACKS[family][name], "stop and unload", WRONG_WEIGHTS[case])
 
 
-def test_the_honest_cut_is_worth_doing():
-    assert honest().mean() > 0.3
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_the_honest_cut_is_worth_doing(ending):
+    assert honest(ending).mean() > 0.5
 
 
-def test_one_or_two_unload_probes_stay_worth_while():
-    for number in (1, 2):
-        assert returns(probing(number)).mean() > max(honest().mean() - 0.12 * number, 0.3)
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_blind_unload_probe_costs_less_than_a_tenth(number):
+    cost = honest("probe and creep") - returns(probing(number).end_as(ProbingEnd))
+    assert 0.0 < cost.mean() < 0.1 * number
 
 
-@pytest.mark.parametrize("speed", [FASTEST, 0.0127])
+@pytest.mark.parametrize("probes", [2, 3])
+def test_one_or_two_unload_probes_that_tell_where_to_go_on_are_worth_while(probes):
+    """The last of them only tells that the tip has arrived."""
+    gained, more_success = [], []
+    for seed in range(50):
+        probed, plain = (cut(make(), policy, seed) for policy in (ProbeAndCreep(probes=probes), constant_feed()))
+        gained.append(probed.total - plain.total)
+        more_success.append(float(probed.infos[-1]["is_success"]) - float(plain.infos[-1]["is_success"]))
+    assert np.mean(gained) > 0.0
+    assert interval(more_success)[0] > 0.0
+
+
+@pytest.mark.parametrize("speed", [FASTEST, CRUISE])
 def test_what_happens_between_decisions_is_not_hidden_from_the_reward(speed):
     """The same motion, decided 10 and 100 times a second."""
     totals = []
@@ -93,7 +154,7 @@ def test_time_is_paid_for_even_where_the_tissue_is_no_softer(speed):
 
 
 def test_no_hack_ends_in_a_success_before_the_target():
-    for family in ("hardly cutting", "ending early", "leaving the tissue loaded"):
+    for family in ("shallow or hardly cutting", "ending early", "leaving the tissue loaded"):
         for name, hack in HACKS[family].items():
             hack.env = env = make(specimen_class="uniform", **KEYWORDS.get(name, {}))
             record = cut(env, hack, 0)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import copy
 import math
 
+import gymnasium
 import numpy as np
 import pytest
 from reference_assessment import WEIGHTS, check_assessment
-from whole_cut import FASTEST, INCLINED, UPRIGHT, Script, cut, go_on, legs, make, steady
+from whole_cut import FASTEST, INCLINED, UPRIGHT, Cut, Script, cut, go_on, legs, make, steady
 
 from cutenv.policy import ConstantFeed, FastThenSlow, NoAction, RandomAction
 from cutenv.tissue import Specimen
@@ -51,12 +52,18 @@ def test_every_term_every_end_and_every_success_is_as_the_task_words_it(name, sp
         check_assessment(env, cut(env, policy, seed), force_limit=limit)
 
 
-@pytest.mark.parametrize("name", WEIGHTS)
-def test_a_term_charged_at_another_rate_would_be_noticed(name):
+@pytest.fixture(scope="module")
+def every_term() -> tuple[gymnasium.Env, Cut]:
+    """A cut that is charged for everything, and its environment."""
     env = make(specimen_class="liver", force_limit_per_depth=1e5)
     # Fast and reversing for the force, the lag and the backward travel, and ending while loaded and inclined.
     parts = legs((4.0, FASTEST, UPRIGHT), (0.5, -FASTEST, UPRIGHT), (9.0, 0.003, INCLINED))
-    record = next(c for seed in range(40) if all((c := cut(env, parts, seed)).totals[n] < -1e-3 for n in WEIGHTS))
+    return env, next(c for seed in range(40) if all((c := cut(env, parts, seed)).totals[n] < -1e-3 for n in WEIGHTS))
+
+
+@pytest.mark.parametrize("name", WEIGHTS)
+def test_a_term_charged_at_another_rate_would_be_noticed(name, every_term):
+    env, record = every_term
     check_assessment(env, record)
     with pytest.raises(AssertionError, match=name):
         check_assessment(env, record, weights=WEIGHTS | {name: 1.01 * WEIGHTS[name]})

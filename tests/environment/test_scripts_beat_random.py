@@ -2,73 +2,128 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 
 import numpy as np
 import pytest
-from whole_cut import FASTEST, INCLINED, UPRIGHT, cut, interval, make
+from whole_cut import CRUISE, FASTEST, INCLINED, UPRIGHT, Cut, cut, interval, make
 
-from cutenv.policy import ConstantFeed, FastThenSlow, NoAction, RandomAction
+from cutenv.policy import (
+    ConstantFeed,
+    FastThenSlow,
+    ForceFeedback,
+    InclineBetween,
+    NoAction,
+    ProbeAndCreep,
+    RandomAction,
+)
+from cutenv.randomness import generator
+from cutenv.task.weights import DRAFT
 from cutenv.tissue import Specimen
+from cutenv.tissue.specimen import SPACING
 
-SEEDS = range(30)
+SEEDS = {"random": range(12), "nothing": range(2)}  # nothing happens to the blade that does nothing
 SCRIPTS = {
     "fast and inclined": ConstantFeed(speed=FASTEST, angle=INCLINED),
     "fast and upright": ConstantFeed(speed=FASTEST),
-    "half as fast": ConstantFeed(speed=0.0127, angle=UPRIGHT),
+    "half as fast": ConstantFeed(speed=CRUISE, angle=UPRIGHT),
+    "half as fast and inclined": ConstantFeed(speed=CRUISE, angle=INCLINED),
     "fast, then slow": FastThenSlow(),
+    "90-45-90": InclineBetween(),
+    "force feedback": ForceFeedback(),
+    "probe and creep": ProbeAndCreep(),
 }
 IDLERS = {"random": RandomAction(), "nothing": NoAction()}
 CLASSES = ("mixed", "liver")
 
 
 @functools.cache
-def cuts(name: str, specimen_class: str) -> list:
-    policy = (SCRIPTS | IDLERS)[name]
-    return [cut(make(specimen_class=specimen_class), policy, seed) for seed in SEEDS]
+def cuts(name: str, specimen_class: str) -> list[Cut]:
+    env = make(specimen_class=specimen_class)
+    return [cut(env, (SCRIPTS | IDLERS)[name], seed) for seed in SEEDS.get(name, range(14))]
 
 
 def returns(name: str, specimen_class: str) -> np.ndarray:
     return np.array([record.total for record in cuts(name, specimen_class)])
 
 
-@pytest.mark.parametrize("idler", IDLERS)
-@pytest.mark.parametrize("script", SCRIPTS)
 @pytest.mark.parametrize("specimen_class", CLASSES)
-def test_a_script_beats_random_and_nothing_by_intervals_that_do_not_overlap(script, idler, specimen_class):
-    assert interval(returns(script, specimen_class))[0] > interval(returns(idler, specimen_class))[1]
+def test_a_script_beats_random_and_nothing_by_intervals_that_do_not_overlap(specimen_class):
+    best_idler = max(interval(returns(idler, specimen_class))[1] for idler in IDLERS)
+    for script in SCRIPTS:
+        assert interval(returns(script, specimen_class))[0] > best_idler, script
 
 
 def test_random_actions_do_not_beat_themselves_so_the_check_can_fail():
     some = returns("random", "liver")
-    assert interval(some[:15])[0] < interval(some[15:])[1]
+    assert interval(some[:6])[0] < interval(some[6:])[1]
 
 
-@pytest.mark.parametrize("script", SCRIPTS)
-def test_scripts_mostly_finish_and_idlers_never_succeed(script):
-    ends = [record.end for record in cuts(script, "mixed")]
-    assert ends.count("finished") >= 0.8 * len(ends)
-    assert sum(record.infos[-1]["is_success"] for record in cuts(script, "mixed")) >= 0.3 * len(ends)
+def test_scripts_mostly_finish_and_idlers_never_succeed():
+    for script in SCRIPTS:
+        records = cuts(script, "mixed")
+        assert sum(record.end == "finished" for record in records) >= 0.8 * len(records), script
+        assert sum(record.infos[-1]["is_success"] for record in records) >= 0.3 * len(records), script
     assert not any(record.infos[-1]["is_success"] for name in IDLERS for record in cuts(name, "mixed"))
 
 
-@pytest.mark.parametrize("script", SCRIPTS)
 @pytest.mark.parametrize("specimen_class", CLASSES)
-def test_every_finished_cut_scores_above_doing_nothing(script, specimen_class):
-    finished = [record.total for record in cuts(script, specimen_class) if record.end == "finished"]
-    assert min(finished) > returns("nothing", specimen_class).max()
-
-
-@pytest.mark.xfail(
-    strict=True,
-    reason="force above 400 N/m has no bound: a slow cut of the toughest 1 % of livers scores -3.2, doing nothing -0.9",
-)
-def test_a_slow_finished_cut_of_the_toughest_liver_scores_above_doing_nothing():
-    toughest = Specimen.homogeneous(modulus=45e3, fracture_resistance=460.0, depth=0.02)
-    record = cut(make(), ConstantFeed(speed=0.0038), specimen=toughest, target_length=0.08)
-    assert record.end == "finished"
-    assert record.total > -0.9
+def test_every_finished_cut_scores_above_doing_nothing(specimen_class):
+    nothing = returns("nothing", specimen_class).max()
+    for script in SCRIPTS:
+        finished = [record.total for record in cuts(script, specimen_class) if record.end == "finished"]
+        assert min(finished) > nothing, script
 
 
 def test_no_return_exceeds_one():
     assert max(returns(name, "mixed").max() for name in SCRIPTS | IDLERS) <= 1.0
+
+
+DRAWN = range(1000)
+SLOW = [(0.0038, INCLINED), (0.0038, UPRIGHT), (0.0089, UPRIGHT)]
+
+
+@functools.cache
+def toughest(specimen_class: str, count: int = 4) -> list[Specimen]:
+    """Of a thousand drawn: those with the greatest resistance where the cut goes."""
+    if specimen_class == "uniform":
+        return [Specimen.draw(generator(0), specimen_class="uniform")]
+    drawn = [Specimen.draw(generator(seed), specimen_class=specimen_class) for seed in DRAWN]
+    cut_through = slice(0, round(0.080 / SPACING))
+    return sorted(drawn, key=lambda specimen: -specimen.fracture_force()[cut_through].mean())[:count]
+
+
+def returns_of_slow_finished_cuts(specimens: list[Specimen], **weights: float) -> list[float]:
+    env = make(**weights)
+    records = [
+        cut(env, ConstantFeed(speed=speed, angle=angle), specimen=specimen, target_length=length)
+        for speed, angle in SLOW
+        for length in (0.060, 0.080, 0.100)
+        for specimen in specimens
+    ]
+    return [record.total for record in records if record.end == "finished"]
+
+
+@pytest.mark.parametrize("specimen_class", ["uniform", "liver", "vascular"])
+def test_a_slow_finished_cut_of_the_toughest_tissue_scores_above_doing_nothing(specimen_class):
+    finished = returns_of_slow_finished_cuts(toughest(specimen_class))
+    assert len(finished) >= 3
+    assert min(finished) > returns("nothing", "mixed").max()
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="a cut at 0.38 cm/s, upright, of the toughest of 6000 livers scores -0.757, doing nothing -0.750",
+)
+def test_a_slow_finished_cut_of_the_toughest_of_six_thousand_livers_does_too():
+    specimen = Specimen.draw(generator(2072), specimen_class="liver")
+    record = cut(make(), ConstantFeed(speed=0.0038), specimen=specimen, target_length=0.095)
+    assert record.end == "finished"
+    assert record.total > returns("nothing", "liver").max()
+
+
+def test_with_the_weights_as_drafted_it_does_not_so_the_check_can_fail():
+    drafted = {f"weight_{name}": weight for name, weight in dataclasses.asdict(DRAFT).items()}
+    nothing = cut(make(**drafted), NoAction()).total
+    assert min(returns_of_slow_finished_cuts(toughest("liver"), **drafted)) < nothing

@@ -17,6 +17,7 @@ assert ENVIRONMENT in gymnasium.registry, cutenv.__name__
 
 UPRIGHT, INCLINED = math.radians(90.0), math.radians(45.0)
 FASTEST = 0.0254  # of the actions [m/s]
+CRUISE = 0.0127  # of the best constant feed, which is inclined [m/s]
 
 
 class Cut(NamedTuple):

@@ -1,0 +1,52 @@
+"""The baselines by name, each as it was tuned on validation specimens: what a learned policy is compared with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from cutenv.policy.feedback import ForceFeedback, ProbeAndCreep
+from cutenv.policy.interface import Policy
+from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
+from cutenv.policy.scripted import ConstantFeed, FastThenSlow, InclineBetween, NoAction, RandomAction
+
+GRID_SPEEDS = (0.10, 0.38, 0.89, 1.27, 1.65, 2.16, 2.54)
+"""Of the constant feeds [cm/s]: the seven at which the tissue was measured."""
+GRID_ANGLES = (45, 60, 75, 90)
+"""Of the constant feeds [deg]."""
+
+SCRIPTS: dict[str, Callable[[], Policy]] = {
+    "fast then slow": FastThenSlow,
+    "90-45-90": InclineBetween,
+    "force feedback": ForceFeedback,
+    "probe and creep": ProbeAndCreep,
+    "planner, nominal": PlannerNominal,
+}
+"""What a sensible person would program, besides the constant feeds."""
+BOUND = "planner with truth"
+"""Name of the upper bound: it is shown the hidden state and competes with nobody."""
+IDLE: dict[str, Callable[[], Policy]] = {"random": RandomAction, "nothing": NoAction}
+
+
+def feed_name(speed_cm_s: float, angle_deg: float) -> str:
+    """Name of a constant feed."""
+    return f"constant {speed_cm_s:.2f} cm/s {angle_deg:.0f} deg"
+
+
+GRID: dict[str, tuple[float, float]] = {
+    feed_name(speed, angle): (speed, angle) for speed in GRID_SPEEDS for angle in GRID_ANGLES
+}
+"""Speed [cm/s] and angle [deg] of each constant feed, by name."""
+
+
+def _feed(speed_cm_s: float, angle_deg: float) -> Callable[[], Policy]:
+    return lambda: ConstantFeed(speed=speed_cm_s / 100.0, angle=math.radians(angle_deg))
+
+
+BASELINES: dict[str, Callable[[], Policy]] = {
+    **{name: _feed(*feed) for name, feed in GRID.items()},
+    **SCRIPTS,
+    BOUND: PlannerWithTruth,
+    **IDLE,
+}
+"""Every baseline by name; call it to make one."""

@@ -1,0 +1,279 @@
+"""What a learned policy is fed: the observation, what a person would work out from it first, and a short history.
+
+A person who feels the blade would ask where the tip is.  Going forward, the force tells it only if the stiffness is
+known; drawing back, the force falls in a straight line whose slope is the stiffness, down to friction, and where it
+gets there is the tip.  Both answers are among the features, and nothing that a rig could not know.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.compiled import compiled
+from cutenv.cutting.records import Record, Records
+from cutenv.policy.tip_estimate import (
+    SHALLOWEST,
+    nominal_friction_per_depth,
+    nominal_stiffness_per_depth,
+    remember_depth,
+    tip_behind,
+)
+from cutenv.task.observation import BOUND, COMPONENTS, SCALES, checked_observation
+from cutenv.tissue.description import measured_liver
+from cutenv.tissue.specimen import N_POINTS, SPACING
+from cutenv.validation import in_range
+
+_NAMES = [component.name for component in COMPONENTS]
+_FORCE, _MEAN, _MIN, _MAX, _POSITION, _SPEED, _ANGLE, _DEPTH, _DISTANCE = range(9)
+assert _NAMES[_MAX] == "force_max"
+assert _NAMES[_DISTANCE] == "distance"
+
+_WORKED_OUT = 14  # features besides observation and history
+_CHANNELS = 5  # of a moment of history
+_LENGTH = 0.010  # [m], scale of lengths
+_FINE = 0.002  # [m], scale of lengths that decide about success
+_FORCE_PER_DEPTH = 300.0  # [N/m]
+
+_STEADY = -0.002  # [m/s], slower than which a blade draws back steadily
+_SETTLED = 0.0006  # [m] drawn back, after which a delayed force no longer holds the friction of before
+_FLAT, _FLAT_OVER = 0.10, 0.0004  # [N] by which a force that is all friction changes over so many [m]
+_STEEP = 0.15  # [N] above friction: still elastic
+_SPAN = 0.0006  # [m] over which a slope can be read
+_SOFTEST, _STIFFEST = 0.25, 4.0  # times the mean tissue
+
+MEMORY: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            ("depths", "f8", (N_POINTS,)),  # of cut, as far as the blade has been [m]
+            ("passed", "i8"),  # how many of them
+            ("furthest", "f8"),  # of the blade so far [m]
+            ("steady", "i8"),  # decisions for which the blade has drawn back
+            ("back_from", "f8"),  # where that began [m]
+            ("position", "f8"),  # at the last decision, or where it last was that far from here [m]
+            ("force", "f8"),  # there [N]
+            ("count", "i8"),  # of what was felt while drawing back elastically, and its moments about back_from
+            ("x", "f8"),
+            ("F", "f8"),
+            ("xx", "f8"),
+            ("xF", "f8"),
+            ("nearest", "f8"),  # of those positions to back_from, [m] from there
+            ("friction_per_depth", "f8"),  # as felt, or nominal [N/m]
+            ("stiffness_ratio", "f8"),  # K as felt over that of the mean tissue, at the tip [1]
+            ("probed", "i8"),  # whether the tip has been found by drawing back
+            ("tip", "f8"),  # where [m]
+        ],
+    )
+)
+"""What is remembered of a cut."""
+
+
+class Features:
+    """The features of one cut, decision after decision.
+
+    Parameters
+    ----------
+    history : int
+        How many past decisions are kept: mean, least and greatest force, position and angle of each.
+
+    Attributes
+    ----------
+    size : int
+        Number of features.
+    """
+
+    def __init__(self, *, history: int = 6) -> None:
+        if in_range("history", history, 0, 1000, "1", "A handful of decisions is enough.") % 1.0:
+            raise ValueError(f"history = {history} is not a whole number of decisions.")
+        self._memory, self._frames = new_memory(1, int(history))
+        self.size = feature_count(int(history))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last cut."""
+        forget(self._memory, self._frames, 0)
+
+    def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The features, shape (size,) float32 within the observation's bounds, for an observation, shape (12,)."""
+        checked_observation(observation)
+        features = np.empty((1, self.size), np.float32)
+        extract_all(
+            self._memory, self._frames, _NOMINAL_STIFFNESS, _NOMINAL_FRICTION, np.asarray(observation)[None], features
+        )
+        result: NDArray[np.float32] = features[0]
+        return result
+
+
+def past_dead_zone(action: NDArray[np.float32], width: float) -> NDArray[np.float32]:
+    """Map the speed of actions, shape (..., 2), so that -width to width is zero and +-1 stays +-1.
+
+    Nothing that jitters can hold still, and a cut is finished at rest.  ValueError for a width outside 0 to 0.9.
+    """
+    in_range("width", width, 0.0, 0.9, "1", "A quarter of the reach is 0.25.")
+    result = np.array(action, np.float32)
+    speed = result[..., 0]
+    result[..., 0] = np.copysign(np.maximum(np.abs(speed) - width, 0.0) / (1.0 - width), speed)
+    return result
+
+
+def feature_count(history: int) -> int:
+    """Number of features with so many decisions of history."""
+    return len(COMPONENTS) + _WORKED_OUT + _CHANNELS * history
+
+
+def new_memory(cuts: int, history: int) -> tuple[Records, NDArray[np.float64]]:
+    """Memory, shape (cuts,), and frames, shape (cuts, history, 5), of cuts not yet begun."""
+    return np.zeros(cuts, MEMORY), np.zeros((cuts, history, _CHANNELS))
+
+
+def forget(memory: Records, frames: NDArray[np.float64], cut: int) -> None:
+    """Begin ``cut`` anew."""
+    memory[cut] = np.zeros(1, MEMORY)[0]
+    memory["friction_per_depth"][cut] = _NOMINAL_FRICTION
+    memory["stiffness_ratio"][cut] = 1.0
+    frames[cut] = 0.0
+
+
+_NOMINAL_STIFFNESS = nominal_stiffness_per_depth(measured_liver())
+_NOMINAL_FRICTION = nominal_friction_per_depth(measured_liver())
+
+
+def extract_batch(
+    memory: Records, frames: NDArray[np.float64], observations: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """The features of many cuts, shape (n, size), for their observations, shape (n, 12)."""
+    features = np.empty((len(memory), feature_count(frames.shape[1])), np.float32)
+    extract_all(memory, frames, _NOMINAL_STIFFNESS, _NOMINAL_FRICTION, observations, features)
+    return features
+
+
+@compiled
+def extract_all(
+    memory: Records,
+    frames: Records,
+    stiffness_per_depth: Records,
+    friction_per_depth: float,
+    observations: Records,
+    features: Records,
+) -> None:
+    """Fill ``features``, shape (n, size), and keep in mind what was observed."""
+    for n in range(len(memory)):
+        _extract(memory[n], frames[n], stiffness_per_depth, friction_per_depth, observations[n], features[n])
+
+
+@compiled
+def _extract(
+    memory: Record,
+    frames: Records,
+    stiffness_per_depth: Records,
+    friction_per_depth: float,
+    observation: Records,
+    features: Records,
+) -> None:
+    force = observation[_FORCE] * SCALES[_FORCE]
+    position = max(observation[_POSITION] * SCALES[_POSITION], 0.0)
+    speed = observation[_SPEED] * SCALES[_SPEED]
+    depth = max(observation[_DEPTH] * SCALES[_DEPTH], SHALLOWEST)
+    target = position + observation[_DISTANCE] * SCALES[_DISTANCE]
+
+    memory.passed = remember_depth(memory.depths, memory.passed, position, depth)
+    memory.furthest = max(memory.furthest, position)
+    _watch(memory, stiffness_per_depth, position, speed, force, depth)
+
+    sense = 0.0 if speed == 0.0 else math.copysign(1.0, speed)
+    elastic = max(force - sense * friction_per_depth * depth, 0.0)
+    nominal_tip = tip_behind(position, elastic, stiffness_per_depth, memory.depths, memory.passed)
+    elastic = max(force - sense * memory.friction_per_depth * depth, 0.0) / memory.stiffness_ratio
+    tip = max(tip_behind(position, elastic, stiffness_per_depth, memory.depths, memory.passed), memory.tip)
+
+    k = len(observation)
+    for i in range(k):
+        features[i] = observation[i]
+    features[k] = (target - nominal_tip) / _LENGTH
+    features[k + 1] = (position - nominal_tip) / _LENGTH
+    features[k + 2] = (target - tip) / _LENGTH
+    features[k + 3] = (position - tip) / _LENGTH
+    features[k + 4] = math.tanh((target - tip) / _FINE)
+    features[k + 5] = memory.probed
+    features[k + 6] = memory.probed * (target - memory.tip) / _LENGTH
+    features[k + 7] = memory.probed * math.tanh((target - memory.tip) / _FINE)
+    features[k + 8] = memory.probed * (memory.furthest - memory.tip) / _LENGTH
+    features[k + 9] = math.log(memory.stiffness_ratio)
+    features[k + 10] = memory.friction_per_depth / friction_per_depth - 1.0
+    features[k + 11] = (memory.furthest - position) / _LENGTH
+    features[k + 12] = force / depth / _FORCE_PER_DEPTH
+    features[k + 13] = observation[_MAX] * SCALES[_MAX] / depth / _FORCE_PER_DEPTH
+    k += _WORKED_OUT
+
+    for i in range(len(frames)):
+        for j in range(_CHANNELS):
+            features[k + _CHANNELS * i + j] = frames[i, j]
+        features[k + _CHANNELS * i + 3] = (position - frames[i, 3]) / _LENGTH
+    for i in range(len(features)):
+        features[i] = min(max(features[i], -BOUND), BOUND)
+    for i in range(len(frames) - 1, 0, -1):
+        frames[i] = frames[i - 1]
+    if len(frames) > 0:
+        frames[0, 0] = observation[_MEAN]
+        frames[0, 1] = observation[_MIN]
+        frames[0, 2] = observation[_MAX]
+        frames[0, 3] = position
+        frames[0, 4] = observation[_ANGLE]
+
+
+@compiled
+def _watch(
+    memory: Record, stiffness_per_depth: Records, position: float, speed: float, force: float, depth: float
+) -> None:
+    """While the blade draws back, read off stiffness, friction and tip."""
+    if speed < _STEADY:
+        if memory.steady == 0:
+            memory.back_from = position
+            memory.count = 0
+            memory.x = memory.F = memory.xx = memory.xF = 0.0
+        memory.steady += 1
+    else:
+        memory.steady = 0
+    drawn_back = memory.back_from - position
+    if memory.steady > 1 and drawn_back > _SETTLED:
+        fell = memory.force - force
+        if force < 0.0 and fell < _FLAT and memory.position - position > _FLAT_OVER:
+            memory.friction_per_depth = -force / depth
+            _find_tip(memory, stiffness_per_depth, depth)
+        elif force > _STEEP - memory.friction_per_depth * depth:
+            memory.count += 1
+            memory.x += drawn_back
+            memory.F += force
+            memory.xx += drawn_back**2
+            memory.xF += drawn_back * force
+            if memory.count == 1:
+                memory.nearest = drawn_back
+            if memory.count > 1 and drawn_back - memory.nearest > _SPAN:
+                _find_tip(memory, stiffness_per_depth, depth)
+    if memory.steady <= 1 or memory.position - position > _FLAT_OVER:  # however often it decides
+        memory.position = position
+        memory.force = force
+
+
+@compiled
+def _find_tip(memory: Record, stiffness_per_depth: Records, depth: float) -> None:
+    """Follow the straight line of the force down to friction."""
+    n = memory.count
+    if n < 2:
+        return
+    spread = memory.xx - memory.x**2 / n
+    slope = (memory.x * memory.F / n - memory.xF) / max(spread, 1e-12)  # of the force's fall over drawing back
+    if slope <= 0.0:
+        return
+    mean_x, mean_F = memory.x / n, memory.F / n
+    tip = memory.back_from - mean_x - (mean_F + memory.friction_per_depth * depth) / slope
+    place = min(max(round(tip / SPACING), 0), memory.passed - 1)
+    ratio = slope / (stiffness_per_depth[place] * memory.depths[place])
+    if _SOFTEST < ratio < _STIFFEST and tip > memory.tip - 0.003:
+        memory.tip = tip
+        memory.stiffness_ratio = ratio
+        memory.probed = 1

@@ -1,0 +1,173 @@
+"""Scripts that feel: speed that answers the force, and probes that find the tip."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.policy.scripted import INCLINED, Script, checked_approach, checked_motion
+from cutenv.policy.tip_estimate import TipEstimate
+from cutenv.policy.unloading import UPRIGHT, StopAndUnload, coasting
+from cutenv.task.observation import COMPONENTS, SCALES, to_action
+from cutenv.validation import in_range
+
+Array32 = NDArray[np.float32]
+
+_NAMES = [component.name for component in COMPONENTS]
+_FORCE, _POSITION, _SPEED, _DEPTH, _DISTANCE = (
+    _NAMES.index(name) for name in ("force", "position", "speed", "depth", "distance")
+)
+
+
+class ForceFeedback(Script):
+    """The speed rises with the force per depth, for a loaded blade that moves fast cuts more evenly.
+
+    Parameters
+    ----------
+    unloaded, loaded : float
+        Speeds at no force, and at ``full_load`` or above [m/s]; linear between.
+    full_load : float
+        Force per depth [N/m].
+    angle : float
+        [rad]
+    """
+
+    def __init__(
+        self,
+        *,
+        unloaded: float = 0.0064,
+        loaded: float = 0.0254,
+        full_load: float = 300.0,
+        angle: float = INCLINED,
+        unloading: StopAndUnload | None = None,
+    ) -> None:
+        super().__init__(unloading)
+        self._unloaded, self._angle = checked_motion(unloaded, angle)
+        self._loaded = checked_motion(loaded, angle)[0]
+        self._full_load = in_range("full_load", full_load, 1.0, 1e4, "N/m", "3 N/cm is 300.")
+
+    def command(self, observation: Array32) -> Array32:
+        """The action while cutting."""
+        depth = max(float(observation[_DEPTH]) * SCALES[_DEPTH], 1e-3)
+        force_per_depth = float(observation[_FORCE]) * SCALES[_FORCE] / depth
+        load = min(max(force_per_depth / self._full_load, 0.0), 1.0)
+        return to_action(self._unloaded + (self._loaded - self._unloaded) * load, self._angle)
+
+
+class ProbeAndCreep:
+    """Cut to near the target, probe, creep on by what is missing, probe again; rest when the tip is near enough.
+
+    Drawing back is elastic: the force falls in a straight line whose slope is the stiffness K at the tip, until only
+    friction is left, and there stands the tip.
+
+    Parameters
+    ----------
+    speed, angle : float
+        Of the body of the cut [m/s], [rad].
+    approach : float
+        The first probe begins when, by the time the blade stands, the estimated tip will be this far before the
+        target [m].
+    creep_speed, creep_angle : float
+        Of the rest [m/s], [rad].
+    near_enough : float
+        The cut is ended when a probe finds the tip this near to the target, or beyond [m].
+    margin : float
+        By which the creep falls short of what is missing [m].
+    probes : int
+        At most so many.
+    """
+
+    def __init__(
+        self,
+        *,
+        speed: float = 0.019,
+        angle: float = INCLINED,
+        approach: float = 0.003,
+        creep_speed: float = 0.019,
+        creep_angle: float = INCLINED,
+        near_enough: float = 0.0015,
+        margin: float = 0.0,
+        probes: int = 4,
+    ) -> None:
+        self._cut = to_action(*checked_motion(speed, angle))
+        self._creep = to_action(*checked_motion(creep_speed, creep_angle))
+        self._approach = checked_approach(approach)
+        self._margin = in_range("margin", margin, -0.05, 0.05, "m", "3 mm is 0.003.")
+        self._near_enough = in_range("near_enough", near_enough, 0.0, 0.05, "m", "2 mm is 0.002.")
+        self._most = int(in_range("probes", probes, 1, 100, "1", "Two to four are plenty."))
+        self._estimate = TipEstimate()
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the last cut."""
+        self._estimate.reset()
+        self._probe: UnloadProbe | None = None
+        self._probes = 0
+        self._resting = False
+        self._furthest = self._goal = 0.0
+
+    def __call__(self, observation: Array32) -> Array32:
+        """The action for an observation."""
+        position, speed, distance = (float(observation[k]) * SCALES[k] for k in (_POSITION, _SPEED, _DISTANCE))
+        self._furthest = max(self._furthest, position)
+        target = position + distance
+        if self._probe is None and not self._resting:
+            left = self._goal - position if self._probes else target - self._approach - self._estimate(observation)
+            if left > coasting(speed):
+                return self._creep if self._probes else self._cut
+            self._probe = UnloadProbe()
+        if self._probe is not None:
+            if self._probe.feel(observation):
+                return to_action(-UnloadProbe.SPEED, UPRIGHT)
+            self._learn(self._probe.tip, target)
+        return to_action(0.0, UPRIGHT) if self._resting else self._creep
+
+    def _learn(self, tip: float, target: float) -> None:
+        self._probe = None
+        self._probes += 1
+        missing = target - tip
+        self._resting = missing < self._near_enough or self._probes >= self._most
+        self._goal = self._furthest + missing - self._margin  # the tip will lag by as much as it did
+
+
+class UnloadProbe:
+    """Draw back at a steady speed until only friction is felt.
+
+    Attributes
+    ----------
+    tip : float
+        Found where the force has fallen to friction [m].
+    stiffness : float
+        K by the slope on the way [N/m]; 0 where there was nothing to unload.
+    """
+
+    SPEED = 0.010  # [m/s]
+    _SETTLED = 0.08  # [s] of drawing back, after which a delayed force no longer holds the friction of before
+    _FLAT, _FLAT_OVER = 0.1, 0.0008  # [N] by which a force that is all friction changes over so many [m]
+    _STEEP = 0.15  # [N] above friction: still elastic
+
+    def __init__(self) -> None:
+        self._felt: list[tuple[float, float]] = []
+        self.tip = self.stiffness = 0.0
+
+    def feel(self, observation: Array32) -> bool:
+        """Take an observation in; whether to go on drawing back."""
+        position, force, speed = (float(observation[k]) * SCALES[k] for k in (_POSITION, _FORCE, _SPEED))
+        if speed > -0.9 * self.SPEED:
+            return True
+        self._felt.append((position, force))
+        before = [f for x, f in self._felt if x > position + self._FLAT_OVER]
+        if not before or force > 0.0 or before[-1] - force > self._FLAT:
+            return True
+        self._find()
+        return False
+
+    def _find(self) -> None:
+        felt = np.array(self._felt)
+        friction = float(felt[-3:, 1].mean())
+        settled = felt[felt[:, 0] < felt[0, 0] - self._SETTLED * self.SPEED]
+        slope = settled[settled[:, 1] > friction + self._STEEP]
+        self.tip = float(felt[felt[:, 1] > friction + self._STEEP, 0].min(initial=felt[0, 0]))
+        if len(slope) >= 3:
+            self.stiffness, offset = (float(c) for c in np.polyfit(slope[:, 0], slope[:, 1] - friction, 1))
+            if self.stiffness > 0.0:
+                self.tip = -offset / self.stiffness

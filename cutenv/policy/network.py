@@ -1,0 +1,158 @@
+"""A network of dense layers in NumPy: what is left of a learner's actor once it has been trained."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.validation import one_of
+
+Array32 = NDArray[np.float32]
+Layer = tuple[Array32, Array32]
+"""Weight, shape (outputs, inputs), and bias, shape (outputs,)."""
+
+ACTIVATIONS: dict[str, Callable[[Array32], Array32]] = {
+    "tanh": np.tanh,
+    "relu": lambda values: np.maximum(values, np.float32(0.0)),
+}
+_PARTS = ("weight", "bias")
+_HIDDEN = re.compile(r"mlp_extractor\.policy_net\.(\d+)\.(?:weight|bias)")
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """Dense layers with an activation after each but the last, which is linear.
+
+    Parameters
+    ----------
+    layers : tuple of (weight, bias)
+        From input to output, float32: weights of shape (outputs, inputs), biases of shape (outputs,).
+    activation : {"tanh", "relu"}
+        After every layer but the last.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, a number is not float32 or not finite, or the activation is unknown; names the array.
+    """
+
+    layers: tuple[Layer, ...]
+    activation: str = "tanh"
+
+    def __post_init__(self) -> None:
+        one_of("activation", self.activation, ACTIVATIONS)
+        if not self.layers:
+            raise ValueError("layers is empty; give at least one (weight, bias).")
+        checked = tuple(
+            (_checked(k, "weight", weight, 2), _checked(k, "bias", bias, 1))
+            for k, (weight, bias) in enumerate(self.layers)
+        )
+        inputs = checked[0][0].shape[1]
+        for k, (weight, bias) in enumerate(checked):
+            if weight.shape[1] != inputs:
+                raise ValueError(f"{_name(k, 'weight')} takes {weight.shape[1]} numbers, but {inputs} come in.")
+            if bias.shape != weight.shape[:1]:
+                raise ValueError(f"{_name(k, 'bias')} has shape {bias.shape}; its weight gives {weight.shape[0]}.")
+            inputs = weight.shape[0]
+        object.__setattr__(self, "layers", checked)
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """How many numbers stand between the layers, from input to output."""
+        return (self.layers[0][0].shape[1], *(len(bias) for _, bias in self.layers))
+
+    def __call__(self, features: Array32) -> Array32:
+        """The output, shape (..., ``sizes[-1]``), for features, shape (..., ``sizes[0]``)."""
+        values = np.asarray(features, dtype=np.float32)
+        if values.shape[-1:] != self.sizes[:1]:
+            raise ValueError(f"features has shape {values.shape}; its last axis must hold {self.sizes[0]} numbers.")
+        activate = ACTIVATIONS[self.activation]
+        *hidden, (last_weight, last_bias) = self.layers
+        for weight, bias in hidden:
+            values = activate(values @ weight.T + bias)
+        output: Array32 = values @ last_weight.T + last_bias
+        return output
+
+    def to_arrays(self) -> dict[str, Array32]:
+        """Weights and biases by name: ``layer_0.weight``, ``layer_0.bias``, ``layer_1.weight`` and so on."""
+        return {
+            _name(k, part): array
+            for k, layer in enumerate(self.layers)
+            for part, array in zip(_PARTS, layer, strict=True)
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Array32], activation: str) -> Network:
+        """Read :meth:`to_arrays`' names.
+
+        Raises
+        ------
+        ValueError
+            If an array is missing, has a name of its own, or is refused by the network.
+        """
+        prefixes = [f"layer_{k}" for k in range(max(len(arrays) // 2, 1))]
+        layers = tuple(_layer(arrays, prefix) for prefix in prefixes)
+        unknown = sorted(arrays.keys() - {f"{prefix}.{part}" for prefix in prefixes for part in _PARTS})
+        if unknown:
+            raise ValueError(f"array {unknown[0]!r} belongs to no layer of {prefixes[0]} to {prefixes[-1]}.")
+        return cls(layers, activation)
+
+    @classmethod
+    def from_state_dict(cls, arrays: Mapping[str, Array32], activation: str) -> Network:
+        """The actor of Stable-Baselines3's ``MlpPolicy``: its deterministic action before clipping.
+
+        Parameters
+        ----------
+        arrays : mapping
+            The policy's parameters by name, as NumPy arrays; those of the critic and the action's spread are ignored.
+        activation : {"tanh", "relu"}
+            The names do not tell it: that of the policy's ``activation_fn``.
+
+        Raises
+        ------
+        ValueError
+            If a parameter of the actor is missing (and which), or between the dense layers stands more than an
+            activation.
+        """
+        places = sorted({int(found[1]) for name in arrays if (found := _HIDDEN.fullmatch(name))})
+        expected = list(range(0, 2 * len(places), 2))  # every second module is an activation, without parameters
+        if places != expected:
+            raise ValueError(
+                f"mlp_extractor.policy_net has parameters at {places} instead of {expected}: one is missing, or it is "
+                "not dense layers with an activation after each."
+            )
+        prefixes = [*(f"mlp_extractor.policy_net.{place}" for place in places), "action_net"]
+        return cls(tuple(_layer(arrays, prefix) for prefix in prefixes), activation)
+
+
+def _name(number: int, part: str) -> str:
+    return f"layer_{number}.{part}"
+
+
+def _layer(arrays: Mapping[str, Array32], prefix: str) -> Layer:
+    for part in _PARTS:
+        if f"{prefix}.{part}" not in arrays:
+            some = ", ".join(sorted(arrays)[:6]) or "nothing"
+            raise ValueError(f"array '{prefix}.{part}' is missing; found {some}{', ...' if len(arrays) > 6 else ''}.")
+    return arrays[f"{prefix}.weight"], arrays[f"{prefix}.bias"]
+
+
+def _checked(number: int, part: str, values: Array32, dimensions: int) -> Array32:
+    """A read-only copy, in rows."""
+    array = np.array(values, order="C")
+    if array.dtype != np.float32:
+        raise ValueError(f"{_name(number, part)} is {array.dtype}; give float32: array.astype(numpy.float32).")
+    if array.ndim != dimensions or array.size == 0:
+        raise ValueError(f"{_name(number, part)} has shape {array.shape}; it must have {dimensions} axes, none empty.")
+    wrong = int(np.count_nonzero(~np.isfinite(array)))
+    if wrong:
+        raise ValueError(
+            f"{_name(number, part)} holds {wrong} of {array.size} numbers that are NaN or infinite: training came "
+            "apart. Take an earlier checkpoint."
+        )
+    array.setflags(write=False)
+    return array

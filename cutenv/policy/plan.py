@@ -1,0 +1,125 @@
+"""Plans of a whole cut, and what a tissue that is known would answer to them: rollouts of the law, compiled."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from cutenv.compiled import compiled
+from cutenv.cutting.records import TICK, Record, Records
+from cutenv.cutting.simulate import update
+from cutenv.task.assessment import assess
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
+
+KNOTS = 28
+"""Stretches of a plan, each with a speed and an angle of its own."""
+STRETCH = 0.005
+"""Length of a stretch along the cut [m]; the last one goes on."""
+UPRIGHT = 0.5 * math.pi
+
+PLAN: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            ("speed", "f8", (KNOTS,)),  # of each stretch [m/s]
+            ("angle", "f8", (KNOTS,)),  # of each stretch [rad]
+            ("upright_from", "f8"),  # blade position from which the blade turns upright [m]
+            ("slow_from", "f8"),  # blade position from which the last speed holds [m]
+            ("last_speed", "f8"),  # [m/s]
+            ("stop", "f8"),  # blade position at which it stops [m]
+            ("retreat", "f8"),  # speed of drawing back [m/s]
+            ("rest_lag", "f8"),  # lag of the tip at which drawing back ends [m]
+        ],
+    )
+)
+"""A plan is followed by blade position, so that it means the same whatever the time it takes."""
+
+
+@compiled
+def planned_command(plan: Record, position: float) -> tuple[float, float]:
+    """Speed [m/s] and angle [rad] before the stop, for a blade at ``position`` [m]."""
+    k = min(max(int(position / STRETCH), 0), KNOTS - 1)
+    speed = plan.last_speed if position >= plan.slow_from else plan.speed[k]
+    angle = UPRIGHT if position >= plan.upright_from else plan.angle[k]
+    return speed, angle
+
+
+@compiled
+def roll_out(
+    state: Record,
+    profile: Records,
+    law: Record,
+    drive: Record,
+    sensor: Record,
+    task: Record,
+    progress: Record,
+    plan: Record,
+    readings: Records,
+    terms: Records,
+    commands: Records,
+) -> float:
+    """Follow ``plan`` to the end of the cut; return what it is paid.
+
+    Parameters
+    ----------
+    state, law, drive, sensor, task, progress : Record
+        Of the cut at its start; ``state``, ``sensor`` and ``progress`` are changed.
+    profile : Records
+        The tissue, shape (301,).
+    readings : Records
+        Room for the readings of a decision, shape (ticks,).
+    terms : array, shape (12,)
+        Room for the reward's terms.
+    commands : array, shape (decisions, 2)
+        Filled with the speeds [m/s] and angles [rad] that were commanded.
+    """
+    total = 0.0
+    stopping = False
+    rested = False
+    for decision in range(len(commands)):
+        speed, angle = planned_command(plan, state.blade)
+        stopping = stopping or state.blade >= plan.stop
+        if stopping:
+            rested = rested or (state.speed <= 0.0 and state.blade - state.tip <= plan.rest_lag)
+            speed, angle = (0.0 if rested else -plan.retreat), UPRIGHT
+        # As an action holds it, so that what is planned is what happens.
+        speed = SPEED_SCALE * np.float64(np.float32(speed / SPEED_SCALE))
+        angle = ANGLE_CENTRE + ANGLE_SCALE * np.float64(np.float32((angle - ANGLE_CENTRE) / ANGLE_SCALE))
+        commands[decision, 0] = speed
+        commands[decision, 1] = angle
+        for i in range(len(readings)):
+            update(state, profile, law, drive, sensor, speed, angle, TICK, readings[i])
+        forces, tips, jumps = readings["true_force"], readings["tip"], readings["jump"]
+        assess(task, progress, profile, readings, forces, tips, jumps, terms)
+        total += terms.sum()
+        if progress.end != 0:
+            break
+    return total
+
+
+@compiled
+def roll_out_all(
+    starts: Records,
+    profile: Records,
+    laws: Records,
+    drives: Records,
+    sensors: Records,
+    tasks: Records,
+    progresses: Records,
+    plans: Records,
+    readings: Records,
+    terms: Records,
+    commands: Records,
+    returns: Records,
+) -> None:
+    """:func:`roll_out` of every plan, shape (n,), from one start (arrays of length 2: start, and room for a copy)."""
+    for n in range(len(plans)):
+        starts[1] = starts[0]
+        sensors[1] = sensors[0]
+        progresses[1] = progresses[0]
+        returns[n] = roll_out(
+            starts[1], profile, laws[0], drives[0], sensors[1], tasks[0], progresses[1], plans[n], readings, terms,
+            commands,
+        )  # fmt: skip

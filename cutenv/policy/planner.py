@@ -1,0 +1,209 @@
+"""Planners: the best plan of a whole cut through tissue that is known, or believed to be the mean one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.cutting.records import READING, Records
+from cutenv.plant.simulator import SimulatedPlant
+from cutenv.policy.plan import PLAN, UPRIGHT, planned_command, roll_out_all
+from cutenv.policy.scripted import INCLINED, Script
+from cutenv.policy.unloading import StopAndUnload
+from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.task.observation import COMPONENTS, SCALES, to_action
+from cutenv.task.records import TERMS
+from cutenv.task.weights import Limits, RewardWeights
+from cutenv.tissue.description import TissueDescription, measured_liver
+from cutenv.tissue.specimen import Specimen
+from cutenv.validation import in_range
+
+Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
+
+_FASTEST, _SLOWEST = 0.0254, 0.001  # [m/s]
+_DEADLINE, _TICKS = 30.0, 20  # [s], [ms]: the environment's defaults
+_NEVER = 1.0  # [m], a place that no blade reaches
+_NAMES = [component.name for component in COMPONENTS]
+_POSITION, _DISTANCE = _NAMES.index("position"), _NAMES.index("distance")
+
+
+class Search:
+    """Random local search among plans, from the best of a grid of plain ones.
+
+    Parameters
+    ----------
+    cutting : GentleCutting
+        A cut at its start on a simulated plant; it is copied and stays as it is.
+    """
+
+    def __init__(self, cutting: GentleCutting) -> None:
+        if not isinstance(cutting.plant, SimulatedPlant):
+            raise TypeError(f"plans are tried out in a simulation; {type(cutting.plant).__name__} is none.")
+        start = cutting.plant.snapshot()
+        self._task, progress = cutting.assessment()
+        self._target = cutting.target_length
+        self._profile, self._law, self._drive = start.profile, start.laws, start.drives
+        # One to start from, one to work on.
+        self._state, self._sensor, self._progress = (np.repeat(r, 2) for r in (start.states, start.sensors, progress))
+        self._sensor["noise"] = self._sensor["drift"] = 0.0
+        self._readings, self._terms = np.zeros(cutting.ticks, READING), np.zeros(len(TERMS))
+        self._commands = np.zeros((math.ceil(1e3 * cutting.deadline / cutting.ticks), 2))
+
+    def returns(self, plans: Records) -> Array:
+        """What each plan, shape (n,), is paid, shape (n,)."""
+        returns = np.zeros(len(plans))
+        roll_out_all(
+            self._state, self._profile, self._law, self._drive, self._sensor, self._task, self._progress, plans,
+            self._readings, self._terms, self._commands, returns,
+        )  # fmt: skip
+        return returns
+
+    def commands(self, plan: Records) -> Array:
+        """Speed [m/s] and angle [rad] at each decision of a plan, shape (1,); shape (decisions, 2)."""
+        self.returns(plan)
+        return self._commands.copy()
+
+    def best(self, rng: np.random.Generator, *, rounds: int, offspring: int = 16) -> tuple[Records, float]:
+        """The best plan found, shape (1,), and its return."""
+        plans = self.plain_plans()
+        plan, value = _better(plans, self.returns(plans), plans[:1], -math.inf)
+        size = 1.0
+        for _ in range(rounds):
+            tries = self.varied(plan, size, offspring, rng)
+            before = value
+            plan, value = _better(tries, self.returns(tries), plan, value)
+            size = min(1.3 * size, 1.0) if value > before else max(0.7 * size, 0.05)
+        return plan, value
+
+    def plain_plans(self) -> Records:
+        """One speed and one angle throughout, and many places to stop."""
+        speeds, angles = np.array([0.0254, 0.0190, 0.0127, 0.0064]), np.radians([45.0, 60.0, 90.0])
+        stops = self._target + np.linspace(-0.004, 0.016, 21)
+        v, theta, stop = (grid.ravel() for grid in np.meshgrid(speeds, angles, stops, indexing="ij"))
+        plans = np.zeros(len(v), PLAN)
+        plans["speed"], plans["angle"] = v[:, None], theta[:, None]
+        plans["upright_from"] = plans["slow_from"] = _NEVER
+        plans["last_speed"] = v
+        plans["stop"] = stop
+        plans["retreat"] = 0.010
+        plans["rest_lag"] = 0.5e-3
+        return plans
+
+    def varied(self, plan: Records, size: float, count: int, rng: np.random.Generator) -> Records:
+        """``count`` plans near ``plan``, shape (1,): each of its numbers is changed with a probability of a third."""
+        plans = np.repeat(plan, count)
+
+        def change(name: str, step: float, low: float, high: float) -> None:
+            values = plans[name]
+            chosen = rng.random(values.shape) < 1.0 / 3.0
+            plans[name] = np.clip(values + size * step * chosen * rng.standard_normal(values.shape), low, high)
+
+        change("speed", 0.006, _SLOWEST, _FASTEST)
+        change("angle", math.radians(12.0), INCLINED, UPRIGHT)
+        change("last_speed", 0.006, _SLOWEST, _FASTEST)
+        change("stop", 0.002, 0.5 * self._target, self._target + 0.05)
+        change("retreat", 0.004, 0.002, _FASTEST)
+        change("rest_lag", 1e-3, 0.0, 0.004)
+        for name in ("upright_from", "slow_from"):
+            near = np.where(plans[name] == _NEVER, self._target - 0.010, plans[name])
+            moved = near + size * 0.005 * rng.standard_normal(count)
+            plans[name] = np.where(rng.random(count) < 1.0 / 3.0, moved, plans[name])
+        return plans
+
+
+def _better(plans: Records, returns: Array, plan: Records, value: float) -> tuple[Records, float]:
+    k = int(np.argmax(returns))
+    return (plans[k : k + 1].copy(), float(returns[k])) if returns[k] > value else (plan, value)
+
+
+class PlannerWithTruth:
+    """Knows the specimen and plans the whole cut: what there is to gain, and nothing that anybody could do.
+
+    Its plans are found by search, so that the best possible is a little better still.
+
+    Parameters
+    ----------
+    rounds : int
+        Of the search.
+    """
+
+    def __init__(self, *, rounds: int = 20) -> None:
+        self._rounds = int(in_range("rounds", rounds, 0, 10**6, "1", "20 come within 0.002 of 200."))
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the last cut."""
+        self._rng = rng
+        self._commands: list[tuple[float, float]] = []
+
+    def look_into(self, cutting: GentleCutting) -> None:
+        """Plan the cut that is about to begin."""
+        search = Search(cutting)
+        plan, _ = search.best(self._rng, rounds=self._rounds)
+        self._commands = [(speed, angle) for speed, angle in search.commands(plan).tolist()]
+        self._commands.reverse()
+
+    def __call__(self, observation: Array32) -> Array32:
+        """The next command of the plan, whatever is observed."""
+        if not self._commands:
+            raise RuntimeError("this planner must be shown the cut: call look_into(env.unwrapped.cutting) after reset.")
+        return to_action(*self._commands.pop())
+
+
+class PlannerNominal(Script):
+    """Plans the cut through the mean liver, follows the plan, and stops where the tip is estimated to be.
+
+    Parameters
+    ----------
+    tissue : TissueDescription, optional
+        Default: the measured pig liver.
+    rounds : int
+        Of the search.
+    """
+
+    def __init__(
+        self, *, tissue: TissueDescription | None = None, rounds: int = 20, unloading: StopAndUnload | None = None
+    ) -> None:
+        super().__init__(unloading)
+        self._tissue = tissue or measured_liver()
+        self._rounds = int(in_range("rounds", rounds, 0, 10**6, "1", "20 come within 0.002 of 200."))
+        self._plans: dict[float, Records] = {}
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the last cut; plans are kept."""
+        super().reset(rng)
+        self._plan: Records | None = None
+
+    def command(self, observation: Array32) -> Array32:
+        """The action while cutting."""
+        position = float(observation[_POSITION]) * SCALES[_POSITION]
+        if self._plan is None:
+            self._plan = self.plan_for(position + float(observation[_DISTANCE]) * SCALES[_DISTANCE])
+        return to_action(*planned_command(self._plan[0], position))
+
+    def plan_for(self, target: float) -> Records:
+        """The plan for a target length [m], to a centimetre, shape (1,): it is followed until the tip is there."""
+        length = round(target, 2)
+        if length not in self._plans:
+            self._plans[length] = Search(_mean_cut(self._tissue, length)).best(
+                np.random.default_rng(0), rounds=self._rounds
+            )[0]
+        return self._plans[length]
+
+
+def _mean_cut(tissue: TissueDescription, target: float) -> GentleCutting:
+    specimen = Specimen.mean(tissue)
+    plant = SimulatedPlant(specimen)
+    return GentleCutting(
+        plant,
+        tissue,
+        RewardWeights(),
+        Limits(),
+        truth=plant.profile,
+        friction_per_depth=specimen.friction_per_depth,
+        target_length=target,
+        deadline=_DEADLINE,
+        ticks=_TICKS,
+    )

@@ -1,0 +1,102 @@
+"""Where the tip is, if the tissue is the mean one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from observed import observed
+from whole_cut import CRUISE, INCLINED, UPRIGHT, make
+
+from cutenv.policy import TipEstimate
+from cutenv.policy.tip_estimate import nominal_friction_per_depth, nominal_stiffness_per_depth, remember_depth
+from cutenv.task.observation import to_action
+from cutenv.tissue import Specimen, measured_liver
+from cutenv.tissue.specimen import N_POINTS, SPACING
+
+QUIET = {"force_noise": 0.0, "force_resolution": 0.0, "depth_noise": 0.0, "force_delay": 0.0}
+LIVER = measured_liver()
+
+
+def errors(
+    specimen: Specimen | None, commands: list[tuple[float, float, float]], *, forgetful: bool = False
+) -> np.ndarray:
+    """Estimated less true tip after each decision [m]; commands: (duration [s], speed [m/s], angle [rad])."""
+    env, estimate = make(specimen_class="uniform", **QUIET), TipEstimate()
+    observation, info = env.reset(seed=0, options={"target_length": 0.12, "specimen": specimen})
+    estimate(observation)
+    found = []
+    for duration, speed, angle in commands:
+        for _ in range(round(50 * duration)):
+            observation, *_, info = env.step(to_action(speed, angle))
+            if forgetful:
+                estimate.reset()
+            found.append(estimate(observation) - info["truth"]["tip_m"])
+    return np.array(found)
+
+
+CUT = (4.0, CRUISE, UPRIGHT)
+
+
+@pytest.mark.parametrize("commands", [[CUT], [(4.0, CRUISE, INCLINED)], [CUT, (0.3, -0.005, UPRIGHT)]])
+def test_in_the_mean_tissue_the_tip_is_where_it_is_estimated(commands):
+    assert np.abs(errors(None, commands)[25:]).max() < 0.3e-3
+
+
+def test_in_other_tissue_it_is_not_so_the_check_can_fail():
+    stiff = Specimen.homogeneous(modulus=2.0 * LIVER.intercept_90, fracture_resistance=240.0, depth=LIVER.mean_depth)
+    assert np.abs(errors(stiff, [CUT])[25:]).max() > 2e-3
+
+
+def bulging() -> Specimen:
+    """As stiff and as tough as the mean, under the bulge of a real slice."""
+    mean, ones = Specimen.mean(), np.ones(N_POINTS)
+    return Specimen(
+        modulus=LIVER.intercept_90 * ones,
+        fracture_resistance=LIVER.fracture_resistance * ones,
+        depth=mean.depth,
+        friction_per_depth=LIVER.friction_share * LIVER.fracture_resistance,
+        tissue=LIVER,
+    )
+
+
+def test_the_depth_where_the_tip_stands_is_remembered_from_when_the_blade_passed():
+    rising = [(2.0, CRUISE, UPRIGHT)]
+    assert np.abs(errors(bulging(), rising)[40:]).max() < 0.5e-3
+    assert np.abs(errors(bulging(), rising, forgetful=True)[40:]).max() > 1e-3, "with the depth at the blade alone"
+
+
+def test_depths_are_filled_in_evenly_between_two_observations():
+    depths = np.zeros(N_POINTS)
+    passed = remember_depth(depths, 0, 0.0, 0.002)
+    passed = remember_depth(depths, passed, 4 * SPACING, 0.010)
+    assert passed == 5
+    np.testing.assert_allclose(depths[:5], [0.002, 0.004, 0.006, 0.008, 0.010])
+    assert remember_depth(depths, passed, 2 * SPACING, 0.5) == 5, "drawing back changes nothing"
+    np.testing.assert_allclose(depths[:5], [0.002, 0.004, 0.006, 0.008, 0.010])
+    assert remember_depth(depths, passed, 1.0, 0.02) == N_POINTS
+
+
+def test_the_force_of_an_elastic_tissue_is_turned_into_its_lag():
+    position, lag, depth = 0.06, 0.005, 0.015
+    place = round((position - lag) / SPACING)
+    stiffness = nominal_stiffness_per_depth(LIVER)[place] * depth
+    friction = nominal_friction_per_depth(LIVER) * depth
+    for speed, felt in ((0.01, friction), (-0.01, -friction), (0.0, 0.0)):
+        seen = observed(position=position, speed=speed, force=stiffness * lag + felt, depth=depth)
+        assert TipEstimate()(seen) == pytest.approx(position - lag, abs=1e-5)
+
+
+def test_no_force_means_that_the_tip_is_at_the_blade_and_it_is_never_before_the_clamp():
+    estimate = TipEstimate()
+    assert estimate(observed(position=0.05, force=-1.0)) == pytest.approx(0.05, abs=1e-6)
+    estimate.reset()
+    assert estimate(observed(position=0.002, force=40.0)) == 0.0
+
+
+def test_reset_forgets_the_depths_of_the_last_cut():
+    used = TipEstimate()
+    for position in (0.0, 0.03, 0.08):
+        used(observed(position=position, depth=0.003))
+    used.reset()
+    seen = observed(position=0.06, force=3.0, depth=0.02)
+    assert used(seen) == TipEstimate()(seen)
