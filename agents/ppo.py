@@ -1,54 +1,52 @@
-"""Train an agent to cut gently with PPO (Stable-Baselines3), evaluate it beside scripts, keep everything.
+"""Train an agent to cut gently with PPO (Stable-Baselines3), compare it with every baseline, report.
 
-    python agents/ppo.py                     a few minutes on 2 cores; writes runs/<name>/
+    python agents/ppo.py                     about 10 minutes on 2 cores; writes runs/<name>/
     python agents/ppo.py --quick             about a minute
     python agents/ppo.py --resume runs/NAME  goes on from the checkpoint of an interrupted run
 
-The agent decides 10 times a second: an episode is then about 80 decisions, and gamma = 0.995 looks 200 of them ahead.
-Its speed has a dead zone, because nothing that jitters can hold still, and a cut is finished at rest.
+The agent decides 10 times a second: a cut is then some 80 decisions, and gamma = 0.995 looks 200 of them ahead, so that
+the end of the cut counts at its beginning (0.995^80 = 0.67) without the variance of gamma = 1.  It sees features that a
+person would work out, and a short history; its critic sees the hidden state too, which training needs and cutting does
+not.  Every so often it is tried on validation specimens; the best of these checkpoints is kept.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import importlib.metadata
 import json
 import math
+import os
 import platform
 import subprocess
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import gymnasium
+import numba
 import numpy as np
 import torch
-from evaluate import (
-    ENVIRONMENT,
-    TEST_SEEDS,
-    TRAINING_SEEDS,
-    Contestant,
-    evaluate,
-    print_table,
-    run_cut,
-    summarise,
-    write_csv,
-)
+from cloning import clone, demonstrations
+from compare import compare, read_rows
+from evaluate import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, write_csv
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.env_util import make_vec_env
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.policies import ActorCriticPolicy
+from torch import nn
 from tqdm import tqdm
+from vectorised import CutVecEnv
 
-from cutenv.policy import ConstantFeed, FastThenSlow, RandomAction, TipEstimate
-from cutenv.report import draw_cut
-from cutenv.task.observation import BOUND, COMPONENTS, SCALES
+from cutenv.policy import BASELINES, SCRIPTS, Network, save_policy
+from cutenv.policy.features import feature_count
 from cutenv.tissue.specimen import CLASSES
 
+QUICK = {"timesteps": 400_000, "validations": 4, "validation_specimens": 50, "specimens": 30}
 MAX_ENVIRONMENTS = 1000  # seeds that one training run may take of TRAINING_SEEDS
-POSITION, DISTANCE = ([c.name for c in COMPONENTS].index(name) for name in ("position", "distance"))
 PACKAGES = ("cutenv", "gymnasium", "numpy", "numba", "scikit-fem", "stable-baselines3", "torch")
 
 
@@ -63,229 +61,341 @@ class Arguments:
 
     name: str = option("", "folder below runs/; default: date and time")
     seed: int = option(0, "of networks, exploration and training specimens")
-    timesteps: int = option(1_500_000, "decisions to train for")
-    specimen_class: str = option("liver", "tissue to train and test on", CLASSES)
+    timesteps: int = option(5_000_000, "decisions to train for")
+    specimen_class: str = option("mixed", "tissue to train and test on", CLASSES)
     angle_mode: str = option("free", "whether the agent turns the blade", ("free", "fixed"))
     control_hz: int = option(10, "decisions per second")
+    history: int = option(6, "past decisions among the features")
     dead_zone: float = option(0.25, "share of the speed's action that means rest")
-    environments: int = option(16, "side by side")
-    rollout: int = option(512, "decisions of each environment between updates")
-    batch_size: int = option(256, "decisions of a gradient step")
-    epochs: int = option(4, "passes over a rollout")
-    learning_rate: float = option(1e-3, "at the start; falls linearly to a tenth")
-    gamma: float = option(0.995, "discount of a decision")
+    environments: int = option(64, "side by side")
+    rollout: int = option(128, "decisions of each environment between updates")
+    batch_size: int = option(512, "decisions of a gradient step")
+    epochs: int = option(8, "passes over a rollout")
+    learning_rate: float = option(5e-4, "at the start; falls linearly to a twentieth")
+    gamma: float = option(0.999, "discount of a decision")
     gae_lambda: float = option(0.95, "of the generalised advantage estimate")
+    averaging: float = option(0.03, "share of the actor that its running average takes over at every update")
     hidden: int = option(64, "units in each of two layers")
-    specimens: int = option(100, "held-out specimens of the evaluation")
+    demonstrations: int = option(200_000, "decisions of a script that the actor is taught first; 0: none")
+    script: str = option("probe and creep", "that is demonstrated", tuple(SCRIPTS))
+    demonstration_noise: float = option(0.15, "standard deviation of what is added to half of them")
+    critic_first: float = option(0.03, "share of the training in which only the critic learns, after a demonstration")
+    exploration: float = option(0.15, "standard deviation of the actions at the start")
+    last_exploration: float = option(0.05, "and at the end; falls by the same factor in equal times")
+    validation_specimens: int = option(200, "on which checkpoints are compared")
+    validations: int = option(20, "times that this is done")
+    specimens: int = option(200, "held-out specimens of the evaluation")
     checkpoint_seconds: float = option(20.0, "between checkpoints")
 
     def __post_init__(self) -> None:
         limits = {
             "seed": (0, len(TRAINING_SEEDS) // MAX_ENVIRONMENTS - 1),
             "timesteps": (1, 10**12),
+            "history": (0, 100),
             "dead_zone": (0.0, 0.9),
             "environments": (1, MAX_ENVIRONMENTS),
             "gamma": (0.0, 1.0),
+            "validation_specimens": (2, len(VALIDATION_SEEDS)),
+            "validations": (1, 10**6),
             "specimens": (2, len(TEST_SEEDS)),
         }
         for name, (low, high) in limits.items():
             if not low <= getattr(self, name) <= high:
                 raise SystemExit(f"--{name.replace('_', '-')} {getattr(self, name)} is outside {low} to {high}")
 
+    @property
+    def environment(self) -> dict[str, Any]:
+        """Keywords of the environment that the agent is trained and tested in."""
+        return {name: getattr(self, name) for name in ("specimen_class", "angle_mode", "control_hz")}
 
-class Adapter(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """What stands between the environment and the network: features on one side, a dead zone on the other."""
+    @property
+    def training_seeds(self) -> range:
+        """Seeds of the training environments."""
+        first = self.seed * MAX_ENVIRONMENTS
+        return range(first, first + self.environments)
 
-    def __init__(self, env: gymnasium.Env[Any, Any], dead_zone: float) -> None:
-        super().__init__(env)
-        self._dead_zone = dead_zone
-        self._features = Features()
-        assert env.observation_space.shape is not None
-        size = env.observation_space.shape[0] + Features.ADDED
-        self.observation_space = gymnasium.spaces.Box(-BOUND, BOUND, (size,), np.float32)
+    @property
+    def validation_seeds(self) -> range:
+        """Seeds of the specimens on which checkpoints are compared."""
+        return VALIDATION_SEEDS[: self.validation_specimens]
 
-    def reset(self, **kwargs: Any) -> tuple[np.ndarray, dict[str, Any]]:
-        """Reset the environment; the observation with its features."""
-        observation, info = self.env.reset(**kwargs)
-        self._features.reset()
-        return self._features(observation), info
-
-    def step(self, action: np.ndarray) -> tuple[np.ndarray, Any, bool, bool, dict[str, Any]]:
-        """Step with the speed past the dead zone; the observation with its features."""
-        observation, reward, terminated, truncated, info = self.env.step(past_dead_zone(action, self._dead_zone))
-        return self._features(observation), reward, terminated, truncated, info
+    def environments_at(self, seeds: range) -> CutVecEnv:
+        """Environments with those seeds."""
+        return CutVecEnv(seeds, history=self.history, dead_zone=self.dead_zone, **self.environment)
 
 
-class Features:
-    """An observation, and in it what a person would compute first: where the tip is, were the tissue the mean one."""
+class Extractor(nn.Module):
+    """Two towers of tanh layers: the policy's sees the features, the critic's the hidden state as well."""
 
-    ADDED = 2
-
-    def __init__(self) -> None:
-        self._tip_estimate = TipEstimate()
-
-    def reset(self) -> None:
-        """Forget the last cut."""
-        self._tip_estimate.reset()
-
-    def __call__(self, observation: np.ndarray) -> np.ndarray:
-        """The observation with distance of the estimated tip from target and blade, in cm, at its end."""
-        position, distance = observation[POSITION] * SCALES[POSITION], observation[DISTANCE] * SCALES[DISTANCE]
-        tip = self._tip_estimate(observation)
-        added = np.array([position + distance - tip, position - tip], np.float32) / 0.01
-        return np.concatenate((observation, np.clip(added, -BOUND, BOUND)))
-
-
-def past_dead_zone(action: np.ndarray, width: float) -> np.ndarray:
-    """Map an action's speed so that -width to width is zero and +-1 stays +-1."""
-    result = np.array(action, np.float32)
-    result[0] = math.copysign(max(abs(result[0]) - width, 0.0) / (1.0 - width), result[0])
-    return result
-
-
-class Agent:
-    """A trained network as a policy: the most likely action."""
-
-    def __init__(self, model: PPO, dead_zone: float) -> None:
-        self._model, self._dead_zone = model, dead_zone
-        self._features = Features()
-
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget the last cut."""
-        self._features.reset()
-
-    def __call__(self, observation: np.ndarray) -> np.ndarray:
-        """The action for an observation."""
-        action, _ = self._model.predict(self._features(observation), deterministic=True)
-        return past_dead_zone(np.clip(action, -1.0, 1.0), self._dead_zone)
-
-
-class Progress(BaseCallback):
-    """Progress bar, learning curve and checkpoints."""
-
-    def __init__(self, run: Path, total: int, seconds: float) -> None:
+    def __init__(self, features: int, everything: int, hidden: int) -> None:
         super().__init__()
-        self._run, self._total, self._seconds = run, total, seconds
-        self._saved = time.monotonic()
-        self.curve: list[dict[str, float]] = []
+        self._features = features
+        self.policy_net, self.value_net = _tower(features, hidden), _tower(everything, hidden)
+        self.latent_dim_pi = self.latent_dim_vf = hidden
 
-    def _on_training_start(self) -> None:
-        self._bar = tqdm(
-            total=self._total, initial=self.num_timesteps, desc="training", unit="decision", smoothing=0.05
-        )
+    def forward(self, seen: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Latent values of policy and critic."""
+        return self.forward_actor(seen), self.forward_critic(seen)
 
-    def _on_step(self) -> bool:
-        return self.num_timesteps < self._total
+    def forward_actor(self, seen: torch.Tensor) -> torch.Tensor:
+        """Latent values of the policy, from the features alone."""
+        return self.policy_net(seen[..., : self._features])
 
-    def _on_rollout_end(self) -> None:
-        episodes = self.model.ep_info_buffer or []
-        if episodes:
-            mean_return = float(np.mean([episode["r"] for episode in episodes]))
-            success = float(np.mean(self.model.ep_success_buffer or [0.0]))
-            self.curve.append({"decisions": self.num_timesteps, "return": mean_return, "success": success})
-            self._bar.set_postfix_str(f"return {mean_return:.2f}, success {success:.2f}")
-        self._bar.update(min(self.num_timesteps, self._total) - self._bar.n)
-        if time.monotonic() - self._saved > self._seconds:
-            save(self.model, self._run / "checkpoint.zip")
-            self._saved = time.monotonic()
-
-    def _on_training_end(self) -> None:
-        self._bar.close()
+    def forward_critic(self, seen: torch.Tensor) -> torch.Tensor:
+        """Latent values of the critic."""
+        return self.value_net(seen)
 
 
-def save(model: PPO, path: Path) -> None:
-    """Save a model all at once: an interruption leaves the last whole checkpoint."""
-    part = path.with_name(path.stem + ".part.zip")
-    model.save(part)
-    part.replace(path)
+def _tower(inputs: int, hidden: int) -> nn.Sequential:
+    return nn.Sequential(nn.Linear(inputs, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh())
 
 
-def environments(arguments: Arguments) -> VecEnv:
-    """The training environments, each with its own seed of the training range."""
-    seeds = range(arguments.seed * MAX_ENVIRONMENTS, arguments.seed * MAX_ENVIRONMENTS + arguments.environments)
-    assert set(seeds) <= set(TRAINING_SEEDS), "a training seed outside its range could meet a test specimen"
-    return make_vec_env(
-        lambda: Adapter(gymnasium.make(ENVIRONMENT, **environment_arguments(arguments)), arguments.dead_zone),
-        n_envs=arguments.environments,
-        seed=seeds.start,
-    )
+class SeeingCritic(ActorCriticPolicy):
+    """SB3's policy with :class:`Extractor`."""
+
+    def __init__(self, *args: Any, features: int, hidden: int, **kwargs: Any) -> None:
+        self._sizes = features, hidden
+        super().__init__(*args, **kwargs)
+
+    def _build_mlp_extractor(self) -> None:
+        features, hidden = self._sizes
+        self.mlp_extractor = Extractor(features, self.features_dim, hidden)
+
+    def _build(self, lr_schedule: Any) -> None:
+        super()._build(lr_schedule)
+        self.log_std.requires_grad_(False)  # see Progress
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        features, hidden = self._sizes
+        return super()._get_constructor_parameters() | {"features": features, "hidden": hidden}
 
 
-def environment_arguments(arguments: Arguments) -> dict[str, Any]:
-    """Keywords of the environment that the agent is trained and tested in."""
-    return {
-        "specimen_class": arguments.specimen_class,
-        "angle_mode": arguments.angle_mode,
-        "control_hz": arguments.control_hz,
-    }
+@dataclass(frozen=True)
+class LinearDecay:
+    """A rate that falls linearly to a twentieth as training goes on."""
+
+    rate: float
+
+    def __call__(self, remaining: float) -> float:
+        """The rate with a share of training ``remaining``, 1 to 0."""
+        return self.rate * (0.05 + 0.95 * remaining)
 
 
 def new_model(arguments: Arguments) -> PPO:
     """An untrained agent."""
     return PPO(
-        "MlpPolicy",
-        environments(arguments),
+        SeeingCritic,
+        arguments.environments_at(arguments.training_seeds),
         learning_rate=LinearDecay(arguments.learning_rate),
         n_steps=arguments.rollout,
         batch_size=arguments.batch_size,
         n_epochs=arguments.epochs,
         gamma=arguments.gamma,
         gae_lambda=arguments.gae_lambda,
-        policy_kwargs={"net_arch": [arguments.hidden, arguments.hidden], "log_std_init": -0.5},
+        policy_kwargs={"features": feature_count(arguments.history), "hidden": arguments.hidden},
         seed=arguments.seed,
         device="cpu",  # a network this small is slower on a GPU
     )
 
 
-@dataclass(frozen=True)
-class LinearDecay:
-    """A rate that falls linearly to a tenth as training goes on."""
+def cloned(model: PPO, arguments: Arguments) -> None:
+    """Teach the actor the demonstrated script."""
+    shown, taught = demonstrations(
+        model.get_env(),
+        BASELINES[arguments.script],
+        decisions=arguments.demonstrations,
+        noise=arguments.demonstration_noise,
+        seed=arguments.seed,
+    )
+    policy = model.policy
+    error = clone(
+        lambda seen: policy.action_net(policy.mlp_extractor.forward_actor(seen)),
+        actor_parameters(model),
+        shown,
+        taught,
+        seed=arguments.seed,
+    )
+    print(f"the clone's actions differ from those of {arguments.script!r} by {error:.3f} (root of the mean square)")
 
-    rate: float
 
-    def __call__(self, remaining: float) -> float:
-        """The rate with a share of training ``remaining``, 1 to 0."""
-        return self.rate * (0.1 + 0.9 * remaining)
+def actor_parameters(model: PPO) -> list[nn.Parameter]:
+    """The parameters of the actor; it shares none with the critic."""
+    return [*model.policy.mlp_extractor.policy_net.parameters(), *model.policy.action_net.parameters()]
 
 
-def train(arguments: Arguments, run: Path, resume: bool) -> tuple[PPO, bool]:
-    """Train; return the agent and whether training came to its end."""
+def validate(model: PPO, arguments: Arguments) -> tuple[float, float]:
+    """Mean return and success of the most likely actions on the validation specimens."""
+    seeds = arguments.validation_seeds
+    environments = arguments.environments_at(seeds)
+    observations = environments.reset()
+    results: dict[int, tuple[float, float]] = {}
+    while len(results) < len(seeds):
+        actions, _ = model.predict(observations, deterministic=True)
+        observations, _, dones, infos = environments.step(actions)
+        for n in np.flatnonzero(dones):
+            results.setdefault(int(n), (infos[n]["episode"]["r"], float(infos[n]["is_success"])))
+    returns, successes = zip(*results.values(), strict=True)
+    return float(np.mean(returns)), float(np.mean(successes))
+
+
+class Progress(BaseCallback):
+    """Progress bar, learning curve, checkpoints, and the best of them by validation."""
+
+    def __init__(self, run: Path, arguments: Arguments, curve: list[dict[str, float]]) -> None:
+        super().__init__()
+        self._run, self._arguments, self.curve = run, arguments, curve
+        self.averages: list[torch.Tensor] = []
+        self._saved = time.monotonic()
+        self._every = max(arguments.timesteps // arguments.validations, 1)
+
+    def average(self) -> None:
+        """Follow the actor's parameters at a distance: their average cuts better, and less by chance, than the last."""
+        present = [parameter.detach() for parameter in actor_parameters(self.model)]
+        if not self.averages:
+            self.averages = [parameter.clone() for parameter in present]
+        for average, parameter in zip(self.averages, present, strict=True):
+            average.lerp_(parameter, self._arguments.averaging)
+
+    @contextlib.contextmanager
+    def averaged(self) -> Iterator[None]:
+        """The model with the average for its actor."""
+        actor = actor_parameters(self.model)
+        present = [parameter.detach().clone() for parameter in actor]
+        self.assign(self.averages or present)
+        try:
+            yield
+        finally:
+            self.assign(present)
+
+    def assign(self, values: list[torch.Tensor]) -> None:
+        """Give the actor these parameters."""
+        with torch.no_grad():
+            for parameter, value in zip(actor_parameters(self.model), values, strict=True):
+                parameter.copy_(value)
+
+    def _on_training_start(self) -> None:
+        self._bar = tqdm(
+            total=self._arguments.timesteps,
+            initial=self.num_timesteps,
+            desc="training",
+            unit="decision",
+            smoothing=0.05,
+        )
+        self._next = (self.num_timesteps // self._every + 1) * self._every
+
+    def _on_rollout_start(self) -> None:
+        # Given, not learned: a policy that may keep its noise learns to lean on it, and stalls without.
+        self.average()
+        a = self._arguments
+        share = min(self.num_timesteps / a.timesteps, 1.0)
+        for parameter in actor_parameters(self.model):  # a critic that knows nothing yet would spoil a clone
+            parameter.requires_grad_(not a.demonstrations or share >= a.critic_first)
+        deviation = a.exploration * (a.last_exploration / a.exploration) ** share
+        self.model.policy.log_std.data.fill_(math.log(deviation))
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_end(self) -> None:
+        episodes = self.model.ep_info_buffer or []
+        if episodes:
+            mean_return = float(np.mean([episode["r"] for episode in episodes]))
+            success = float(np.mean(self.model.ep_success_buffer or [0.0]))
+            self.curve.append({"decisions": float(self.num_timesteps), "return": mean_return, "success": success})
+            self._bar.set_postfix_str(f"return {mean_return:.2f}, success {success:.2f}")
+        if self.num_timesteps >= self._next:
+            self._next += self._every
+            self.validate()
+        self._bar.update(min(self.num_timesteps, self._bar.total) - self._bar.n)
+        if time.monotonic() - self._saved > self._arguments.checkpoint_seconds:
+            save(self.model, self._run / "checkpoint.zip")
+            write_csv(self._run / "learning_curve.csv", self.curve)
+            self._saved = time.monotonic()
+
+    def validate(self) -> None:
+        """Try the agent on the validation specimens, and keep it if it is the best so far."""
+        best = max((point.get("validation_return", -np.inf) for point in self.curve), default=-np.inf)
+        with self.averaged():
+            mean_return, success = validate(self.model, self._arguments)
+            if self.curve:  # else no cut has been finished yet
+                self.curve[-1] |= {"validation_return": mean_return, "validation_success": success}
+            if mean_return > best:
+                save(self.model, self._run / "policy.zip")
+                write_csv(self._run / "learning_curve.csv", self.curve)
+
+    def _on_training_end(self) -> None:
+        self._bar.close()
+
+
+def save(model: Any, path: Path) -> None:
+    """Save a model all at once: an interruption leaves the last whole checkpoint."""
+    part = path.with_name(path.stem + ".part.zip")
+    model.save(part)
+    part.replace(path)
+
+
+def train(arguments: Arguments, run: Path, resume: bool) -> bool:
+    """Train; return whether training came to its end."""
     torch.set_num_threads(1)  # two pools of threads on two cores fight
+    numba.set_num_threads(max((os.cpu_count() or 1) - 1, 1))  # one core left free: threads that wait for it cost more
     checkpoint = run / "checkpoint.zip"
     if resume:
-        model = PPO.load(checkpoint, env=environments(arguments), device="cpu")
+        environments = arguments.environments_at(arguments.training_seeds)
+        model = PPO.load(checkpoint, env=environments, device="cpu")
         print(f"resuming after {model.num_timesteps} decisions")
     else:
         model = new_model(arguments)
-    progress = Progress(run, arguments.timesteps, arguments.checkpoint_seconds)
-    curve_file = run / "learning_curve.csv"
-    earlier = read_curve(curve_file) if resume else []
+        save(model, run / "untrained.zip")
+        if arguments.demonstrations:
+            cloned(model, arguments)
+    progress = Progress(run, arguments, read_rows(run / "learning_curve.csv") if resume else [])
     whole = True
     try:
         remaining = max(arguments.timesteps - model.num_timesteps, 0)
         if remaining:
             model.learn(remaining, callback=progress, reset_num_timesteps=not resume)
+            progress.init_callback(model)
+            progress.validate()
     except KeyboardInterrupt:
         whole = False
     save(model, checkpoint)
-    if earlier or progress.curve:
-        write_csv(curve_file, earlier + progress.curve)
-    model.get_env().close()
-    return model, whole
+    if whole and not (run / "policy.zip").is_file():  # ended before it was ever validated
+        save(model, run / "policy.zip")
+    if progress.curve:
+        write_csv(run / "learning_curve.csv", progress.curve)
+    return whole
 
 
-def read_curve(path: Path) -> list[dict[str, float]]:
-    """The learning curve of an earlier part of the run."""
-    if not path.is_file():
-        return []
-    lines = path.read_text().splitlines()
-    names = lines[0].split(",")
-    return [dict(zip(names, map(float, line.split(",")), strict=True)) for line in lines[1:]]
+def export(arguments: Arguments, run: Path, name: str, facts: dict[str, Any]) -> Path:
+    """Write ``name``.zip's actor as a folder that needs no torch, ``name``/policy.safetensors and card.json."""
+    model = PPO.load(run / f"{name}.zip", device="cpu")
+    arrays = {key: value.detach().cpu().numpy() for key, value in model.policy.state_dict().items()}
+    save_policy(
+        run / name,
+        Network.from_state_dict(arrays, "tanh"),
+        environment=ENVIRONMENT,
+        environment_arguments={"control_hz": arguments.control_hz, "angle_mode": arguments.angle_mode},
+        features={"history": arguments.history},
+        dead_zone=arguments.dead_zone,
+        training=facts | {"decisions": int(model.num_timesteps)},
+        replace=True,
+    )
+    return run / name
 
 
-def record_run(arguments: Arguments, run: Path) -> None:
+def record_run(arguments: Arguments, run: Path) -> dict[str, Any]:
     """Make the run's folder and keep there what the run depends on: arguments, seeds, versions, commit."""
-    gymnasium.make(ENVIRONMENT, **environment_arguments(arguments)).close()  # refuses nonsense before anything is made
+    gymnasium.make(ENVIRONMENT, **arguments.environment).close()  # refuses nonsense before anything is made
+    ranges = {"training": TRAINING_SEEDS, "validation": VALIDATION_SEEDS, "test": TEST_SEEDS}
+    used = {
+        "training": arguments.training_seeds,
+        "validation": arguments.validation_seeds,
+        "test": TEST_SEEDS[: arguments.specimens],
+    }
+    for name, seeds in used.items():
+        assert seeds[0] in ranges[name], f"seeds of {name} begin outside their range"
+        assert seeds[-1] in ranges[name], f"seeds of {name} end outside their range"
+    assert TRAINING_SEEDS.stop <= VALIDATION_SEEDS.start < VALIDATION_SEEDS.stop <= TEST_SEEDS.start
     run.mkdir(parents=True, exist_ok=True)
     git = subprocess.run(
         ["git", "rev-parse", "HEAD"], cwd=Path(__file__).parent, capture_output=True, text=True, check=False
@@ -293,52 +403,13 @@ def record_run(arguments: Arguments, run: Path) -> None:
     content = {
         "arguments": dataclasses.asdict(arguments),
         "environment": ENVIRONMENT,
-        "seeds": {
-            "training": [arguments.seed * MAX_ENVIRONMENTS + k for k in range(arguments.environments)],
-            "test": [TEST_SEEDS.start, TEST_SEEDS.start + arguments.specimens - 1],
-        },
+        "seeds": {name: [min(seeds), max(seeds)] for name, seeds in used.items()},
         "versions": {name: importlib.metadata.version(name) for name in PACKAGES}
         | {"python": platform.python_version()},
         "commit": git.stdout.strip() or None,
     }
     (run / "run.json").write_text(json.dumps(content, indent=1) + "\n")
-
-
-def report(arguments: Arguments, model: PPO, run: Path) -> None:
-    """Evaluate the agent beside scripts on held-out specimens; write and print the scores, draw one cut."""
-    at_own_rate = {"control_hz": arguments.control_hz}
-    agent = Contestant(Agent(model, arguments.dead_zone), at_own_rate)
-    inclined = math.radians(60.0)
-    contestants = {
-        "PPO": agent,
-        "constant 1.27 cm/s, 90 deg": Contestant(ConstantFeed(speed=0.0127)),
-        "fast-then-slow, 60 deg": Contestant(FastThenSlow(angle=inclined)),
-        "PPO untrained": Contestant(Agent(new_model(arguments), arguments.dead_zone), at_own_rate),
-        "random": Contestant(RandomAction(), at_own_rate),
-    }
-    seeds = TEST_SEEDS[: arguments.specimens]
-    shared = {"specimen_class": arguments.specimen_class, "angle_mode": arguments.angle_mode}
-    rows = evaluate(contestants, seeds, shared)
-    write_csv(run / "scores.csv", rows)
-    summary = summarise(rows)
-    write_csv(run / "summary.csv", summary)
-
-    env = gymnasium.make(ENVIRONMENT, **environment_arguments(arguments))
-    scores, readings = run_cut(env, agent.policy, seeds[0])
-    unwrapped: Any = env.unwrapped
-    draw_cut(
-        run / "cut.png",
-        readings,
-        unwrapped.specimen.depth,
-        target_length=unwrapped.cutting.target_length,
-        force_limit_per_depth=unwrapped.force_limit_per_depth,
-        title=f"PPO on held-out specimen {seeds[0]}: {scores['end']}, return {scores['return']:.2f}, "
-        f"tip error {scores['tip_error_mm']:.1f} mm",
-    )
-    print(f"\n{arguments.specimens} held-out specimens of class {arguments.specimen_class}, mean [95 % interval]\n")
-    print_table(summary, ("return", "success", "tip_error_mm", "peak_force_N", "time_s"))
-    print(f"\nWritten to {run}/: policy.zip, scores.csv (every cut), summary.csv (means and intervals),")
-    print("learning_curve.csv, run.json (arguments, seeds, versions), cut.png (one cut above its force trace)")
+    return content
 
 
 def parse() -> tuple[Arguments, Path, bool]:
@@ -354,7 +425,7 @@ def parse() -> tuple[Arguments, Path, bool]:
             metavar=None if field.metadata["choices"] else kind.__name__.upper(),
             help=field.metadata["help"] + default,
         )
-    parser.add_argument("--quick", action="store_true", help="about a minute in all: 300 000 decisions")
+    parser.add_argument("--quick", action="store_true", help="about a minute in all: 400 000 decisions, 30 specimens")
     parser.add_argument("--resume", type=Path, metavar="RUN", help="folder of an interrupted run to go on with")
     given = vars(parser.parse_args())
     quick, resume = given.pop("quick"), given.pop("resume")
@@ -365,7 +436,13 @@ def parse() -> tuple[Arguments, Path, bool]:
         kept = json.loads((resume / "run.json").read_text())["arguments"]
         return Arguments(**(kept | chosen)), resume, True
     if quick:
-        chosen.setdefault("timesteps", 300_000)
+        for name, value in {
+            "timesteps": 400_000,
+            "validations": 4,
+            "validation_specimens": 50,
+            "specimens": 30,
+        }.items():
+            chosen.setdefault(name, value)
     arguments = Arguments(**chosen)
     name = arguments.name or time.strftime("ppo-%Y%m%d-%H%M%S")
     run = Path("runs") / name
@@ -377,15 +454,17 @@ def parse() -> tuple[Arguments, Path, bool]:
 def main() -> None:
     """Train, evaluate, report."""
     arguments, run, resume = parse()
-    record_run(arguments, run)
-    model, whole = train(arguments, run, resume)
-    if not whole:
-        print(f"\ninterrupted after {model.num_timesteps} decisions; {run}/checkpoint.zip is usable.")
+    facts = record_run(arguments, run)
+    begun = time.monotonic()
+    if not train(arguments, run, resume):
+        print(f"\ninterrupted; {run}/checkpoint.zip is usable.")
         print(f"Go on with: python3 scripts/start.py train --resume {run}")
         raise SystemExit(130)
-    save(model, run / "policy.zip")
+    facts["training_minutes"] = round((time.monotonic() - begun) / 60.0, 1)
     try:
-        report(arguments, model, run)
+        for name in ("policy", "untrained"):
+            export(arguments, run, name, facts)
+        compare(run, facts)
     except KeyboardInterrupt:
         print(f"\ninterrupted while evaluating; {run}/policy.zip is the trained agent.")
         print(f"Evaluate it with: python3 scripts/start.py train --resume {run}")

@@ -1,6 +1,7 @@
 """Print every number of the README: rewrite the blocks between its markers, or check them.
 
-    python scripts/update_readme.py parameters agreement specimens speed training --run runs/NAME
+    python scripts/update_readme.py parameters agreement specimens speed headroom
+    python scripts/update_readme.py training --runs runs/NAME ...  one run for each seed
     python scripts/update_readme.py --check parameters          fails if a block is not what it would print
     python scripts/update_readme.py --picture                   draws assets/pictures/cut.png
 
@@ -13,6 +14,7 @@ import argparse
 import contextlib
 import csv
 import io
+import json
 import math
 import re
 import subprocess
@@ -30,13 +32,17 @@ from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.envs.constants import Knowledge
 from cutenv.parameter import parameter_table
-from cutenv.policy import ConstantFeed
+from cutenv.policy import BOUND, GRID, SCRIPTS, ConstantFeed
 from cutenv.report import draw_cut
 from cutenv.task.weights import Limits
 from cutenv.tissue import measured_liver
 from cutenv.tissue.description import TissueDescription
+from cutenv.tissue.specimen import CLASSES
 
 ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "agents"))
+import headroom  # noqa: E402  a program, not a package
+
 SCORES = ("return", "success", "tip_error_mm", "peak_force_N", "time_s")
 
 
@@ -81,21 +87,70 @@ def specimens(_: argparse.Namespace) -> str:
     return "```\n" + done.stdout.strip() + "\n```"
 
 
+def read_csv(path: Path) -> list[dict[str, str]]:
+    """Rows of a CSV file; SystemExit with the cure where there is none."""
+    if not path.is_file():
+        raise SystemExit(f"{path} is missing; give the folder of a finished run with --runs, or make it first.")
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def interval(row: dict[str, str], digits: int = 2) -> str:
+    """A mean and its interval."""
+    mean, low, high = (f"{float(row[name]):.{digits}f}" for name in ("mean", "low_95", "high_95"))
+    return f"{mean} [{low}, {high}]"
+
+
 def training(arguments: argparse.Namespace) -> str:
-    """The evaluation of a training run, from its summary.csv."""
-    if arguments.run is None:
-        raise SystemExit("training needs --run runs/NAME, the folder of a finished training run.")
-    with (arguments.run / "summary.csv").open() as file:
-        values = {(row["policy"], row["score"]): row for row in csv.DictReader(file)}
-    policies = list(dict.fromkeys(policy for policy, _ in values))
-    rows = []
-    for policy in policies:
-        cells = [values[policy, score] for score in SCORES]
-        shown = [
-            f"{float(cell['mean']):.2f} [{float(cell['low_95']):.2f}, {float(cell['high_95']):.2f}]" for cell in cells
-        ]
-        rows.append((policy, *shown))
+    """The evaluation of training runs, one for each seed, from their summary.csv and differences.csv."""
+    if not arguments.runs:
+        raise SystemExit("training needs --runs runs/NAME ..., the folders of finished training runs.")
+    return "\n\n".join((compared(arguments.runs[0]), each_seed(arguments.runs)))
+
+
+def compared(run: Path) -> str:
+    """The agent of one run beside the scripts."""
+    values = {(row["policy"], row["score"]): row for row in read_csv(run / "summary.csv")}
+    paired = read_csv(run / "differences.csv")
+    shown = [paired[0]["policy"], *dict.fromkeys(row["baseline"] for row in paired)]
+    shown.sort(key=lambda policy: -float(values[policy, "return"]["mean"]))
+    rows = [(policy, *(interval(values[policy, score]) for score in SCORES)) for policy in shown]
     return markdown(("policy", "return", "success", "tip error [mm]", "peak force [N]", "time [s]"), rows)
+
+
+def each_seed(runs: list[Path]) -> str:
+    """What each training seed came to, against the best script and the bound."""
+    rows = []
+    for run in runs:
+        facts = json.loads((run / "run.json").read_text())
+        values = {(row["policy"], row["score"]): row for row in read_csv(run / "summary.csv")}
+        paired = {(row["baseline"], row["score"]): row for row in read_csv(run / "differences.csv")}
+        agent = next(iter(paired.values()))["policy"]
+        script = max(
+            {name for name, _ in paired} & {*GRID, *SCRIPTS}, key=lambda name: float(values[name, "return"]["mean"])
+        )
+        rows.append(
+            (
+                str(facts["arguments"]["seed"]),
+                interval(values[agent, "return"], 3),
+                interval(values[agent, "success"]),
+                script,
+                interval(paired[script, "return"], 3),
+                interval(paired[script, "success"]),
+                interval(paired[BOUND, "return"], 3),
+            )
+        )
+    header = ("seed", "return", "success", "best script", "agent minus script: return", "success", "agent minus bound")
+    return markdown(header, rows)
+
+
+def headroom_block(_: argparse.Namespace) -> str:
+    """What ``agents/headroom.py`` has measured."""
+    printed = []
+    for specimen_class in reversed(CLASSES):
+        rows = headroom.kept(ROOT / headroom.FOLDER, specimen_class)
+        printed.append(headroom.report(rows, specimen_class))
+    return "```\n" + "\n\n".join(printed) + "\n```"
 
 
 BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
@@ -104,6 +159,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "specimens": specimens,
     "speed": speed,
     "training": training,
+    "headroom": headroom_block,
 }
 
 
@@ -140,7 +196,7 @@ def main() -> None:
     """Rewrite or check blocks."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("blocks", nargs="*", choices=[*BLOCKS, []], metavar="BLOCK", help=", ".join(BLOCKS))
-    parser.add_argument("--run", type=Path, help="folder of the training run to quote")
+    parser.add_argument("--runs", type=Path, nargs="+", help="folders of the training runs to quote, one for each seed")
     parser.add_argument("--check", action="store_true", help="compare instead of writing")
     parser.add_argument("--picture", action="store_true", help="draw the picture")
     arguments = parser.parse_args()

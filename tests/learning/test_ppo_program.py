@@ -11,13 +11,25 @@ import sys
 import time
 from pathlib import Path
 
+import gymnasium
+import numpy as np
 import pytest
 
-pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
+from cutenv.policy import BASELINES, Features, TrainedPolicy, past_dead_zone
+from cutenv.policy.features import feature_count
+
+stable_baselines3 = pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
+torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
 PROGRAM = str(Path(__file__).parents[2] / "agents" / "ppo.py")
-SMALL = ("--name", "small", "--environments", "4", "--rollout", "64", "--specimens", "2")
-FILES = ("policy.zip", "checkpoint.zip", "scores.csv", "summary.csv", "learning_curve.csv", "run.json", "cut.png")
+SMALL = (
+    "--name", "small", "--environments", "4", "--rollout", "64", "--batch-size", "64", "--specimens", "2",
+    "--demonstrations", "2000", "--validations", "2", "--validation-specimens", "4",
+)  # fmt: skip
+FILES = (
+    "policy/policy.safetensors", "policy/card.json", "policy.zip", "checkpoint.zip", "scores.csv", "summary.csv",
+    "differences.csv", "learning_curve.csv", "run.json", "cut.png", "report.html",
+)  # fmt: skip
 
 
 def train(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -50,7 +62,7 @@ def test_every_policy_met_the_same_specimens(finished):
     seeds = {row["policy"]: [] for row in scores}
     for row in scores:
         seeds[row["policy"]].append(row["seed"])
-    assert len(seeds) == 5
+    assert set(seeds) == {"PPO", "PPO untrained", *BASELINES}
     assert len({tuple(own) for own in seeds.values()}) == 1
 
 
@@ -61,7 +73,36 @@ def test_intervals_hold_their_means(finished):
 
 def test_training_and_test_seeds_are_disjoint(finished):
     seeds = json.loads((finished[0] / "run.json").read_text())["seeds"]
-    assert max(seeds["training"]) < min(seeds["test"])
+    assert max(seeds["training"]) < min(seeds["validation"])
+    assert max(seeds["validation"]) < min(seeds["test"])
+
+
+def test_the_exported_policy_acts_as_the_trained_one(finished):
+    run = finished[0]
+    model = stable_baselines3.PPO.load(run / "policy.zip", device="cpu")
+    policy = TrainedPolicy.load(run / "policy")
+    features = Features(**policy.card.features)
+    hidden = np.zeros(model.observation_space.shape[0] - features.size, np.float32)  # the actor must not look at it
+    env = gymnasium.make(policy.card.environment, **policy.environment_arguments)
+    observation, _ = env.reset(seed=1)
+    policy.reset(np.random.default_rng(0))
+    for _ in range(60):
+        shown = np.concatenate((features(observation), hidden))
+        expected, _ = model.predict(shown, deterministic=True)
+        action = policy(observation)
+        assert action == pytest.approx(past_dead_zone(np.clip(expected, -1.0, 1.0), policy.card.dead_zone), abs=1e-5)
+        observation = env.step(action)[0]
+
+
+def test_the_actor_never_sees_what_the_critic_sees(finished):
+    model = stable_baselines3.PPO.load(finished[0] / "policy.zip", device="cpu")
+    size = model.observation_space.shape[0]
+    shown, other = np.zeros((2, size), np.float32)
+    other[feature_count(6) :] = 3.0
+    assert (model.predict(shown, deterministic=True)[0] == model.predict(other, deterministic=True)[0]).all()
+    with torch.no_grad():
+        values = model.policy.predict_values(torch.as_tensor(np.stack((shown, other))))
+    assert values[0] != values[1]
 
 
 def test_a_run_is_never_overwritten(finished):

@@ -1,0 +1,174 @@
+"""Compare a trained agent with every baseline on held-out specimens, and report: tables, CSV files, picture and page.
+
+python agents/compare.py runs/NAME         once more for a finished run
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from evaluate import (
+    ENVIRONMENT,
+    SHOWN,
+    TEST_SEEDS,
+    Contestant,
+    best_script,
+    contestant,
+    differences,
+    evaluate,
+    print_differences,
+    print_table,
+    run_cut,
+    summarise,
+    write_csv,
+)
+
+from cutenv.policy import BASELINES, BOUND, GRID, IDLE, SCRIPTS, RandomAction
+from cutenv.report import CutPicture, TrainingResult, draw_cut, write_training_page
+
+AGENT, UNTRAINED = "PPO", "PPO untrained"
+
+
+def compare(run: Path, facts: Mapping[str, Any], processes: int | None = None) -> None:
+    """Evaluate the agent of a run beside all baselines; write and print the scores, draw a cut, write the page.
+
+    ``facts`` is what ``run.json`` holds; everything is written into ``run``.
+    """
+    arguments = facts["arguments"]
+    seeds = TEST_SEEDS[: arguments["specimens"]]
+    shared = {"specimen_class": arguments["specimen_class"], "angle_mode": arguments["angle_mode"]}
+    rate = {"control_hz": arguments["control_hz"]}
+    contestants = {
+        AGENT: contestant(str(run / "policy")),
+        **{name: Contestant(make()) for name, make in BASELINES.items()},
+        "random": Contestant(RandomAction(), rate),  # as often as the agent: rarer changes go further
+        UNTRAINED: contestant(str(run / "untrained")),
+    }
+    rows = evaluate(contestants, seeds, shared, processes=processes)
+    write_csv(run / "scores.csv", rows)
+    summary = summarise(rows)
+    write_csv(run / "summary.csv", summary)
+    script = best_script(summary, [*GRID, *SCRIPTS])
+    feed = best_script(summary, GRID)
+    shown = [AGENT, feed, *SCRIPTS, BOUND, *IDLE, UNTRAINED]
+    paired = differences([row for row in rows if row["policy"] in shown], AGENT)
+    write_csv(run / "differences.csv", paired)
+
+    seed = typical(rows, seeds)
+    cuts = [picture(name, contestants[name], seed, shared) for name in (AGENT, script)]
+    draw_cut(
+        run / "cut.png",
+        cuts[0].readings,
+        cuts[0].depth,
+        target_length=cuts[0].target_length,
+        force_limit_per_depth=cuts[0].force_limit_per_depth,
+        title=f"{AGENT} on held-out specimen {seed}: {cuts[0].caption}",
+    )
+    curve = read_rows(run / "learning_curve.csv")
+    validated = [point for point in curve if "validation_return" in point]
+    chosen = max(validated, key=lambda point: point["validation_return"], default=None)
+    write_training_page(
+        run / "report.html",
+        TrainingResult(
+            title=f"Learning to cut gently: {run.name}",
+            subtitle=f"PPO on simulated slices of measured liver, class {arguments['specimen_class']}",
+            facts=shown_facts(facts),
+            summary=[row for row in summary if row["policy"] in shown],
+            differences=paired,
+            agent=AGENT,
+            best_script=script,
+            bound=BOUND,
+            grid=grid_rows(summary),
+            cuts=cuts,
+            curve=curve,
+            chosen_at=None if chosen is None else int(chosen["decisions"]),
+        ),
+    )
+    print(f"\n{len(seeds)} held-out specimens of class {arguments['specimen_class']}, mean [95 % interval]\n")
+    print_table([row for row in summary if row["policy"] in shown], SHOWN[:4] + SHOWN[5:])
+    print_differences([row for row in paired if row["baseline"] in (script, feed, BOUND)])
+    print(f"\nWritten to {run}/: report.html (open it in a browser), policy/ (safetensors and card, needs no torch),")
+    print("scores.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json, cut.png, policy.zip")
+
+
+def typical(rows: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> int:
+    """The specimen on which the agent's return is its median: neither a show-piece nor an accident."""
+    own = sorted((row["return"], row["seed"]) for row in rows if row["policy"] == AGENT)
+    assert len(own) == len(seeds)
+    return int(own[len(own) // 2][1])
+
+
+def picture(name: str, one: Contestant, seed: int, shared: Mapping[str, Any]) -> CutPicture:
+    """A cut of a specimen, to be drawn."""
+    env = gymnasium.make(ENVIRONMENT, **{**shared, **one.arguments})
+    scores, readings = run_cut(env, one.policy, seed)
+    unwrapped: Any = env.unwrapped
+    return CutPicture(
+        policy=name,
+        caption=f"{scores['end']}, return {scores['return']:.2f}, tip error {scores['tip_error_mm']:.1f} mm",
+        readings=readings,
+        depth=np.array(unwrapped.specimen.depth),
+        target_length=unwrapped.cutting.target_length,
+        force_limit_per_depth=unwrapped.force_limit_per_depth,
+    )
+
+
+def grid_rows(summary: Sequence[Mapping[str, Any]]) -> list[dict[str, float]]:
+    """Return and success of every constant feed."""
+    values = {(row["policy"], row["score"]): row for row in summary}
+    return [
+        {
+            "speed_cm_s": speed,
+            "angle_deg": float(angle),
+            **{key: values[name, "return"][key] for key in ("mean", "low_95", "high_95")},
+            "success": values[name, "success"]["mean"],
+        }
+        for name, (speed, angle) in GRID.items()
+    ]
+
+
+def shown_facts(facts: Mapping[str, Any]) -> dict[str, str]:
+    """What a reader of the page wants to know of a run."""
+    arguments = facts["arguments"]
+    result = {
+        "specimen class": arguments["specimen_class"],
+        "held-out specimens": str(arguments["specimens"]),
+        "seed": str(arguments["seed"]),
+        "decisions": f"{arguments['timesteps']:,}".replace(",", " "),
+        "environment": facts["environment"],
+        "commit": facts["commit"] or "unknown",
+    }
+    if "training_minutes" in facts:
+        result["training took"] = f"{facts['training_minutes']} minutes"
+    result |= {f"seeds of {name}": f"{first} to {last}" for name, (first, last) in facts["seeds"].items()}
+    return result | {f"{name} version": version for name, version in facts["versions"].items()}
+
+
+def read_rows(path: Path) -> list[dict[str, float]]:
+    """Rows of numbers from a CSV file; an empty cell is an absent number."""
+    if not path.is_file():
+        return []
+    with path.open() as file:
+        return [{name: float(value) for name, value in row.items() if value} for row in csv.DictReader(file)]
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("run", type=Path, metavar="RUN", help="folder of a finished run")
+    parser.add_argument("--processes", type=int, help="side by side; default one per core")
+    arguments = parser.parse_args()
+    if not (arguments.run / "policy" / "card.json").is_file():
+        raise SystemExit(f"{arguments.run} holds no policy/card.json; give the folder of a finished run.")
+    compare(arguments.run, json.loads((arguments.run / "run.json").read_text()), arguments.processes)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,238 @@
+"""Comparing policies: the same specimens for all, differences of pairs, and a command line that says what is wrong."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import evaluate
+import gymnasium
+import numpy as np
+import pytest
+from evaluate import (
+    ENVIRONMENT,
+    TEST_SEEDS,
+    TRAINING_SEEDS,
+    VALIDATION_SEEDS,
+    Contestant,
+    best_script,
+    by_policy,
+    contestant,
+    differences,
+    mean_with_interval,
+    run_cut,
+    summarise,
+    write_csv,
+)
+
+from cutenv.policy import (
+    BASELINES,
+    ConstantFeed,
+    Features,
+    Network,
+    NoAction,
+    PlannerWithTruth,
+    RandomAction,
+    save_policy,
+)
+from cutenv.task.records import TERMS
+
+PROGRAM = Path(evaluate.__file__)
+
+# Two policies on three specimens: differences of return 0.2, 0.1 and 0.3; of success 1, 0 and 0.
+ROWS = [
+    {"policy": policy, "seed": seed, "end": "finished", "return": value, "success": success}
+    for policy, values in {
+        "ours": [(7, 0.7, 1.0), (8, 0.5, 1.0), (9, 0.9, 0.0)],
+        "theirs": [(9, 0.6, 0.0), (7, 0.5, 0.0), (8, 0.4, 1.0)],  # in another order
+    }.items()
+    for seed, value, success in values
+]
+
+
+def close(row: dict, mean: float, error: float) -> bool:
+    expected = {"mean": mean, "low_95": mean - error, "high_95": mean + error}
+    return all(row[name] == pytest.approx(value, abs=1e-12) for name, value in expected.items())
+
+
+def test_a_mean_has_an_interval_of_1_96_standard_errors():
+    assert close(mean_with_interval([1.0, 2.0, 6.0]), 3.0, 1.96 * math.sqrt(7.0 / 3.0))
+    assert mean_with_interval([1.0, 2.0, 6.0])["cuts"] == 3
+    assert math.isnan(mean_with_interval([1.0])["low_95"])
+
+
+def test_differences_are_those_of_pairs_on_the_same_specimen():
+    of_return, of_success = differences(ROWS, "ours")
+    assert (of_return["policy"], of_return["baseline"], of_return["score"]) == ("ours", "theirs", "return")
+    assert close(of_return, 0.2, 1.96 * 0.1 / math.sqrt(3.0))
+    assert of_success["score"] == "success"
+    assert close(of_success, 1.0 / 3.0, 1.96 * math.sqrt(1.0 / 3.0) / math.sqrt(3.0))
+
+
+def test_pairs_are_told_apart_better_than_means_are():
+    paired, of_means = differences(ROWS, "ours", ["return"])[0], summarise(ROWS)
+    halves = [row["high_95"] - row["mean"] for row in of_means if row["score"] == "return"]
+    assert paired["high_95"] - paired["mean"] < 0.5 * math.hypot(*halves)
+
+
+def test_differences_turn_their_sign_with_their_order_and_spare_oneself():
+    ours, theirs = (differences(ROWS, name, ["return"]) for name in ("ours", "theirs"))
+    assert len(ours) == len(theirs) == 1
+    assert ours[0]["mean"] == pytest.approx(-theirs[0]["mean"])
+
+
+def test_a_policy_that_met_other_specimens_cannot_be_compared():
+    elsewhere = [row | {"seed": row["seed"] + 1} if row["policy"] == "theirs" else row for row in ROWS]
+    with pytest.raises(KeyError):
+        differences(elsewhere, "ours")
+
+
+def test_a_summary_has_every_number_of_every_policy_and_no_text():
+    summary = summarise(ROWS)
+    assert [(row["policy"], row["score"]) for row in summary] == [
+        (policy, score) for policy in ("ours", "theirs") for score in ("return", "success")
+    ]
+    assert summary[0]["mean"] == pytest.approx(0.7)
+    assert list(by_policy(ROWS)) == ["ours", "theirs"]
+    assert best_script(summary, ["theirs", "ours", "nobody"]) == "ours"
+    assert best_script(summary, ["theirs"]) == "theirs"
+
+
+def test_seeds_for_training_validation_and_test_are_disjoint():
+    for one, other in itertools.combinations((TRAINING_SEEDS, VALIDATION_SEEDS, TEST_SEEDS), 2):
+        assert max(one[0], other[0]) > min(one[-1], other[-1])
+
+
+CONTESTANTS = {"feed": Contestant(ConstantFeed(speed=0.02)), "random": Contestant(RandomAction())}
+SHORT = {"deadline_s": 1.0, "specimen_class": "mixed"}
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[dict]:
+    return evaluate.evaluate(CONTESTANTS, TEST_SEEDS[:12], SHORT, processes=1)
+
+
+def test_two_processes_give_the_rows_that_one_gives(rows):
+    assert evaluate.evaluate(CONTESTANTS, TEST_SEEDS[:12], SHORT, processes=2) == rows
+
+
+def test_rows_come_in_order_and_all_meet_the_same_specimens(rows):
+    assert [(row["policy"], row["seed"]) for row in rows] == [
+        (name, seed) for name in CONTESTANTS for seed in TEST_SEEDS[:12]
+    ]
+    one, other = by_policy(rows).values()
+    for score in ("specimen_class", "target_length_mm"):
+        assert [row[score] for row in one] == [row[score] for row in other]
+    assert len({row["target_length_mm"] for row in one}) == 12
+
+
+def test_a_row_is_the_cut_that_one_gets_alone_whatever_was_cut_before(rows):
+    env = gymnasium.make(ENVIRONMENT, **SHORT)
+    alone, readings = run_cut(env, RandomAction(), TEST_SEEDS[5])
+    assert {"policy": "random", **alone} == rows[12 + 5]
+    assert len(readings) == 1000
+    assert alone["return"] == pytest.approx(sum(alone[f"reward_{term}"] for term in TERMS), abs=1e-12)
+    assert alone["peak_force_N"] == readings["true_force"].max()
+    assert alone["end"] == "deadline"
+
+
+def test_a_policy_that_sees_the_truth_is_shown_it_and_no_other():
+    shown = []
+
+    class Planner(PlannerWithTruth):
+        def look_into(self, cutting):
+            shown.append(cutting)
+            super().look_into(cutting)
+
+    env = gymnasium.make(ENVIRONMENT, deadline_s=2.0)
+    run_cut(env, Planner(rounds=0), 0)
+    assert shown == [env.unwrapped.cutting]
+    run_cut(env, NoAction(), 0)
+    assert len(shown) == 1
+
+
+def test_csv_files_are_read_back_as_written(tmp_path, rows):
+    path = tmp_path / "scores.csv"
+    write_csv(path, rows)
+    with path.open() as file:
+        again = list(csv.DictReader(file))
+    assert [float(row["return"]) for row in again] == [row["return"] for row in rows]
+    assert list(again[0]) == list(rows[0])
+    assert [each.name for each in tmp_path.iterdir()] == ["scores.csv"], "no part is left"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A trained policy, if random weights were training."""
+    pytest.importorskip("safetensors", reason="policies are kept with an extra: pip install 'cutenv[rl]'")
+    rng, size = np.random.default_rng(0), Features(history=2).size
+    layers = tuple(
+        (0.1 * rng.standard_normal((after, before)).astype(np.float32), np.zeros(after, np.float32))
+        for before, after in ((size, 8), (8, 2))
+    )
+    save_policy(
+        tmp_path / "policy",
+        Network(layers),
+        environment=ENVIRONMENT,
+        environment_arguments={"control_hz": 10},
+        features={"history": 2},
+        dead_zone=0.25,
+        training={},
+    )
+    return tmp_path / "policy"
+
+
+def test_a_folder_is_a_policy_in_the_environment_that_it_needs(folder):
+    given = contestant(str(folder))
+    assert given.arguments == {"control_hz": 10}
+    env = gymnasium.make(ENVIRONMENT, **given.arguments)
+    assert math.isfinite(run_cut(env, given.policy, 0)[0]["return"])
+
+
+def test_a_baseline_is_known_by_name_and_what_is_neither_is_refused_with_a_list():
+    assert isinstance(contestant("nothing").policy, NoAction)
+    with pytest.raises(SystemExit) as refusal:
+        contestant("probe and crep")
+    assert "'probe and crep' is neither a baseline nor a folder" in str(refusal.value)
+    assert "probe and creep" in str(refusal.value)
+
+
+def run_here(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> None:
+    monkeypatch.setattr(sys, "argv", ["evaluate.py", *arguments])
+    evaluate.main()
+
+
+def test_the_list_names_every_baseline(monkeypatch, capsys):
+    run_here(monkeypatch, "--list")
+    assert capsys.readouterr().out.splitlines() == list(BASELINES)
+
+
+@pytest.mark.parametrize("number", ["1", "0", "-3", "1000001"])
+def test_a_number_of_specimens_that_makes_no_sense_is_refused(monkeypatch, number):
+    with pytest.raises(SystemExit, match=f"--specimens {number} is outside 2 to 1000000"):
+        run_here(monkeypatch, "nothing", "--specimens", number)
+
+
+def test_a_class_that_is_none_is_refused(monkeypatch, capsys):
+    with pytest.raises(SystemExit):
+        run_here(monkeypatch, "nothing", "--specimen-class", "livr")
+    assert "livr" in capsys.readouterr().err
+
+
+def test_the_program_compares_a_trained_policy_with_a_baseline(folder, tmp_path):
+    arguments = (str(folder), "nothing", "--specimens", "2", "--processes", "1", "--out", "scores")
+    done = subprocess.run(
+        [sys.executable, str(PROGRAM), *arguments],
+        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "2 held-out specimens of class mixed" in done.stdout
+    assert f"{folder} minus each other on the same specimens" in done.stdout
+    assert {path.name for path in (tmp_path / "scores").iterdir()} == {"scores.csv", "summary.csv", "differences.csv"}
+    with (tmp_path / "scores" / "scores.csv").open() as file:
+        scores = list(csv.DictReader(file))
+    assert [int(row["seed"]) for row in scores] == [*TEST_SEEDS[:2]] * 2
