@@ -4,41 +4,39 @@
     python agents/ppo.py --quick             about a minute
     python agents/ppo.py --resume runs/NAME  goes on from the checkpoint of an interrupted run
 
-The agent decides 10 times a second: a cut is then some 80 decisions, and gamma = 0.995 looks 200 of them ahead, so that
-the end of the cut counts at its beginning (0.995^80 = 0.67) without the variance of gamma = 1.  It sees features that a
-person would work out, and a short history; its critic sees the hidden state too, which training needs and cutting does
-not.  Every so often it is tried on validation specimens; the best of these checkpoints is kept.
+The agent decides 10 times a second: a cut is then some 80 decisions.  gamma = 0.999 has a horizon of 1000 of them, so
+that the end of a cut counts at its beginning (0.999^80 = 0.92); with 0.995 progress made early is worth more, and the
+agent learns a haste that the reward does not ask for.  It sees features that a person would work out, and a short
+history; its critic sees the hidden state too, which training needs and cutting does not.
+
+It starts as a clone of the best script and learns on by trial; for a while only the critic does, because one that knows
+nothing would spoil the clone.  Exploration is given and falls: a policy that may keep its noise leans on it.  What is
+tried on validation specimens, and kept where it does best, is the running average of the actor.
 """
 
 from __future__ import annotations
 
 import argparse
-import contextlib
 import dataclasses
 import importlib.metadata
 import json
-import math
 import os
 import platform
 import subprocess
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numba
-import numpy as np
 import torch
 from cloning import clone, demonstrations
 from compare import compare, read_rows
 from evaluate import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, write_csv
+from progress import Progress, save
+from seeing_critic import SeeingCritic, actor_parameters
 from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.policies import ActorCriticPolicy
-from torch import nn
-from tqdm import tqdm
 from vectorised import CutVecEnv
 
 from cutenv.policy import BASELINES, SCRIPTS, Network, save_policy
@@ -124,52 +122,6 @@ class Arguments:
         return CutVecEnv(seeds, history=self.history, dead_zone=self.dead_zone, **self.environment)
 
 
-class Extractor(nn.Module):
-    """Two towers of tanh layers: the policy's sees the features, the critic's the hidden state as well."""
-
-    def __init__(self, features: int, everything: int, hidden: int) -> None:
-        super().__init__()
-        self._features = features
-        self.policy_net, self.value_net = _tower(features, hidden), _tower(everything, hidden)
-        self.latent_dim_pi = self.latent_dim_vf = hidden
-
-    def forward(self, seen: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Latent values of policy and critic."""
-        return self.forward_actor(seen), self.forward_critic(seen)
-
-    def forward_actor(self, seen: torch.Tensor) -> torch.Tensor:
-        """Latent values of the policy, from the features alone."""
-        return self.policy_net(seen[..., : self._features])
-
-    def forward_critic(self, seen: torch.Tensor) -> torch.Tensor:
-        """Latent values of the critic."""
-        return self.value_net(seen)
-
-
-def _tower(inputs: int, hidden: int) -> nn.Sequential:
-    return nn.Sequential(nn.Linear(inputs, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh())
-
-
-class SeeingCritic(ActorCriticPolicy):
-    """SB3's policy with :class:`Extractor`."""
-
-    def __init__(self, *args: Any, features: int, hidden: int, **kwargs: Any) -> None:
-        self._sizes = features, hidden
-        super().__init__(*args, **kwargs)
-
-    def _build_mlp_extractor(self) -> None:
-        features, hidden = self._sizes
-        self.mlp_extractor = Extractor(features, self.features_dim, hidden)
-
-    def _build(self, lr_schedule: Any) -> None:
-        super()._build(lr_schedule)
-        self.log_std.requires_grad_(False)  # see Progress
-
-    def _get_constructor_parameters(self) -> dict[str, Any]:
-        features, hidden = self._sizes
-        return super()._get_constructor_parameters() | {"features": features, "hidden": hidden}
-
-
 @dataclass(frozen=True)
 class LinearDecay:
     """A rate that falls linearly to a twentieth as training goes on."""
@@ -216,122 +168,6 @@ def cloned(model: PPO, arguments: Arguments) -> None:
         seed=arguments.seed,
     )
     print(f"the clone's actions differ from those of {arguments.script!r} by {error:.3f} (root of the mean square)")
-
-
-def actor_parameters(model: PPO) -> list[nn.Parameter]:
-    """The parameters of the actor; it shares none with the critic."""
-    return [*model.policy.mlp_extractor.policy_net.parameters(), *model.policy.action_net.parameters()]
-
-
-def validate(model: PPO, arguments: Arguments) -> tuple[float, float]:
-    """Mean return and success of the most likely actions on the validation specimens."""
-    seeds = arguments.validation_seeds
-    environments = arguments.environments_at(seeds)
-    observations = environments.reset()
-    results: dict[int, tuple[float, float]] = {}
-    while len(results) < len(seeds):
-        actions, _ = model.predict(observations, deterministic=True)
-        observations, _, dones, infos = environments.step(actions)
-        for n in np.flatnonzero(dones):
-            results.setdefault(int(n), (infos[n]["episode"]["r"], float(infos[n]["is_success"])))
-    returns, successes = zip(*results.values(), strict=True)
-    return float(np.mean(returns)), float(np.mean(successes))
-
-
-class Progress(BaseCallback):
-    """Progress bar, learning curve, checkpoints, and the best of them by validation."""
-
-    def __init__(self, run: Path, arguments: Arguments, curve: list[dict[str, float]]) -> None:
-        super().__init__()
-        self._run, self._arguments, self.curve = run, arguments, curve
-        self.averages: list[torch.Tensor] = []
-        self._saved = time.monotonic()
-        self._every = max(arguments.timesteps // arguments.validations, 1)
-
-    def average(self) -> None:
-        """Follow the actor's parameters at a distance: their average cuts better, and less by chance, than the last."""
-        present = [parameter.detach() for parameter in actor_parameters(self.model)]
-        if not self.averages:
-            self.averages = [parameter.clone() for parameter in present]
-        for average, parameter in zip(self.averages, present, strict=True):
-            average.lerp_(parameter, self._arguments.averaging)
-
-    @contextlib.contextmanager
-    def averaged(self) -> Iterator[None]:
-        """The model with the average for its actor."""
-        actor = actor_parameters(self.model)
-        present = [parameter.detach().clone() for parameter in actor]
-        self.assign(self.averages or present)
-        try:
-            yield
-        finally:
-            self.assign(present)
-
-    def assign(self, values: list[torch.Tensor]) -> None:
-        """Give the actor these parameters."""
-        with torch.no_grad():
-            for parameter, value in zip(actor_parameters(self.model), values, strict=True):
-                parameter.copy_(value)
-
-    def _on_training_start(self) -> None:
-        self._bar = tqdm(
-            total=self._arguments.timesteps,
-            initial=self.num_timesteps,
-            desc="training",
-            unit="decision",
-            smoothing=0.05,
-        )
-        self._next = (self.num_timesteps // self._every + 1) * self._every
-
-    def _on_rollout_start(self) -> None:
-        # Given, not learned: a policy that may keep its noise learns to lean on it, and stalls without.
-        self.average()
-        a = self._arguments
-        share = min(self.num_timesteps / a.timesteps, 1.0)
-        for parameter in actor_parameters(self.model):  # a critic that knows nothing yet would spoil a clone
-            parameter.requires_grad_(not a.demonstrations or share >= a.critic_first)
-        deviation = a.exploration * (a.last_exploration / a.exploration) ** share
-        self.model.policy.log_std.data.fill_(math.log(deviation))
-
-    def _on_step(self) -> bool:
-        return True
-
-    def _on_rollout_end(self) -> None:
-        episodes = self.model.ep_info_buffer or []
-        if episodes:
-            mean_return = float(np.mean([episode["r"] for episode in episodes]))
-            success = float(np.mean(self.model.ep_success_buffer or [0.0]))
-            self.curve.append({"decisions": float(self.num_timesteps), "return": mean_return, "success": success})
-            self._bar.set_postfix_str(f"return {mean_return:.2f}, success {success:.2f}")
-        if self.num_timesteps >= self._next:
-            self._next += self._every
-            self.validate()
-        self._bar.update(min(self.num_timesteps, self._bar.total) - self._bar.n)
-        if time.monotonic() - self._saved > self._arguments.checkpoint_seconds:
-            save(self.model, self._run / "checkpoint.zip")
-            write_csv(self._run / "learning_curve.csv", self.curve)
-            self._saved = time.monotonic()
-
-    def validate(self) -> None:
-        """Try the agent on the validation specimens, and keep it if it is the best so far."""
-        best = max((point.get("validation_return", -np.inf) for point in self.curve), default=-np.inf)
-        with self.averaged():
-            mean_return, success = validate(self.model, self._arguments)
-            if self.curve:  # else no cut has been finished yet
-                self.curve[-1] |= {"validation_return": mean_return, "validation_success": success}
-            if mean_return > best:
-                save(self.model, self._run / "policy.zip")
-                write_csv(self._run / "learning_curve.csv", self.curve)
-
-    def _on_training_end(self) -> None:
-        self._bar.close()
-
-
-def save(model: Any, path: Path) -> None:
-    """Save a model all at once: an interruption leaves the last whole checkpoint."""
-    part = path.with_name(path.stem + ".part.zip")
-    model.save(part)
-    part.replace(path)
 
 
 def train(arguments: Arguments, run: Path, resume: bool) -> bool:

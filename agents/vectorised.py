@@ -21,7 +21,7 @@ from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.policy.features import extract_batch, feature_count, forget, new_memory, past_dead_zone
 from cutenv.task.assessment import succeeded
 from cutenv.task.batch import HIDDEN, reveal_all, step_all
-from cutenv.task.observation import BOUND, COMPONENTS, to_action
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, BOUND, COMPONENTS
 from cutenv.task.records import ENDS, TERMS
 
 
@@ -41,12 +41,12 @@ class CutVecEnv(VecEnv):
     """
 
     def __init__(self, seeds: Sequence[int], *, history: int, dead_zone: float, **arguments: Any) -> None:
-        self._seeds, self.dead_zone = list(seeds), dead_zone
-        n = len(self._seeds)
+        self._specimen_seeds, self.dead_zone = list(seeds), dead_zone
+        n = len(self._specimen_seeds)
         self._drawers = [GentleCutEnv(**arguments) for _ in range(n)]  # draw specimens; their cuts are made here
         self.features = feature_count(history)
         fixed = math.radians(arguments.get("fixed_angle_deg", 90.0))
-        self._fixed_angle = to_action(0.0, fixed)[1] if arguments.get("angle_mode") == "fixed" else None
+        self._fixed_angle = (fixed - ANGLE_CENTRE) / ANGLE_SCALE if arguments.get("angle_mode") == "fixed" else None
         self._memory, self._frames = new_memory(n, history)
         self.observations = np.zeros((n, len(COMPONENTS)), np.float32)
         self._hidden = np.zeros((n, len(HIDDEN)))
@@ -54,7 +54,7 @@ class CutVecEnv(VecEnv):
         self._returns, self._lengths = np.zeros(n), np.zeros(n, int)
         self._begun = time.monotonic()
         self._actions = np.zeros((n, 2))
-        first = self._draw(0, self._seeds[0])
+        first = self._draw(0, self._specimen_seeds[0])
         self._records = [np.repeat(record, n, axis=0) for record in first]
         self._readings = np.zeros((n, self._drawers[0].cutting.ticks), READING)
         super().__init__(
@@ -88,7 +88,7 @@ class CutVecEnv(VecEnv):
 
     def reset(self) -> np.ndarray:
         """Begin every environment anew at its seed's first episode."""
-        for n, seed in enumerate(self._seeds):
+        for n, seed in enumerate(self._specimen_seeds):
             self._restart(n, seed)
         return self._see(0, self.num_envs)
 
