@@ -13,7 +13,7 @@ from cutenv.validation import in_range
 
 UPRIGHT = math.pi / 2
 _DECELERATION = 0.1  # [m/s2]
-_REACTION = 0.060  # [s]: the drive's lag, and half a decision at 50 Hz
+_REACTION = 0.060  # [s]: some 50 ms more than the rig needs; every script's margin was tuned with it
 _NAMES = [component.name for component in COMPONENTS]
 _FORCE, _POSITION, _SPEED, _DISTANCE = (_NAMES.index(name) for name in ("force", "position", "speed", "distance"))
 
