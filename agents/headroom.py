@@ -4,8 +4,8 @@
     python agents/headroom.py --print              prints what is in runs/headroom/
 
 The draft is printed beside because it was found wanting, and corrected before any agent was trained: see
-:data:`cutenv.task.weights.DRAFT`.  Nobody's cuts depend on the reward but the planner's that knows the truth; it plans
-anew for either, and all others are paid by either for the same cuts.
+:data:`cutenv.task.weights.DRAFT`.  Nobody's cuts depend on the reward but the planner's that knows the truth; in class
+mixed, where the draft was judged, it plans anew for either; everything else is paid by either for the same cuts.
 """
 
 from __future__ import annotations
@@ -46,6 +46,10 @@ def measure(specimen_class: str, specimens: int, processes: int | None) -> list[
     seeds, shared = TEST_SEEDS[:specimens], {"specimen_class": specimen_class}
     contestants = {name: Contestant(make()) for name, make in BASELINES.items()}
     rows = evaluate(contestants, seeds, shared, processes=processes, description=specimen_class)
+    if specimen_class != "mixed":  # where the draft was judged
+        for row in rows:
+            row["draft_return"], row["draft_end"] = repaid(row, DRAFT), row["end"]
+        return rows
     drafted = shared | {f"weight_{name}": weight for name, weight in dataclasses.asdict(DRAFT).items()}
     bound = {BOUND: contestants[BOUND]}
     planned = evaluate(bound, seeds, drafted, processes=processes, description=f"{specimen_class}, draft")

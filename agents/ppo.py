@@ -59,7 +59,7 @@ class Arguments:
 
     name: str = option("", "folder below runs/; default: date and time")
     seed: int = option(0, "of networks, exploration and training specimens")
-    timesteps: int = option(5_000_000, "decisions to train for")
+    timesteps: int = option(4_000_000, "decisions to train for")
     specimen_class: str = option("mixed", "tissue to train and test on", CLASSES)
     angle_mode: str = option("free", "whether the agent turns the blade", ("free", "fixed"))
     control_hz: int = option(10, "decisions per second")
@@ -69,7 +69,7 @@ class Arguments:
     rollout: int = option(128, "decisions of each environment between updates")
     batch_size: int = option(512, "decisions of a gradient step")
     epochs: int = option(8, "passes over a rollout")
-    learning_rate: float = option(5e-4, "at the start; falls linearly to a twentieth")
+    learning_rate: float = option(2.5e-4, "at the start; falls linearly to a twentieth")
     gamma: float = option(0.999, "discount of a decision")
     gae_lambda: float = option(0.95, "of the generalised advantage estimate")
     averaging: float = option(0.03, "share of the actor that its running average takes over at every update")
@@ -81,7 +81,7 @@ class Arguments:
     exploration: float = option(0.15, "standard deviation of the actions at the start")
     last_exploration: float = option(0.05, "and at the end; falls by the same factor in equal times")
     validation_specimens: int = option(200, "on which checkpoints are compared")
-    validations: int = option(20, "times that this is done")
+    validations: int = option(16, "times that this is done")
     specimens: int = option(200, "held-out specimens of the evaluation")
     checkpoint_seconds: float = option(20.0, "between checkpoints")
 
