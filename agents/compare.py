@@ -33,13 +33,17 @@ from evaluate import (
 from cutenv.policy import BASELINES, BOUND, GRID, IDLE, SCRIPTS, RandomAction
 from cutenv.report import CutPicture, TrainingResult, draw_cut, write_training_page
 
+TEXTS = ("policy", "specimen_class", "end")
 AGENT, UNTRAINED = "PPO", "PPO untrained"
 
 
-def compare(run: Path, facts: Mapping[str, Any], processes: int | None = None) -> None:
+def compare(
+    run: Path, facts: Mapping[str, Any], *, processes: int | None = None, baselines_of: Path | None = None
+) -> None:
     """Evaluate the agent of a run beside all baselines; write and print the scores, draw a cut, write the page.
 
-    ``facts`` is what ``run.json`` holds; everything is written into ``run``.
+    ``facts`` is what ``run.json`` holds; everything is written into ``run``.  ``baselines_of`` is another run on the
+    same specimens, whose baselines are taken over instead of being run again: they cut the same.
     """
     arguments = facts["arguments"]
     seeds = TEST_SEEDS[: arguments["specimens"]]
@@ -51,7 +55,10 @@ def compare(run: Path, facts: Mapping[str, Any], processes: int | None = None) -
         "random": Contestant(RandomAction(), rate),  # as often as the agent: rarer changes go further
         UNTRAINED: contestant(str(run / "untrained")),
     }
-    rows = evaluate(contestants, seeds, shared, processes=processes)
+    own = {name: one for name, one in contestants.items() if baselines_of is None or name in (AGENT, UNTRAINED)}
+    rows = evaluate(own, seeds, shared, processes=processes)
+    if baselines_of is not None:
+        rows += known_rows(baselines_of / "scores.csv", [name for name in contestants if name not in own], seeds)
     write_csv(run / "scores.csv", rows)
     summary = summarise(rows)
     write_csv(run / "summary.csv", summary)
@@ -96,6 +103,20 @@ def compare(run: Path, facts: Mapping[str, Any], processes: int | None = None) -
     print_differences([row for row in paired if row["baseline"] in (script, feed, BOUND)])
     print(f"\nWritten to {run}/: report.html (open it in a browser), policy/ (safetensors and card, needs no torch),")
     print("scores.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json, cut.png, policy.zip")
+
+
+def known_rows(path: Path, policies: Sequence[str], seeds: Sequence[int]) -> list[dict[str, Any]]:
+    """Rows of another comparison; SystemExit unless they are of the same specimens."""
+    with path.open() as file:
+        rows = [row for row in csv.DictReader(file) if row["policy"] in policies]
+    result: list[dict[str, Any]] = [
+        {name: value if name in TEXTS else float(value) for name, value in row.items()} | {"seed": int(row["seed"])}
+        for row in rows
+    ]
+    for policy in policies:
+        if [row["seed"] for row in result if row["policy"] == policy] != list(seeds):
+            raise SystemExit(f"{path} holds other specimens of {policy!r} than those asked for; compare without it.")
+    return result
 
 
 def typical(rows: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> int:
@@ -164,10 +185,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("run", type=Path, metavar="RUN", help="folder of a finished run")
     parser.add_argument("--processes", type=int, help="side by side; default one per core")
+    parser.add_argument("--baselines-of", type=Path, metavar="RUN", help="take over the baselines of another run")
     arguments = parser.parse_args()
     if not (arguments.run / "policy" / "card.json").is_file():
         raise SystemExit(f"{arguments.run} holds no policy/card.json; give the folder of a finished run.")
-    compare(arguments.run, json.loads((arguments.run / "run.json").read_text()), arguments.processes)
+    facts = json.loads((arguments.run / "run.json").read_text())
+    compare(arguments.run, facts, processes=arguments.processes, baselines_of=arguments.baselines_of)
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import csv
 import math
 import multiprocessing
 import os
+import threading
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
@@ -82,6 +83,18 @@ def run_cut(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> tuple[di
     return scores, readings
 
 
+def _end_with_parent() -> None:
+    """A worker whose parent was killed would wait for work for ever."""
+
+    def watch() -> None:
+        parent = multiprocessing.parent_process()
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
 def _cuts(contestant: Contestant, arguments: Mapping[str, Any], seeds: Sequence[int]) -> list[dict[str, Any]]:
     env = gymnasium.make(ENVIRONMENT, **{**arguments, **contestant.arguments})
     rows = [run_cut(env, contestant.policy, seed)[0] for seed in seeds]
@@ -108,7 +121,7 @@ def evaluate(
     context = multiprocessing.get_context("spawn")
     with (
         tqdm(total=len(contestants) * len(seeds), desc=description, unit="cut") as bar,
-        ProcessPoolExecutor(processes or os.cpu_count(), context) as pool,
+        ProcessPoolExecutor(processes or os.cpu_count(), context, initializer=_end_with_parent) as pool,
     ):
         futures = {pool.submit(_cuts, contestants[name], arguments, chunks[k]): (name, k) for name, k in jobs}
         try:

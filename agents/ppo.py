@@ -1,7 +1,7 @@
 """Train an agent to cut gently with PPO (Stable-Baselines3), compare it with every baseline, report.
 
     python agents/ppo.py                     about 10 minutes on 2 cores; writes runs/<name>/
-    python agents/ppo.py --quick             about a minute
+    python agents/ppo.py --quick             about two minutes
     python agents/ppo.py --resume runs/NAME  goes on from the checkpoint of an interrupted run
 
 The agent decides 10 times a second: a cut is then some 80 decisions.  gamma = 0.999 has a horizon of 1000 of them, so
@@ -261,7 +261,7 @@ def parse() -> tuple[Arguments, Path, bool]:
             metavar=None if field.metadata["choices"] else kind.__name__.upper(),
             help=field.metadata["help"] + default,
         )
-    parser.add_argument("--quick", action="store_true", help="about a minute in all: 400 000 decisions, 30 specimens")
+    parser.add_argument("--quick", action="store_true", help="about two minutes in all: 400 000 decisions, 30 specimens")
     parser.add_argument("--resume", type=Path, metavar="RUN", help="folder of an interrupted run to go on with")
     given = vars(parser.parse_args())
     quick, resume = given.pop("quick"), given.pop("resume")

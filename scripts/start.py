@@ -3,7 +3,7 @@
 
 usage: python3 scripts/start.py COMMAND [--torch-index URL] [--accept-cuda] [ARGUMENT ...]
 
-  train   set up, then run agents/ppo.py with the arguments (--quick: about a minute)
+  train   set up, then run agents/ppo.py with the arguments (--quick: about two minutes)
   test    set up, then run pytest with the arguments
   setup   set up only
 

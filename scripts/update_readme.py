@@ -42,6 +42,7 @@ from cutenv.tissue.specimen import CLASSES
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "agents"))
 import headroom  # noqa: E402  a program, not a package
+from evaluate import mean_with_interval  # noqa: E402
 
 SCORES = ("return", "success", "tip_error_mm", "peak_force_N", "time_s")
 
@@ -140,14 +141,29 @@ def each_seed(runs: list[Path]) -> str:
                 interval(paired[BOUND, "return"], 3),
             )
         )
+    rows.append(("all", "", "", script, interval(together(runs, agent, script), 3), "", ""))
     header = ("seed", "return", "success", "best script", "agent minus script: return", "success", "agent minus bound")
     return markdown(header, rows)
+
+
+def together(runs: list[Path], agent: str, script: str) -> dict[str, str]:
+    """Paired difference of the return, averaged over the runs before the interval over specimens is taken."""
+    by_seed: dict[str, list[float]] = {}
+    for run in runs:
+        scores = {(row["policy"], row["seed"]): float(row["return"]) for row in read_csv(run / "scores.csv")}
+        for policy, seed in scores:
+            if policy == agent:
+                by_seed.setdefault(seed, []).append(scores[agent, seed] - scores[script, seed])
+    assert all(len(values) == len(runs) for values in by_seed.values()), "runs of different specimens"
+    pooled = mean_with_interval(np.mean(values) for values in by_seed.values())
+    return {name: str(value) for name, value in pooled.items()}
 
 
 def headroom_block(_: argparse.Namespace) -> str:
     """What ``agents/headroom.py`` has measured."""
     printed = []
-    for specimen_class in reversed(CLASSES):
+    measured = [name for name in reversed(CLASSES) if (ROOT / headroom.FOLDER / f"{name}.csv").is_file()]
+    for specimen_class in measured or CLASSES:
         rows = headroom.kept(ROOT / headroom.FOLDER, specimen_class)
         printed.append(headroom.report(rows, specimen_class))
     return "```\n" + "\n\n".join(printed) + "\n```"
