@@ -261,7 +261,7 @@ def parse() -> tuple[Arguments, Path, bool]:
             metavar=None if field.metadata["choices"] else kind.__name__.upper(),
             help=field.metadata["help"] + default,
         )
-    parser.add_argument("--quick", action="store_true", help="about two minutes in all: 400 000 decisions, 30 specimens")
+    parser.add_argument("--quick", action="store_true", help="two minutes in all: 400 000 decisions, 30 specimens")
     parser.add_argument("--resume", type=Path, metavar="RUN", help="folder of an interrupted run to go on with")
     given = vars(parser.parse_args())
     quick, resume = given.pop("quick"), given.pop("resume")
