@@ -20,7 +20,6 @@ import argparse
 import dataclasses
 import importlib.metadata
 import json
-import os
 import platform
 import subprocess
 import time
@@ -29,7 +28,6 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
-import numba
 import torch
 from cloning import clone, demonstrations
 from compare import compare, read_rows
@@ -173,7 +171,6 @@ def cloned(model: PPO, arguments: Arguments) -> None:
 def train(arguments: Arguments, run: Path, resume: bool) -> bool:
     """Train; return whether training came to its end."""
     torch.set_num_threads(1)  # two pools of threads on two cores fight
-    numba.set_num_threads(max((os.cpu_count() or 1) - 1, 1))  # one core left free: threads that wait for it cost more
     checkpoint = run / "checkpoint.zip"
     if resume:
         environments = arguments.environments_at(arguments.training_seeds)

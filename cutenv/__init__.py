@@ -9,4 +9,8 @@ import gymnasium
 
 __version__ = "0.1.0"
 
-gymnasium.register(id="cutenv/GentleCut-v0", entry_point="cutenv.envs.gentle_cut:GentleCutEnv")
+gymnasium.register(
+    id="cutenv/GentleCut-v0",
+    entry_point="cutenv.envs.gentle_cut:GentleCutEnv",
+    vector_entry_point="cutenv.envs.vector:GentleCutVectorEnv",
+)

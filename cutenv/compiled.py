@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -58,6 +59,7 @@ def _user_cache() -> Path:
 
 
 _FOLDER = kernel_folder()
+_announced = bool(os.environ.get("NUMBA_DISABLE_JIT"))
 
 
 def compiled(function: Function) -> Function:
@@ -65,21 +67,32 @@ def compiled(function: Function) -> Function:
 
     With the environment variable ``NUMBA_DISABLE_JIT=1`` it stays plain Python, which the tests compare with.
     """
-    return _compiled(function, parallel=False)
+    return _compiled(function, nogil=False)
 
 
-def compiled_parallel(function: Function) -> Function:
-    """Like :func:`compiled`, with ``numba.prange`` loops spread over the cores."""
-    return _compiled(function, parallel=True)
+def compiled_for_cores(function: Function) -> Function:
+    """Like :func:`compiled`, and other threads run meanwhile: for loops that are worth one; see :mod:`cutenv.cores`."""
+    return _compiled(function, nogil=True)
 
 
-def _compiled(function: Function, *, parallel: bool) -> Function:
+def announce(*kernels: Callable[..., Any]) -> None:
+    """Say on stderr that the first use will take its time, if one of these kernels is not yet on disk; once."""
+    global _announced
+    if _announced or _FOLDER is None:
+        return
+    if all(hasattr(k, "py_func") and any(_FOLDER.rglob(f"*.{k.__name__}-*.nbi")) for k in kernels):
+        return
+    _announced = True
+    print(f"{_PACKAGE.name}: compiling for this machine; takes some seconds, once.", file=sys.stderr, flush=True)
+
+
+def _compiled(function: Function, *, nogil: bool) -> Function:
     # Numba reads the folder once, when it decorates; other packages' kernels stay where they are.
     settings: Any = numba.config
     before = settings.CACHE_DIR
     settings.CACHE_DIR = "" if _FOLDER is None else str(_FOLDER)
     try:
-        decorate = numba.njit(cache=_FOLDER is not None, fastmath=False, error_model="python", parallel=parallel)
+        decorate = numba.njit(cache=_FOLDER is not None, fastmath=False, error_model="numpy", nogil=nogil)
         return cast(Function, decorate(function))
     finally:
         settings.CACHE_DIR = before

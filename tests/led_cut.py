@@ -116,7 +116,7 @@ def lead_by(
     """Like :func:`lead`, by another law: plain Python on plain objects."""
     angles = _along(positions, angles)
     profile, law = profile_records([specimen])[0], law_records([specimen])[0]
-    points = [SimpleNamespace(**dict(zip(profile.dtype.names, p, strict=True))) for p in profile.tolist()]
+    along = SimpleNamespace(**{name: profile[name].tolist() for name in profile.dtype.names})
     constants = SimpleNamespace(**{name: law[name].item() for name in LAW.names})
     states = new_state(len(positions) + 1, angles[0])
     state = SimpleNamespace(**{name: states[0][name].item() for name in STATE.names})
@@ -124,7 +124,7 @@ def lead_by(
     path = zip(np.asarray(positions, dtype=float).tolist(), angles.tolist(), strict=True)
     for i, (x, angle) in enumerate(path):
         dx = x - state.blade
-        elastic, friction, jump = law_module.cut(state, points, constants, dx, angle, dt)
+        elastic, friction, jump = law_module.cut(state, along, constants, dx, angle, dt)
         states[i + 1] = tuple(vars(state)[name] for name in STATE.names)
         force = elastic + friction
         readings[i] = ((i + 1) * dt, force, state.blade, dx / dt, angle, force, elastic, state.tip, jump)

@@ -101,9 +101,15 @@ def next_angle(state: Record, drive: Record, target: float, dt: float) -> float:
 
 
 @compiled
-def advance_command(state: Record, drive: Record, target: float, dt: float) -> None:
-    """Follow a commanded speed [m/s] through the velocity loop's lag and acceleration limit."""
-    change = (target - state.hand_speed) * (1.0 - math.exp(-dt / drive.lag))
+def made_up(drive: Record, dt: float) -> float:
+    """The share of what is missing to the commanded speed that the velocity loop makes up in ``dt`` [1]."""
+    return 1.0 - math.exp(-dt / drive.lag)
+
+
+@compiled
+def advance_command(state: Record, drive: Record, share: float, target: float, dt: float) -> None:
+    """Follow a commanded speed [m/s] through the velocity loop, ``share`` of :func:`made_up`, and its limit."""
+    change = (target - state.hand_speed) * share
     limit = drive.acceleration * dt
     speed = state.hand_speed + min(max(change, -limit), limit)
     if target == 0.0 and abs(speed) < _AT_REST:
@@ -117,13 +123,15 @@ def advance_command(state: Record, drive: Record, target: float, dt: float) -> N
 
 
 @compiled
-def motion(state: Record, drive: Record, target: float, elastic: float, friction: float, dt: float) -> float:
+def motion(
+    state: Record, drive: Record, share: float, target: float, elastic: float, friction: float, dt: float
+) -> float:
     """Displacement of the blade [m] in ``dt`` under a commanded speed; sets ``state.speed`` to its speed.
 
     The rig's blade goes where the carriage goes.  The hand's blade is a mass on a spring and a damper that the tissue's
     ``elastic`` force pulls back and ``friction`` (its size) slows, but never reverses; semi-implicit Euler.
     """
-    advance_command(state, drive, target, dt)
+    advance_command(state, drive, share, target, dt)
     if drive.mass <= 0.0:
         dx = state.hand - state.blade
         state.speed = dx / dt

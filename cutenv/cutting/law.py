@@ -17,47 +17,47 @@ from __future__ import annotations
 import math
 
 from cutenv.compiled import compiled
-from cutenv.cutting.records import Record, Records
-from cutenv.tissue.specimen import SPACING
+from cutenv.cutting.records import Record
+from cutenv.tissue.specimen import N_POINTS, POINTS_PER_METRE
 
 _SOFTEST = 0.1  # of K: where a force that hardly falls with growth would need a leap of the tip, loading is elastic
 
 
 @compiled
-def stiffness_at(profile: Records, a: float) -> tuple[float, float]:
+def stiffness_at(profile: Record, a: float) -> tuple[float, float]:
     """K [N/m] and its derivative K' [N/m2] at tip position ``a`` [m], linear between the points of the profile."""
-    s = a / SPACING
-    i = min(max(int(s), 0), len(profile) - 2)
-    rise = profile[i + 1].stiffness - profile[i].stiffness
-    return profile[i].stiffness + (s - i) * rise, rise / SPACING
+    s = a * POINTS_PER_METRE
+    i = min(max(int(s), 0), N_POINTS - 2)
+    rise = profile.stiffness[i + 1] - profile.stiffness[i]
+    return profile.stiffness[i] + (s - i) * rise, rise * POINTS_PER_METRE
 
 
 @compiled
-def toughness_at(profile: Records, a: float) -> float:
+def toughness_at(profile: Record, a: float) -> float:
     """R B [N], the force per advance that fracture alone would take, at ``a`` [m]."""
-    s = a / SPACING
-    i = min(max(int(s), 0), len(profile) - 2)
-    toughness: float = profile[i].toughness + (s - i) * (profile[i + 1].toughness - profile[i].toughness)
+    s = a * POINTS_PER_METRE
+    i = min(max(int(s), 0), N_POINTS - 2)
+    toughness: float = profile.toughness[i] + (s - i) * (profile.toughness[i + 1] - profile.toughness[i])
     return toughness
 
 
 @compiled
-def depth_at(profile: Records, x: float) -> float:
+def depth_at(profile: Record, x: float) -> float:
     """Depth of cut B [m] at ``x`` [m]."""
-    s = x / SPACING
-    i = min(max(int(s), 0), len(profile) - 2)
-    depth: float = profile[i].depth + (s - i) * (profile[i + 1].depth - profile[i].depth)
+    s = x * POINTS_PER_METRE
+    i = min(max(int(s), 0), N_POINTS - 2)
+    depth: float = profile.depth[i] + (s - i) * (profile.depth[i + 1] - profile.depth[i])
     return depth
 
 
 @compiled
-def elastic_force(profile: Records, x: float, a: float) -> float:
+def elastic_force(profile: Record, x: float, a: float) -> float:
     """F = K(a) max(x - a, 0) [N]."""
     return stiffness_at(profile, a)[0] * max(x - a, 0.0)
 
 
 @compiled
-def stored_energy(profile: Records, x: float, a: float) -> float:
+def stored_energy(profile: Record, x: float, a: float) -> float:
     """U = K(a) max(x - a, 0)^2 / 2 [J]: a function of state, so that no motion can pump work out of the tissue."""
     return 0.5 * stiffness_at(profile, a)[0] * max(x - a, 0.0) ** 2
 
@@ -68,15 +68,15 @@ def loading_ratio(law: Record, speed: float, angle: float) -> float:
     v = min(max(abs(speed), law.speed_min), law.speed_max)
     upright = law.intercept_90 + law.slope_90 * v
     inclined = law.intercept_45 + law.slope_45 * v
-    modulus = inclined + (upright - inclined) * (angle - 0.25 * math.pi) / (0.25 * math.pi)
+    modulus = inclined + (upright - inclined) * (angle - 0.25 * math.pi) * (4.0 / math.pi)
     ratio: float = min(1.0, modulus / law.quasi_static_modulus)
     return ratio
 
 
 @compiled
-def initiation_excess(law: Record, angle: float) -> float:
+def initiation_excess(state: Record, law: Record) -> float:
     """eta(theta) = eta90 sin^2(theta): a slicing edge starts a crack more easily than a pushing one (assumed)."""
-    eta: float = law.eta90 * math.sin(angle) ** 2
+    eta: float = law.eta90 * state.pushing
     return eta
 
 
@@ -94,69 +94,86 @@ def settle(state: Record) -> None:
 
 
 @compiled
-def turn(state: Record, profile: Records, angle: float) -> None:
+def turn(state: Record, profile: Record, angle: float) -> None:
     """Turn the blade.  Toward upright, its leaning edge sweeps B^2 |d cot(theta)| / 2 and pays R for it."""
-    swept = 1.0 / math.tan(state.angle) - 1.0 / math.tan(angle)
+    if angle == state.angle:
+        return
+    lean = 1.0 / math.tan(angle)
+    swept = state.lean - lean
     if swept > 0.0:
         energy = 0.5 * toughness_at(profile, state.blade) * depth_at(profile, state.blade) * swept
         state.work += energy
         state.fracture += energy
     state.angle = angle
+    state.lean = lean
+    state.pushing = 1.0 / (1.0 + lean**2)
 
 
 @compiled
-def move(state: Record, profile: Records, law: Record, dx: float, speed: float) -> None:
-    """Move the blade by ``dx`` [m] at ``speed`` [m/s]: elastic motion, and stable growth while it loads."""
+def move(state: Record, profile: Record, law: Record, dx: float, speed: float) -> tuple[float, float]:
+    """Move the blade by ``dx`` [m] at ``speed`` [m/s]: elastic motion, and stable growth while it loads.
+
+    Returns the elastic force and R B at the tip [N].
+    """
+    x = state.blade
     a = state.tip
     K, dK = stiffness_at(profile, a)
-    gap = max(a - state.blade, 0.0)
-    F = K * max(state.blade - a, 0.0)
+    toughness = toughness_at(profile, a)
+    lag = max(x - a, 0.0)
+    U = 0.5 * K * lag**2
 
     # Elastic, up to the force at which a loading blade begins to cut.  Its work is the change of U, exactly.
-    eta = initiation_excess(law, state.angle)
-    F_start = min(state.arrest_ratio, 1.0 - eta) * toughness_at(profile, a)
-    elastic = dx if dx <= 0.0 else min(dx, gap + max(F_start - F, 0.0) / K)
-    U = stored_energy(profile, state.blade, a)
-    state.blade += elastic
-    state.work += stored_energy(profile, state.blade, a) - U
-    if state.blade <= a:
+    elastic = dx
+    if dx > 0.0:
+        F_start = min(state.arrest_ratio, 1.0 - initiation_excess(state, law)) * toughness
+        elastic = min(dx, max(a - x, 0.0) + max(F_start - K * lag, 0.0) / K)
+    x += elastic
+    lag = max(x - a, 0.0)
+    F = K * lag
+    loaded_U = 0.5 * K * lag**2
+    work = loaded_U - U
+    if x <= a:
         settle(state)
-    loading = dx - elastic
-    if loading <= 0.0:
-        return
 
     # Stable growth: the tip follows so that the force rises only r times as fast as elastically.
-    lag = state.blade - a
-    F = K * lag
-    softening = K - dK * lag  # -dF/da at fixed x
-    da = 0.0
-    if softening > _SOFTEST * K:
-        da = (1.0 - loading_ratio(law, speed, state.angle)) * K * loading / softening
-    toughness = 0.5 * (toughness_at(profile, a) + toughness_at(profile, a + da))
-    state.blade += loading
-    work = 0.5 * (F + elastic_force(profile, state.blade, a + da)) * loading
-    U_before = 0.5 * K * lag**2
-    change = work - (stored_energy(profile, state.blade, a + da) - U_before) - toughness * da
-    if da > 0.0 and may_grow(state, change, toughness, law.debt_length):
-        state.tip = a + da
-        state.ledger += change
-        state.fracture += toughness * da
-        state.work += work
-    else:
-        state.work += stored_energy(profile, state.blade, a) - U_before
+    loading = dx - elastic
+    if loading > 0.0:
+        x += loading
+        da = 0.0
+        softening = K - dK * lag  # -dF/da at fixed x
+        if softening > _SOFTEST * K:
+            da = (1.0 - loading_ratio(law, speed, state.angle)) * K * loading / softening
+        next_K = stiffness_at(profile, a + da)[0]
+        next_toughness = toughness_at(profile, a + da)
+        next_F = next_K * max(x - (a + da), 0.0)
+        next_U = 0.5 * next_K * max(x - (a + da), 0.0) ** 2
+        spent = 0.5 * (toughness + next_toughness) * da
+        cutting_work = 0.5 * (F + next_F) * loading
+        change = cutting_work - (next_U - loaded_U) - spent
+        if da > 0.0 and may_grow(state, change, 0.5 * (toughness + next_toughness), law.debt_length):
+            state.tip = a + da
+            state.ledger += change
+            state.fracture += spent
+            work += cutting_work
+            F = next_F
+            toughness = next_toughness
+        else:
+            lag = max(x - a, 0.0)
+            work += 0.5 * K * lag**2 - loaded_U
+            F = K * lag
+    state.blade = x
+    state.work += work
+    return F, toughness
 
 
 @compiled
-def run_crack(state: Record, profile: Records, law: Record) -> float:
-    """Let the crack run at fixed blade if the force has reached (1 + eta) R B; return the length of the run [m]."""
+def run_crack(state: Record, profile: Record, law: Record) -> float:
+    """Let the crack run at fixed blade, its force having reached (1 + eta) R B; return the length of the run [m]."""
     x = state.blade
     start = state.tip
     toughness = toughness_at(profile, start)
-    F = elastic_force(profile, x, start)
-    if F < (1.0 + initiation_excess(law, state.angle)) * toughness:
-        state.running = 0
-        return 0.0
     U = stored_energy(profile, x, start)
+    F = 0.0
     while True:
         a = min(state.tip + law.growth_step, x)
         next_toughness = toughness_at(profile, a)
@@ -186,7 +203,7 @@ def run_crack(state: Record, profile: Records, law: Record) -> float:
 
 
 @compiled
-def rub(state: Record, profile: Records, law: Record, dx: float, speed: float) -> float:
+def rub(state: Record, profile: Record, law: Record, dx: float, speed: float) -> float:
     """Book friction of the blade's faces over ``dx``; return its force [N], against the motion, zero at rest."""
     if dx == 0.0:
         return 0.0
@@ -197,7 +214,7 @@ def rub(state: Record, profile: Records, law: Record, dx: float, speed: float) -
 
 
 @compiled
-def friction_force(state: Record, profile: Records, law: Record, speed: float) -> float:
+def friction_force(state: Record, profile: Record, law: Record, speed: float) -> float:
     """Size of the friction force [N] on a moving blade: proportional to depth, and optionally to speed."""
     per_depth = law.friction_per_depth + law.friction_per_depth_speed * abs(speed)
     force: float = per_depth * depth_at(profile, state.blade)
@@ -205,15 +222,15 @@ def friction_force(state: Record, profile: Records, law: Record, speed: float) -
 
 
 @compiled
-def cut(state: Record, profile: Records, law: Record, dx: float, angle: float, dt: float) -> tuple[float, float, float]:
+def cut(state: Record, profile: Record, law: Record, dx: float, angle: float, dt: float) -> tuple[float, float, float]:
     """One update of the law: the blade turns to ``angle``, moves by ``dx`` in ``dt``, and the tissue answers.
 
     Parameters
     ----------
     state : Record
         One :data:`~cutenv.cutting.records.STATE`, changed in place.
-    profile : Records
-        :data:`~cutenv.cutting.records.PROFILE`, shape (n_points,).
+    profile : Record
+        :data:`~cutenv.cutting.records.PROFILE`.
     law : Record
         One :data:`~cutenv.cutting.records.LAW`.
     dx, angle, dt : float
@@ -228,6 +245,11 @@ def cut(state: Record, profile: Records, law: Record, dx: float, angle: float, d
     speed = dx / dt
     turn(state, profile, angle)
     friction = rub(state, profile, law, dx, speed)
-    move(state, profile, law, dx, speed)
-    jump = run_crack(state, profile, law)
-    return elastic_force(profile, state.blade, state.tip), friction, jump
+    elastic, toughness = move(state, profile, law, dx, speed)
+    jump = 0.0
+    if elastic < (1.0 + initiation_excess(state, law)) * toughness:
+        state.running = 0
+    else:
+        jump = run_crack(state, profile, law)
+        elastic = elastic_force(profile, state.blade, state.tip)
+    return elastic, friction, jump

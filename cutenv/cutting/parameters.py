@@ -8,7 +8,7 @@ import numpy as np
 
 from cutenv.cutting.records import LAW, PROFILE, Records
 from cutenv.parameter import check_parameters, parameter
-from cutenv.tissue.specimen import N_POINTS, Specimen
+from cutenv.tissue.specimen import Specimen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +31,8 @@ class LawParameters:
 
 
 def profile_records(specimens: list[Specimen]) -> Records:
-    """Stiffness, toughness and depth along each specimen, shape (n, 301), as the compiled law takes them."""
-    profiles = np.zeros((len(specimens), N_POINTS), PROFILE)
+    """Stiffness, toughness and depth along each specimen, shape (n,), as the compiled law takes them."""
+    profiles = np.zeros(len(specimens), PROFILE)
     for profile, specimen in zip(profiles, specimens, strict=True):
         profile["stiffness"] = specimen.stiffness()
         profile["toughness"] = specimen.fracture_force()

@@ -6,10 +6,13 @@ thousands of them side by side in one array.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cutenv.tissue.specimen import N_POINTS
 
 Record = Any
 """One element of a structured array, fields read as attributes (``state.tip``)."""
@@ -19,11 +22,11 @@ TICK = 1e-3
 """Duration of one force update [s] (1 kHz)."""
 
 
-def _record(*fields: tuple[str, str]) -> np.dtype[Any]:
+def _record(*fields: tuple[str, str] | tuple[str, str, tuple[int, ...]]) -> np.dtype[Any]:
     return np.dtype((np.record, list(fields)))
 
 
-PROFILE = _record(("stiffness", "f8"), ("toughness", "f8"), ("depth", "f8"))
+PROFILE = _record(*((name, "f8", (N_POINTS,)) for name in ("stiffness", "toughness", "depth")))
 """Along the cut line: K = E0 kappa B [N/m]; fracture part of R times B [N]; depth of cut B [m]."""
 
 LAW = _record(
@@ -56,6 +59,8 @@ STATE = _record(
     ("tip", "f8"),  # a [m]
     ("speed", "f8"),  # v [m/s]
     ("angle", "f8"),  # theta [rad]
+    ("lean", "f8"),  # its cotangent, and
+    ("pushing", "f8"),  # its sine squared: kept, for the blade seldom turns
     ("hand", "f8"),  # commanded position of the hand or the rig's carriage [m]
     ("hand_speed", "f8"),  # [m/s]
     ("arrest_ratio", "f8"),  # F/(R B) where the crack last came to rest; infinity: nothing has run yet
@@ -87,5 +92,7 @@ def new_state(count: int, angle: float) -> Records:
     """``count`` fresh states, shape (count,): blade and tip at the clamp, at rest, ``angle`` [rad]."""
     states = np.zeros(count, STATE)
     states["angle"] = angle
+    states["lean"] = 1.0 / math.tan(angle)
+    states["pushing"] = 1.0 / (1.0 + states["lean"] ** 2)
     states["arrest_ratio"] = np.inf
     return states

@@ -10,11 +10,11 @@ import numpy as np
 from cutenv.compiled import compiled
 from cutenv.cutting.records import TICK, Record, Records
 from cutenv.parameter import check_parameters, parameter
-from cutenv.randomness import normal_at
+from cutenv.randomness import SENSOR_DRIFT, SENSOR_NOISE, four_normals_at, normal_at
 from cutenv.validation import array_in_range
 
-_LONGEST_DELAY = 64  # ticks that the line can hold
-_STREAM_NOISE, _STREAM_DRIFT = 1, 2
+_LONGEST_DELAY = 64  # ticks that the line can hold, a power of two
+_WRAP = _LONGEST_DELAY - 1
 
 SENSOR: np.dtype[Any] = np.dtype(
     (
@@ -29,6 +29,8 @@ SENSOR: np.dtype[Any] = np.dtype(
             ("offset", "f8"),  # drift so far [N]
             ("tare", "f8"),  # subtracted from every reading [N]
             ("line", "f8", (_LONGEST_DELAY,)),  # forces under way, newest at tick modulo length
+            ("block", "i8"),  # of four ticks, whose noise is kept
+            ("standard_noise", "f8", (4,)),
         ],
     )
 )
@@ -39,17 +41,27 @@ SENSOR: np.dtype[Any] = np.dtype(
 def measure(sensor: Record, force: float, tick: int) -> float:
     """The reading [N] at update ``tick`` (counted from 0 at reset, every tick once) under a true ``force`` [N]."""
     line = sensor.line
-    length = len(line)
-    line[tick % length] = force
-    delayed = line[(tick - sensor.delay) % length] if tick >= sensor.delay else 0.0
+    line[tick & _WRAP] = force
+    delayed = line[(tick - sensor.delay) & _WRAP] if tick >= sensor.delay else 0.0
     if sensor.drift > 0.0:
-        sensor.offset += sensor.drift * TICK**0.5 * normal_at(sensor.seed, sensor.episode, _STREAM_DRIFT, tick)
+        sensor.offset += sensor.drift * TICK**0.5 * normal_at(sensor.seed, sensor.episode, SENSOR_DRIFT, tick)
     reading = delayed + sensor.offset - sensor.tare
     if sensor.noise > 0.0:
-        reading += sensor.noise * normal_at(sensor.seed, sensor.episode, _STREAM_NOISE, tick)
+        reading += sensor.noise * _standard_noise(sensor, tick)
     if sensor.resolution > 0.0:
         reading = sensor.resolution * np.floor(reading / sensor.resolution + 0.5)
     return reading  # type: ignore[no-any-return]
+
+
+@compiled
+def _standard_noise(sensor: Record, tick: int) -> float:
+    """The number that (seed, episode, tick) stands for; they come by fours, so three of four are kept ones."""
+    block = tick >> 2
+    kept = sensor.standard_noise
+    if block != sensor.block:
+        kept[0], kept[1], kept[2], kept[3] = four_normals_at(sensor.seed, sensor.episode, SENSOR_NOISE, block)
+        sensor.block = block
+    return kept[tick & 3]  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,4 +127,5 @@ def sensor_records(parameters: list[SensorParameters], seeds: list[int], episode
     sensors["delay"] = [round(p.force_delay / TICK) for p in parameters]
     sensors["seed"] = seeds
     sensors["episode"] = episodes
+    sensors["block"] = -1
     return sensors

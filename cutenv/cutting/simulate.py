@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import numba
-
-from cutenv.compiled import compiled, compiled_parallel
-from cutenv.cutting.drive import motion, next_angle
-from cutenv.cutting.law import cut, elastic_force, friction_force, initiation_excess, stored_energy
+from cutenv.compiled import compiled, compiled_for_cores
+from cutenv.cutting.drive import made_up, motion, next_angle
+from cutenv.cutting.law import cut, elastic_force, friction_force, stored_energy
 from cutenv.cutting.records import Record, Records
 from cutenv.cutting.sensor import measure
-from cutenv.tissue.specimen import SPACING
+from cutenv.tissue.specimen import LENGTH
 
 ENERGIES = ("work", "stored", "fracture", "friction", "loss", "ledger", "residual")
 """The energy account; residual is work minus all the others."""
@@ -18,18 +16,25 @@ ENERGIES = ("work", "stored", "fracture", "friction", "loss", "ledger", "residua
 @compiled
 def update(
     state: Record,
-    profile: Records,
+    profile: Record,
     law: Record,
     drive: Record,
     sensor: Record,
+    share: float,
     speed: float,
     angle: float,
     dt: float,
     reading: Record,
 ) -> None:
-    """One force update under a commanded speed [m/s] and angle [rad]; fills ``reading``."""
-    elastic = elastic_force(profile, state.blade, state.tip)
-    dx = motion(state, drive, speed, elastic, friction_force(state, profile, law, state.speed), dt)
+    """One force update under a commanded speed [m/s] and angle [rad]; fills ``reading``.
+
+    ``share`` is the drive's :func:`~cutenv.cutting.drive.made_up`, the same for every update of ``dt``.
+    """
+    elastic = friction = 0.0
+    if drive.mass > 0.0:  # a hand yields to what it feels, a rig does not
+        elastic = elastic_force(profile, state.blade, state.tip)
+        friction = friction_force(state, profile, law, state.speed)
+    dx = motion(state, drive, share, speed, elastic, friction, dt)
     elastic, friction, jump = cut(state, profile, law, dx, next_angle(state, drive, angle, dt), dt)
     state.tick += 1
     measured = measure(sensor, elastic + friction, state.tick - 1)
@@ -38,15 +43,14 @@ def update(
 
 @compiled
 def follow(
-    state: Record, profile: Records, law: Record, positions: Records, angles: Records, dt: float, readings: Records
+    state: Record, profile: Record, law: Record, positions: Records, angles: Records, dt: float, readings: Records
 ) -> None:
     """Lead the blade exactly through ``positions`` [m] and ``angles`` [rad], shape (n,), one every ``dt`` [s].
 
     No drive, no sensor: the reading is the true force.  For derivations and for checks of the law itself.
     """
-    end = (len(profile) - 1) * SPACING
     for i in range(len(positions)):
-        if not 0.0 <= positions[i] <= end:
+        if not 0.0 <= positions[i] <= LENGTH:
             raise ValueError("positions leave the specimen: give metres from the clamp, 0 to 0.15")
         dx = positions[i] - state.blade
         elastic, friction, jump = cut(state, profile, law, dx, angles[i], dt)
@@ -73,7 +77,7 @@ def _note(
 @compiled
 def simulate(
     state: Record,
-    profile: Records,
+    profile: Record,
     law: Record,
     drive: Record,
     sensor: Record,
@@ -90,38 +94,40 @@ def simulate(
     if len(readings) < len(speeds):
         raise ValueError("fewer readings than commands: every command lasts for at least one update")
     per_command = len(readings) // len(speeds)
+    share = made_up(drive, dt)
     for i in range(len(readings)):
         k = min(i // per_command, len(speeds) - 1)
-        update(state, profile, law, drive, sensor, speeds[k], angles[k], dt, readings[i])
+        update(state, profile, law, drive, sensor, share, speeds[k], angles[k], dt, readings[i])
 
 
 @compiled
 def hold(
     states: Records,
-    profile: Records,
+    profiles: Records,
     laws: Records,
     drives: Records,
     sensors: Records,
+    states_before: Records,
+    sensors_before: Records,
     speed: float,
     angle: float,
     dt: float,
     readings: Records,
 ) -> None:
-    """Run one cut through ``len(readings)`` updates under one command.
+    """Run one cut through ``len(readings)`` updates under one command, keeping state and sensor of before.
 
     The records come in arrays of length 1, which a call from Python passes several times faster than records.
     """
+    states_before[0] = states[0]
+    sensors_before[0] = sensors[0]
+    share = made_up(drives[0], dt)
     for i in range(len(readings)):
-        update(states[0], profile, laws[0], drives[0], sensors[0], speed, angle, dt, readings[i])
+        update(states[0], profiles[0], laws[0], drives[0], sensors[0], share, speed, angle, dt, readings[i])
 
 
 @compiled
-def account(states: Records, profile: Records, laws: Records, energies: Records, hidden: Records) -> None:
-    """Fill ``energies``, shape (7,) [J], in the order of :data:`ENERGIES`, and ``hidden``, shape (4,).
-
-    ``hidden`` holds crack tip [m], blade [m], unstable growth so far [m] and the initiation excess eta [1].
-    """
-    state = states[0]
+def account(state: Record, profile: Record, energies: Records) -> None:
+    """Fill ``energies``, shape (7,) [J], in the order of :data:`ENERGIES`."""
     stored = stored_energy(profile, state.blade, state.tip)
     energies[0] = state.work
     energies[1] = stored
@@ -130,14 +136,18 @@ def account(states: Records, profile: Records, laws: Records, energies: Records,
     energies[4] = state.loss
     energies[5] = state.ledger
     energies[6] = state.work - stored - state.fracture - state.friction - state.loss - state.ledger
-    hidden[0] = state.tip
-    hidden[1] = state.blade
-    hidden[2] = state.uncontrolled
-    hidden[3] = initiation_excess(laws[0], state.angle)
 
 
-@compiled_parallel
-def simulate_batch(
+@compiled
+def account_one(states: Records, profiles: Records, energies: Records) -> None:
+    """:func:`account` with arrays of length 1 for records, which a call from Python passes several times faster."""
+    account(states[0], profiles[0], energies)
+
+
+@compiled_for_cores
+def simulate_some(
+    first: int,
+    last: int,
     states: Records,
     profiles: Records,
     laws: Records,
@@ -148,6 +158,9 @@ def simulate_batch(
     dt: float,
     readings: Records,
 ) -> None:
-    """:func:`simulate` for n cuts on all cores: every argument but ``dt`` has a leading axis of length n."""
-    for n in numba.prange(len(states)):
+    """:func:`simulate` for cuts ``first`` to before ``last`` of n: see :func:`cutenv.cores.over_cores`.
+
+    Every argument but ``dt`` has a leading axis of length n.
+    """
+    for n in range(first, last):
         simulate(states[n], profiles[n], laws[n], drives[n], sensors[n], speeds[n], angles[n], dt, readings[n])

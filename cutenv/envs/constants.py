@@ -14,13 +14,13 @@ from cutenv.cutting.drive import Hand, Rig
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.parameter import check_parameters, parameter
+from cutenv.task.beginning import measure_depth
 from cutenv.task.weights import Limits, RewardWeights
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.field import field_modes
 from cutenv.tissue.specimen import N_POINTS, SPACING
 from cutenv.validation import one_of
 
-_SHALLOWEST = 0.5e-3  # [m], that a measured profile can show
 _PREFIX = "weight_"
 
 
@@ -39,11 +39,15 @@ class Knowledge:
     def __post_init__(self) -> None:
         check_parameters(self)
 
-    def measure_depth(self, depth: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    def depth_modes(self) -> NDArray[np.float64]:
+        """Modes of the error along a specimen, shape (n_modes, 301)."""
+        return field_modes(N_POINTS, SPACING, self.depth_noise_length)
+
+    def measure_depth(self, depth: NDArray[np.float64], seed: int, episode: int) -> NDArray[np.float64]:
         """The depth of cut as measured beforehand, shape (301,) [m]: the true one with a smooth error."""
-        modes = field_modes(N_POINTS, SPACING, self.depth_noise_length)
-        error = self.depth_noise * (modes @ rng.standard_normal(modes.shape[1]))
-        return np.maximum(depth + error, _SHALLOWEST)
+        measured = np.empty(N_POINTS)
+        measure_depth(np.uint64(seed), np.uint64(episode), self.depth_noise, self.depth_modes(), depth, measured)
+        return measured
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import numpy as np
-
 from cutenv.tissue import description, specimen
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.specimen import Specimen
@@ -28,8 +26,8 @@ class TissueSource:
     """
 
     def __init__(self, path: str | Path | None) -> None:
-        self._tissue: TissueDescription | None = None
-        self._specimen: Specimen | None = None
+        self.tissue: TissueDescription | None = None
+        self.specimen: Specimen | None = None
         if path is None:
             return
         if not isinstance(path, (str, Path)):
@@ -47,17 +45,15 @@ class TissueSource:
         except (json.JSONDecodeError, KeyError, TypeError):
             schema = None
         if schema == specimen.SCHEMA:
-            self._specimen = Specimen.from_json(text)
+            self.specimen = Specimen.from_json(text)
         elif schema == description.SCHEMA:
-            self._tissue = TissueDescription.from_json(text)
+            self.tissue = TissueDescription.from_json(text)
         else:
             raise ValueError(
                 f"tissue = {str(path)!r} is neither a tissue ({description.SCHEMA}) nor a specimen "
                 f"({specimen.SCHEMA}): its schema is {schema!r}."
             )
 
-    def draw(self, rng: np.random.Generator, specimen_class: str) -> Specimen:
-        """The next specimen, of ``specimen_class`` unless one specimen was given."""
-        if self._specimen is not None:
-            return self._specimen
-        return Specimen.draw(rng, specimen_class=specimen_class, tissue=self._tissue)
+    def drawn(self, seed: int, episode: int, specimen_class: str) -> Specimen:
+        """The specimen of a key, of ``specimen_class``."""
+        return Specimen.drawn(seed, episode, specimen_class=specimen_class, tissue=self.tissue)

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from cutenv.cutting.drive import Hand, Rig
 from cutenv.cutting.parameters import LawParameters, law_records, profile_records
-from cutenv.cutting.records import READING, TICK, Record, Records, new_state
+from cutenv.cutting.records import READING, TICK, Records, new_state
 from cutenv.cutting.sensor import SensorParameters, sensor_records
-from cutenv.cutting.simulate import ENERGIES, account, hold
+from cutenv.cutting.simulate import ENERGIES, account_one, hold
 from cutenv.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen
 from cutenv.validation import array_in_range, in_range
 
@@ -24,10 +24,10 @@ _FASTEST = 0.5  # [m/s]
 
 
 class Snapshot(NamedTuple):
-    """Copies of all that the compiled law needs to go on from here; the hidden truth among it."""
+    """Copies of all that the compiled law needs to go on from here, each of shape (1,); the hidden truth among it."""
 
     states: Records
-    profile: Records
+    profiles: Records
     laws: Records
     drives: Records
     sensors: Records
@@ -55,8 +55,8 @@ class SimulatedPlant:
 
     Attributes
     ----------
-    profile : Records
-        The hidden truth along the cut, :data:`~cutenv.cutting.records.PROFILE`, shape (301,).
+    profiles : Records
+        The hidden truth along the cut, :data:`~cutenv.cutting.records.PROFILE`, shape (1,).
     states : Records
         The hidden state, :data:`~cutenv.cutting.records.STATE`, shape (1,).
     """
@@ -81,11 +81,11 @@ class SimulatedPlant:
         if self.depth.shape != (N_POINTS,):
             raise ValueError(f"depth has shape {self.depth.shape}; give {N_POINTS} values, one every {SPACING} m.")
         self.states = new_state(1, angle)
-        self.profile = profile_records([specimen])[0]
+        self.profiles = profile_records([specimen])
         self._laws = law_records([specimen], law)
         self._drives = (drive or Rig()).records(travel=LENGTH - SPACING)
         self._sensors = sensor_records([sensor or SensorParameters()], [seed], [episode])
-        self._energies, self._hidden = np.zeros(len(ENERGIES)), np.zeros(4)
+        self._energies = np.zeros(len(ENERGIES))
         self._readings = np.zeros(1, READING)
         self._before = (self.states.copy(), self._sensors.copy())
 
@@ -98,8 +98,10 @@ class SimulatedPlant:
             if in_range("ticks", ticks, 1, 10**7, "1", "Give a whole number of milliseconds.") % 1.0:
                 raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
             self._readings = np.zeros(int(ticks), READING)
-        self._before[0][:], self._before[1][:] = self.states, self._sensors
-        hold(self.states, self.profile, self._laws, self._drives, self._sensors, speed, angle, TICK, self._readings)
+        hold(
+            self.states, self.profiles, self._laws, self._drives, self._sensors, *self._before,
+            speed, angle, TICK, self._readings,
+        )  # fmt: skip
         return self._readings
 
     def take_back(self, ticks: int, speed: float, angle: float) -> None:
@@ -108,26 +110,22 @@ class SimulatedPlant:
         self.advance(speed, angle, ticks)
 
     def snapshot(self) -> Snapshot:
-        """The hidden state and everything that moves it: records of shape (1,), and the profile, shape (301,)."""
-        return Snapshot(*(part.copy() for part in (self.states, self.profile, self._laws, self._drives, self._sensors)))
+        """The hidden state and everything that moves it."""
+        parts = (self.states, self.profiles, self._laws, self._drives, self._sensors)
+        return Snapshot(*(part.copy() for part in parts))
 
     @property
-    def law(self) -> Record:
-        """Constants of the law for this specimen, :data:`~cutenv.cutting.records.LAW`."""
-        return self._laws[0]
-
-    def account(self) -> tuple[dict[str, float], tuple[float, float, float, float]]:
-        """Energies since the start [J], by name, and the hidden tip [m], blade [m], unstable growth [m] and eta [1].
-
-        The energies are work, stored, fracture, friction, loss, ledger and residual, which is work less the others.
-        """
-        account(self.states, self.profile, self._laws, self._energies, self._hidden)
-        tip, blade, uncontrolled, eta = self._hidden.tolist()
-        return dict(zip(ENERGIES, self._energies.tolist(), strict=True)), (tip, blade, uncontrolled, eta)
+    def laws(self) -> Records:
+        """Constants of the law for this specimen, shape (1,)."""
+        return self._laws
 
     def energy(self) -> dict[str, float]:
-        """Energies since the start [J], by name; see :meth:`account`."""
-        return self.account()[0]
+        """Energies since the start [J]: work, stored, fracture, friction, loss, ledger, and residual.
+
+        The residual is work less the others.
+        """
+        account_one(self.states, self.profiles, self._energies)
+        return dict(zip(ENERGIES, self._energies.tolist(), strict=True))
 
 
 def check_angle(angle: float) -> None:

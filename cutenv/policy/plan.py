@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cutenv.compiled import compiled
+from cutenv.cutting.drive import made_up
 from cutenv.cutting.records import TICK, Record, Records
 from cutenv.cutting.simulate import update
 from cutenv.task.assessment import assess
@@ -49,7 +50,7 @@ def planned_command(plan: Record, position: float) -> tuple[float, float]:
 @compiled
 def roll_out(
     state: Record,
-    profile: Records,
+    profile: Record,
     law: Record,
     drive: Record,
     sensor: Record,
@@ -66,8 +67,8 @@ def roll_out(
     ----------
     state, law, drive, sensor, task, progress : Record
         Of the cut at its start; ``state``, ``sensor`` and ``progress`` are changed.
-    profile : Records
-        The tissue, shape (301,).
+    profile : Record
+        The tissue.
     readings : Records
         Room for the readings of a decision, shape (ticks,).
     terms : array, shape (12,)
@@ -76,6 +77,7 @@ def roll_out(
         Filled with the speeds [m/s] and angles [rad] that were commanded.
     """
     total = 0.0
+    share = made_up(drive, TICK)
     stopping = False
     rested = False
     for decision in range(len(commands)):
@@ -90,7 +92,7 @@ def roll_out(
         commands[decision, 0] = speed
         commands[decision, 1] = angle
         for i in range(len(readings)):
-            update(state, profile, law, drive, sensor, speed, angle, TICK, readings[i])
+            update(state, profile, law, drive, sensor, share, speed, angle, TICK, readings[i])
         forces, tips, jumps = readings["true_force"], readings["tip"], readings["jump"]
         assess(task, progress, profile, readings, forces, tips, jumps, terms)
         total += terms.sum()
@@ -102,7 +104,7 @@ def roll_out(
 @compiled
 def roll_out_all(
     starts: Records,
-    profile: Records,
+    profiles: Records,
     laws: Records,
     drives: Records,
     sensors: Records,
@@ -120,6 +122,6 @@ def roll_out_all(
         sensors[1] = sensors[0]
         progresses[1] = progresses[0]
         returns[n] = roll_out(
-            starts[1], profile, laws[0], drives[0], sensors[1], tasks[0], progresses[1], plans[n], readings, terms,
+            starts[1], profiles[0], laws[0], drives[0], sensors[1], tasks[0], progresses[1], plans[n], readings, terms,
             commands,
         )  # fmt: skip

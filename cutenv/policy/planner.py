@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.cutting.records import READING, Records
+from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.policy.plan import PLAN, UPRIGHT, planned_command, roll_out_all
 from cutenv.policy.scripted import INCLINED, Script
@@ -45,10 +46,9 @@ class Search:
         start = cutting.plant.snapshot()
         self._task, progress = cutting.assessment()
         self._target = cutting.target_length
-        self._profile, self._law, self._drive = start.profile, start.laws, start.drives
+        self._profiles, self._law, self._drive = start.profiles, start.laws, start.drives
         # One to start from, one to work on.
         self._state, self._sensor, self._progress = (np.repeat(r, 2) for r in (start.states, start.sensors, progress))
-        self._sensor["noise"] = self._sensor["drift"] = 0.0
         self._readings, self._terms = np.zeros(cutting.ticks, READING), np.zeros(len(TERMS))
         self._commands = np.zeros((math.ceil(1e3 * cutting.deadline / cutting.ticks), 2))
 
@@ -56,7 +56,7 @@ class Search:
         """What each plan, shape (n,), is paid, shape (n,)."""
         returns = np.zeros(len(plans))
         roll_out_all(
-            self._state, self._profile, self._law, self._drive, self._sensor, self._task, self._progress, plans,
+            self._state, self._profiles, self._law, self._drive, self._sensor, self._task, self._progress, plans,
             self._readings, self._terms, self._commands, returns,
         )  # fmt: skip
         return returns
@@ -195,13 +195,13 @@ class PlannerNominal(Script):
 
 def _mean_cut(tissue: TissueDescription, target: float) -> GentleCutting:
     specimen = Specimen.mean(tissue)
-    plant = SimulatedPlant(specimen)
+    plant = SimulatedPlant(specimen, sensor=SensorParameters(force_noise=0.0))
     return GentleCutting(
         plant,
         tissue,
         RewardWeights(),
         Limits(),
-        truth=plant.profile,
+        truth=plant.profiles,
         friction_per_depth=specimen.friction_per_depth,
         target_length=target,
         deadline=_DEADLINE,

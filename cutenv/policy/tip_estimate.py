@@ -11,7 +11,8 @@ from cutenv.compiled import compiled
 from cutenv.cutting.records import Records
 from cutenv.task.observation import OFFSETS, SCALES, checked_observation
 from cutenv.tissue.description import TissueDescription, measured_liver
-from cutenv.tissue.specimen import N_POINTS, SPACING, unit_stiffness
+from cutenv.tissue.drawing import unit_stiffness
+from cutenv.tissue.grid import N_POINTS, SPACING
 
 _FORCE, _POSITION, _SPEED, _DEPTH = 0, 4, 5, 7  # components of the observation
 _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time

@@ -14,6 +14,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from cutenv.compiled import compiled
 from cutenv.cutting.law import depth_at, stiffness_at, toughness_at
 from cutenv.cutting.records import TICK, Record, Records
@@ -54,7 +56,7 @@ _SHALLOWEST = 0.001  # [m], below which force per depth would be noise over noth
 def assess(
     task: Record,
     progress: Record,
-    profile: Records,
+    profile: Record,
     readings: Records,
     forces: Records,
     tips: Records,
@@ -69,8 +71,8 @@ def assess(
         :data:`~cutenv.task.records.TASK`.
     progress : Record
         :data:`~cutenv.task.records.PROGRESS`, changed in place.
-    profile : Records
-        :data:`~cutenv.cutting.records.PROFILE`, shape (301,): the tissue, true or nominal.
+    profile : Record
+        :data:`~cutenv.cutting.records.PROFILE`: the tissue, true or nominal.
     readings : Records
         :data:`~cutenv.cutting.records.READING`, shape (ticks,).
     forces, tips, jumps : array, shape (ticks,)
@@ -82,43 +84,49 @@ def assess(
     terms[:] = 0.0
     progress.over_limit = 0.0
     progress.out_of_range = 0
+    # Sums of what the weights are for; multiplied once, at the end.
+    uncontrolled = jumped = over_force = over_lag = backward = haste = 0.0
+    x_before = progress.position
+    tip_before = progress.tip
     for i in range(len(readings)):
         reading = readings[i]
         x = reading.position
         a = tips[i]
+        moved = x - x_before
+        speed = abs(reading.speed)
+        force = abs(forces[i])
         depth = max(depth_at(profile, x), _SHALLOWEST)
-        force_per_depth = abs(forces[i]) / depth
 
-        terms[_PROGRESS] += (min(a, L) - min(progress.tip, L)) / L
-        terms[_UNCONTROLLED] -= task.uncontrolled * jumps[i] / L
-        terms[_JUMP] -= task.jump * (jumps[i] / 0.010) ** 2
-        terms[_FORCE] -= task.force * max(force_per_depth - FORCE_ALLOWED, 0.0) * TICK / 100.0
-        terms[_LAG] -= task.lag * max(x - a - LAG_ALLOWED, 0.0) * TICK / 0.010
+        if jumps[i] != 0.0:
+            uncontrolled += jumps[i]
+            jumped += jumps[i] ** 2
+        if force > FORCE_ALLOWED * depth:
+            over_force += force / depth - FORCE_ALLOWED
+        over_lag += max(x - a - LAG_ALLOWED, 0.0)
         if progress.touched == 1:
-            terms[_BACKWARD] -= task.backward * max(progress.position - x, 0.0) / L
-        stopping_distance = reading.speed**2 / (2.0 * DECELERATION)
-        terms[_HASTE] -= task.haste * stopping_distance / TIP_TOLERANCE * abs(x - progress.position) / L
-        terms[_TIME] -= task.time * TICK / TIME_SCALE
+            backward += max(-moved, 0.0)
+        haste += speed**2 * abs(moved)
 
         progress.touched = 1 if x > a else progress.touched
-        progress.tip = a
-        progress.position = x
         progress.furthest = max(progress.furthest, x)
         progress.time += TICK
-        progress.over_limit = max(progress.over_limit, abs(forces[i]) - task.force_limit_per_depth * depth)
-        progress.overshoot = max(a - L, 0.0)
-
+        progress.over_limit = max(progress.over_limit, force - task.force_limit_per_depth * depth)
         progress.updates = i + 1
-        progress.angle = reading.angle
-        if reading.speed != 0.0 and not task.speed_min <= abs(reading.speed) <= task.speed_max:
+        if speed != 0.0 and not task.speed_min <= speed <= task.speed_max:
             progress.out_of_range += 1
+        x_before = x
+        progress.tip = a
+        progress.position = x
+        progress.angle = reading.angle
 
-        at_rest = abs(reading.speed) < SPEED_AT_REST
-        unloaded = reading.force < task.friction_per_depth * depth + FORCE_UNLOADED
-        quiet = at_rest and unloaded and progress.furthest >= TRAVEL_TO_FINISH
+        quiet = (
+            speed < SPEED_AT_REST
+            and reading.force < task.friction_per_depth * depth + FORCE_UNLOADED
+            and progress.furthest >= TRAVEL_TO_FINISH
+        )
         progress.quiet = progress.quiet + TICK if quiet else 0.0
 
-        if force_per_depth > task.force_limit_per_depth:
+        if force > task.force_limit_per_depth * depth:
             progress.end = _FORCE_LIMIT
         elif a > L + OVERSHOOT_ALLOWED:
             progress.end = _OVERSHOOT
@@ -127,12 +135,23 @@ def assess(
         elif progress.time >= task.deadline - 0.5 * TICK:
             progress.end = _DEADLINE
         if progress.end != 0:
-            charge_end(task, progress, profile, terms)
             break
+
+    progress.overshoot = max(progress.tip - L, 0.0)
+    terms[_PROGRESS] = (min(progress.tip, L) - min(tip_before, L)) / L
+    terms[_UNCONTROLLED] -= task.uncontrolled * uncontrolled / L
+    terms[_JUMP] -= task.jump * jumped / 0.010**2
+    terms[_FORCE] -= task.force * over_force * TICK / 100.0
+    terms[_LAG] -= task.lag * over_lag * TICK / 0.010
+    terms[_BACKWARD] -= task.backward * backward / L
+    terms[_HASTE] -= task.haste * haste / (2.0 * DECELERATION * TIP_TOLERANCE * L)
+    terms[_TIME] -= task.time * progress.updates * TICK / TIME_SCALE
+    if progress.end != 0:
+        charge_end(task, progress, profile, terms)
 
 
 @compiled
-def charge_end(task: Record, progress: Record, profile: Records, terms: Records) -> None:
+def charge_end(task: Record, progress: Record, profile: Record, terms: Records) -> None:
     """The terminal cost, the same for every end, and what an end for safety pays besides."""
     x = progress.position
     a = progress.tip
@@ -153,3 +172,12 @@ def succeeded(task: Record, progress: Record) -> bool:
     upright = abs(0.5 * math.pi - progress.angle) <= ANGLE_TOLERANCE
     success: bool = progress.end == _FINISHED and near and upright
     return success
+
+
+@compiled
+def succeeded_all(tasks: Records, progresses: Records) -> Records:
+    """:func:`succeeded` of n cuts, shape (n,)."""
+    successes = np.zeros(len(tasks), np.bool_)
+    for n in range(len(tasks)):
+        successes[n] = succeeded(tasks[n], progresses[n])
+    return successes

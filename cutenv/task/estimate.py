@@ -13,9 +13,7 @@ _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
 
 
 @compiled
-def estimate(
-    task: Record, progress: Record, nominal: Records, readings: Records, tips: Records, jumps: Records
-) -> None:
+def estimate(task: Record, progress: Record, nominal: Record, readings: Records, tips: Records, jumps: Records) -> None:
     """Fill ``tips`` [m] and ``jumps`` [m], shape (ticks,), from what was felt.
 
     A cut never heals, so the tip never goes back.  Over every 20 ms, the tip's advance beyond the blade's is taken for

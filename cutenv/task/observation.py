@@ -55,35 +55,79 @@ OFFSETS = np.array([component.offset for component in COMPONENTS])
 
 @compiled
 def observe(
-    task: Record, measured: Records, readings: Records, time: float, last_action: Records, observation: Records
+    task: Record, measured: Record, readings: Records, time: float, last_action: Records, observation: Records
 ) -> None:
     """Fill ``observation``, shape (12,) float32, from the readings since the last decision.
 
     ``measured`` is the profile with the depth as measured beforehand; ``time`` since reset [s].
     """
-    last = readings[len(readings) - 1]
     low = high = readings[0].force
     total = 0.0
     for i in range(len(readings)):
         total += readings[i].force
         low = min(low, readings[i].force)
         high = max(high, readings[i].force)
+    last = readings[len(readings) - 1]
+    fill(
+        task, measured, last.force, total / len(readings), low, high, last.position, last.speed, last.angle, time,
+        last_action[0], last_action[1], observation,
+    )  # fmt: skip
+
+
+@compiled
+def fill(
+    task: Record,
+    measured: Record,
+    force: float,
+    mean: float,
+    low: float,
+    high: float,
+    position: float,
+    speed: float,
+    angle: float,
+    time: float,
+    last_speed: float,
+    last_angle: float,
+    observation: Records,
+) -> None:
+    """Fill ``observation`` from values in SI units."""
     values = (
-        last.force,
-        total / len(readings),
+        force,
+        mean,
         low,
         high,
-        last.position,
-        last.speed,
-        last.angle,
-        depth_at(measured, last.position),
-        task.target - last.position,
+        position,
+        speed,
+        angle,
+        depth_at(measured, position),
+        task.target - position,
         task.deadline - time,
-        last_action[0],
-        last_action[1],
+        last_speed,
+        last_angle,
     )
     for k in range(len(values)):
         observation[k] = min(max((values[k] - OFFSETS[k]) / SCALES[k], -BOUND), BOUND)
+
+
+@compiled
+def within_reach(action: Records, fixed_angle: float) -> bool:
+    """Clip an action, shape (2,), to [-1, 1], or its angle to a fixed one [rad] (NaN: free); False for a NaN."""
+    for k in range(2):
+        if math.isnan(action[k]):
+            return False
+        action[k] = min(max(action[k], -1.0), 1.0)
+    if not math.isnan(fixed_angle):
+        action[1] = (fixed_angle - ANGLE_CENTRE) / ANGLE_SCALE
+    return True
+
+
+@compiled
+def all_within_reach(actions: Records, waiting: Records, fixed_angle: float) -> int:
+    """:func:`within_reach` of actions, shape (n, 2), but those that wait; the first with a NaN, or -1."""
+    for n in range(len(actions)):
+        if not within_reach(actions[n], fixed_angle) and not waiting[n]:
+            return n
+    return -1
 
 
 def in_units(observation: ArrayLike) -> dict[str, NDArray[np.float64]]:

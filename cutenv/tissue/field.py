@@ -12,7 +12,7 @@ _NEGLIGIBLE = 1e-9  # variance of a mode, relative to the largest, below which i
 
 @lru_cache(maxsize=16)
 def field_modes(n_points: int, spacing: float, correlation_length: float) -> NDArray[np.float64]:
-    """Modes, shape (n_points, n_modes): modes @ z is a unit Gaussian field if z is standard normal.
+    """Modes, shape (n_modes, n_points): z @ modes is a unit Gaussian field if z is standard normal.
 
     The covariance is exp(-d^2 / (2 correlation_length^2)); computed once, so that a draw is one small product.
     """
@@ -20,7 +20,7 @@ def field_modes(n_points: int, spacing: float, correlation_length: float) -> NDA
     covariance = np.exp(-0.5 * ((y[:, None] - y[None, :]) / correlation_length) ** 2)
     variance, shape = np.linalg.eigh(covariance)
     kept = variance > _NEGLIGIBLE * variance[-1]
-    modes = np.asarray(shape[:, kept] * np.sqrt(variance[kept]))
+    modes = np.ascontiguousarray((shape[:, kept] * np.sqrt(variance[kept])).T)
     modes.setflags(write=False)
     return modes
 

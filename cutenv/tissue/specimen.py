@@ -5,38 +5,37 @@ from __future__ import annotations
 import dataclasses
 import json
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv.randomness import check_key
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, checked_fields, measured_liver
-from cutenv.tissue.field import field_modes, lognormal_sigma
-from cutenv.tissue.thickness import bulge
+from cutenv.tissue.drawing import (
+    ATTEMPTS,
+    bulge_of,
+    draw_all_along,
+    is_vascular,
+    lognormal,
+    recipe,
+    tissue_modes,
+    unit_stiffness,
+)
+from cutenv.tissue.field import lognormal_sigma
+from cutenv.tissue.grid import LENGTH, N_POINTS, POINTS_PER_METRE, SPACING
 from cutenv.validation import array_in_range, in_range, one_of
 
-LENGTH = 0.15
-"""Length of a specimen [m]."""
-
-# Linear interpolation between points errs by less than 0.1 % of K at the shortest correlation length admitted (15 mm),
-# and a specimen's profile fits into 7 kB, inside a first-level cache.
-SPACING = 0.5e-3
-"""Distance between the points of a specimen's profiles [m]."""
-
-N_POINTS = round(LENGTH / SPACING) + 1
 CLASSES = ("uniform", "liver", "vascular", "mixed")
 SCHEMA = "cutenv-specimen/1"
 
-_STEEPEST = 0.5  # of K'(x - a)/K at initiation: beyond, the point load no longer averages a smooth neighbourhood
-_ATTEMPTS = 1000
-_INCLUSION_EDGE = 0.25e-3  # [m], width of the transition at either end of an inclusion
-_INCLUSION_FACTOR = (1.5, 2.5)
-_INCLUSION_LENGTH = (0.002, 0.005)  # [m]
-_INCLUSION_PLACE = (0.015, 0.095)  # [m], where cuts of 60 to 100 mm can meet it
+STEEPEST = 0.5
+"""Of K'(x - a)/K at initiation: beyond, the point load no longer averages a smooth neighbourhood."""
 
 Array = NDArray[np.float64]
+
+__all__ = ["CLASSES", "LENGTH", "N_POINTS", "POINTS_PER_METRE", "SCHEMA", "SPACING", "Specimen", "draw_liver"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,7 +114,7 @@ class Specimen:
         return cls(
             modulus=tissue.intercept_90 * tissue.modulus_scale * ones,
             fracture_resistance=resistance * ones,
-            depth=_bulge_of(tissue),
+            depth=bulge_of(tissue),
             friction_per_depth=tissue.friction_share * resistance,
             tissue=tissue,
         )
@@ -149,6 +148,32 @@ class Specimen:
             If the class is unknown, or the tissue is so uneven that no smooth enough specimen is found.
         """
         _check_generator(rng)
+        if liver_factor is not None:
+            in_range("liver_factor", liver_factor, 0.01, 100.0, "1", "How much stiffer than the mean: 1.2 is 20 %.")
+        seed, episode = rng.integers(2**64, size=2, dtype=np.uint64).tolist()
+        return cls.drawn(seed, episode, specimen_class=specimen_class, tissue=tissue, liver_factor=liver_factor)
+
+    @classmethod
+    def drawn(
+        cls,
+        seed: int,
+        episode: int = 0,
+        *,
+        specimen_class: str = "liver",
+        tissue: TissueDescription | None = None,
+        liver_factor: float | None = None,
+    ) -> Specimen:
+        """The specimen that :meth:`draw` finds for a key: the same in an environment, in a batch and here.
+
+        Parameters
+        ----------
+        seed, episode : int
+            Of the environment, 0 to 2**64 - 1.
+        specimen_class, tissue, liver_factor
+            See :meth:`draw`.
+        """
+        check_key(seed, episode)
+        key = np.uint64(seed), np.uint64(episode)
         tissue = tissue or measured_liver()
         one_of("specimen_class", specimen_class, CLASSES)
         if specimen_class == "uniform":
@@ -159,41 +184,19 @@ class Specimen:
                 tissue=tissue,
             )
         if specimen_class == "mixed":
-            specimen_class = "vascular" if rng.random() < 0.5 else "liver"
-        for _ in range(_ATTEMPTS):
-            specimen = cls._draw_once(rng, specimen_class, tissue, liver_factor)
-            if specimen.steepness() <= _STEEPEST:
-                return specimen
-        raise ValueError(
-            f"no specimen of {tissue.name!r} in {_ATTEMPTS} draws has K'(x - a)/K below {_STEEPEST}: "
-            "reduce the within-cut spread or the fracture resistance, or lengthen the correlation or the rise."
-        )
-
-    @classmethod
-    def _draw_once(
-        cls, rng: np.random.Generator, specimen_class: str, tissue: TissueDescription, liver_factor: float | None
-    ) -> Specimen:
-        factor = draw_liver(rng, tissue) if liver_factor is None else liver_factor
-        modulus = (
-            tissue.intercept_90
-            * tissue.modulus_scale
-            * factor
-            * _lognormal(rng.standard_normal(), tissue.modulus_between_cut_cv)
-            * _lognormal(_smooth_field(rng, tissue), tissue.modulus_within_cut_cv)
-        )
-        mean_resistance = (
-            tissue.fracture_resistance
-            * tissue.fracture_scale
-            * _lognormal(rng.standard_normal(), tissue.fracture_between_cut_cv)
-        )
-        resistance = mean_resistance * _lognormal(_smooth_field(rng, tissue), tissue.fracture_within_cut_cv)
-        if specimen_class == "vascular":
-            resistance = resistance * _inclusions(rng)
+            specimen_class = "vascular" if is_vascular(*key) else "liver"
+        modulus, resistance = np.empty(N_POINTS), np.empty(N_POINTS)
+        friction = draw_all_along(
+            *key, specimen_class == "vascular", liver_factor or 0.0, STEEPEST,
+            recipe(tissue), tissue_modes(tissue), modulus, resistance,
+        )  # fmt: skip
+        if friction < 0.0:
+            raise ValueError(too_uneven(tissue))
         return cls(
             modulus=modulus,
             fracture_resistance=resistance,
-            depth=_bulge_of(tissue),
-            friction_per_depth=float(tissue.friction_share * mean_resistance),
+            depth=bulge_of(tissue),
+            friction_per_depth=friction,
             tissue=tissue,
             specimen_class=specimen_class,
         )
@@ -245,7 +248,8 @@ class Specimen:
 def draw_liver(rng: np.random.Generator, tissue: TissueDescription | None = None) -> float:
     """How much stiffer than the mean one liver is [1]."""
     _check_generator(rng)
-    return float(_lognormal(rng.standard_normal(), (tissue or measured_liver()).modulus_between_liver_cv))
+    sigma = lognormal_sigma((tissue or measured_liver()).modulus_between_liver_cv)
+    return float(lognormal(float(rng.standard_normal()), sigma))
 
 
 def _check_generator(rng: np.random.Generator) -> None:
@@ -253,46 +257,9 @@ def _check_generator(rng: np.random.Generator) -> None:
         raise TypeError(f"rng = {rng!r} must be a numpy.random.Generator; cutenv.randomness.generator(seed) makes one.")
 
 
-@lru_cache(maxsize=8)
-def unit_stiffness(tissue: TissueDescription) -> Array:
-    """Kappa at each point of a specimen, shape (301,) [1]."""
-    kappa: Array = np.asarray(tissue.cut_model().stiffness(np.arange(N_POINTS) * SPACING))
-    kappa.setflags(write=False)
-    return kappa
-
-
-@lru_cache(maxsize=8)
-def _bulge_of(tissue: TissueDescription) -> Array:
-    return bulge(
-        np.arange(N_POINTS) * SPACING,
-        edge=tissue.edge_depth,
-        crown=tissue.crown_depth,
-        rise_length=tissue.rise_length,
-        length=LENGTH,
+def too_uneven(tissue: TissueDescription) -> str:
+    """What to say of a tissue of which no specimen is smooth enough."""
+    return (
+        f"no specimen of {tissue.name!r} in {ATTEMPTS} draws has K'(x - a)/K below {STEEPEST}: "
+        "reduce the within-cut spread or the fracture resistance, or lengthen the correlation or the rise."
     )
-
-
-def _smooth_field(rng: np.random.Generator, tissue: TissueDescription) -> Array:
-    modes = field_modes(N_POINTS, SPACING, tissue.correlation_length)
-    return modes @ rng.standard_normal(modes.shape[1])
-
-
-def _lognormal(normal: Any, cv: float) -> Any:
-    """Lognormal number(s) of mean 1 and coefficient of variation ``cv`` from standard normal ones."""
-    sigma = lognormal_sigma(cv)
-    return np.exp(sigma * normal - 0.5 * sigma**2)
-
-
-def _inclusions(rng: np.random.Generator) -> Array:
-    """Factor on the fracture resistance of 1 or 2 tough inclusions (vessels), shape (301,)."""
-    y = np.arange(N_POINTS) * SPACING
-    factor = np.ones(N_POINTS)
-    for _ in range(int(rng.integers(1, 3))):
-        length = rng.uniform(*_INCLUSION_LENGTH)
-        centre = rng.uniform(*_INCLUSION_PLACE)
-        inside = 0.5 * (
-            np.tanh((y - centre + 0.5 * length) / _INCLUSION_EDGE)
-            - np.tanh((y - centre - 0.5 * length) / _INCLUSION_EDGE)
-        )
-        factor = np.maximum(factor, 1.0 + (rng.uniform(*_INCLUSION_FACTOR) - 1.0) * inside)
-    return factor

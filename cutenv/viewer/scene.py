@@ -59,7 +59,7 @@ class Moment:
             speed=float(state["speed"]),
             angle=float(state["angle"]),
             force=0.0 if cutting.readings is None else float(cutting.readings["force"][-1]),
-            depth=plant.profile["depth"],
+            depth=plant.profiles[0]["depth"],
             target=cutting.target_length,
             time=cutting.time,
             deadline=cutting.deadline,

@@ -16,11 +16,12 @@ import pytest
 from led_cut import UPRIGHT, changed_law, constant_feed, homogeneous, lead, lead_by, liver
 
 import cutenv
-from cutenv.cutting.drive import Hand, Rig
+from cutenv.cores import over_cores
+from cutenv.cutting.drive import Hand, Rig, made_up
 from cutenv.cutting.parameters import law_records, profile_records
 from cutenv.cutting.records import DRIVE, LAW, PROFILE, READING, STATE, TICK, new_state
 from cutenv.cutting.sensor import SENSOR, SensorParameters, sensor_records
-from cutenv.cutting.simulate import follow, simulate, simulate_batch, update
+from cutenv.cutting.simulate import follow, simulate, simulate_some, update
 from cutenv.randomness import generator
 from cutenv.tissue.specimen import Specimen
 
@@ -84,9 +85,10 @@ def instants(cases: Cases) -> Cases:
                 for name, values in now.items():
                     picked[name].append(values.copy())
                 picked["readings"].append(np.zeros((1, 1), READING))
-            record = (now[name][0] for name in ORDER[:5])
+            record = [now[name][0] for name in ORDER[:5]]
             update(
                 *record,
+                made_up(record[3], TICK),
                 float(command["speeds"][0, 0]),
                 float(command["angles"][0, 0]),
                 TICK,
@@ -111,8 +113,9 @@ def load(file: Path) -> Cases:
 
 
 def numbers(records: Any) -> np.ndarray:
-    """Every field of records as float64, shape (n_fields, ...)."""
-    return np.stack([np.asarray(records[name], dtype=float) for name in records.dtype.names if name != "line"])
+    """Every field of records that is one number as float64, shape (n_fields, ...)."""
+    fields = [name for name in records.dtype.names if not records.dtype[name].shape]
+    return np.stack([np.asarray(records[name], dtype=float) for name in fields])
 
 
 def check_one_update(ours: Cases, theirs: Cases) -> None:
@@ -167,7 +170,7 @@ def test_over_a_cut_plain_python_and_compiled_agree_on_units_and_crack(cases, tm
 
 def batch(cases: Cases) -> Cases:
     c = copied(cases)
-    simulate_batch(*(c[name] for name in ORDER), TICK, c["readings"])
+    over_cores(simulate_some, CUTS, *(c[name] for name in ORDER), TICK, c["readings"])
     return c
 
 

@@ -137,7 +137,7 @@ def test_doubled_eta90_fails_units_share_and_peak():
 
 def test_an_eta_blind_to_the_angle_fails_the_peak_at_45_degrees():
     row = ROWS[-1]
-    law = changed_law(("law.eta90 * math.sin(angle) ** 2", "law.eta90"))
+    law = changed_law(("law.eta90 * state.pushing", "law.eta90"))
     with pytest.raises(AssertionError):
         check_peak_force(lead_by(law, homogeneous(), constant_feed(row.speed), row.angle), row)
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from led_cut import INCLINED, UPRIGHT, homogeneous
 
-from cutenv.cutting.drive import Hand, Rig, advance_command, motion
+from cutenv.cutting.drive import Hand, Rig, advance_command, made_up, motion
 from cutenv.cutting.records import STATE, TICK, new_state
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant import SimulatedPlant
@@ -38,9 +38,9 @@ def drive_blade(
 def commanded(target: float, ticks: int, rig: Rig, *, dt: float = TICK, travel: float = 0.15) -> Any:
     """Speed of the rig's carriage after every tick [m/s]."""
     state, drive = new_state(1, UPRIGHT)[0], rig.records(travel)[0]
-    speeds = np.empty(ticks)
+    speeds, share = np.empty(ticks), made_up(drive, dt)
     for i in range(ticks):
-        advance_command(state, drive, target, dt)
+        advance_command(state, drive, share, target, dt)
         speeds[i] = state.hand_speed
     return speeds
 
@@ -142,7 +142,7 @@ def test_the_hands_friction_slows_and_stops_but_never_reverses():
     state.speed = 0.02
     speeds = []
     for _ in range(400):
-        motion(state, drive, 0.0, 0.0, 0.1, TICK)
+        motion(state, drive, made_up(drive, TICK), 0.0, 0.0, 0.1, TICK)
         speeds.append(state.speed)
     assert np.all(np.array(speeds) >= 0.0)
     assert np.all(np.diff(speeds) <= 0.0)

@@ -67,7 +67,7 @@ def test_the_closed_loop_returns_the_resistance_that_was_put_in():
 
 
 def test_friction_charged_on_top_of_the_whole_resistance_fails_the_check():
-    law = changed_law(("toughness: float = profile[i].toughness + (s - i) *", "toughness = R_B + (s - i) *"))
+    law = changed_law(("toughness: float = profile.toughness[i] + (s - i) *", "toughness = R_B + (s - i) *"))
     law.R_B = R * B
     with pytest.raises(AssertionError):
         check_resistance_returned(there_and_back(law))

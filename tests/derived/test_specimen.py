@@ -53,7 +53,7 @@ FAR_APART = (40, 240)  # points at 2 cm and 12 cm, five correlation lengths apar
 @pytest.fixture
 def _no_redraw(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draws as the distributions give them; redrawing what is too steep narrows them."""
-    monkeypatch.setattr(specimen_module, "_STEEPEST", math.inf)
+    monkeypatch.setattr(specimen_module, "STEEPEST", math.inf)
 
 
 def log_moduli(tissue: TissueDescription) -> np.ndarray:

@@ -37,7 +37,7 @@ class Blindfold:
 def played(value: float | None, commands: np.ndarray, **keywords: Any) -> tuple[list[Any], list[Any]]:
     """Observations, and rewards with their terms and ends; hidden fields overwritten by ``value`` if not None."""
     env = make(**keywords)
-    observations = [env.reset(seed=6)[0]]
+    observations = [env.reset(seed=7)[0]]
     if value is not None:
         env.unwrapped.cutting.plant = Blindfold(env.unwrapped.plant, value)
     rewards = []
@@ -52,8 +52,8 @@ def played(value: float | None, commands: np.ndarray, **keywords: Any) -> tuple[
 
 def recorded_commands(**keywords: Any) -> np.ndarray:
     """The actions of a whole gentle cut, from cutting to unloading."""
-    observations = [make(**keywords).reset(seed=6)[0], *cut(make(**keywords), GENTLE, 6).observations]
-    GENTLE.reset(np.random.default_rng(6))
+    observations = [make(**keywords).reset(seed=7)[0], *cut(make(**keywords), GENTLE, 7).observations]
+    GENTLE.reset(np.random.default_rng(7))
     return np.array([GENTLE(observation) for observation in observations])
 
 

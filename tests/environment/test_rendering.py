@@ -174,7 +174,7 @@ def test_the_chart_of_a_large_force_is_drawn(env: GentleCutEnv, monkeypatch: pyt
     readings = env.cutting.readings.copy()
     readings["time"] += 1.0
     readings["force"] = 35.0
-    monkeypatch.setattr(env.cutting, "readings", readings)
+    monkeypatch.setattr(type(env.cutting), "readings", readings)
     check_differs(before, picture_of(env), CHART)
 
 

@@ -12,7 +12,7 @@ from whole_cut import CRUISE, FASTEST, INCLINED, UPRIGHT, Script, cut, interval,
 
 from cutenv.policy import ConstantFeed, Policy, ProbeAndCreep, StopAndUnload
 
-FEW, SEEDS = range(3), range(8)
+FEW, SEEDS = range(3), range(40)
 CLASSES = ("uniform", "liver")
 ENDINGS = {"stop and unload": StopAndUnload, "probe and creep": ProbingEnd}
 # By design, and one more; peaks between decisions are tried below, hidden state in test_hidden_state.py.
@@ -43,10 +43,10 @@ def honest(ending: str, seeds: range = SEEDS, **keywords: float) -> np.ndarray:
 
 
 def check_that_it_does_not_pay(hack: Hack, ending: str, weights=None, **keywords) -> None:
-    """The hack returns less than an honest cut of the same specimens: beyond chance on a few, or in the mean of many.
+    """The hack returns less than an honest cut of the same specimens, beyond chance on a few, or no more on many.
 
-    Where a crack that runs comes to rest is chance, and after a plain stop that chance is in the return: there, a gain
-    counts if it is more than chance, and without it the same hack is tried with an end that probes.
+    Where a crack that runs comes to rest is chance, and after a plain stop that chance is in the return: a gain counts
+    if it is more than chance, and with an end that probes also if it is more than a hundredth.
     """
     weights = weights or {}
     for seeds in (FEW, SEEDS):
@@ -54,8 +54,9 @@ def check_that_it_does_not_pay(hack: Hack, ending: str, weights=None, **keywords
         low, high = interval(gained)
         if low > 0.0 or high < 0.0:
             break
-    gain = low if ending == "stop and unload" else gained.mean()
-    assert gain < 0.0, f"the hack returns {gained.mean():.3f} more than an honest cut"
+    assert low < 0.0, f"the hack returns {gained.mean():.3f} more than an honest cut"
+    if ending != "stop and unload":
+        assert gained.mean() < 0.01, f"the hack returns {gained.mean():.3f} more than an honest cut"
 
 
 def cases(stops: bool) -> list[Any]:

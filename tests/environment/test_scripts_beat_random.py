@@ -112,15 +112,13 @@ def test_a_slow_finished_cut_of_the_toughest_tissue_scores_above_doing_nothing(s
     assert min(finished) > returns("nothing", "mixed").max()
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="a cut at 0.38 cm/s, upright, of the toughest of 6000 livers scores -0.757, doing nothing -0.750",
-)
-def test_a_slow_finished_cut_of_the_toughest_of_six_thousand_livers_does_too():
-    specimen = Specimen.draw(generator(2072), specimen_class="liver")
-    record = cut(make(), ConstantFeed(speed=0.0038), specimen=specimen, target_length=0.095)
+@pytest.mark.parametrize(("number", "length"), [(10214, 0.080), (1042, 0.090), (8145, 0.100)])
+def test_the_worst_of_slow_finished_cuts_of_twelve_thousand_livers_do_too(number, length):
+    """Cut at 0.38 cm/s, upright, of the 500 toughest; no bound forbids that still tougher ones score less."""
+    specimen = Specimen.draw(generator(number), specimen_class="liver")
+    record = cut(make(), ConstantFeed(speed=0.0038), specimen=specimen, target_length=length)
     assert record.end == "finished"
-    assert record.total > returns("nothing", "liver").max()
+    assert returns("nothing", "liver").max() < record.total < -0.3
 
 
 def test_with_the_weights_as_drafted_it_does_not_so_the_check_can_fail():

@@ -12,7 +12,7 @@ from evaluate import ENVIRONMENT
 from vectorised import CutVecEnv
 
 from cutenv.policy import Features, past_dead_zone
-from cutenv.task.batch import HIDDEN
+from cutenv.task.hidden import HIDDEN
 
 SEEDS = (3, 8, 21)
 KEYWORDS = {"specimen_class": "mixed", "control_hz": 10, "deadline_s": 4.0}
@@ -89,5 +89,5 @@ def test_the_hidden_state_is_the_tip_first_of_all():
     seen = environments.reset()
     for chosen in actions(15):
         seen = environments.step(chosen)[0]
-    states, tasks = environments._records[0], environments._records[5]
-    assert seen[:, -len(HIDDEN)] == pytest.approx(100.0 * (tasks["target"] - states["tip"]), abs=1e-5)
+    cuts = environments.native.cuts
+    assert seen[:, -len(HIDDEN)] == pytest.approx(100.0 * (cuts.tasks["target"] - cuts.states["tip"]), abs=1e-5)

@@ -173,8 +173,8 @@ def strokes(*, step: float, friction_share: float, turning: bool) -> tuple[Speci
         (check_identity, "state.friction += force * abs(dx)", "state.friction += force * dx"),
         (check_recorded_work, "    state.work += force * abs(dx)\n", "    state.work += force * dx\n"),
         (check_recorded_work, "        state.work += energy\n", "        state.work += 2.0 * energy\n"),
-        (check_recorded_work, "    work = 0.5 * (F", "    work = 0.45 * (F"),
-        (check_second_law, "profile, state.blade, a) - U\n", "profile, state.blade, a) - 1.001 * U\n"),
+        (check_recorded_work, "cutting_work = 0.5 * (F", "cutting_work = 0.45 * (F"),
+        (check_second_law, "work = loaded_U - U\n", "work = loaded_U - 1.001 * U\n"),
         (check_second_law, "    state.work += force * abs(dx)\n", "    state.work += force * dx\n"),
         (check_loss_never_decreases, "state.loss += max(state.ledger, 0.0)", "state.loss -= state.ledger"),
         (

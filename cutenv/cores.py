@@ -1,0 +1,57 @@
+"""Spread a compiled loop over the cores.
+
+Threads of Python's own run compiled code that has let go of the interpreter's lock.  Numba's parallel loops would do
+the same, but take some four seconds each to compile, must not be forked, and wait for work by turning in a loop, which
+robs whatever else runs beside them.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from cutenv.validation import in_range
+
+_FEWEST = 32  # members of a batch, below which waking another thread costs more than it saves
+
+_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+_threads: tuple[int, ThreadPoolExecutor] | None = None  # and the process that they belong to
+
+
+def set_cores(count: int) -> None:
+    """Use so many cores from now on; by default all that the process may use, or ``CUTENV_CORES``."""
+    global _cores, _threads
+    _cores = int(in_range("cores", count, 1, 4096, "1", "Give a whole number of cores."))
+    _threads = None
+
+
+def cores() -> int:
+    """How many cores are used."""
+    return _cores
+
+
+if "CUTENV_CORES" in os.environ:
+    set_cores(int(os.environ["CUTENV_CORES"]))
+
+
+def over_cores(kernel: Callable[..., None], count: int, *arguments: Any) -> None:
+    """Call ``kernel(first, last, *arguments)`` for stretches that together cover 0 to ``count``, side by side."""
+    workers = max(min(_cores, count // _FEWEST), 1)
+    bounds = [count * k // workers for k in range(workers + 1)]
+    others = [_pool().submit(kernel, *stretch, *arguments) for stretch in itertools.pairwise(bounds[1:])]
+    try:
+        kernel(0, bounds[1], *arguments)
+    finally:
+        for other in others:
+            other.result()
+
+
+def _pool() -> ThreadPoolExecutor:
+    """Threads of this process: a fork inherits none."""
+    global _threads
+    if _threads is None or _threads[0] != os.getpid():
+        _threads = os.getpid(), ThreadPoolExecutor(max(_cores - 1, 1), "cutenv")
+    return _threads[1]

@@ -1,0 +1,304 @@
+"""Many environments ``cutenv/GentleCut-v0`` in one: stepped, drawn and begun by compiled calls, on all cores."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from cutenv.cores import over_cores
+from cutenv.envs.gentle_cut import OPTIONS, GentleCutEnv, checked_episode, checked_length
+from cutenv.randomness import check_key
+from cutenv.task.assessment import succeeded_all
+from cutenv.task.beginning import GIVEN, LIVER, LONGEST, MIXED, VASCULAR, begin_some
+from cutenv.task.cuts import SPECIMEN, Cuts, step_some, tell_of_all
+from cutenv.task.gentle_cutting import nominal_per_depth
+from cutenv.task.observation import COMPONENTS, all_within_reach
+from cutenv.task.records import ENDS
+from cutenv.task.told import PLACES, TOLD
+from cutenv.tissue.description import measured_liver
+from cutenv.tissue.drawing import recipe, tissue_modes
+from cutenv.tissue.specimen import STEEPEST, Specimen, too_uneven
+from cutenv.validation import in_range, one_of
+
+_SOURCES = {"liver": LIVER, "vascular": VASCULAR, "mixed": MIXED}
+_END_NAMES = np.array(ENDS, dtype=object)
+
+Flags = NDArray[np.bool_]
+Numbers = NDArray[np.float64]
+Observations = NDArray[np.float32]
+
+
+class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
+    """``num_envs`` environments, bit for bit equal to single ones of the same seeds and actions.
+
+    ``gymnasium.make_vec("cutenv/GentleCut-v0", num_envs=1024)`` makes one.  Environment i of ``reset(seed=s)`` is that
+    of ``GentleCutEnv.reset(seed=s + i)``, episode after episode.
+
+    Parameters
+    ----------
+    num_envs : int
+        At least 1.
+    autoreset_mode : AutoresetMode or str
+        What happens to an environment whose cut has ended: "NextStep" (the default of Gymnasium), "SameStep" (its last
+        observation and info are in ``info["final_obs"]`` and ``info["final_info"]``) or "Disabled" (reset it with
+        ``reset(options={"reset_mask": mask})``).
+    render_mode : None
+        Nothing is drawn; one environment draws.
+    **keywords
+        Those of :class:`~cutenv.envs.gentle_cut.GentleCutEnv`, the same for all.
+
+    Notes
+    -----
+    ``info`` holds what the single environment's does as arrays of length ``num_envs``, each with its mask ``_name``
+    where it is present.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012  as in VectorEnv
+        "render_modes": [],
+        "render_fps": 50,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        render_mode: None = None,
+        **keywords: Any,
+    ) -> None:
+        cure = "Give the whole number of environments."
+        if in_range("num_envs", num_envs, 1, 10**7, "1", cure) % 1.0:
+            raise ValueError(f"num_envs = {num_envs:g} is not a whole number. {cure}")
+        if not isinstance(autoreset_mode, AutoresetMode):
+            one_of("autoreset_mode", autoreset_mode, [mode.value for mode in AutoresetMode])
+        if render_mode is not None:
+            raise ValueError(
+                f"render_mode = {render_mode!r}: a batch is not drawn; "
+                'use vectorization_mode="sync", or one environment.'
+            )
+        self.num_envs = int(num_envs)
+        self.render_mode = None
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.single = GentleCutEnv(**keywords)  # checks the keywords, and makes the start that all share
+        self.metadata = {
+            **self.metadata,
+            "render_fps": self.single.metadata["render_fps"],
+            "autoreset_mode": self.autoreset_mode,
+        }
+        self.single_observation_space = self.single.observation_space
+        self.single_action_space = self.single.action_space
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space: spaces.Space[Any] = batch_space(self.single_action_space, self.num_envs)
+
+        self.cuts = Cuts.empty(self.num_envs)
+        self._start: tuple[Cuts, str | None] | None = None
+        self._tissue = self.single.tissue.tissue or measured_liver()
+        self._seeds = np.zeros(self.num_envs, np.uint64)
+        self._episodes = np.zeros(self.num_envs, np.uint64)
+        self._begun = np.zeros(self.num_envs, bool)
+        self._ended = np.zeros(self.num_envs, bool)
+        self._vascular = np.zeros(self.num_envs, np.int8)
+        self._classes = np.full(self.num_envs, None, dtype=object)
+        self._observations = np.zeros((self.num_envs, len(COMPONENTS)), np.float32)
+        self._none_waits = np.zeros(self.num_envs, bool)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, Any]]:
+        """Begin the next cut of every environment, or of those in ``options["reset_mask"]``.
+
+        Parameters
+        ----------
+        seed : int or sequence of int, optional
+            Environment i gets ``seed + i``, or its own; None: the next episode of the seed that it has.
+        options : dict, optional
+            Those of :meth:`GentleCutEnv.reset`, and ``reset_mask``, an array of bool.
+        """
+        options = dict(options or {})
+        which = self._masked(options.pop("reset_mask", None))
+        self._give_seeds(seed, which)
+        if options.get("episode") is not None:
+            self._episodes[which] = checked_episode(options["episode"])
+        self._begin(which, options)
+        self._ended[which] = False
+        return self._observations.copy(), self._info(self._told_at_start(which), self._mask(which))
+
+    def step(self, actions: Observations) -> tuple[Observations, Numbers, Flags, Flags, dict[str, Any]]:
+        """Take an action, shape (2,), in every environment, shape (num_envs, 2); see ``autoreset_mode`` for ends."""
+        commands = np.array(actions, np.float64)
+        if commands.shape != (self.num_envs, 2):
+            raise ValueError(
+                f"actions have shape {commands.shape}; give ({self.num_envs}, 2): speed and angle of each."
+            )
+        waiting = self._ended if self.autoreset_mode == AutoresetMode.NEXT_STEP else self._none_waits
+        if not self._begun.all() or (self._ended.any() and waiting is self._none_waits):
+            raise gymnasium.error.ResetNeeded("in some environments no cut is going on: call reset() before step().")
+        bad = all_within_reach(commands, waiting, self.single.fixed_angle or math.nan)
+        if bad >= 0:
+            raise ValueError(
+                f"actions[{bad}] = {np.asarray(actions)[bad]} must hold 2 numbers in [-1, 1] (speed, angle), "
+                "and none may be NaN."
+            )
+        observations = self._observations
+        rewards = np.empty(self.num_envs)
+        ends = np.empty(self.num_envs, np.int64)
+        told = np.empty((self.num_envs, TOLD))
+        over_cores(
+            step_some,
+            self.num_envs,
+            self.cuts,
+            self.single.ticks,
+            self.single.from_truth,
+            waiting,
+            commands,
+            observations,
+            rewards,
+            ends,
+            told,
+        )
+        ended = ends != 0
+        finished = np.flatnonzero(ended)
+        began = np.flatnonzero(waiting) if waiting is self._ended else finished[:0]
+        info: dict[str, Any] = {}
+        if self.autoreset_mode == AutoresetMode.SAME_STEP and len(finished):
+            info = self._final(finished, ended, ends, told)
+            began = finished
+        if len(began):
+            self._begin(began, {})
+            self._told_at_start(began, told)
+        info |= self._info(told, np.ones(self.num_envs, bool))
+        if len(finished) and self.autoreset_mode != AutoresetMode.SAME_STEP:
+            self._add_ends(info, ended, ends)
+        self._ended = self._none_waits if self.autoreset_mode == AutoresetMode.SAME_STEP else ended
+        return observations.copy(), rewards, ended.copy(), np.zeros(self.num_envs, bool), info
+
+    def _masked(self, mask: Any) -> NDArray[np.int64]:
+        """The environments that a reset mask names; all without one."""
+        if mask is None:
+            return np.arange(self.num_envs)
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
+            raise ValueError(f"reset_mask = {mask!r} must be an array of bool of shape ({self.num_envs},).")
+        if not mask.any():
+            raise ValueError("reset_mask names no environment; leave the reset out.")
+        return np.flatnonzero(mask)
+
+    def _give_seeds(self, seed: int | Sequence[int | None] | None, which: NDArray[np.int64]) -> None:
+        if seed is None or isinstance(seed, int | np.integer):
+            super().reset(seed=None if seed is None else int(seed))
+            seeds = [None if seed is None else int(seed) + n for n in range(self.num_envs)]
+        else:
+            seeds = list(seed)
+            if len(seeds) != self.num_envs:
+                raise ValueError(f"seed holds {len(seeds)} numbers; give one for each of {self.num_envs} environments.")
+        for n in which:
+            given = seeds[n]
+            if given is None and not self._begun[n]:
+                given = int(self.np_random.integers(2**63))
+            if given is not None:
+                check_key(given, 0)
+                self._seeds[n] = given
+                self._episodes[n] = 0
+        self._begun[which] = True
+
+    def _begin(self, which: NDArray[np.int64], options: dict[str, Any]) -> None:
+        """Begin the next cut of some environments."""
+        for name in options:
+            one_of("option", name, (*OPTIONS, "reset_mask"))
+        if self._start is None or options.get("specimen") is not None:
+            start, given = self._shared_start(options)
+        else:
+            start, given = self._start
+        if options.get("specimen") is None:
+            self._start = start, given
+        target = self.single.target_length or 0.0
+        if options.get("target_length") is not None:
+            target = checked_length(options["target_length"])
+        knowledge = self.single.constants.knowledge
+        over_cores(
+            begin_some, len(which), self.cuts, start, which, self._seeds, self._episodes,
+            GIVEN if given else _SOURCES[self.single.specimen_class], self.single.from_truth, target, STEEPEST,
+            recipe(self._tissue), tissue_modes(self._tissue), knowledge.depth_noise, knowledge.depth_modes(),
+            self._observations, self._vascular,
+        )  # fmt: skip
+        if given:
+            self._classes[which] = given
+        elif (self._vascular[which] < 0).any():
+            raise ValueError(too_uneven(self._tissue))
+        else:
+            self._classes[which] = np.where(self._vascular[which] == 1, "vascular", "liver")
+        self._episodes[which] += np.uint64(1)
+
+    def _shared_start(self, options: dict[str, Any]) -> tuple[Cuts, str | None]:
+        """A single environment's start, what does not depend on the key, and the class of a specimen that is given."""
+        specimen = self.single.given_specimen(options.get("specimen"))
+        if specimen is None and self.single.specimen_class == "uniform":
+            specimen = Specimen.drawn(0, specimen_class="uniform", tissue=self._tissue)
+        given = specimen is not None
+        specimen = specimen or Specimen.mean(self._tissue)  # its tissue matters, and nothing else
+        self.single.set_up(specimen, self.single.target_length or LONGEST, seed=0, episode=0, depth=specimen.depth)
+        plant, cutting = self.single.plant, self.single.cutting
+        parts = plant.snapshot()
+        start = Cuts(
+            *parts,
+            *cutting.assessment(),
+            nominals=cutting.nominal,
+            per_depth=nominal_per_depth(specimen.tissue),
+            specimens=np.zeros(1, SPECIMEN),
+        )
+        start.specimens["modulus"] = specimen.modulus
+        start.specimens["fracture_resistance"] = specimen.fracture_resistance
+        return start, (specimen.specimen_class if given else None)
+
+    def _told_at_start(self, which: NDArray[np.int64], told: Numbers | None = None) -> Numbers:
+        if told is None:
+            told = np.zeros((self.num_envs, TOLD))
+        tell_of_all(self.cuts, which, told)
+        return told
+
+    def _mask(self, which: NDArray[np.int64]) -> Flags:
+        mask = np.zeros(self.num_envs, bool)
+        mask[which] = True
+        return mask
+
+    def _info(self, told: Numbers, present: Flags) -> dict[str, Any]:
+        """What is told as arrays by name, each with its mask."""
+        info: dict[str, Any] = {}
+        for group, names, place in PLACES:
+            inside: dict[str, Any] = {}
+            for name, values in zip(names, told[:, place].T, strict=True):
+                inside[name], inside["_" + name] = values, present
+            info[group], info["_" + group] = inside, present
+        truth = info["truth"]
+        truth["units"] = truth["units"].astype(np.int64)
+        truth["specimen_class"], truth["_specimen_class"] = np.where(present, self._classes, None), present
+        info["speed_out_of_range"], info["_speed_out_of_range"] = told[:, -1] > 0.0, present
+        return info
+
+    def _add_ends(self, info: dict[str, Any], ended: Flags, ends: NDArray[np.int64]) -> None:
+        info["end"], info["_end"] = np.where(ended, _END_NAMES[ends], None), ended
+        info["is_success"], info["_is_success"] = succeeded_all(self.cuts.tasks, self.cuts.progresses) & ended, ended
+
+    def _final(
+        self, finished: NDArray[np.int64], ended: Flags, ends: NDArray[np.int64], told: Numbers
+    ) -> dict[str, Any]:
+        """Last observation and info of the cuts that have ended, before the next ones begin."""
+        last = np.zeros_like(told)
+        last[finished] = told[finished]
+        final_info = self._info(last, ended)
+        self._add_ends(final_info, ended, ends)
+        final_obs = np.full(self.num_envs, None, dtype=object)
+        for n in finished:  # by Gymnasium's convention an array of arrays
+            final_obs[n] = self._observations[n].copy()
+        return {"final_obs": final_obs, "_final_obs": ended, "final_info": final_info, "_final_info": ended}
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Nothing is held."""

@@ -1,0 +1,155 @@
+"""How an episode begins, compiled: specimen, length of the cut and the lab's knowledge, all from one key."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.compiled import compiled, compiled_for_cores
+from cutenv.cutting.records import Record, Records
+from cutenv.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, uniform_at
+from cutenv.task.cuts import Cuts
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, fill
+from cutenv.tissue.drawing import draw_along, is_vascular, smooth_field
+from cutenv.tissue.grid import N_POINTS
+
+SHORTEST, LONGEST = 0.060, 0.100
+"""Range from which the target length is drawn [m]."""
+SHALLOWEST = 0.5e-3
+"""Depth that a measured profile can show [m]."""
+
+LIVER, VASCULAR, MIXED, GIVEN = range(4)
+"""Where specimens come from: drawn of a class, or one that is given."""
+
+Array = NDArray[np.float64]
+
+
+@compiled
+def drawn_length(seed: int, episode: int) -> float:
+    """The target length of a key [m]."""
+    return SHORTEST + (LONGEST - SHORTEST) * uniform_at(seed, episode, TASK, LENGTH_DRAW)
+
+
+@compiled
+def measure_depth(seed: int, episode: int, noise: float, modes: Array, depth: Array, measured: Array) -> None:
+    """Fill ``measured``, shape (301,), with the depth of cut [m] as the lab finds it: the true one, a smooth error."""
+    smooth_field(seed, episode, DEPTH_ERROR, 0, modes, measured)
+    for i in range(len(depth)):
+        measured[i] = max(depth[i] + noise * measured[i], SHALLOWEST)
+
+
+@compiled
+def rest(task: Record, nominal: Record, angle: float, observation: Records) -> None:
+    """The observation at the start: the blade at rest at the clamp, force tared to zero."""
+    last_angle = (angle - ANGLE_CENTRE) / ANGLE_SCALE
+    fill(task, nominal, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, angle, 0.0, 0.0, last_angle, observation)
+
+
+@compiled
+def _begin(
+    cuts: Cuts,
+    start: Cuts,
+    n: int,
+    seed: int,
+    episode: int,
+    source: int,
+    from_truth: bool,
+    target: float,
+    steepest: float,
+    recipe: Records,
+    modes: Array,
+    depth_noise: float,
+    depth_modes: Array,
+    observations: Records,
+    vascular: Records,
+) -> None:
+    """Begin cut n; see :func:`begin_some`."""
+    cuts.states[n] = start.states[0]
+    cuts.laws[n] = start.laws[0]
+    cuts.drives[n] = start.drives[0]
+    cuts.sensors[n] = start.sensors[0]
+    cuts.tasks[n] = start.tasks[0]
+    cuts.progresses[n] = start.progresses[0]
+    cuts.sensors[n].seed = seed
+    cuts.sensors[n].episode = episode
+    cuts.tasks[n].target = target if target > 0.0 else drawn_length(seed, episode)
+    profile, nominal, along = cuts.profiles[n], cuts.nominals[n], cuts.specimens[n]
+    if source == GIVEN:
+        cuts.profiles[n] = start.profiles[0]
+        cuts.specimens[n] = start.specimens[0]
+    else:
+        vessels = source == VASCULAR or (source == MIXED and is_vascular(seed, episode))
+        friction = draw_along(
+            seed, episode, vessels, 0.0, steepest, recipe[0], modes, along.modulus, along.fracture_resistance
+        )
+        vascular[n] = -1 if friction < 0.0 else (1 if vessels else 0)
+        cuts.laws[n].friction_per_depth = friction
+        if from_truth:
+            cuts.tasks[n].friction_per_depth = friction
+        fracture_share = 1.0 - recipe[0].friction_share
+        for i in range(N_POINTS):
+            depth = recipe[0].depth[i]
+            profile.stiffness[i] = along.modulus[i] * recipe[0].unit_stiffness[i] * depth
+            profile.toughness[i] = fracture_share * along.fracture_resistance[i] * depth
+            profile.depth[i] = depth
+    measure_depth(seed, episode, depth_noise, depth_modes, profile.depth, nominal.depth)
+    for i in range(N_POINTS):
+        nominal.stiffness[i] = start.per_depth[0].stiffness[i] * nominal.depth[i]
+        nominal.toughness[i] = start.per_depth[0].toughness[i] * nominal.depth[i]
+    rest(cuts.tasks[n], nominal, cuts.states[n].angle, observations[n])
+
+
+@compiled_for_cores
+def begin_some(
+    first: int,
+    last: int,
+    cuts: Cuts,
+    start: Cuts,
+    which: Records,
+    seeds: Records,
+    episodes: Records,
+    source: int,
+    from_truth: bool,
+    target: float,
+    steepest: float,
+    recipe: Records,
+    modes: Array,
+    depth_noise: float,
+    depth_modes: Array,
+    observations: Records,
+    vascular: Records,
+) -> None:
+    """Begin the cuts numbered ``which[first:last]``, each of its own key, as a single environment would.
+
+    Parameters
+    ----------
+    first, last : int
+        See :func:`cutenv.cores.over_cores`.
+    cuts : Cuts
+        n cuts; those of ``which`` are begun anew.
+    start : Cuts
+        One cut at its start with everything that all share; what depends on the key is filled in.
+    which : array of int, shape (m,)
+        Of the cuts.
+    seeds, episodes : array of uint64, shape (n,)
+        The keys.
+    source : int
+        LIVER, VASCULAR, MIXED or GIVEN.
+    from_truth : bool
+        Whether friction is known to the assessment, or that of the mean tissue is used.
+    target : float
+        Length of every cut [m]; 0: drawn.
+    steepest, recipe, modes
+        See :func:`cutenv.tissue.drawing.draw_along`.
+    depth_noise, depth_modes
+        See :func:`measure_depth`.
+    observations : array of float32, shape (n, 12)
+        Filled for the cuts of ``which``.
+    vascular : array of int8, shape (n,)
+        1 for a drawn specimen with vessels, 0 without; -1 where none was smooth enough.
+    """
+    for n in which[first:last]:
+        _begin(
+            cuts, start, n, seeds[n], episodes[n], source, from_truth, target, steepest, recipe, modes, depth_noise,
+            depth_modes, observations, vascular,
+        )  # fmt: skip

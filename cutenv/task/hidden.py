@@ -1,0 +1,51 @@
+"""The hidden state as numbers of order 1, for a critic that may see it during training; never for a policy."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.compiled import compiled
+from cutenv.cutting.law import depth_at, elastic_force, stiffness_at, toughness_at
+from cutenv.cutting.records import Records
+from cutenv.task.cuts import Cuts
+
+HIDDEN = (
+    "distance from tip to target [cm]",
+    "lag of the tip behind the blade [cm]",
+    "elastic force over R B at the tip [1]",
+    "its value at the last arrest [1]",
+    "ledger over R B 1 mm [1]",
+    "K over 500 N/m",
+    "R over 200 J/m2 at the tip",
+    "R over 200 J/m2, 3 mm further",
+    "R over 200 J/m2, 6 mm further",
+    "R over 200 J/m2, 12 mm further",
+)
+"""What the numbers are."""
+_AHEAD = (0.0, 0.003, 0.006, 0.012)
+
+
+def reveal(cuts: Cuts) -> NDArray[np.float64]:
+    """The hidden state of n cuts, shape (n, 10), as :data:`HIDDEN` names it."""
+    hidden = np.empty((len(cuts.states), len(HIDDEN)))
+    _reveal(cuts.states, cuts.profiles, cuts.tasks, hidden)
+    return hidden
+
+
+@compiled
+def _reveal(states: Records, profiles: Records, tasks: Records, hidden: Records) -> None:
+    """Fill ``hidden``, shape (n, 10), with what :data:`HIDDEN` names."""
+    for n in range(len(states)):
+        state, profile = states[n], profiles[n]
+        a = state.tip
+        toughness = toughness_at(profile, a)
+        hidden[n, 0] = (tasks[n].target - a) / 0.01
+        hidden[n, 1] = (state.blade - a) / 0.01
+        hidden[n, 2] = elastic_force(profile, state.blade, a) / toughness
+        hidden[n, 3] = min(state.arrest_ratio, 2.0)
+        hidden[n, 4] = state.ledger / (toughness * 0.001)
+        hidden[n, 5] = stiffness_at(profile, a)[0] / 500.0
+        for k in range(len(_AHEAD)):
+            place = a + _AHEAD[k]
+            hidden[n, 6 + k] = toughness_at(profile, place) / depth_at(profile, place) / 200.0

@@ -1,0 +1,84 @@
+"""What an environment tells beside the observation, for people and for tests: never for a policy."""
+
+from __future__ import annotations
+
+from cutenv.compiled import compiled
+from cutenv.cutting.law import initiation_excess
+from cutenv.cutting.records import Record, Records
+from cutenv.cutting.simulate import ENERGIES, account
+from cutenv.task.records import TERMS
+from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
+
+TRUTH = (
+    "tip_m",
+    "blade_m",
+    "fracture_resistance_J_m2",
+    "modulus_Pa",
+    "initiation_excess",
+    "units",
+    "uncontrolled_m",
+    "target_length_m",
+)
+"""The hidden state: tip, blade, resistance and modulus at the tip, eta, runs so far and their length, target."""
+COST = ("force_N", "overshoot_m")
+"""Breaches: largest force above the limit in the step, overshoot of the tip so far."""
+
+GROUPS = {"truth": TRUTH, "energy": ENERGIES, "reward_terms": TERMS, "cost": COST}
+"""The groups of numbers that are told, in SI units, in this order; then whether the speed was out of range."""
+TOLD = sum(len(names) for names in GROUPS.values()) + 1
+"""How many numbers that are."""
+
+_ENERGY = len(TRUTH)
+_TERMS = _ENERGY + len(ENERGIES)
+_COST = _TERMS + len(TERMS)
+PLACES = tuple(
+    (group, names, slice(first, first + len(names)))
+    for (group, names), first in zip(GROUPS.items(), (0, _ENERGY, _TERMS, _COST), strict=True)
+)
+"""Group, its names, and where it stands among what is told."""
+
+
+@compiled
+def tell(
+    state: Record,
+    profile: Record,
+    law: Record,
+    task: Record,
+    progress: Record,
+    modulus: Records,
+    resistance: Records,
+    terms: Records,
+    told: Records,
+) -> None:
+    """Fill ``told``, shape (30,); ``modulus`` [Pa] and ``resistance`` [J/m2] are the specimen's, shape (301,)."""
+    place = min(int(state.tip * POINTS_PER_METRE + 0.5), N_POINTS - 1)
+    told[0] = state.tip
+    told[1] = state.blade
+    told[2] = resistance[place]
+    told[3] = modulus[place]
+    told[4] = initiation_excess(state, law)
+    told[5] = state.units
+    told[6] = state.uncontrolled
+    told[7] = task.target
+    account(state, profile, told[_ENERGY:_TERMS])
+    for k in range(len(terms)):
+        told[_TERMS + k] = terms[k]
+    told[_COST] = progress.over_limit
+    told[_COST + 1] = progress.overshoot
+    told[_COST + 2] = progress.out_of_range
+
+
+@compiled
+def tell_one(
+    states: Records,
+    profiles: Records,
+    laws: Records,
+    tasks: Records,
+    progresses: Records,
+    modulus: Records,
+    resistance: Records,
+    terms: Records,
+    told: Records,
+) -> None:
+    """:func:`tell` with arrays of length 1 for records, which a call from Python passes several times faster."""
+    tell(states[0], profiles[0], laws[0], tasks[0], progresses[0], modulus, resistance, terms, told)
