@@ -57,7 +57,7 @@ def test_what_the_planner_with_truth_plans_is_what_happens_and_no_script_does_be
     returns = np.array([each.record.total for each in planned])
     for name, policy in {**{name: script() for name, script in SCRIPTS.items()}, **FEEDS}.items():
         theirs = [cut(env, policy, seed).total for seed in range(6)]
-        assert (returns - theirs).mean() > 0.1, name
+        assert (returns - theirs).mean() > 0.05, name
         assert (returns - theirs).min() > -0.005, f"{name} on one of them"  # luck that twenty rounds do not find
 
 
