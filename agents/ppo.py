@@ -4,10 +4,10 @@
     python agents/ppo.py --quick             about two minutes
     python agents/ppo.py --resume runs/NAME  goes on from the checkpoint of an interrupted run
 
-The agent decides 10 times a second: a cut is then some 80 decisions.  gamma = 0.999 has a horizon of 1000 of them, so
-that the end of a cut counts at its beginning (0.999^80 = 0.92); with 0.995 progress made early is worth more, and the
-agent learns a haste that the reward does not ask for.  It sees features that a person would work out, and a short
-history; its critic sees the hidden state too, which training needs and cutting does not.
+The agent decides 10 times a second: a cut is then some 80 decisions, 300 at most.  gamma = 1 has no horizon, for a cut
+ends by itself, and what it is scored by is the plain sum; with 0.995 progress made early is worth more, and the agent
+learns a haste that the reward does not ask for.  It sees features that a person would work out, and a short history;
+its critic sees the hidden state too, which training needs and cutting does not.
 
 It starts as a clone of the best script and learns on by trial; for a while only the critic does, because one that knows
 nothing would spoil the clone.  Exploration is given and falls: a policy that may keep its noise leans on it.  What is
@@ -57,7 +57,7 @@ class Arguments:
 
     name: str = option("", "folder below runs/; default: date and time")
     seed: int = option(0, "of networks, exploration and training specimens")
-    timesteps: int = option(4_000_000, "decisions to train for")
+    timesteps: int = option(8_000_000, "decisions to train for")
     specimen_class: str = option("mixed", "tissue to train and test on", CLASSES)
     angle_mode: str = option("free", "whether the agent turns the blade", ("free", "fixed"))
     control_hz: int = option(10, "decisions per second")
@@ -65,10 +65,10 @@ class Arguments:
     dead_zone: float = option(0.25, "share of the speed's action that means rest")
     environments: int = option(64, "side by side")
     rollout: int = option(128, "decisions of each environment between updates")
-    batch_size: int = option(512, "decisions of a gradient step")
+    batch_size: int = option(1024, "decisions of a gradient step")
     epochs: int = option(8, "passes over a rollout")
-    learning_rate: float = option(2.5e-4, "at the start; falls linearly to a twentieth")
-    gamma: float = option(0.999, "discount of a decision")
+    learning_rate: float = option(3e-4, "at the start; falls linearly to a twentieth")
+    gamma: float = option(1.0, "discount of a decision")
     gae_lambda: float = option(0.95, "of the generalised advantage estimate")
     averaging: float = option(0.03, "share of the actor that its running average takes over at every update")
     hidden: int = option(64, "units in each of two layers")

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from importlib import import_module
 
-__all__ = ["main"]
+__all__ = ["BENCHMARKS", "main"]
+
+BENCHMARKS = {"step": "environment", "batch": "batch", "tick": "tick", "factorisation": "factorisation"}
+"""Name -> module with ``print_report()``."""
 
 
 def main(argv: Sequence[str]) -> int:
@@ -14,17 +18,10 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument(
         "only",
         nargs="*",
-        choices=["step", "factorisation", []],
+        choices=[*BENCHMARKS, []],
         metavar="BENCHMARK",
-        help="step, factorisation; default both",
+        help=f"{', '.join(BENCHMARKS)}; default all",
     )
-    chosen = parser.parse_args(argv).only or ["step", "factorisation"]
-    if "step" in chosen:
-        from cutenv.bench import environment
-
-        environment.print_report()
-    if "factorisation" in chosen:
-        from cutenv.bench import factorisation
-
-        factorisation.print_report()
+    for name in parser.parse_args(argv).only or BENCHMARKS:
+        import_module(f"cutenv.bench.{BENCHMARKS[name]}").print_report()
     return 0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import cutenv  # noqa: F401  registers the environment
 
-ALLOWED_OVER_PENDULUM = 3.0
+ALLOWED_OVER_PENDULUM = 1.0
 """Largest acceptable time of a step, 20 force updates, over a step of Pendulum-v1."""
 
 _ENVIRONMENTS = ("cutenv/GentleCut-v0", "Pendulum-v1", "CartPole-v1")

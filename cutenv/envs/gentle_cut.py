@@ -289,10 +289,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _info(self) -> dict[str, Any]:
         plant, cutting, specimen = self.plant, self.cutting, self.specimen
-        tell_one(
-            plant.states, plant.profiles, plant.laws, cutting.task, cutting.progress, specimen.modulus,
-            specimen.fracture_resistance, cutting.terms, self._told,
-        )  # fmt: skip
+        tell_one(plant.cuts, cutting.episode, specimen.modulus, specimen.fracture_resistance, cutting.terms, self._told)
         told = self._told.tolist()
         # Strict, the four zips would take a tenth of a step's time.
         info: dict[str, Any] = {group: dict(zip(names, told[place])) for group, names, place in PLACES}  # noqa: B905

@@ -12,7 +12,7 @@ from cutenv.cutting.drive import Hand, Rig
 from cutenv.cutting.parameters import LawParameters, law_records, profile_records
 from cutenv.cutting.records import READING, TICK, Records, new_state
 from cutenv.cutting.sensor import SensorParameters, sensor_records
-from cutenv.cutting.simulate import ENERGIES, account_one, hold
+from cutenv.cutting.simulate import CUT, ENERGIES, account_one, hold
 from cutenv.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen
 from cutenv.validation import array_in_range, in_range
 
@@ -55,6 +55,8 @@ class SimulatedPlant:
 
     Attributes
     ----------
+    cuts : Records
+        All of it, :data:`~cutenv.cutting.simulate.CUT`, shape (1,).
     profiles : Records
         The hidden truth along the cut, :data:`~cutenv.cutting.records.PROFILE`, shape (1,).
     states : Records
@@ -80,14 +82,15 @@ class SimulatedPlant:
         )
         if self.depth.shape != (N_POINTS,):
             raise ValueError(f"depth has shape {self.depth.shape}; give {N_POINTS} values, one every {SPACING} m.")
-        self.states = new_state(1, angle)
-        self.profiles = profile_records([specimen])
-        self._laws = law_records([specimen], law)
-        self._drives = (drive or Rig()).records(travel=LENGTH - SPACING)
-        self._sensors = sensor_records([sensor or SensorParameters()], [seed], [episode])
+        self.cuts = np.zeros(1, CUT)
+        self.states, self.profiles, self._sensors = (self.cuts[part] for part in ("state", "profile", "sensor"))
+        self.states[:] = new_state(1, angle)
+        self.profiles[:] = profile_records([specimen])
+        self.cuts["law"] = law_records([specimen], law)
+        self.cuts["drive"] = (drive or Rig()).records(travel=LENGTH - SPACING)
+        self._sensors[:] = sensor_records([sensor or SensorParameters()], [seed], [episode])
         self._energies = np.zeros(len(ENERGIES))
         self._readings = np.zeros(1, READING)
-        self._before = (self.states.copy(), self._sensors.copy())
 
     def advance(self, speed: float, angle: float, ticks: int) -> Records:
         """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds; see :class:`~cutenv.plant.Plant`."""
@@ -98,33 +101,24 @@ class SimulatedPlant:
             if in_range("ticks", ticks, 1, 10**7, "1", "Give a whole number of milliseconds.") % 1.0:
                 raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
             self._readings = np.zeros(int(ticks), READING)
-        hold(
-            self.states, self.profiles, self._laws, self._drives, self._sensors, *self._before,
-            speed, angle, TICK, self._readings,
-        )  # fmt: skip
+        hold(self.cuts, speed, angle, TICK, self._readings)
         return self._readings
 
     def take_back(self, ticks: int, speed: float, angle: float) -> None:
         """Undo the last :meth:`advance`, with the same command, beyond its first ``ticks`` milliseconds."""
-        self.states[:], self._sensors[:] = self._before
+        self.states[:], self._sensors[:] = self.cuts["state_before"], self.cuts["sensor_before"]
         self.advance(speed, angle, ticks)
 
     def snapshot(self) -> Snapshot:
         """The hidden state and everything that moves it."""
-        parts = (self.states, self.profiles, self._laws, self._drives, self._sensors)
-        return Snapshot(*(part.copy() for part in parts))
-
-    @property
-    def laws(self) -> Records:
-        """Constants of the law for this specimen, shape (1,)."""
-        return self._laws
+        return Snapshot(*(self.cuts[part].copy() for part in ("state", "profile", "law", "drive", "sensor")))
 
     def energy(self) -> dict[str, float]:
         """Energies since the start [J]: work, stored, fracture, friction, loss, ledger, and residual.
 
         The residual is work less the others.
         """
-        account_one(self.states, self.profiles, self._energies)
+        account_one(self.cuts, self._energies)
         return dict(zip(ENERGIES, self._energies.tolist(), strict=True))
 
 

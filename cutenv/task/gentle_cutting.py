@@ -13,7 +13,7 @@ from cutenv.task.beginning import rest
 from cutenv.task.cuts import total
 from cutenv.task.estimate import estimate
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, SPEED_SCALE, observe
-from cutenv.task.records import ENDS, PROGRESS, TERMS
+from cutenv.task.records import ENDS, EPISODE, TERMS
 from cutenv.task.weights import Limits, RewardWeights, task_record
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.drawing import unit_stiffness
@@ -39,10 +39,8 @@ def nominal_per_depth(tissue: TissueDescription) -> Records:
 
 @compiled
 def decide_from_truth(
-    tasks: Records,
-    progresses: Records,
+    episodes: Records,
     truths: Records,
-    nominals: Records,
     readings: Records,
     action: Records,
     terms: Records,
@@ -53,17 +51,15 @@ def decide_from_truth(
 
     Returns the reward, the end as an index in :data:`~cutenv.task.records.ENDS`, and the readings that count.
     """
-    task, progress = tasks[0], progresses[0]
+    task, progress = episodes[0].task, episodes[0].progress
     assess(task, progress, truths[0], readings, readings["true_force"], readings["tip"], readings["jump"], terms)
-    observe(task, nominals[0], readings[: progress.updates], progress.time, action, observation)
+    observe(task, episodes[0].nominal, readings[: progress.updates], progress.time, action, observation)
     return add(terms, totals), progress.end, progress.updates
 
 
 @compiled
 def decide_from_estimate(
-    tasks: Records,
-    progresses: Records,
-    nominals: Records,
+    episodes: Records,
     readings: Records,
     tips: Records,
     jumps: Records,
@@ -73,10 +69,10 @@ def decide_from_estimate(
     observation: Records,
 ) -> tuple[float, int, int]:
     """The same as a rig can: tip and runs estimated from the measured force."""
-    task, progress = tasks[0], progresses[0]
-    estimate(task, progress, nominals[0], readings, tips, jumps)
-    assess(task, progress, nominals[0], readings, readings["force"], tips, jumps, terms)
-    observe(task, nominals[0], readings[: progress.updates], progress.time, action, observation)
+    task, progress, nominal = episodes[0].task, episodes[0].progress, episodes[0].nominal
+    estimate(task, progress, nominal, readings, tips, jumps)
+    assess(task, progress, nominal, readings, readings["force"], tips, jumps, terms)
+    observe(task, nominal, readings[: progress.updates], progress.time, action, observation)
     return add(terms, totals), progress.end, progress.updates
 
 
@@ -129,7 +125,9 @@ class GentleCutting:
         self._totals = np.zeros(len(TERMS))
         self.last_action = np.zeros(2)
         self.command = (0.0, ANGLE_CENTRE)
-        self.task = task_record(
+        self.episode = np.zeros(1, EPISODE)
+        self.task, self.progress, self.nominal = (self.episode[part] for part in ("task", "progress", "nominal"))
+        self.task[:] = task_record(
             weights,
             limits,
             target_length=target_length,
@@ -137,8 +135,7 @@ class GentleCutting:
             friction_per_depth=friction_per_depth,
             speeds=(tissue.speed_min, tissue.speed_max),
         )
-        self.progress = np.zeros(1, PROGRESS)
-        self.nominal = nominal_profile(tissue, plant.depth)
+        self.nominal[:] = nominal_profile(tissue, plant.depth)
         self._truth = truth
         self._tips, self._jumps = np.zeros(ticks), np.zeros(ticks)
         self._felt: Records | None = None
@@ -155,13 +152,11 @@ class GentleCutting:
         observation = np.empty(len(COMPONENTS), np.float32)
         if self._truth is None:
             reward, self._end, self.updates = decide_from_estimate(
-                self.task, self.progress, self.nominal, readings, self._tips, self._jumps, action, self.terms,
-                self._totals, observation,
+                self.episode, readings, self._tips, self._jumps, action, self.terms, self._totals, observation
             )  # fmt: skip
         else:
             reward, self._end, self.updates = decide_from_truth(
-                self.task, self.progress, self._truth, self.nominal, readings, action, self.terms, self._totals,
-                observation,
+                self.episode, self._truth, readings, action, self.terms, self._totals, observation
             )  # fmt: skip
         return observation, reward
 

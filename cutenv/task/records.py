@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.cutting.records import Record, Records
+from cutenv.cutting.records import PROFILE, Record, Records
 
-__all__ = ["ENDS", "PROGRESS", "TASK", "TERMS", "Record", "Records"]
+__all__ = ["ENDS", "EPISODE", "PROGRESS", "TASK", "TERMS", "Record", "Records"]
 
 TERMS = (
     "progress",
@@ -68,3 +68,6 @@ PROGRESS: np.dtype[Any] = np.dtype(
     )
 )
 """Memory of the assessment between decisions."""
+
+EPISODE: np.dtype[Any] = np.dtype((np.record, [("task", TASK), ("progress", PROGRESS), ("nominal", PROFILE)]))
+"""One episode: what it asks for, how far it is, and the profile that a rig expects."""

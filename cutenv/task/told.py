@@ -70,15 +70,8 @@ def tell(
 
 @compiled
 def tell_one(
-    states: Records,
-    profiles: Records,
-    laws: Records,
-    tasks: Records,
-    progresses: Records,
-    modulus: Records,
-    resistance: Records,
-    terms: Records,
-    told: Records,
+    cuts: Records, episodes: Records, modulus: Records, resistance: Records, terms: Records, told: Records
 ) -> None:
-    """:func:`tell` with arrays of length 1 for records, which a call from Python passes several times faster."""
-    tell(states[0], profiles[0], laws[0], tasks[0], progresses[0], modulus, resistance, terms, told)
+    """:func:`tell` of one cut and its episode, shape (1,) each."""
+    c, e = cuts[0], episodes[0]
+    tell(c.state, c.profile, c.law, e.task, e.progress, modulus, resistance, terms, told)

@@ -58,7 +58,7 @@ def test_what_the_planner_with_truth_plans_is_what_happens_and_no_script_does_be
     for name, policy in {**{name: script() for name, script in SCRIPTS.items()}, **FEEDS}.items():
         theirs = [cut(env, policy, seed).total for seed in range(6)]
         assert (returns - theirs).mean() > 0.05, name
-        assert (returns - theirs).min() > -0.005, f"{name} on one of them"  # luck that twenty rounds do not find
+        assert (returns - theirs).min() > -0.01, f"{name} on one of them"  # luck that twenty rounds do not find
 
 
 def test_the_noise_of_the_sensor_cannot_surprise_it():
