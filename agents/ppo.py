@@ -168,8 +168,8 @@ def cloned(model: PPO, arguments: Arguments) -> None:
     print(f"the clone's actions differ from those of {arguments.script!r} by {error:.3f} (root of the mean square)")
 
 
-def train(arguments: Arguments, run: Path, resume: bool) -> bool:
-    """Train; return whether training came to its end."""
+def train(arguments: Arguments, run: Path, resume: bool) -> tuple[bool, float]:
+    """Train; return whether training came to its end, and the share of its time that the environments took."""
     torch.set_num_threads(1)  # two pools of threads on two cores fight
     checkpoint = run / "checkpoint.zip"
     if resume:
@@ -182,7 +182,8 @@ def train(arguments: Arguments, run: Path, resume: bool) -> bool:
         if arguments.demonstrations:
             cloned(model, arguments)
     progress = Progress(run, arguments, read_rows(run / "learning_curve.csv") if resume else [])
-    whole = True
+    whole, environments = True, model.get_env()
+    begun, spent = time.perf_counter(), environments.seconds
     try:
         remaining = max(arguments.timesteps - model.num_timesteps, 0)
         if remaining:
@@ -191,12 +192,13 @@ def train(arguments: Arguments, run: Path, resume: bool) -> bool:
             progress.validate()
     except KeyboardInterrupt:
         whole = False
+    share = (environments.seconds - spent) / (time.perf_counter() - begun)
     save(model, checkpoint)
     if whole and not (run / "policy.zip").is_file():  # ended before it was ever validated
         save(model, run / "policy.zip")
     if progress.curve:
         write_csv(run / "learning_curve.csv", progress.curve)
-    return whole
+    return whole, share
 
 
 def export(arguments: Arguments, run: Path, name: str, facts: dict[str, Any]) -> Path:
@@ -289,11 +291,14 @@ def main() -> None:
     arguments, run, resume = parse()
     facts = record_run(arguments, run)
     begun = time.monotonic()
-    if not train(arguments, run, resume):
+    whole, share = train(arguments, run, resume)
+    print(f"the environments took {100.0 * share:.0f} % of the time")
+    if not whole:
         print(f"\ninterrupted; {run}/checkpoint.zip is usable.")
         print(f"Go on with: python3 scripts/start.py train --resume {run}")
         raise SystemExit(130)
     facts["training_minutes"] = round((time.monotonic() - begun) / 60.0, 1)
+    facts["environments_share"] = round(share, 3)
     try:
         for name in ("policy", "untrained"):
             export(arguments, run, name, facts)

@@ -8,11 +8,14 @@ single draws agree, and it runs on any device.
 from __future__ import annotations
 
 import math
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.compiled import compiled
+
+Integer: TypeAlias = int | np.integer[Any]
 
 # What a number is for: numbers of different streams have nothing to do with each other.
 # Of NumPy's type: of a plain number Numba would compile a version of every function for each value.
@@ -45,7 +48,7 @@ def philox(
 
 @compiled
 def words_at(
-    seed: int, episode: int, stream: np.uint64, counter: int
+    seed: Integer, episode: Integer, stream: Integer, counter: Integer
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
     """Four 32-bit words for (seed, episode, stream, counter)."""
     s = np.uint64(seed)
@@ -54,14 +57,16 @@ def words_at(
 
 
 @compiled
-def uniform_at(seed: int, episode: int, stream: np.uint64, counter: int) -> float:
+def uniform_at(seed: Integer, episode: Integer, stream: Integer, counter: Integer) -> float:
     """One number evenly distributed in [0, 1), with 53 bits, for (seed, episode, stream, counter)."""
     high, low, _, _ = words_at(seed, episode, stream, counter)
     return float((high << np.uint64(21)) | (low >> np.uint64(11))) * 2.0**-53
 
 
 @compiled
-def four_normals_at(seed: int, episode: int, stream: np.uint64, block: int) -> tuple[float, float, float, float]:
+def four_normals_at(
+    seed: Integer, episode: Integer, stream: Integer, block: Integer
+) -> tuple[float, float, float, float]:
     """Four independent standard normal numbers for (seed, episode, stream, block), one of each word."""
     w0, w1, w2, w3 = words_at(seed, episode, stream, block)
     first = 4 * block
@@ -74,10 +79,10 @@ def four_normals_at(seed: int, episode: int, stream: np.uint64, block: int) -> t
 
 
 @compiled
-def normal_at(seed: int, episode: int, stream: np.uint64, counter: int) -> float:
+def normal_at(seed: Integer, episode: Integer, stream: Integer, counter: Integer) -> float:
     """One standard normal number for (seed, episode, stream, counter)."""
     words = words_at(seed, episode, stream, counter // 4)
-    return _normal(words[counter % 4], seed, episode, stream, counter)
+    return _normal(words[int(counter % 4)], seed, episode, stream, counter)
 
 
 def _ziggurat() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -100,7 +105,7 @@ _AGAIN = np.uint64(1 << 16)  # added to a stream: words for the few numbers that
 
 
 @compiled
-def _normal(word: np.uint64, seed: int, episode: int, stream: np.uint64, counter: int) -> float:
+def _normal(word: np.uint64, seed: Integer, episode: Integer, stream: Integer, counter: Integer) -> float:
     """A standard normal number of one 32-bit word, by the ziggurat method: 8 bits for the layer, 1 sign, 23 across.
 
     Marsaglia and Tsang, "The ziggurat method for generating random variables", J. Stat. Softw. 5(8), 2000; with bits of
@@ -110,12 +115,14 @@ def _normal(word: np.uint64, seed: int, episode: int, stream: np.uint64, counter
     sign = 1.0 - 2.0 * float((word >> np.uint64(8)) & np.uint64(1))
     x = (float(word >> np.uint64(9)) + 0.5) * 2.0**-23 * _WIDTHS[layer]
     if x < _WIDTHS[layer + 1]:
-        return sign * x
+        return float(sign * x)
     return sign * _normal_at_the_rim(layer, x, seed, episode, stream, counter)
 
 
 @compiled
-def _normal_at_the_rim(layer: int, x: float, seed: int, episode: int, stream: np.uint64, counter: int) -> float:
+def _normal_at_the_rim(
+    layer: Integer, x: float, seed: Integer, episode: Integer, stream: Integer, counter: Integer
+) -> float:
     """The size of the number where ``x`` lies in the rim of its layer, with fresh words until it is settled."""
     attempt = 0
     while True:

@@ -215,6 +215,4 @@ def _print_limit(rate: Rates) -> None:
     )
     print(f"  the core does {waiting:.1f} a ns if each waits for the last, {abreast:.1f} a ns six abreast")
     nanoseconds = 1e9 * cores() / rate.native
-    print(
-        f"  a step touches {touched} bytes: {touched / nanoseconds:.1f} bytes a ns; a copy moves {copied:.1f} on one core"
-    )
+    print(f"  a step touches {touched} bytes: {touched / nanoseconds:.1f} a ns; a large copy moves {copied:.1f} a ns")

@@ -53,13 +53,13 @@ for _name, _kind, _plain in (
     setattr(Counting, f"__r{_name}__", _count(_kind, _swapped(_plain)))
 for _name in ("lt", "le", "gt", "ge"):
     setattr(Counting, f"__{_name}__", _count("comparisons", getattr(operator, _name)))
-Counting.__neg__ = lambda self: Counting(-float(self))  # type: ignore[method-assign, assignment]
-Counting.__abs__ = lambda self: Counting(abs(float(self)))  # type: ignore[method-assign, assignment]
+Counting.__neg__ = lambda self: Counting(-float(self))  # type: ignore[method-assign]
+Counting.__abs__ = lambda self: Counting(abs(float(self)))  # type: ignore[method-assign]
 
 
 def _in_counting(record: Any) -> SimpleNamespace:
     """A record as an object with attributes that count."""
-    fields = {}
+    fields: dict[str, Any] = {}
     for name in record.dtype.names:
         value = record[name].tolist()
         if isinstance(value, list):

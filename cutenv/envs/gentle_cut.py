@@ -12,6 +12,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from cutenv.compiled import announce
+from cutenv.cutting.simulate import hold
 from cutenv.envs.constants import Constants
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant.simulator import ANGLE_RANGE, SimulatedPlant
@@ -19,6 +21,7 @@ from cutenv.task.beginning import drawn_length
 from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task.observation import BOUND, COMPONENTS, within_reach
 from cutenv.task.told import PLACES, TOLD, tell_one
+from cutenv.tissue.drawing import draw_all_along
 from cutenv.tissue.specimen import CLASSES, Specimen
 from cutenv.validation import in_range, one_of
 
@@ -204,6 +207,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         options = options or {}
         for name in options:
             one_of("option", name, OPTIONS)
+        if self._seed is None:
+            announce(hold, draw_all_along)
         if seed is not None or self._seed is None:
             self._seed = int(self.np_random.integers(2**63)) if seed is None else seed
             self._episode = 0

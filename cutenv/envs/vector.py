@@ -13,6 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from cutenv.compiled import announce
 from cutenv.cores import over_cores
 from cutenv.envs.gentle_cut import OPTIONS, GentleCutEnv, checked_episode, checked_length
 from cutenv.randomness import check_key
@@ -88,6 +89,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         self.num_envs = int(num_envs)
         self.render_mode = None
         self.autoreset_mode = AutoresetMode(autoreset_mode)
+        announce(step_some, begin_some)
         self.single = GentleCutEnv(**keywords)  # checks the keywords, and makes the start that all share
         self.metadata = {
             **self.metadata,
@@ -279,12 +281,12 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             info[group], info["_" + group] = inside, present
         truth = info["truth"]
         truth["units"] = truth["units"].astype(np.int64)
-        truth["specimen_class"], truth["_specimen_class"] = np.where(present, self._classes, None), present
+        truth["specimen_class"], truth["_specimen_class"] = _where(present, self._classes), present
         info["speed_out_of_range"], info["_speed_out_of_range"] = told[:, -1] > 0.0, present
         return info
 
     def _add_ends(self, info: dict[str, Any], ended: Flags, ends: NDArray[np.int64]) -> None:
-        info["end"], info["_end"] = np.where(ended, _END_NAMES[ends], None), ended
+        info["end"], info["_end"] = _where(ended, _END_NAMES[ends]), ended
         info["is_success"], info["_is_success"] = succeeded_all(self.cuts.tasks, self.cuts.progresses) & ended, ended
 
     def _final(
@@ -302,3 +304,10 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Nothing is held."""
+
+
+def _where(present: Flags, values: NDArray[Any]) -> NDArray[Any]:
+    """The objects that are present; None elsewhere."""
+    chosen = np.full(len(values), None, dtype=object)
+    chosen[present] = values[present]
+    return chosen

@@ -81,18 +81,18 @@ def assess(
         Filled with the terms of this step in the order of :data:`~cutenv.task.records.TERMS`; their sum is the reward.
     """
     L = task.target
-    terms[:] = 0.0
-    progress.over_limit = 0.0
-    progress.out_of_range = 0
+    force_limit, friction = task.force_limit_per_depth, task.friction_per_depth
+    x, touched, furthest = progress.position, progress.touched, progress.furthest
+    time, quiet, end = progress.time, progress.quiet, 0
+    tip_before = a = progress.tip
+    over_limit, out_of_range, updates = 0.0, 0, 0
     # Sums of what the weights are for; multiplied once, at the end.
     uncontrolled = jumped = over_force = over_lag = backward = haste = 0.0
-    x_before = progress.position
-    tip_before = progress.tip
     for i in range(len(readings)):
         reading = readings[i]
+        moved = reading.position - x
         x = reading.position
         a = tips[i]
-        moved = x - x_before
         speed = abs(reading.speed)
         force = abs(forces[i])
         depth = max(depth_at(profile, x), _SHALLOWEST)
@@ -103,50 +103,48 @@ def assess(
         if force > FORCE_ALLOWED * depth:
             over_force += force / depth - FORCE_ALLOWED
         over_lag += max(x - a - LAG_ALLOWED, 0.0)
-        if progress.touched == 1:
+        if touched == 1:
             backward += max(-moved, 0.0)
         haste += speed**2 * abs(moved)
 
-        progress.touched = 1 if x > a else progress.touched
-        progress.furthest = max(progress.furthest, x)
-        progress.time += TICK
-        progress.over_limit = max(progress.over_limit, force - task.force_limit_per_depth * depth)
-        progress.updates = i + 1
+        touched = 1 if x > a else touched
+        furthest = max(furthest, x)
+        time += TICK
+        updates += 1
+        over_limit = max(over_limit, force - force_limit * depth)
         if speed != 0.0 and not task.speed_min <= speed <= task.speed_max:
-            progress.out_of_range += 1
-        x_before = x
-        progress.tip = a
-        progress.position = x
-        progress.angle = reading.angle
+            out_of_range += 1
 
-        quiet = (
-            speed < SPEED_AT_REST
-            and reading.force < task.friction_per_depth * depth + FORCE_UNLOADED
-            and progress.furthest >= TRAVEL_TO_FINISH
-        )
-        progress.quiet = progress.quiet + TICK if quiet else 0.0
+        unloaded = reading.force < friction * depth + FORCE_UNLOADED
+        quiet = quiet + TICK if speed < SPEED_AT_REST and unloaded and furthest >= TRAVEL_TO_FINISH else 0.0
 
-        if force > task.force_limit_per_depth * depth:
-            progress.end = _FORCE_LIMIT
+        if force > force_limit * depth:
+            end = _FORCE_LIMIT
         elif a > L + OVERSHOOT_ALLOWED:
-            progress.end = _OVERSHOOT
-        elif progress.quiet >= TIME_AT_REST - 0.5 * TICK:
-            progress.end = _FINISHED
-        elif progress.time >= task.deadline - 0.5 * TICK:
-            progress.end = _DEADLINE
-        if progress.end != 0:
+            end = _OVERSHOOT
+        elif quiet >= TIME_AT_REST - 0.5 * TICK:
+            end = _FINISHED
+        elif time >= task.deadline - 0.5 * TICK:
+            end = _DEADLINE
+        if end != 0:
             break
 
-    progress.overshoot = max(progress.tip - L, 0.0)
-    terms[_PROGRESS] = (min(progress.tip, L) - min(tip_before, L)) / L
+    progress.position, progress.touched, progress.furthest = x, touched, furthest
+    progress.time, progress.quiet, progress.end = time, quiet, end
+    progress.tip, progress.angle = a, readings[updates - 1].angle
+    progress.over_limit, progress.out_of_range, progress.updates = over_limit, out_of_range, updates
+    progress.overshoot = max(a - L, 0.0)
+
+    terms[:] = 0.0
+    terms[_PROGRESS] = (min(a, L) - min(tip_before, L)) / L
     terms[_UNCONTROLLED] -= task.uncontrolled * uncontrolled / L
     terms[_JUMP] -= task.jump * jumped / 0.010**2
     terms[_FORCE] -= task.force * over_force * TICK / 100.0
     terms[_LAG] -= task.lag * over_lag * TICK / 0.010
     terms[_BACKWARD] -= task.backward * backward / L
     terms[_HASTE] -= task.haste * haste / (2.0 * DECELERATION * TIP_TOLERANCE * L)
-    terms[_TIME] -= task.time * progress.updates * TICK / TIME_SCALE
-    if progress.end != 0:
+    terms[_TIME] -= task.time * updates * TICK / TIME_SCALE
+    if end != 0:
         charge_end(task, progress, profile, terms)
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cutenv.compiled import compiled, compiled_for_cores
 from cutenv.cutting.records import Record, Records
-from cutenv.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, uniform_at
+from cutenv.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, Integer, uniform_at
 from cutenv.task.cuts import Cuts
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, fill
 from cutenv.tissue.drawing import draw_along, is_vascular, smooth_field
@@ -25,13 +25,13 @@ Array = NDArray[np.float64]
 
 
 @compiled
-def drawn_length(seed: int, episode: int) -> float:
+def drawn_length(seed: Integer, episode: Integer) -> float:
     """The target length of a key [m]."""
     return SHORTEST + (LONGEST - SHORTEST) * uniform_at(seed, episode, TASK, LENGTH_DRAW)
 
 
 @compiled
-def measure_depth(seed: int, episode: int, noise: float, modes: Array, depth: Array, measured: Array) -> None:
+def measure_depth(seed: Integer, episode: Integer, noise: float, modes: Array, depth: Array, measured: Array) -> None:
     """Fill ``measured``, shape (301,), with the depth of cut [m] as the lab finds it: the true one, a smooth error."""
     smooth_field(seed, episode, DEPTH_ERROR, 0, modes, measured)
     for i in range(len(depth)):
@@ -50,8 +50,8 @@ def _begin(
     cuts: Cuts,
     start: Cuts,
     n: int,
-    seed: int,
-    episode: int,
+    seed: Integer,
+    episode: Integer,
     source: int,
     from_truth: bool,
     target: float,

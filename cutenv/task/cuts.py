@@ -43,8 +43,18 @@ class Cuts(NamedTuple):
     @classmethod
     def empty(cls, count: int) -> Cuts:
         """``count`` cuts not yet begun."""
-        kinds = (STATE, PROFILE, LAW, DRIVE, SENSOR, TASK, PROGRESS, PROFILE)
-        return cls(*(np.zeros(count, kind) for kind in kinds), np.zeros(1, PROFILE), np.zeros(count, SPECIMEN))
+        return cls(
+            states=np.zeros(count, STATE),
+            profiles=np.zeros(count, PROFILE),
+            laws=np.zeros(count, LAW),
+            drives=np.zeros(count, DRIVE),
+            sensors=np.zeros(count, SENSOR),
+            tasks=np.zeros(count, TASK),
+            progresses=np.zeros(count, PROGRESS),
+            nominals=np.zeros(count, PROFILE),
+            per_depth=np.zeros(1, PROFILE),
+            specimens=np.zeros(count, SPECIMEN),
+        )
 
 
 @compiled_for_cores

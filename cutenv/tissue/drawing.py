@@ -14,7 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.compiled import compiled
-from cutenv.randomness import CLASS_DRAW, CUT, MODULUS_FIELD, RESISTANCE_FIELD, TASK, VESSELS, normal_at, uniform_at
+from cutenv.randomness import (
+    CLASS_DRAW,
+    CUT,
+    MODULUS_FIELD,
+    RESISTANCE_FIELD,
+    TASK,
+    VESSELS,
+    Integer,
+    normal_at,
+    uniform_at,
+)
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.field import field_modes, lognormal_sigma
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
@@ -111,7 +121,7 @@ def lognormal(normal: float, sigma: float) -> float:
 
 
 @compiled
-def smooth_field(seed: int, episode: int, stream: np.uint64, first: int, modes: Array, field: Array) -> None:
+def smooth_field(seed: Integer, episode: Integer, stream: Integer, first: int, modes: Array, field: Array) -> None:
     """Fill ``field``, shape (301,), with a unit Gaussian field made of normal numbers from number ``first`` on."""
     field[:] = 0.0
     for k in range(modes.shape[0]):
@@ -121,15 +131,15 @@ def smooth_field(seed: int, episode: int, stream: np.uint64, first: int, modes: 
 
 
 @compiled
-def is_vascular(seed: int, episode: int) -> bool:
+def is_vascular(seed: Integer, episode: Integer) -> bool:
     """Whether a specimen of class mixed has vessels: one half of them."""
     return uniform_at(seed, episode, TASK, CLASS_DRAW) < 0.5
 
 
 @compiled
 def draw_along(
-    seed: int,
-    episode: int,
+    seed: Integer,
+    episode: Integer,
     vascular: bool,
     liver_factor: float,
     steepest: float,
@@ -194,12 +204,12 @@ def _is_smooth(modulus: Array, resistance: Array, recipe: Record, steepest: floa
 
 
 @compiled
-def _between(limits: tuple[float, float], seed: int, episode: int, counter: int) -> float:
+def _between(limits: tuple[float, float], seed: Integer, episode: Integer, counter: Integer) -> float:
     return limits[0] + (limits[1] - limits[0]) * uniform_at(seed, episode, VESSELS, counter)
 
 
 @compiled
-def _add_vessels(seed: int, episode: int, attempt: int, resistance: Array) -> None:
+def _add_vessels(seed: Integer, episode: Integer, attempt: int, resistance: Array) -> None:
     """Multiply ``resistance`` by the factor of one or two tough inclusions; where they overlap the tougher counts."""
     first = 8 * attempt
     count = 1 + int(_INCLUSIONS * uniform_at(seed, episode, VESSELS, first))
@@ -219,8 +229,8 @@ def _add_vessels(seed: int, episode: int, attempt: int, resistance: Array) -> No
 
 @compiled
 def draw_all_along(
-    seed: int,
-    episode: int,
+    seed: Integer,
+    episode: Integer,
     vascular: bool,
     liver_factor: float,
     steepest: float,

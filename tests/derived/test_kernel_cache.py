@@ -106,6 +106,26 @@ def test_folders_of_earlier_sources_are_removed_and_nothing_else(package, monkey
     assert kept.exists()
 
 
+def test_the_first_use_says_that_it_compiles_and_the_second_says_nothing(tmp_path):
+    use = (
+        "import gymnasium, cutenv; env = gymnasium.make('cutenv/GentleCut-v0'); "
+        "env.reset(seed=0); env.step(env.action_space.sample())"
+    )
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    said = [
+        subprocess.run([sys.executable, "-c", use], capture_output=True, text=True, check=True, env=environment).stderr
+        for _ in range(2)
+    ]
+    assert "cutenv: compiling for this machine" in said[0]
+    assert "compiling" not in said[1]
+
+
+def test_importing_compiles_nothing(tmp_path):
+    command = [sys.executable, "-c", "import cutenv, cutenv.envs.vector, cutenv.policy"]
+    subprocess.run(command, check=True, env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)})
+    assert not list(tmp_path.rglob("*.nbi"))
+
+
 def test_where_nothing_can_be_written_nothing_is_kept(package, tmp_path):
     blocked = tmp_path / "blocked"
     blocked.touch()  # a file where the folder should be

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import gymnasium
@@ -11,6 +12,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.testing import assert_array_equal
 
 import cutenv  # noqa: F401  registers the environment
+from cutenv import cores
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.tissue import Specimen, measured_liver
 
@@ -129,6 +131,42 @@ def test_the_order_and_size_of_a_batch_do_not_matter():
         ours, theirs = large.step(action), small.step(action[10:13])
         for one, other in zip(ours[:4], theirs[:4], strict=True):
             assert_array_equal(one[10:13], other)
+
+
+@pytest.fixture
+def _own_cores():
+    before = cores.cores()
+    yield
+    cores.set_cores(before)
+
+
+@pytest.mark.usefixtures("_own_cores")
+def test_the_number_of_cores_does_not_matter():
+    answers = []
+    for count in (1, 3):
+        cores.set_cores(count)
+        env = gymnasium.make_vec(ENVIRONMENT, num_envs=100, **SHORT)
+        rng = np.random.default_rng(4)
+        seen = [env.reset(seed=0)[0]]
+        for _ in range(60):
+            observations, rewards, *_ = env.step(actions(rng, 100))
+            seen += [observations, rewards]
+        answers.append(seen)
+    for one, other in zip(*answers, strict=True):
+        assert_array_equal(one, other)
+
+
+def test_a_batch_works_in_a_forked_process():
+    """Threads are not inherited; a fork makes its own."""
+    env = gymnasium.make_vec(ENVIRONMENT, num_envs=100, **SHORT)
+    env.reset(seed=0)
+    expected = env.step(np.full((100, 2), 0.5, np.float32))[0]
+    child = os.fork()
+    if child == 0:
+        env.reset(seed=0)
+        same = np.array_equal(env.step(np.full((100, 2), 0.5, np.float32))[0], expected)
+        os._exit(0 if same else 1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
 def test_the_mode_is_declared():
