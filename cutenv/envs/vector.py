@@ -127,6 +127,8 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         """
         options = dict(options or {})
         which = self._masked(options.pop("reset_mask", None))
+        for name in options:
+            one_of("option", name, (*OPTIONS, "reset_mask"))
         self._give_seeds(seed, which)
         if options.get("episode") is not None:
             self._episodes[which] = checked_episode(options["episode"])
@@ -201,7 +203,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             seeds = list(seed)
             if len(seeds) != self.num_envs:
                 raise ValueError(f"seed holds {len(seeds)} numbers; give one for each of {self.num_envs} environments.")
-        for n in which:
+        for n in which if seed is not None or not self._begun[which].all() else ():
             given = seeds[n]
             if given is None and not self._begun[n]:
                 given = int(self.np_random.integers(2**63))
@@ -213,8 +215,6 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
 
     def _begin(self, which: NDArray[np.int64], options: dict[str, Any]) -> None:
         """Begin the next cut of some environments."""
-        for name in options:
-            one_of("option", name, (*OPTIONS, "reset_mask"))
         if self._start is None or options.get("specimen") is not None:
             start, given = self._shared_start(options)
         else:

@@ -45,60 +45,6 @@ def rest(task: Record, nominal: Record, angle: float, observation: Records) -> N
     fill(task, nominal, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, angle, 0.0, 0.0, last_angle, observation)
 
 
-@compiled
-def _begin(
-    cuts: Cuts,
-    start: Cuts,
-    n: int,
-    seed: Integer,
-    episode: Integer,
-    source: int,
-    from_truth: bool,
-    target: float,
-    steepest: float,
-    recipe: Records,
-    modes: Array,
-    depth_noise: float,
-    depth_modes: Array,
-    observations: Records,
-    vascular: Records,
-) -> None:
-    """Begin cut n; see :func:`begin_some`."""
-    cuts.states[n] = start.states[0]
-    cuts.laws[n] = start.laws[0]
-    cuts.drives[n] = start.drives[0]
-    cuts.sensors[n] = start.sensors[0]
-    cuts.tasks[n] = start.tasks[0]
-    cuts.progresses[n] = start.progresses[0]
-    cuts.sensors[n].seed = seed
-    cuts.sensors[n].episode = episode
-    cuts.tasks[n].target = target if target > 0.0 else drawn_length(seed, episode)
-    profile, nominal, along = cuts.profiles[n], cuts.nominals[n], cuts.specimens[n]
-    if source == GIVEN:
-        cuts.profiles[n] = start.profiles[0]
-        cuts.specimens[n] = start.specimens[0]
-    else:
-        vessels = source == VASCULAR or (source == MIXED and is_vascular(seed, episode))
-        friction = draw_along(
-            seed, episode, vessels, 0.0, steepest, recipe[0], modes, along.modulus, along.fracture_resistance
-        )
-        vascular[n] = -1 if friction < 0.0 else (1 if vessels else 0)
-        cuts.laws[n].friction_per_depth = friction
-        if from_truth:
-            cuts.tasks[n].friction_per_depth = friction
-        fracture_share = 1.0 - recipe[0].friction_share
-        for i in range(N_POINTS):
-            depth = recipe[0].depth[i]
-            profile.stiffness[i] = along.modulus[i] * recipe[0].unit_stiffness[i] * depth
-            profile.toughness[i] = fracture_share * along.fracture_resistance[i] * depth
-            profile.depth[i] = depth
-    measure_depth(seed, episode, depth_noise, depth_modes, profile.depth, nominal.depth)
-    for i in range(N_POINTS):
-        nominal.stiffness[i] = start.per_depth[0].stiffness[i] * nominal.depth[i]
-        nominal.toughness[i] = start.per_depth[0].toughness[i] * nominal.depth[i]
-    rest(cuts.tasks[n], nominal, cuts.states[n].angle, observations[n])
-
-
 @compiled_for_cores
 def begin_some(
     first: int,
@@ -149,7 +95,37 @@ def begin_some(
         1 for a drawn specimen with vessels, 0 without; -1 where none was smooth enough.
     """
     for n in which[first:last]:
-        _begin(
-            cuts, start, n, seeds[n], episodes[n], source, from_truth, target, steepest, recipe, modes, depth_noise,
-            depth_modes, observations, vascular,
-        )  # fmt: skip
+        seed, episode = seeds[n], episodes[n]
+        cuts.states[n] = start.states[0]
+        cuts.laws[n] = start.laws[0]
+        cuts.drives[n] = start.drives[0]
+        cuts.sensors[n] = start.sensors[0]
+        cuts.tasks[n] = start.tasks[0]
+        cuts.progresses[n] = start.progresses[0]
+        cuts.sensors[n].seed = seed
+        cuts.sensors[n].episode = episode
+        cuts.tasks[n].target = target if target > 0.0 else drawn_length(seed, episode)
+        profile, nominal, along = cuts.profiles[n], cuts.nominals[n], cuts.specimens[n]
+        if source == GIVEN:
+            cuts.profiles[n] = start.profiles[0]
+            cuts.specimens[n] = start.specimens[0]
+        else:
+            vessels = source == VASCULAR or (source == MIXED and is_vascular(seed, episode))
+            friction = draw_along(
+                seed, episode, vessels, 0.0, steepest, recipe[0], modes, along.modulus, along.fracture_resistance
+            )
+            vascular[n] = -1 if friction < 0.0 else (1 if vessels else 0)
+            cuts.laws[n].friction_per_depth = friction
+            if from_truth:
+                cuts.tasks[n].friction_per_depth = friction
+            fracture_share = 1.0 - recipe[0].friction_share
+            for i in range(N_POINTS):
+                depth = recipe[0].depth[i]
+                profile.stiffness[i] = along.modulus[i] * recipe[0].unit_stiffness[i] * depth
+                profile.toughness[i] = fracture_share * along.fracture_resistance[i] * depth
+                profile.depth[i] = depth
+        measure_depth(seed, episode, depth_noise, depth_modes, profile.depth, nominal.depth)
+        for i in range(N_POINTS):
+            nominal.stiffness[i] = start.per_depth[0].stiffness[i] * nominal.depth[i]
+            nominal.toughness[i] = start.per_depth[0].toughness[i] * nominal.depth[i]
+        rest(cuts.tasks[n], nominal, cuts.states[n].angle, observations[n])

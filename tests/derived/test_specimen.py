@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Callable
 
+import gymnasium
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -187,6 +188,22 @@ def check_smooth(specimen: Specimen) -> None:
 def test_no_draw_is_steeper_than_a_point_load_averages(kind):
     for seed in range(100):
         check_smooth(drawn(seed, kind))
+
+
+def test_what_is_smooth_enough_is_never_drawn_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = [Specimen.drawn(seed, tissue=TISSUE) for seed in range(60)]
+    monkeypatch.setattr(specimen_module, "STEEPEST", math.inf)
+    first = [Specimen.drawn(seed, tissue=TISSUE) for seed in range(60)]
+    again = [one != other for one, other in zip(kept, first, strict=True)]
+    assert again == [specimen.steepness() > 0.5 for specimen in first]
+    assert 0 < sum(again) < 60
+
+
+def test_a_key_is_the_specimen_of_an_environments_episode():
+    env = gymnasium.make("cutenv/GentleCut-v0", specimen_class="vascular")
+    for episode in range(3):
+        env.reset(seed=12, options={"episode": episode})
+        assert env.unwrapped.specimen == Specimen.drawn(12, episode, specimen_class="vascular")  # type: ignore[attr-defined]
 
 
 @pytest.mark.usefixtures("_no_redraw")
