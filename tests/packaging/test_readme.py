@@ -39,7 +39,7 @@ def test_the_measuring_example_prints_what_its_comments_say(tmp_path):
 
 
 def test_there_is_an_example_of_each_use():
-    assert len(EXAMPLES) == 4
+    assert len(EXAMPLES) == 5
 
 
 def update(*arguments: str) -> subprocess.CompletedProcess[str]:
