@@ -308,6 +308,8 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
 
 def _where(present: Flags, values: NDArray[Any]) -> NDArray[Any]:
     """The objects that are present; None elsewhere."""
+    if present.all():
+        return values.copy()
     chosen = np.full(len(values), None, dtype=object)
     chosen[present] = values[present]
     return chosen

@@ -9,7 +9,10 @@ import pytest
 pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
 from evaluate import ENVIRONMENT
-from vectorised import CutVecEnv
+from stable_baselines3 import PPO
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv
+from vectorised import CutVecEnv, NativeVecEnv
 
 from cutenv.policy import Features, past_dead_zone
 from cutenv.task.hidden import HIDDEN
@@ -91,3 +94,37 @@ def test_the_hidden_state_is_the_tip_first_of_all():
         seen = environments.step(chosen)[0]
     cuts = environments.native.cuts
     assert seen[:, -len(HIDDEN)] == pytest.approx(100.0 * (cuts.tasks["target"] - cuts.states["tip"]), abs=1e-5)
+
+
+def test_adapted_as_it_is_it_does_what_stable_baselines_own_list_of_environments_does():
+    ours = NativeVecEnv(range(5, 8), **KEYWORDS)
+    theirs = DummyVecEnv([lambda: Monitor(gymnasium.make(ENVIRONMENT, **KEYWORDS))] * 3)
+    theirs.seed(5)
+    assert np.array_equal(ours.reset(), theirs.reset())
+    ended = 0
+    for chosen in actions(130):
+        mine, own = ours.step(chosen), theirs.step(chosen)
+        for one, other in zip(mine[:3], own[:3], strict=True):
+            assert np.array_equal(one, other)
+        for n in np.flatnonzero(mine[2]):
+            ended += 1
+            assert np.array_equal(mine[3][n]["terminal_observation"], own[3][n]["terminal_observation"])
+            assert mine[3][n]["is_success"] == own[3][n]["is_success"]
+            assert mine[3][n]["episode"]["l"] == own[3][n]["episode"]["l"]
+            assert mine[3][n]["episode"]["r"] == pytest.approx(own[3][n]["episode"]["r"], abs=1e-5)
+    assert ended >= 9
+
+
+def test_ppo_with_default_settings_takes_it():
+    model = PPO("MlpPolicy", NativeVecEnv(range(4), **KEYWORDS), n_steps=64, batch_size=64, seed=0)
+    model.learn(512)
+    assert model.ep_info_buffer
+
+
+def test_what_cannot_be_set_or_called_is_refused_and_says_why():
+    environments = NativeVecEnv(range(2), **KEYWORDS)
+    assert environments.get_attr("ticks") == [100, 100]
+    with pytest.raises(NotImplementedError, match="make the environments anew"):
+        environments.set_attr("ticks", 5)
+    with pytest.raises(NotImplementedError, match="step in one"):
+        environments.env_method("render")
