@@ -35,8 +35,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     A scalpel cuts a slice of liver, 8 cm wide and 15 cm long, clamped along the edge where the cut starts.  The blade
     drags tissue along (F = K (x - a)), the crack follows in sudden runs of several millimetres, and its tip is hidden:
-    an agent sees a force.  Physics at 1 kHz, decisions at ``control_hz``.  Model and data: see the README.  Many of them
-    at once: ``gymnasium.make_vec``, see :class:`cutenv.envs.vector.GentleCutVectorEnv`.
+    an agent sees a force.  Physics at 1 kHz, decisions at ``control_hz``.  Model and data: see the README.  Many at
+    once: ``gymnasium.make_vec``, see :class:`cutenv.envs.vector.GentleCutVectorEnv`.
 
     Action
     ------
