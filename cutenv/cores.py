@@ -37,7 +37,7 @@ if "CUTENV_CORES" in os.environ:
     set_cores(int(os.environ["CUTENV_CORES"]))
 
 
-def over_cores(kernel: Callable[..., None], count: int, *arguments: Any) -> None:
+def over_cores(kernel: Callable[..., Any], count: int, *arguments: Any) -> None:
     """Call ``kernel(first, last, *arguments)`` for stretches that together cover 0 to ``count``, side by side."""
     workers = max(min(_cores, count // _FEWEST), 1)
     bounds = [count * k // workers for k in range(workers + 1)]

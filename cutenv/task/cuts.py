@@ -16,7 +16,7 @@ from cutenv.task.estimate import estimate
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE, observe
 from cutenv.task.records import PROGRESS, TASK, TERMS
 from cutenv.task.told import tell
-from cutenv.tissue.grid import N_POINTS
+from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 
 SPECIMEN: np.dtype[Any] = np.dtype(
     (np.record, [("modulus", "f8", (N_POINTS,)), ("fracture_resistance", "f8", (N_POINTS,))])
@@ -70,7 +70,7 @@ def step_some(
     rewards: Records,
     ends: Records,
     told: Records,
-) -> None:
+) -> float:
     """One decision of the cuts from ``first`` to before ``last`` of n.
 
     Parameters
@@ -96,7 +96,9 @@ def step_some(
     tips, jumps = np.empty(ticks), np.empty(ticks)
     terms = np.empty(len(TERMS))
     states, sensors = np.empty(1, STATE), np.empty(1, SENSOR)
+    touched = 0.0
     for n in range(first, last):
+        touched += _touch(cuts, min(n + 1, last - 1))
         if waiting[n]:
             rewards[n] = 0.0
             ends[n] = 0
@@ -131,6 +133,35 @@ def step_some(
         tell(
             state, profile, law, task, progress, specimen.modulus, specimen.fracture_resistance, terms, told[n]
         )  # fmt: skip
+    return touched
+
+
+@compiled
+def _touch(cuts: Cuts, n: int) -> float:
+    """Have the memory of cut n brought near, all of it at once: met one after the other, each part is waited for.
+
+    The sum is of no use, but that it keeps the compiler from leaving this out.
+    """
+    state, sensor, profile, specimen = cuts.states[n], cuts.sensors[n], cuts.profiles[n], cuts.specimens[n]
+    at_tip = min(max(int(state.tip * POINTS_PER_METRE), 0), N_POINTS - 2)
+    at_blade = min(max(int(state.blade * POINTS_PER_METRE), 0), N_POINTS - 2)
+    touched: float = (
+        profile.stiffness[at_tip]
+        + profile.toughness[at_tip]
+        + profile.depth[at_blade]
+        + cuts.nominals[n].depth[at_blade]
+        + specimen.modulus[at_tip]
+        + specimen.fracture_resistance[at_tip]
+        + cuts.laws[n].eta90
+        + cuts.drives[n].lag
+        + cuts.tasks[n].target
+        + cuts.progresses[n].time
+        + sensor.noise
+        + sensor.line[state.tick & 63]
+        + sensor.line[(state.tick + 16) & 63]
+        + sensor.standard_noise[0]
+    )
+    return touched
 
 
 @compiled
