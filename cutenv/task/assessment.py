@@ -58,7 +58,7 @@ def assess(
     progress: Record,
     profile: Record,
     readings: Records,
-    forces: Records,
+    from_truth: bool,
     tips: Records,
     jumps: Records,
     terms: Records,
@@ -75,8 +75,11 @@ def assess(
         :data:`~cutenv.cutting.records.PROFILE`: the tissue, true or nominal.
     readings : Records
         :data:`~cutenv.cutting.records.READING`, shape (ticks,).
-    forces, tips, jumps : array, shape (ticks,)
-        Force on the blade [N], crack tip [m] and unstable growth [m] at each tick: true, or as a rig estimates them.
+    from_truth : bool
+        Whether force on the blade, crack tip and unstable growth are the true ones of the readings, or the force is
+        the measured one and the others are estimates.
+    tips, jumps : array, shape (ticks,)
+        Estimates of the tip and of unstable growth at each tick [m].
     terms : array, shape (12,)
         Filled with the terms of this step in the order of :data:`~cutenv.task.records.TERMS`; their sum is the reward.
     """
@@ -92,14 +95,15 @@ def assess(
         reading = readings[i]
         moved = reading.position - x
         x = reading.position
-        a = tips[i]
+        a = reading.tip if from_truth else tips[i]
+        jump = reading.jump if from_truth else jumps[i]
         speed = abs(reading.speed)
-        force = abs(forces[i])
+        force = abs(reading.true_force if from_truth else reading.force)
         depth = max(depth_at(profile, x), _SHALLOWEST)
 
-        if jumps[i] != 0.0:
-            uncontrolled += jumps[i]
-            jumped += jumps[i] ** 2
+        if jump != 0.0:
+            uncontrolled += jump
+            jumped += jump**2
         if force > FORCE_ALLOWED * depth:
             over_force += force / depth - FORCE_ALLOWED
         over_lag += max(x - a - LAG_ALLOWED, 0.0)

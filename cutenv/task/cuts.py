@@ -95,7 +95,7 @@ def step_some(
     readings = np.empty(ticks, READING)
     tips, jumps = np.empty(ticks), np.empty(ticks)
     terms = np.empty(len(TERMS))
-    states, sensors = np.empty(1, STATE), np.empty(1, SENSOR)
+    states = np.empty(1, STATE)
     touched = 0.0
     for n in range(first, last):
         touched += _touch(cuts, min(n + 1, last - 1))
@@ -111,21 +111,18 @@ def step_some(
         angle = ANGLE_CENTRE + ANGLE_SCALE * actions[n, 1]
         share = made_up(drive, TICK)
         states[0] = state
-        sensors[0] = sensor
+        offset = sensor.offset
         for i in range(ticks):
             update(state, profile, law, drive, sensor, share, speed, angle, TICK, readings[i])
-        if from_truth:
-            for i in range(ticks):
-                tips[i] = readings[i].tip
-                jumps[i] = readings[i].jump
-            assess(task, progress, profile, readings, readings["true_force"], tips, jumps, terms)
-        else:
+        known = profile
+        if not from_truth:
+            known = nominal
             estimate(task, progress, nominal, readings, tips, jumps)
-            assess(task, progress, nominal, readings, readings["force"], tips, jumps, terms)
+        assess(task, progress, known, readings, from_truth, tips, jumps, terms)
         observe(task, nominal, readings[: progress.updates], progress.time, actions[n], observations[n])
         if progress.updates < ticks:  # what came after the end is taken back
             cuts.states[n] = states[0]
-            cuts.sensors[n] = sensors[0]
+            sensor.offset = offset  # the rest of its memory is written anew before it is read
             for i in range(progress.updates):
                 update(state, profile, law, drive, sensor, share, speed, angle, TICK, readings[i])
         rewards[n] = total(terms)

@@ -52,7 +52,7 @@ def decide_from_truth(
     Returns the reward, the end as an index in :data:`~cutenv.task.records.ENDS`, and the readings that count.
     """
     task, progress = episodes[0].task, episodes[0].progress
-    assess(task, progress, truths[0], readings, readings["true_force"], readings["tip"], readings["jump"], terms)
+    assess(task, progress, truths[0], readings, True, terms, terms, terms)  # no estimates are needed
     observe(task, episodes[0].nominal, readings[: progress.updates], progress.time, action, observation)
     return add(terms, totals), progress.end, progress.updates
 
@@ -71,7 +71,7 @@ def decide_from_estimate(
     """The same as a rig can: tip and runs estimated from the measured force."""
     task, progress, nominal = episodes[0].task, episodes[0].progress, episodes[0].nominal
     estimate(task, progress, nominal, readings, tips, jumps)
-    assess(task, progress, nominal, readings, readings["force"], tips, jumps, terms)
+    assess(task, progress, nominal, readings, False, tips, jumps, terms)
     observe(task, nominal, readings[: progress.updates], progress.time, action, observation)
     return add(terms, totals), progress.end, progress.updates
 
