@@ -271,12 +271,7 @@ def parse() -> tuple[Arguments, Path, bool]:
         kept = json.loads((resume / "run.json").read_text())["arguments"]
         return Arguments(**(kept | chosen)), resume, True
     if quick:
-        for name, value in {
-            "timesteps": 400_000,
-            "validations": 4,
-            "validation_specimens": 50,
-            "specimens": 30,
-        }.items():
+        for name, value in QUICK.items():
             chosen.setdefault(name, value)
     arguments = Arguments(**chosen)
     name = arguments.name or time.strftime("ppo-%Y%m%d-%H%M%S")

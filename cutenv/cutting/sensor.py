@@ -14,7 +14,8 @@ from cutenv.randomness import SENSOR_DRIFT, SENSOR_NOISE, four_normals_at, norma
 from cutenv.validation import array_in_range
 
 _LONGEST_DELAY = 64  # ticks that the line can hold, a power of two
-_WRAP = _LONGEST_DELAY - 1
+WRAP = _LONGEST_DELAY - 1
+"""Place in the line of a tick: its bits in this mask."""
 
 SENSOR: np.dtype[Any] = np.dtype(
     (
@@ -41,8 +42,8 @@ SENSOR: np.dtype[Any] = np.dtype(
 def measure(sensor: Record, force: float, tick: int) -> float:
     """The reading [N] at update ``tick`` (counted from 0 at reset, every tick once) under a true ``force`` [N]."""
     line = sensor.line
-    line[tick & _WRAP] = force
-    delayed = line[(tick - sensor.delay) & _WRAP] if tick >= sensor.delay else 0.0
+    line[tick & WRAP] = force
+    delayed = line[(tick - sensor.delay) & WRAP] if tick >= sensor.delay else 0.0
     if sensor.drift > 0.0:
         sensor.offset += sensor.drift * TICK**0.5 * normal_at(sensor.seed, sensor.episode, SENSOR_DRIFT, tick)
     reading = delayed + sensor.offset - sensor.tare

@@ -57,10 +57,6 @@ class SimulatedPlant:
     ----------
     cuts : Records
         All of it, :data:`~cutenv.cutting.simulate.CUT`, shape (1,).
-    profiles : Records
-        The hidden truth along the cut, :data:`~cutenv.cutting.records.PROFILE`, shape (1,).
-    states : Records
-        The hidden state, :data:`~cutenv.cutting.records.STATE`, shape (1,).
     """
 
     def __init__(
@@ -83,12 +79,11 @@ class SimulatedPlant:
         if self.depth.shape != (N_POINTS,):
             raise ValueError(f"depth has shape {self.depth.shape}; give {N_POINTS} values, one every {SPACING} m.")
         self.cuts = np.zeros(1, CUT)
-        self.states, self.profiles, self._sensors = (self.cuts[part] for part in ("state", "profile", "sensor"))
-        self.states[:] = new_state(1, angle)
-        self.profiles[:] = profile_records([specimen])
+        self.cuts["state"] = new_state(1, angle)
+        self.cuts["profile"] = profile_records([specimen])
         self.cuts["law"] = law_records([specimen], law)
         self.cuts["drive"] = (drive or Rig()).records(travel=LENGTH - SPACING)
-        self._sensors[:] = sensor_records([sensor or SensorParameters()], [seed], [episode])
+        self.cuts["sensor"] = sensor_records([sensor or SensorParameters()], [seed], [episode])
         self._energies = np.zeros(len(ENERGIES))
         self._readings = np.zeros(1, READING)
 
@@ -106,8 +101,18 @@ class SimulatedPlant:
 
     def take_back(self, ticks: int, speed: float, angle: float) -> None:
         """Undo the last :meth:`advance`, with the same command, beyond its first ``ticks`` milliseconds."""
-        self.states[:], self._sensors[:] = self.cuts["state_before"], self.cuts["sensor_before"]
+        self.cuts["state"], self.cuts["sensor"] = self.cuts["state_before"], self.cuts["sensor_before"]
         self.advance(speed, angle, ticks)
+
+    @property
+    def states(self) -> Records:
+        """The hidden state, :data:`~cutenv.cutting.records.STATE`, shape (1,)."""
+        return self.cuts["state"]
+
+    @property
+    def profiles(self) -> Records:
+        """The hidden truth along the cut, :data:`~cutenv.cutting.records.PROFILE`, shape (1,)."""
+        return self.cuts["profile"]
 
     def snapshot(self) -> Snapshot:
         """The hidden state and everything that moves it."""

@@ -9,7 +9,7 @@ import numpy as np
 from cutenv.compiled import compiled, compiled_for_cores
 from cutenv.cutting.drive import made_up
 from cutenv.cutting.records import DRIVE, LAW, PROFILE, READING, STATE, TICK, Records
-from cutenv.cutting.sensor import SENSOR
+from cutenv.cutting.sensor import SENSOR, WRAP
 from cutenv.cutting.simulate import update
 from cutenv.task.assessment import assess
 from cutenv.task.estimate import estimate
@@ -154,8 +154,8 @@ def _touch(cuts: Cuts, n: int) -> float:
         + cuts.tasks[n].target
         + cuts.progresses[n].time
         + sensor.noise
-        + sensor.line[state.tick & 63]
-        + sensor.line[(state.tick + 16) & 63]
+        + sensor.line[state.tick & WRAP]
+        + sensor.line[(state.tick + 16) & WRAP]
         + sensor.standard_noise[0]
     )
     return touched

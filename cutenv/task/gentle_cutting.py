@@ -126,8 +126,7 @@ class GentleCutting:
         self.last_action = np.zeros(2)
         self.command = (0.0, ANGLE_CENTRE)
         self.episode = np.zeros(1, EPISODE)
-        self.task, self.progress, self.nominal = (self.episode[part] for part in ("task", "progress", "nominal"))
-        self.task[:] = task_record(
+        self.episode["task"] = task_record(
             weights,
             limits,
             target_length=target_length,
@@ -135,7 +134,7 @@ class GentleCutting:
             friction_per_depth=friction_per_depth,
             speeds=(tissue.speed_min, tissue.speed_max),
         )
-        self.nominal[:] = nominal_profile(tissue, plant.depth)
+        self.episode["nominal"] = nominal_profile(tissue, plant.depth)
         self._truth = truth
         self._tips, self._jumps = np.zeros(ticks), np.zeros(ticks)
         self._felt: Records | None = None
@@ -171,6 +170,23 @@ class GentleCutting:
     def readings(self) -> Records | None:
         """What was felt since the last decision, as far as it counts; None before the first."""
         return None if self._felt is None else self._felt[: self.updates]
+
+    # Made anew each time: a copy of the whole must not look back at the original.
+
+    @property
+    def task(self) -> Records:
+        """What is asked for, shape (1,)."""
+        return self.episode["task"]
+
+    @property
+    def progress(self) -> Records:
+        """How far it is, shape (1,)."""
+        return self.episode["progress"]
+
+    @property
+    def nominal(self) -> Records:
+        """The profile that a rig expects, shape (1,)."""
+        return self.episode["nominal"]
 
     def assessment(self) -> tuple[Records, Records]:
         """Copies of the task and of the progress made, as the compiled assessment takes them, shape (1,) each."""
