@@ -15,13 +15,15 @@ from importlib import import_module
 import cutenv
 
 _EXTRA_OF_MODULE = {
+    "h5py": "data",
     "matplotlib": "view",
+    "pyarrow": "data",
     "pygame": "view",
     "rich": "rl",
     "safetensors": "rl",
     "stable_baselines3": "rl",
     "torch": "rl",
-    "tqdm": "rl",
+    "tqdm": "data",
 }
 
 

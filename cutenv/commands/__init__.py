@@ -1,0 +1,1 @@
+"""Sub-commands of ``cutenv`` that put several layers together: a module with ``main(argv)`` for each."""
