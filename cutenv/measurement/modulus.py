@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.measurement.depth import SHALLOWEST, DepthProfile
-from cutenv.measurement.loading_ratio import in_measured_range
-from cutenv.measurement.loading_ratio import loading_ratio as liver_loading_ratio
+from cutenv.measurement.loading_ratio import LoadingRatio, in_measured_range, loading_ratio_of
 from cutenv.measurement.return_stroke import fit_return_stroke
 from cutenv.measurement.segments import SMALLEST_DROP, SMOOTHING_READINGS, Segment, loading_segments
 from cutenv.tissue.cut_model import CutModel
@@ -50,6 +49,23 @@ class ModulusEstimate:
 
     def __len__(self) -> int:
         return len(self.segments)
+
+    @property
+    def mean(self) -> float:
+        """Average over the segments [Pa]; raises ValueError if there are none."""
+        return float(self._some().mean())
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation over the segments, of the population, as in the thesis's tables [Pa]."""
+        return float(self._some().std())
+
+    def _some(self) -> Array:
+        if not len(self):
+            raise ValueError(
+                "no modulus was found in this cut: it has no steady loading segment in deep enough tissue."
+            )
+        return self.modulus
 
 
 def iterate_modulus(
@@ -118,7 +134,7 @@ def estimate_local_effective_moduli(
     *,
     depth_normalised: bool = True,
     friction_per_depth: float | None = None,
-    loading_ratio: float | None = None,
+    loading_ratio: float | LoadingRatio | None = None,
     smallest_drop: float = SMALLEST_DROP,
     smoothing_readings: int = SMOOTHING_READINGS,
 ) -> ModulusEstimate:
@@ -144,9 +160,10 @@ def estimate_local_effective_moduli(
         Friction on the blade per depth of cut [N/m], 0 to 1e5. By default from the return stroke; where there
         is none, zero, and flagged: the tip then appears too far back, and tissue of growing depth up to 12 %
         too stiff; ``estimate_fracture_resistance(trace).friction_per_depth`` is a fair guess.
-    loading_ratio : float, optional
-        r [1], 0 to 1, for other tissue. By default that of pig liver at each segment's speed and angle. 0
-        takes the blade for the tip, as the thesis did, and reads several per cent high.
+    loading_ratio : float or callable, optional
+        r [1], 0 to 1, for other tissue, or a function of speed [m/s] and angle [rad]. By default that of pig
+        liver at each segment's speed and angle. 0 takes the blade for the tip, as the thesis did, and reads
+        several per cent high.
     smallest_drop, smoothing_readings : float
         As in `loading_segments`.
 
@@ -166,11 +183,10 @@ def estimate_local_effective_moduli(
     """
     by = "estimate_local_effective_moduli"
     trace.require_newtons(by=by)
-    (position,) = trace.require("position", by=by)
+    trace.require("position", by=by)
     if loading_ratio is None:
         trace.require("angle", by=f"{by} without loading_ratio")
-    else:
-        in_range("loading_ratio", loading_ratio, 0.0, 1.0, "1", "It is LEM over quasi-static modulus.")
+    ratio = loading_ratio_of(loading_ratio)
     flags = []
     if depth_normalised and trace.depth is not None:
         depth = DepthProfile.recorded(trace, by=by)
@@ -185,25 +201,38 @@ def estimate_local_effective_moduli(
     else:
         friction = in_range("friction_per_depth", friction_per_depth, 0.0, 1e5, "N/m")
 
-    elastic = dataclasses.replace(trace, force=trace.force - friction * depth.at(position))
+    elastic = elastic_part(trace, depth, friction)
     ramps = loading_segments(elastic, smallest_drop=smallest_drop, smoothing_readings=smoothing_readings)
+    found = moduli_of(ramps, depth, model, ratio, friction_per_depth=friction)
+    if loading_ratio is None and not all(in_measured_range(s.speed) for s in found.segments):
+        flags.append("speed outside the measured range: loading ratio of the nearest measured speed")
+    return dataclasses.replace(found, flags=tuple(flags))
+
+
+def elastic_part(trace: Trace, depth: DepthProfile, friction_per_depth: float) -> Trace:
+    """The record of a blade on the way forward, its force less friction [N]."""
+    (position,) = trace.require("position", by="elastic_part")
+    return dataclasses.replace(trace, force=trace.force - friction_per_depth * depth.at(position))
+
+
+def moduli_of(
+    ramps: list[Segment], depth: DepthProfile, model: CutModel, ratio: LoadingRatio, *, friction_per_depth: float
+) -> ModulusEstimate:
+    """Moduli of the steady ones among ``ramps`` of elastic force, found with ``friction_per_depth`` [N/m] off."""
     segments, tips, moduli = [], [], []
     for s in ramps:
         if not s.is_steady:
             continue
-        r = liver_loading_ratio(s.speed, s.angle) if loading_ratio is None else loading_ratio
-        tip = max(s.position - r * s.force / s.slope, 0.0)
+        tip = max(s.position - ratio(s.speed, s.angle) * s.force / s.slope, 0.0)
         B = float(depth.at(tip))
         if B >= SHALLOWEST:
             segments.append(s)
             tips.append(tip)
             moduli.append(s.slope / (model.stiffness(tip) * B))
-    if loading_ratio is None and not all(in_measured_range(s.speed) for s in segments):
-        flags.append("speed outside the measured range: loading ratio of the nearest measured speed")
     return ModulusEstimate(
         position=np.array(tips),
         modulus=np.array(moduli),
         segments=segments,
-        friction_per_depth=friction,
-        flags=tuple(flags),
+        friction_per_depth=friction_per_depth,
+        flags=(),
     )

@@ -1,0 +1,176 @@
+"""Initiation: by how much the force that starts a crack run exceeds the fracture resistance.
+
+A blade loads the tissue up to a hilltop of the force, F = (1 + eta) R B, where the crack runs.  From one hilltop to
+the next the energy balance (thesis, 6.1 to 6.4) tells R of just that piece of tissue: work less friction less the
+change of stored energy, over the area cut.  Both together tell eta, however uneven the tissue is.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.measurement.depth import SHALLOWEST, DepthProfile
+from cutenv.measurement.fracture import estimate_fracture_resistance
+from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio_of
+from cutenv.measurement.modulus import elastic_part
+from cutenv.measurement.segments import SMOOTHING_READINGS, Segment, loading_segments
+from cutenv.trace import Trace
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InitiationEstimate:
+    """Of one cut: hilltops, and the units between one and the next where both are known.
+
+    Attributes
+    ----------
+    position : ndarray of shape (n,)
+        Estimated tip at each hilltop [m].
+    force_per_depth : ndarray of shape (n,)
+        Elastic force there over the depth of cut at the tip, (1 + eta) R [N/m].
+    unit_position, unit_length : ndarray of shape (m,)
+        Middle and length of each unit, by the tip [m].
+    unit_area, unit_energy, unit_angle : ndarray of shape (m,)
+        Area cut [m2], fracture energy that it took, friction left out [J], angle of the blade [rad].
+    unit_force_per_depth : ndarray of shape (m,)
+        Mean of its two hilltops [N/m].
+    """
+
+    position: Array
+    force_per_depth: Array
+    unit_position: Array
+    unit_length: Array
+    unit_area: Array
+    unit_energy: Array
+    unit_angle: Array
+    unit_force_per_depth: Array
+
+    @property
+    def unit_resistance(self) -> Array:
+        """Fracture resistance of each unit, friction's share not included, shape (m,) [J/m2]."""
+        return self.unit_energy / self.unit_area
+
+
+class Hilltop(NamedTuple):
+    """Where a ramp of loading ends: everything that does not depend on the loading ratio."""
+
+    ramp: Segment
+    position: float  # of the blade [m]
+    force: float  # elastic [N]
+    work: float  # of the elastic force since the start of the record [J]
+
+
+def estimate_initiation(
+    trace: Trace, *, friction_per_depth: float | None = None, loading_ratio: float | LoadingRatio | None = None
+) -> InitiationEstimate:
+    """Find the forces that start crack runs, and the energy of the units between them.
+
+    Parameters
+    ----------
+    trace : Trace
+        With position and depth, and angle unless `loading_ratio` is given; force in newtons.
+    friction_per_depth : float, optional
+        phi [N/m]; by default as :func:`~cutenv.measurement.estimate_fracture_resistance` finds it.
+    loading_ratio : float or callable, optional
+        r [1], 0.01 to 1, or a function of speed [m/s] and angle [rad]; by default that of pig liver.
+
+    Returns
+    -------
+    InitiationEstimate
+        Without units if there are no two steady ramps one after the other.
+
+    Raises
+    ------
+    ValueError
+        If the trace lacks what is needed.
+    """
+    by = "estimate_initiation"
+    depth = DepthProfile.recorded(trace, by=by)
+    if loading_ratio is None:
+        trace.require("angle", by=f"{by} without loading_ratio")
+    ratio = loading_ratio_of(loading_ratio, low=0.01)
+    if friction_per_depth is None:
+        friction_per_depth = estimate_fracture_resistance(trace, loading_ratio=loading_ratio).friction_per_depth
+    elastic = elastic_part(trace, depth, friction_per_depth)
+    return initiation_at(hilltops(elastic, loading_segments(elastic)), depth, ratio)
+
+
+def initiation_excess(estimates: Iterable[InitiationEstimate]) -> float:
+    """eta90 of eta = eta90 sin(theta)^2, from all units of some cuts together.
+
+    Sums before the ratio is taken, so that short units, whose energy is known less well, count for less.
+
+    Raises
+    ------
+    ValueError
+        If there is no unit at all.
+    """
+    force = energy = weighted = 0.0
+    for each in estimates:
+        force += float(each.unit_force_per_depth @ each.unit_area)
+        energy += float(each.unit_energy.sum())
+        weighted += float(np.sin(each.unit_angle) ** 2 @ each.unit_energy)
+    if weighted <= 0.0:
+        raise ValueError("no unit between two hilltops was found in any cut: eta is not measured.")
+    return (force - energy) / weighted
+
+
+def hilltops(elastic: Trace, ramps: list[Segment]) -> list[Hilltop | None]:
+    """The end of each of ``ramps`` in a record of elastic force; None for one that is not steady."""
+    (position,) = elastic.require("position", by="hilltops")
+    F = elastic.force
+    work = np.concatenate(([0.0], np.cumsum(0.5 * (F[1:] + F[:-1]) * np.diff(position))))
+    # A ramp leaves out the bin that holds the drop: the crack ran, on average, in the middle of it.
+    beyond = 0.5 * SMOOTHING_READINGS / elastic.sample_rate
+    found: list[Hilltop | None] = []
+    for ramp in ramps:
+        end = ramp.stop - 1
+        dx = ramp.speed * beyond
+        x = float(position[end]) + dx
+        force = ramp.force + ramp.slope * (x - ramp.position)
+        found.append(
+            Hilltop(ramp, x, force, float(work[end]) + (force - 0.5 * ramp.slope * dx) * dx) if ramp.is_steady else None
+        )
+    return found
+
+
+def initiation_at(tops: list[Hilltop | None], depth: DepthProfile, ratio: LoadingRatio) -> InitiationEstimate:
+    """Tips, forces and energies at hilltops, for a loading ratio."""
+    points: list[tuple[float, float, float, Hilltop] | None] = []
+    for top in tops:
+        points.append(None)
+        if top is None:
+            continue
+        K = top.ramp.slope / ratio(top.ramp.speed, top.ramp.angle)
+        a = top.position - top.force / K
+        B = float(depth.at(a))
+        if B >= SHALLOWEST and top.force > 0.0:
+            points[-1] = a, top.force / B, 0.5 * top.force**2 / K, top
+    units = []
+    for first, second in itertools.pairwise(points):
+        if first is None or second is None or second[0] <= first[0]:
+            continue
+        (a, f, U, top), (next_a, next_f, next_U, next_top) = first, second
+        angle = math.pi / 2 if next_top.ramp.angle is None else next_top.ramp.angle
+        energy = next_top.work - top.work - (next_U - U)
+        units.append((0.5 * (a + next_a), next_a - a, depth.area(a, next_a), energy, angle, 0.5 * (f + next_f)))
+    position, length, area, energies, angles, force = np.array(units).reshape(-1, 6).T
+    known = [point for point in points if point is not None]
+    return InitiationEstimate(
+        position=np.array([point[0] for point in known]),
+        force_per_depth=np.array([point[1] for point in known]),
+        unit_position=position,
+        unit_length=length,
+        unit_area=area,
+        unit_energy=energies,
+        unit_angle=angles,
+        unit_force_per_depth=force,
+    )
