@@ -122,15 +122,19 @@ def measure_cuts(
     for _ in range(_ROUNDS):
         ratio = speed_dependence_of(cuts).loading_ratio
         cuts = [cut.with_loading_ratio(ratio, model) for cut in cuts]
-        # A tip that moves into tissue too shallow to measure may take a cut's last modulus with it.
-        cuts = [cut for cut in cuts if len(cut.moduli)] or cuts
     return cuts, refused
 
 
 def speed_dependence_of(cuts: Sequence[MeasuredCut]) -> SpeedDependence:
     """Fit of the cuts' mean moduli against speed and angle."""
+    known = [cut for cut in cuts if len(cut.moduli)]
+    if not known:
+        raise ValueError(
+            f"none of {len(cuts)} cuts has a steady loading segment: the force must rise and drop again several times "
+            "at one speed. Cut farther, or slower."
+        )
     return fit_speed_dependence(
-        [cut.speed for cut in cuts], [cut.angle for cut in cuts], [cut.moduli.mean for cut in cuts]
+        [cut.speed for cut in known], [cut.angle for cut in known], [cut.moduli.mean for cut in known]
     )
 
 
@@ -288,6 +292,9 @@ def _notes(
     cuts: Sequence[MeasuredCut], refused: Sequence[Refused], model: CutModel, found: dict[str, float]
 ) -> list[str]:
     notes = [f"left out: {each.name}: {each.reason}" for each in refused]
+    silent = sum(not len(cut.moduli) for cut in cuts)
+    if silent:
+        notes.append(f"{silent} of {len(cuts)} cuts show no steady loading segment: they tell resistance, no modulus")
     without = sum(cut.return_stroke is None for cut in cuts)
     if without:
         notes.append(f"{without} of {len(cuts)} cuts have no return stroke past the tip: less certain by about 5 %")

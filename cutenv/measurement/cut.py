@@ -16,6 +16,7 @@ from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio
 from cutenv.measurement.modulus import ModulusEstimate, elastic_part, moduli_of
 from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
 from cutenv.measurement.segments import Segment, loading_segments
+from cutenv.measurement.strokes import blade_speed, strokes
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
 
@@ -40,9 +41,9 @@ class MeasuredCut:
     specimen : str
         Of which piece of tissue; "" if the record does not say.
     speed, angle : float
-        Mean over the steady segments [m/s], [rad].
+        Median while the blade moves forward [m/s], and mean [rad].
     moduli : ModulusEstimate
-        Local effective moduli.
+        Local effective moduli; none if no loading segment was steady.
     fracture : FractureEstimate
         Fracture resistance, apparent and corrected.
     initiation : InitiationEstimate
@@ -118,11 +119,11 @@ def measure_cut(
     Raises
     ------
     ValueError
-        If the record lacks what is needed, or shows no steady segment.
+        If the record lacks what is needed, or shows neither a steady segment nor a way back.
     """
     by = "measure_cut"
     trace.require_newtons(by=by)
-    trace.require("position", "angle", "depth", by=by)
+    position, _, _ = trace.require("position", "angle", "depth", by=by)
     fracture = estimate_fracture_resistance(trace, loading_ratio=ratio)
     recorded = DepthProfile.recorded(trace, by=by)
     back = fit_return_stroke(trace, recorded)
@@ -131,18 +132,18 @@ def measure_cut(
     elastic = elastic_part(trace, depth, friction)
     ramps = loading_segments(elastic)
     moduli = moduli_of(ramps, depth, model, ratio, friction_per_depth=friction)
-    if not len(moduli):
+    if not len(moduli) and back is None:
         raise ValueError(
-            f"none of its {len(ramps)} loading segments is steady: the force must rise and drop again several times "
-            "at one speed. Cut farther, or slower."
+            f"it has no return stroke, and none of its {len(ramps)} loading segments is steady: the force must rise "
+            "and drop again several times at one speed. Cut farther, or slower, or record the way back."
         )
     tops = hilltops(elastic, ramps)
     return MeasuredCut(
         trace=trace,
         name=name,
         specimen=str(trace.metadata.get(SPECIMEN, "")),
-        speed=float(np.mean([s.speed for s in moduli.segments])),
-        angle=float(np.mean([s.angle for s in moduli.segments])),
+        speed=_speed(trace.time, position),
+        angle=float(np.mean(trace.require("angle", by=by))),
         moduli=moduli,
         fracture=fracture,
         initiation=initiation_at(tops, depth, ratio),
@@ -169,6 +170,13 @@ def named(traces: list[Trace]) -> list[tuple[str, Trace]]:
         (f"{name} ({i})" if name in taken else name, trace)
         for i, (name, trace) in enumerate(zip(names, traces, strict=True))
     ]
+
+
+def _speed(time: Array, position: Array) -> float:
+    """Median speed of the forward strokes [m/s]."""
+    speed = blade_speed(time, position)
+    forward = [speed[stroke.samples] for stroke in strokes(time, position) if stroke.forward]
+    return float(np.median(np.concatenate(forward)))
 
 
 def _thinned(depth: DepthProfile) -> DepthProfile:

@@ -68,7 +68,7 @@ class PooledCuts:
                 (
                     cut.speed,
                     cut.angle,
-                    cut.moduli.mean,
+                    cut.moduli.mean if len(cut.moduli) else math.nan,
                     cut.fracture.corrected,
                     math.nan if cut.return_stroke is None else cut.fracture.friction_per_depth,
                 )
@@ -81,17 +81,20 @@ class PooledCuts:
             Variogram.of([cut.moduli.position for cut in cuts], [cut.moduli.modulus for cut in cuts]),
             Variogram.of([cut.initiation.position for cut in cuts], [cut.initiation.force_per_depth for cut in cuts]),
         ]
-        self.depth = fit_bulge([cut.depth for cut in cuts], [float(cut.moduli.position.min()) for cut in cuts])
+        first = [float(cut.moduli.position.min()) if len(cut.moduli) else 0.0 for cut in cuts]
+        self.depth = fit_bulge([cut.depth for cut in cuts], first)
         self.length: float | None = None
         if len(cuts) < FEWEST_FOR_CORRELATION:
             self.length = measured_liver().correlation_length
-        free = fit_speed_dependence(self.speed, self.angle, self.modulus).measured
+        self.has_modulus = np.isfinite(self.modulus)
+        free = self._line(np.flatnonzero(self.has_modulus)).measured
         self.measured = set(FIELDS) - ({"intercept_90", "slope_90", "intercept_45", "slope_45"} - free)
 
     def numbers(self, counts: Array) -> dict[str, float]:
         """Every number that the cuts tell, each cut taken ``counts`` times; NaN for one that they do not."""
         taken = np.repeat(np.arange(len(self.cuts)), counts.astype(int))
-        line = fit_speed_dependence(self.speed[taken], self.angle[taken], self.modulus[taken])
+        with_modulus = taken[self.has_modulus[taken]]
+        line = self._line(with_modulus if len(with_modulus) else np.flatnonzero(self.has_modulus))
         length = self.length or correlation_length(self.variograms, counts)
         (modulus_within, resistance_within), _ = fit_variances(self.variograms, counts, length)
         return {
@@ -109,9 +112,14 @@ class PooledCuts:
             **self.depth,
         }
 
+    def _line(self, taken: NDArray[np.intp]) -> SpeedDependence:
+        return fit_speed_dependence(self.speed[taken], self.angle[taken], self.modulus[taken])
+
     def _modulus_spread(self, line: SpeedDependence, counts: Array, within: float, length: float) -> dict[str, float]:
-        fitted = np.array([line.modulus(v, angle) for v, angle in zip(self.speed, self.angle, strict=True)])
-        between_liver, between_cut = nested_variances(np.log(self.modulus / fitted), self.specimen, counts)
+        known = self.has_modulus
+        fitted = np.array([line.modulus(v, angle) for v, angle in zip(self.speed, self.angle, strict=True)])[known]
+        ratio = np.log(self.modulus[known] / fitted)
+        between_liver, between_cut = nested_variances(ratio, self.specimen[known], counts[known])
         enough = self.variograms[0].pairs.sum() >= 1.0
         along = self._added([cut.moduli.position for cut in self.cuts], within if enough else 0.0, length, counts)
         return {

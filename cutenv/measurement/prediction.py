@@ -104,11 +104,12 @@ def leave_one_out(cuts: Sequence[MeasuredCut], model: CutModel) -> list[LeftOutC
     Returns
     -------
     list of LeftOutCut
-        In their order.
+        In their order, less those without a modulus.
     """
     found = []
-    for cut in cuts:
-        others = [each for each in cuts if each is not cut]
+    known = [cut for cut in cuts if len(cut.moduli)]
+    for cut in known:
+        others = [each for each in known if each is not cut]
         same = other = next_modulus = None
         if others:
             line = speed_dependence_of(others)
