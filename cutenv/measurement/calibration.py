@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cutenv.measurement.cut import MeasuredCut, by_specimen, measure_cut, named
 from cutenv.measurement.loading_ratio import loading_ratio as liver_loading_ratio
-from cutenv.measurement.pooled_cuts import FEWEST_FOR_CORRELATION, PooledCuts, resampled
+from cutenv.measurement.pooled_cuts import FEWEST_FOR_CORRELATION, NOT_RESAMPLED, PooledCuts, resampled
 from cutenv.measurement.speed_dependence import SpeedDependence, fit_speed_dependence, is_between_the_measured
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, measured_liver
@@ -162,7 +162,7 @@ def tissue_of(
             evidence.append(Evidence(name=field, provenance="assumed", how=_WHY_NOT[field] + "; pig liver's stands in"))
             continue
         values[field] = value
-        spread = np.array([sample[field] for sample in samples])
+        spread = np.array([] if field in NOT_RESAMPLED else [sample[field] for sample in samples])
         spread = spread[np.isfinite(spread)]
         low, high = np.quantile(spread, [0.025, 0.975]) if len(spread) > 0.5 * len(samples) > 0 else (None, None)
         provenance: Any = "measured" if field in pool.measured else "assumed"

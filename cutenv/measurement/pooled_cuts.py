@@ -50,6 +50,9 @@ FIELDS = (
 )
 """Of a tissue description, that records are asked for."""
 
+NOT_RESAMPLED = ("speed_min", "speed_max", "edge_depth", "crown_depth", "rise_length", "mean_depth")
+"""Those of them that describe the records rather than estimate something."""
+
 
 class PooledCuts:
     """Measured cuts as arrays, so that a resample of them costs little.
