@@ -26,6 +26,7 @@ import numpy as np
 from tqdm import tqdm
 
 import cutenv  # registers the environment
+from cutenv.atomic import replacing
 from cutenv.policy import BASELINES, Policy, SeesTruth, TrainedPolicy
 from cutenv.tissue.specimen import CLASSES
 
@@ -192,13 +193,11 @@ def best_script(summary: Iterable[Mapping[str, Any]], candidates: Iterable[str])
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write rows to a CSV file, all at once: never half a file under the final name."""
-    part = path.with_suffix(".part")
     names = list(dict.fromkeys(name for row in rows for name in row))
-    with part.open("w", newline="") as file:
+    with replacing(path) as part, part.open("w", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=names, restval="")
         writer.writeheader()
         writer.writerows(rows)
-    part.replace(path)
 
 
 def print_table(summary: Sequence[Mapping[str, Any]], scores: Sequence[str] = SHOWN) -> None:

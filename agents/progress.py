@@ -16,6 +16,8 @@ from seeing_critic import actor_parameters
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
+from cutenv.atomic import replacing
+
 if TYPE_CHECKING:
     from ppo import Arguments
 
@@ -126,6 +128,5 @@ class Progress(BaseCallback):
 
 def save(model: Any, path: Path) -> None:
     """Save a model all at once: an interruption leaves the last whole checkpoint."""
-    part = path.with_name(path.stem + ".part.zip")
-    model.save(part)
-    part.replace(path)
+    with replacing(path) as part:
+        model.save(part)

@@ -35,6 +35,19 @@ _DISAGREEMENT = 10.0  # a wrong unit is off by 10 or more, a noisy or commanded 
 _STILL = 1e-3  # [m] that noise of the speed may add up to
 
 
+def limits(name: str, force_unit: str = "N") -> tuple[float, float]:
+    """Least and greatest value that a trace takes for a field, in SI; force in its unit.
+
+    Raises
+    ------
+    ValueError
+        If a trace has no such field or unit.
+    """
+    one_of("force_unit", force_unit, FORCE_UNITS)
+    ranges = {"force": _FORCE_RANGES[force_unit]} | _RANGES
+    return ranges[one_of("field", name, ranges)][:2]
+
+
 class Reading(NamedTuple):
     """One instant of a cut: only what a rig can measure; what is not known is None.
 

@@ -3,6 +3,7 @@
 from cutenv.measurement.calibration import calibrate, measure_cuts, tissue_of
 from cutenv.measurement.cut import MeasuredCut, measure_cut
 from cutenv.measurement.depth import DepthProfile
+from cutenv.measurement.flaws import Flaw, flaws
 from cutenv.measurement.fracture import FractureEstimate, estimate_fracture_resistance
 from cutenv.measurement.initiation import InitiationEstimate, estimate_initiation, initiation_excess
 from cutenv.measurement.modulus import ModulusEstimate, estimate_local_effective_moduli, iterate_modulus
@@ -13,6 +14,7 @@ from cutenv.measurement.speed_dependence import SpeedDependence, fit_speed_depen
 
 __all__ = [
     "DepthProfile",
+    "Flaw",
     "FractureEstimate",
     "InitiationEstimate",
     "LeftOutCut",
@@ -27,6 +29,7 @@ __all__ = [
     "estimate_local_effective_moduli",
     "fit_return_stroke",
     "fit_speed_dependence",
+    "flaws",
     "initiation_excess",
     "iterate_modulus",
     "leave_one_out",

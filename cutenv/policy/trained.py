@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv.atomic import replacing
 from cutenv.policy.features import Features, past_dead_zone
 from cutenv.policy.network import ACTIVATIONS, Network
 from cutenv.task.observation import COMPONENTS, checked_observation
@@ -323,9 +324,8 @@ def _content(path: Path) -> bytes:
 
 def _write(path: Path, content: bytes) -> None:
     """Write a file all at once: an interruption leaves the earlier one, or none."""
-    part = path.with_name(path.name + ".part")
-    part.write_bytes(content)
-    part.replace(path)
+    with replacing(path) as part:
+        part.write_bytes(content)
 
 
 def _unpacked(content: bytes) -> dict[str, Array32]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv.atomic import replacing
 from cutenv.cutting.records import Records
 from cutenv.report.page import label, new_figure
 from cutenv.tissue.specimen import SPACING
@@ -59,9 +60,8 @@ def draw_cut(
     figure = cut_figure(
         readings, depth, target_length=target_length, force_limit_per_depth=force_limit_per_depth, title=title
     )
-    part = path.with_name(path.stem + ".part" + path.suffix)  # never half a picture under the final name
-    figure.savefig(part, dpi=130)
-    part.replace(path)
+    with replacing(path) as part:
+        figure.savefig(part, dpi=130)
 
 
 def cut_figure(

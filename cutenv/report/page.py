@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NewType
 
+from cutenv.atomic import replacing
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -208,9 +210,8 @@ def page(title: str, subtitle: str, lead: Html, sections: Sequence[Section]) -> 
 
 def write_page(path: Path, document: Html) -> None:
     """Write a document, all at once: never half a page under the final name."""
-    part = path.with_name(path.name + ".part")
-    part.write_text(document, encoding="utf-8", newline="\n")
-    part.replace(path)
+    with replacing(path) as part:
+        part.write_text(document, encoding="utf-8", newline="\n")
 
 
 _STYLE = """

@@ -1,0 +1,151 @@
+"""Columns of a record: quantity and unit stand in the header (``force_N``, ``position_cm``), SI comes out."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.trace import FORCE_UNITS
+
+_LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
+
+UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
+        # gf, kgf, lbf: by the standard acceleration of free fall, 9.80665 m/s2. "1": normalised, a pure number.
+        "force": {
+            "N": 1.0,
+            "mN": 1e-3,
+            "kN": 1e3,
+            "gf": 9.80665e-3,
+            "kgf": 9.80665,
+            "lbf": 4.4482216152605,
+            "1": 1.0,
+        },
+        "position": _LENGTHS,
+        "speed": {
+            f"{length}{per}s": _LENGTHS[length]
+            for length in ("m", "cm", "mm", "in")
+            for per in ("_", "/")  # the stroke is how people write it, the underscore what a header can be
+        },
+        "angle": {"rad": 1.0, "deg": math.pi / 180.0},
+        "depth": _LENGTHS,
+    }
+)
+"""Field of a :class:`cutenv.trace.Trace` -> spelling of a unit -> how many SI units one of it is."""
+
+AXES = ("x", "y", "z")
+"""Of a force that was measured in three directions: ``force_x_N``, ``force_y_N``, ``force_z_N``."""
+
+_SI = {"time": "s", "position": "m", "speed": "m_s", "angle": "rad", "depth": "m"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """What a header says of its column.
+
+    Attributes
+    ----------
+    field : str
+        Of the trace: a key of :data:`UNITS`.
+    axis : {"x", "y", "z"} or None
+        Direction of a component of force; None for anything else.
+    unit : str
+        A key of ``UNITS[field]``.
+    factor : float
+        How many SI units one of `unit` is.
+    """
+
+    field: str
+    axis: str | None
+    unit: str
+    factor: float
+
+    @property
+    def force_unit(self) -> str | None:
+        """``force_unit`` of a trace with this force, "N" or "1"; None if the column is no force."""
+        if self.field != "force":
+            return None
+        return "1" if self.unit == "1" else "N"
+
+    def to_si(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values in SI, of the same shape; the same array if they are in SI already.
+
+        Where the unit is a whole part of the SI unit, they are divided by the number of parts: 2.54 cm give
+        0.0254 m to the last bit, which 2.54 times the rounded 0.01 does not.
+        """
+        if self.factor == 1.0:
+            return values
+        parts = round(1.0 / self.factor)
+        return values / parts if parts and self.factor == 1.0 / parts else values * self.factor
+
+
+def parse_header(name: str) -> Column:
+    """Read quantity and unit from a column's name.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``time_ms``, ``force_N``, ``force_x_mN``, ``speed_cm_s``; blanks around it are ignored.
+
+    Raises
+    ------
+    ValueError
+        If the quantity or the unit is not known or missing; names the nearest that is known.
+    """
+    field, _, unit = name.strip().partition("_")
+    if field not in UNITS:
+        nearest = _nearest(field, UNITS)
+        hint = f" Did you mean {nearest}_{unit or header_of(nearest).partition('_')[2]}?" if nearest else ""
+        known = ", ".join(header_of(known) for known in UNITS)
+        raise ValueError(f"column {name!r} is no quantity of a cut with its unit, such as {known}.{hint}")
+    axis, _, rest = unit.partition("_")
+    if field == "force" and axis in AXES:
+        unit = rest
+    else:
+        axis = ""
+    known_units = UNITS[field]
+    if unit not in known_units:
+        stem = f"{field}_{axis}" if axis else field
+        listed = ", ".join(f"{stem}_{known}" for known in known_units if "/" not in known)
+        if not unit:
+            raise ValueError(f"column {name!r} does not say its unit. Write one of {listed}.")
+        nearest = _nearest(unit, known_units)
+        hint = f" Did you mean {stem}_{nearest}?" if nearest else ""
+        raise ValueError(f"column {name!r} has the unit {unit!r}, which is not known. Write one of {listed}.{hint}")
+    return Column(field=field, axis=axis or None, unit=unit, factor=known_units[unit])
+
+
+def header_of(field: str, force_unit: str = "N") -> str:
+    """Name of the column in which a field of a trace is written: in SI, so that nothing is lost.
+
+    Parameters
+    ----------
+    field : str
+        A key of :data:`UNITS`.
+    force_unit : {"N", "1"}
+        Of the trace.
+
+    Raises
+    ------
+    ValueError
+        If there is no such field or unit.
+    """
+    if field not in UNITS:
+        raise ValueError(f"{field!r} is no field of a trace; its fields are {', '.join(UNITS)}.")
+    if force_unit not in FORCE_UNITS:
+        raise ValueError(f"force_unit must be one of {', '.join(FORCE_UNITS)}, got {force_unit!r}.")
+    return f"{field}_{force_unit if field == 'force' else _SI[field]}"
+
+
+def _nearest(name: str, known: Iterable[str]) -> str:
+    """The most alike of the known names, or nothing; upper and lower case count as alike."""
+    by_lower = {key.lower(): key for key in known}
+    found = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.5)
+    return by_lower[found[0]] if found else ""

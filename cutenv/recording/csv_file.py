@@ -1,0 +1,231 @@
+"""Records as CSV: comments with schema and metadata, a row of headers with units, a row for each reading."""
+
+from __future__ import annotations
+
+import itertools
+import re
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.recording.schema import SCHEMA, as_names, check_schema, from_json, mapping_from_json, shown, to_json
+from cutenv.recording.table import CUT, Table, parsed_headers, table_of
+from cutenv.trace import Trace
+
+_ENCODING = "utf-8-sig"  # spreadsheets put a byte order mark in front
+_SCHEMA_LINE = re.compile(r"#\s*(cutenv-record\b.*)")
+_FACT_LINE = re.compile(r"#\s*(?P<what>(?P<kind>metadata|columns|rows)(?: of cut (?P<cut>[0-9]{1,9}))?):(?P<json>.*)")
+
+
+@dataclass
+class _Head:
+    """What stands above the first row of numbers, and how many lines it takes."""
+
+    names: list[str] = field(default_factory=list)
+    lines: int = 0
+    native: bool = False
+    facts: dict[tuple[str, int | None], Any] = field(default_factory=dict)
+
+    def of_cuts(self, kind: str) -> dict[int, Any]:
+        """Facts of that kind by the number of the cut."""
+        return {cut: fact for (which, cut), fact in self.facts.items() if which == kind and cut is not None}
+
+
+def write(traces: Sequence[Trace], path: Path) -> None:
+    """Write a new file; every number in the fewest digits that give it back to the last bit."""
+    table = table_of(traces)
+    columns: list[Iterable[str]] = [map(repr, values.tolist()) for values in table.values]
+    names = list(table.headers)
+    if table.cut is not None:
+        names.insert(0, CUT)
+        columns.insert(0, (f"{number:.0f}" for number in table.cut.tolist()))
+    with path.open("w", encoding="ascii", newline="\n") as file:
+        file.write(f"# {SCHEMA}\n# rows: {len(table.values[0])}\n")
+        if table.shared:
+            file.write(f"# metadata: {to_json(table.shared)}\n")
+        for number, metadata in table.own.items():
+            file.write(f"# metadata of cut {number}: {to_json(metadata)}\n")
+        for number, held in table.held.items():
+            file.write(f"# columns of cut {number}: {to_json(held)}\n")
+        file.write(",".join(names) + "\n")
+        file.writelines(",".join(row) + "\n" for row in zip(*columns, strict=True))
+
+
+def read(path: Path) -> list[Table]:
+    """Read a file as one table.
+
+    Raises
+    ------
+    ValueError
+        If it is not such a file; says which line.
+    """
+    try:
+        with path.open(encoding=_ENCODING) as file:
+            head = _head(file)
+            numbers = _numbers(file)
+    except UnicodeDecodeError:
+        raise ValueError(_fault_of_text(path)) from None
+    if numbers is None or (numbers.size and numbers.shape[1] != len(head.names)):
+        raise ValueError(_fault_of_numbers(path, head))
+    if not numbers.size:
+        raise ValueError("it holds no readings, only names of columns.")
+    if ("rows", None) in head.facts:
+        _check_whole(path, head.facts["rows", None], len(numbers))
+    columns = dict(zip(head.names, numbers.T, strict=True))
+    cut = columns.pop(CUT, None)
+    return [
+        Table(
+            headers=tuple(columns),
+            values=tuple(columns.values()),
+            cut=cut,
+            place=_line_of(path, head),
+            native=head.native,
+            shared=head.facts.get(("metadata", None), {}),
+            own=head.of_cuts("metadata"),
+            held=head.of_cuts("columns"),
+        )
+    ]
+
+
+def _head(file: TextIO) -> _Head:
+    """Read up to the headers, and check them."""
+    head = _Head()
+    for line in file:
+        head.lines += 1
+        text = line.strip()
+        if text.startswith("#"):
+            _take_comment(head, text)
+        elif text:
+            head.names = [name.strip() for name in text.split(",")]
+            break
+    if not head.names:
+        raise ValueError("it has no row of headers, such as time_s,force_N,position_m.")
+    place = f"line {head.lines}: "
+    if all(map(_is_number, head.names)):
+        raise ValueError(f"{place}the first row holds numbers. Put names with units above, such as time_s,force_N.")
+    for mark, called in ((";", "semicolons"), ("\t", "tabs")):
+        if mark in text:
+            raise ValueError(f"{place}{called} part the columns. Part them by commas, and write decimals with a point.")
+    try:
+        parsed_headers(head.names)
+    except ValueError as error:
+        raise ValueError(f"{place}{error}") from None
+    return head
+
+
+def _take_comment(head: _Head, text: str) -> None:
+    """Keep what a comment says of the record; any other comment is the reader's own."""
+    if found := _SCHEMA_LINE.fullmatch(text):
+        check_schema(found[1])
+        head.native = True
+        return
+    found = _FACT_LINE.fullmatch(text)
+    if not found:
+        return
+    what = f"line {head.lines}: {found['what']}"
+    key = (found["kind"], int(found["cut"]) if found["cut"] else None)
+    if key in head.facts:
+        raise ValueError(f"{what} stands there twice. Keep one of the lines.")
+    if found["kind"] == "metadata":
+        head.facts[key] = mapping_from_json(what, found["json"])
+    elif found["kind"] == "columns":
+        head.facts[key] = as_names(what, from_json(what, found["json"]))
+    else:
+        head.facts[key] = from_json(what, found["json"])
+
+
+def _numbers(file: TextIO) -> NDArray[np.float64] | None:
+    """The rows below the headers, shape (n, columns); None if one of them is not to be read."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that there are none is said in other words
+        try:
+            return np.loadtxt(file, delimiter=",", comments=None, ndmin=2)
+        except UnicodeDecodeError:
+            raise
+        except ValueError:
+            return None
+
+
+def _check_whole(path: Path, announced: object, found: int) -> None:
+    """Refuse a file that lost its end: the rows that are left would look like a shorter cut."""
+    with path.open("rb") as file:
+        file.seek(-1, 2)
+        ended = file.read(1) in b"\r\n"
+    if announced != found or not ended:
+        lost = "and its last line is not whole" if not ended else "rows were lost or added"
+        raise ValueError(
+            f"it announces {shown(announced)} rows and holds {found}, {lost}. Take the whole file again, or delete "
+            "its line '# rows: ...' if it is as it should be."
+        )
+
+
+def _line_of(path: Path, head: _Head) -> Callable[[int], str]:
+    """From a row of numbers to the line in which it stands."""
+
+    def place(row: int) -> str:
+        with path.open(encoding=_ENCODING) as file:
+            filled = (number for number, line in enumerate(file, 1) if number > head.lines and line != "\n")
+            return f"line {next(itertools.islice(filled, row, None), '?')}"
+
+    return place
+
+
+def _fault_of_numbers(path: Path, head: _Head) -> str:
+    """The first row that is no row of numbers: line, column, text and cure."""
+    n = len(head.names)
+    with path.open(encoding=_ENCODING) as file:
+        for number, line in enumerate(file, 1):
+            text = line.rstrip("\n")
+            if number <= head.lines or not text:
+                continue
+            cells = text.split(",")
+            if len(cells) != n:
+                what = f"{len(cells)} value{'s' * (len(cells) != 1)} for {n} columns ({', '.join(head.names)})"
+                return f"line {number}: {what}: {shown(text)}. {_cure_of_row(text, n)}"
+            for name, cell in zip(head.names, cells, strict=True):
+                if not _is_number(cell):
+                    what = f"{shown(cell)} is not a number" if cell.strip() else "the value is missing"
+                    return f"line {number}, column {name}: {what}. {_cure_of_cell(cell)}"
+    return f"below line {head.lines} there is something that is no row of {n} numbers. Take the file again."
+
+
+def _cure_of_row(text: str, n: int) -> str:
+    if text.startswith("#"):
+        return "Put comments above the headers."
+    if ";" in text or "\t" in text:
+        return "Part the values by commas, and write decimals with a point."
+    if len(text.split(",")) > n:
+        return "Write decimals with a point: 0,5 is 0.5."
+    return "Complete the row or leave it out; the last row of a file that was cut off is such a one."
+
+
+def _cure_of_cell(cell: str) -> str:
+    if '"' in cell or "'" in cell:
+        return "Leave out the quotation marks."
+    return "Leave out the whole row; a gap in time is allowed." if not cell.strip() else "Write it as 0.125 or 1.25e-1."
+
+
+def _fault_of_text(path: Path) -> str:
+    """The first line that is not UTF-8."""
+    with path.open("rb") as file:
+        for number, line in enumerate(file, 1):
+            try:
+                line.decode("utf-8")
+            except UnicodeDecodeError as error:
+                byte = line[error.start]
+                return f"line {number}: the byte 0x{byte:02x} is no text in UTF-8. Save the file as CSV in UTF-8."
+    return "it is no text in UTF-8. Save the file as CSV in UTF-8."
+
+
+def _is_number(cell: str) -> bool:
+    """Whether NumPy's reader takes it: Python's takes 1_000 and other scripts' digits too."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return cell.isascii() and "_" not in cell

@@ -1,0 +1,132 @@
+"""Where a record comes from: rig, sensor, blade, specimen, day, operator, consent, calibration."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from datetime import datetime
+from typing import Any
+
+_TEXTS = ("rig", "sensor", "blade", "specimen")
+_LONGEST = 500  # characters
+_ROLES = "operator|participant|subject|surgeon|student|trainee|resident|novice|expert|person|user"
+# Few letters and a number, a role and a number, or the beginning of a hash: no room for a name.
+_CODE = re.compile(
+    rf"[a-z]{{0,3}}[-_]?[0-9]{{1,6}}[a-z]?|(?:{_ROLES})[-_]?[0-9]{{1,6}}|(?=.*[0-9])(?=.*[a-f])[0-9a-f]{{8,64}}",
+    re.IGNORECASE,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance:
+    """Where a record comes from; what is not known is None.
+
+    Parameters
+    ----------
+    rig, sensor, blade, specimen : str, optional
+        In your own words, such as ``blade="No. 10, new"``.
+    date : str, optional
+        ISO 8601, such as ``2026-03-01`` or ``2026-03-01T14:05:00+01:00``.
+    operator : str, optional
+        Code that does not tell who it is: up to three letters or a role, and a number, such as ``P07``.
+    consent : bool, optional
+        Whether the operator agreed to the record's use.
+    calibration : mapping, optional
+        Of the sensor, what JSON can hold: ``{"gain_N_per_V": 4.98, "offset_N": 0.02}``.
+
+    Raises
+    ------
+    TypeError
+        If a value is of another kind.
+    ValueError
+        If a text is empty, the date is none, or the operator's code looks like a name.
+
+    Examples
+    --------
+    >>> origin = Provenance(rig="bench 2", operator="P07", consent=True)
+    >>> origin.metadata
+    {'rig': 'bench 2', 'operator': 'P07', 'consent': True}
+    >>> Provenance.from_metadata({"rig": "bench 2", "trial": 3})
+    Provenance(rig='bench 2')
+    """
+
+    rig: str | None = None
+    sensor: str | None = None
+    blade: str | None = None
+    specimen: str | None = None
+    date: str | None = None
+    operator: str | None = None
+    consent: bool | None = None
+    calibration: Mapping[str, Any] | None = None
+
+    def __post_init__(self) -> None:
+        for name in _TEXTS:
+            _check_text(name, getattr(self, name))
+        if self.date is not None:
+            _check_date(self.date)
+        if self.operator is not None:
+            check_operator(self.operator)
+        if not (self.consent is None or isinstance(self.consent, bool)):
+            raise TypeError(f"consent must be True, False or None (not known), got {self.consent!r}.")
+        if not (self.calibration is None or isinstance(self.calibration, Mapping)):
+            raise TypeError(
+                f'calibration must map names to values ({{"gain_N_per_V": 5.0}}), got {self.calibration!r}.'
+            )
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """What is known, as the metadata of a :class:`cutenv.trace.Trace`."""
+        known = {part.name: getattr(self, part.name) for part in fields(self)}
+        return {name: value for name, value in known.items() if value is not None}
+
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, Any]) -> Provenance:
+        """Take what belongs to it from the metadata of a trace, and leave the rest.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As for the fields themselves.
+        """
+        return cls(**{part.name: metadata[part.name] for part in fields(cls) if part.name in metadata})
+
+    def __repr__(self) -> str:
+        return f"Provenance({', '.join(f'{name}={value!r}' for name, value in self.metadata.items())})"
+
+
+def check_operator(code: object) -> None:
+    """Refuse a code that may tell who the operator is.
+
+    Raises
+    ------
+    TypeError
+        If it is no text.
+    ValueError
+        If it looks like a name, a mail address, a telephone number or a date of birth.
+    """
+    if not isinstance(code, str):
+        raise TypeError(f"operator must be a code such as 'P07', got {code!r}.")
+    if not _CODE.fullmatch(code):
+        raise ValueError(
+            f"operator {code!r} may tell who it is. Give a code of up to three letters and a number, such as 'P07', "
+            "and keep the list of who is who elsewhere."
+        )
+
+
+def _check_text(name: str, value: object) -> None:
+    if value is None:
+        return
+    if not isinstance(value, str):
+        raise TypeError(f"{name} must be text, got {value!r}.")
+    if not value.strip() or len(value) > _LONGEST:
+        raise ValueError(f"{name} must be a text of 1 to {_LONGEST} characters; leave out what is not known.")
+
+
+def _check_date(value: object) -> None:
+    if not isinstance(value, str):
+        raise TypeError(f"date must be text such as '2026-03-01', got {value!r}; a date has .isoformat().")
+    try:
+        datetime.fromisoformat(value)
+    except ValueError:
+        raise ValueError(f"date {value!r} is none in ISO 8601. Write it as '2026-03-01'.") from None

@@ -1,0 +1,286 @@
+"""The columns of a file: what every format is read into, and what the traces are made from."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.recording.columns import AXES, UNITS, Column, header_of, parse_header
+from cutenv.trace import Trace, limits
+
+Array = NDArray[np.float64]
+
+CUT = "cut"
+"""Name of the column that holds the number of the cut."""
+
+ALONG = "force_along_cut"
+"""Of the metadata: how a force along the cut was had from its components, one of :data:`ALONG_CUT`."""
+
+ALONG_CUT = ("norm", "x", "y", "z", "-x", "-y", "-z")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """Columns of equal length, a row for each reading, one cut after the other.
+
+    Attributes
+    ----------
+    headers : tuple of str
+        Of the columns, the cut's left out.
+    values : tuple of ndarray, each of shape (n,)
+        In the units that the headers name.
+    cut : ndarray of shape (n,), or None
+        Number of the cut of each row; None if there is one cut only.
+    place : callable
+        From a row to where it is in the file, such as "line 17".
+    native : bool
+        Whether cutenv wrote the file, as its schema says; then cuts count from 0.
+    shared : mapping
+        Metadata of all cuts.
+    own : mapping
+        Metadata by the number of the cut.
+    held : mapping
+        Headers of the columns that a cut holds, by its number; NaN in its others. All if it is not there.
+    name : str
+        In front of every message about it, such as "cut_3: ", where a file holds several tables.
+    """
+
+    headers: tuple[str, ...]
+    values: tuple[Array, ...]
+    cut: Array | None
+    place: Callable[[int], str]
+    native: bool = False
+    shared: Mapping[str, Any] = field(default_factory=dict)
+    own: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
+    held: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
+    name: str = ""
+
+
+def row_from_0(row: int) -> str:
+    """Place of a row where there are no lines."""
+    return f"row {row} (the first is 0)"
+
+
+def table_of(traces: Sequence[Trace]) -> Table:
+    """One table of some traces: the columns that any of them holds, NaN where one of them does not."""
+    headers_of = [tuple(header_of(name, trace.force_unit) for name in trace.known) for trace in traces]
+    any_of = dict.fromkeys(itertools.chain.from_iterable(headers_of))
+    headers = tuple(
+        header
+        for name in UNITS
+        for header in dict.fromkeys((header_of(name), header_of(name, "1")))
+        if header in any_of
+    )
+    nothing = [np.full(len(trace), np.nan) for trace in traces]
+    columns = [
+        np.concatenate(
+            [
+                getattr(trace, parse_header(header).field) if header in holds else nan
+                for trace, holds, nan in zip(traces, headers_of, nothing, strict=True)
+            ]
+        )
+        for header in headers
+    ]
+    alike = all(trace.metadata == traces[0].metadata for trace in traces)
+    return Table(
+        headers=headers,
+        values=tuple(columns),
+        cut=np.repeat(np.arange(float(len(traces))), [len(trace) for trace in traces]) if len(traces) > 1 else None,
+        place=row_from_0,
+        native=True,
+        shared=traces[0].metadata if alike else {},
+        own={} if alike else {number: trace.metadata for number, trace in enumerate(traces) if trace.metadata},
+        held={number: holds for number, holds in enumerate(headers_of) if holds != headers},
+    )
+
+
+def parsed_headers(names: Sequence[str]) -> list[Column | None]:
+    """Quantity and unit of each column, None for the number of the cut.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown or comes twice, or time or force is missing.
+    """
+    columns = [None if name == CUT else parse_header(name) for name in names]
+    for said, count in Counter(map(_said, columns)).items():
+        if count > 1:
+            twins = [repr(name) for name, column in zip(names, columns, strict=True) if _said(column) == said]
+            raise ValueError(f"columns {' and '.join(twins)} say the same thing twice. Keep one of them.")
+    fields = {column.field for column in columns if column}
+    missing = [f"{header_of(name)} (or {name} in another unit)" for name in ("time", "force") if name not in fields]
+    if missing:
+        raise ValueError(f"it has no column {' and no '.join(missing)}; it has {', '.join(names) or 'none'}. Add it.")
+    return columns
+
+
+def traces_of(table: Table, force: str | None = None) -> list[Trace]:
+    """Make a trace of every cut in a table.
+
+    Parameters
+    ----------
+    table : Table
+        As read.
+    force : {"norm", "x", "y", "z", "-x", "-y", "-z"}, optional
+        As in :func:`cutenv.recording.load`.
+
+    Returns
+    -------
+    list of Trace
+        In the order of the table.
+
+    Raises
+    ------
+    ValueError
+        If there is anything wrong with it: where, what and the cure.
+    """
+    columns = [column for column in parsed_headers(table.headers) if column is not None]
+    if not table.values[0].size:
+        raise ValueError("it holds no readings, only names of columns.")
+    blocks = _blocks(table)
+    numbers = {number for number, _ in blocks}
+    for what, known in (("metadata", table.own), ("columns", table.held)):
+        if unknown := sorted(set(known) - numbers):
+            raise ValueError(f"it names {what} of cut {unknown[0]}, but holds no such cut: it is not whole.")
+    labelled = table.cut is not None
+    traces = []
+    for number, rows in blocks:
+        metadata = {**table.shared, **table.own.get(number, {})}
+        if labelled and not table.native:
+            metadata.setdefault(CUT, number)
+        holds = table.held.get(number, table.headers)
+        if unknown_names := [name for name in holds if name not in table.headers]:
+            raise ValueError(f"cut {number} is said to hold {unknown_names[0]!r}, which is no column. Save it again.")
+        parts: dict[str, tuple[Column, Array]] = {}
+        for header, column, values in zip(table.headers, columns, table.values, strict=True):
+            if header in holds:
+                parts[header] = (column, values[rows])
+            elif not np.isnan(values[rows]).all():
+                raise ValueError(f"cut {number} holds {header!r}, but is said not to hold it. Save it again.")
+        where = _Where(table, rows, f"cut {number}, " if labelled else "")
+        parsed_headers(list(parts))
+        traces.append(_trace(parts, metadata, force, where))
+    return traces
+
+
+@dataclass(frozen=True)
+class _Where:
+    """From an instant of a cut to its place in the file."""
+
+    table: Table
+    rows: slice
+    cut: str
+
+    def __call__(self, instant: int) -> str:
+        return f"{self.cut}{self.table.place(self.rows.start + instant)}"
+
+
+def _blocks(table: Table) -> list[tuple[int, slice]]:
+    """Number and rows of each cut."""
+    n = len(table.values[0])
+    if table.cut is None:
+        return [(0, slice(0, n))]
+    for row in np.flatnonzero(~((table.cut >= 0) & (table.cut <= 2**53) & (table.cut == np.floor(table.cut))))[:1]:
+        raise ValueError(
+            f"{table.place(int(row))}: the column 'cut' holds {table.cut[row]:g}. Number the cuts 0, 1, 2, ..."
+        )
+    borders = [0, *(np.flatnonzero(np.diff(table.cut)) + 1).tolist(), n]
+    blocks: list[tuple[int, slice]] = []
+    seen = set()
+    for start, stop in itertools.pairwise(borders):
+        number = int(table.cut[start])
+        if number in seen:
+            raise ValueError(
+                f"{table.place(start)}: cut {number} goes on here, after another cut. Put the rows of a cut together."
+            )
+        if table.native and number != len(blocks):
+            raise ValueError(
+                f"{table.place(start)}: cut {number} begins here, but cut {len(blocks)} is the next: rows are missing "
+                "or were moved. Take the whole file again."
+            )
+        seen.add(number)
+        blocks.append((number, slice(start, stop)))
+    return blocks
+
+
+def _trace(
+    parts: Mapping[str, tuple[Column, Array]], metadata: dict[str, Any], force: str | None, where: _Where
+) -> Trace:
+    """A trace of the rows of one cut."""
+    fields: dict[str, Array] = {}
+    components: dict[str, Array] = {}
+    for header, (column, values) in parts.items():
+        _check_finite(header, values, where)
+        with np.errstate(over="ignore", under="ignore"):  # what is infinite now is refused as out of range
+            si = column.to_si(values)
+        if column.axis:
+            components[column.axis] = si
+        else:
+            fields[column.field] = si
+    _check_time(fields["time"], where)
+    units = {column.force_unit for column, _ in parts.values() if column.field == "force"}
+    if len(units) > 1:
+        raise ValueError("it has a force in newtons and one without a unit. Keep one of them.")
+    force_unit = "1" if units == {"1"} else "N"
+    if components and (force is not None or "force" not in fields):
+        chosen = force if force is not None else metadata.get(ALONG, "norm")
+        fields["force"] = _along_cut(components, chosen)
+        metadata[ALONG] = chosen
+    elif force is not None:
+        raise ValueError(f"force={force!r} asks for components of the force, of which it holds none. Leave force= out.")
+    try:
+        return Trace(**fields, force_unit=force_unit, metadata=metadata)
+    except (TypeError, ValueError, RecursionError) as error:
+        for name, values in fields.items():
+            low, high = limits(name, force_unit)
+            for row in np.flatnonzero(~((values >= low) & (values <= high)))[:1]:
+                raise ValueError(f"{where(int(row))}: {error}") from None
+        raise ValueError(f"{where.cut}from {where(0).removeprefix(where.cut)} on: {error}") from None
+
+
+def _along_cut(components: Mapping[str, Array], chosen: object) -> Array:
+    """The force along the cut from components, as chosen."""
+    axes = [axis for axis in AXES if axis in components]
+    if chosen not in ALONG_CUT:
+        raise ValueError(f"{ALONG} is {chosen!r}; it must be one of {', '.join(ALONG_CUT)}.")
+    listed = " and ".join(f"force_{axis}" for axis in axes)
+    if chosen == "norm":
+        if len(axes) == 1:
+            raise ValueError(f"of the force it holds {listed} only. Say that it is along the cut: force='{axes[0]}'.")
+        with np.errstate(over="ignore"):
+            norm = components[axes[0]]
+            for axis in axes[1:]:
+                norm = np.hypot(norm, components[axis])
+        return norm
+    axis = str(chosen)[-1]
+    if axis not in components:
+        raise ValueError(f"force={chosen!r} asks for force_{axis}, but it holds {listed}.")
+    return -components[axis] if str(chosen).startswith("-") else components[axis]
+
+
+def _check_finite(header: str, values: Array, where: _Where) -> None:
+    for row in np.flatnonzero(~np.isfinite(values))[:1]:
+        raise ValueError(
+            f"{where(int(row))}, column {header}: {values[row]} is no reading. Leave out the whole row, or the whole "
+            "column if the sensor was not there; a gap in time is allowed."
+        )
+
+
+def _check_time(time: Array, where: _Where) -> None:
+    for row in np.flatnonzero(np.diff(time) <= 0.0)[:1]:
+        raise ValueError(
+            f"{where(int(row) + 1)}: time goes from {float(time[row])!r} s to {float(time[row + 1])!r} s; it must "
+            "increase. Sort the rows by time and drop repeated ones; several cuts in one file are told apart by a "
+            "column 'cut'."
+        )
+
+
+def _said(column: Column | None) -> tuple[str | None, ...]:
+    """What a column tells, in whatever unit."""
+    return (column.field, column.axis, column.force_unit) if column else (CUT,)
