@@ -187,18 +187,20 @@ def estimate_local_effective_moduli(
 
     elastic = dataclasses.replace(trace, force=trace.force - friction * depth.at(position))
     ramps = loading_segments(elastic, smallest_drop=smallest_drop, smoothing_readings=smoothing_readings)
-    segments, tips, moduli = [], [], []
+    segments, tips, moduli, measured = [], [], [], True
     for s in ramps:
         if not s.is_steady:
             continue
-        r = liver_loading_ratio(s.speed, s.angle) if loading_ratio is None else loading_ratio
-        tip = max(s.position - r * s.force / s.slope, 0.0)
+        x, slope, speed = s.require("position", "slope", "speed", by=by)
+        r = liver_loading_ratio(speed, s.angle) if loading_ratio is None else loading_ratio
+        tip = max(x - r * s.force / slope, 0.0)
         B = float(depth.at(tip))
         if B >= SHALLOWEST:
             segments.append(s)
             tips.append(tip)
-            moduli.append(s.slope / (model.stiffness(tip) * B))
-    if loading_ratio is None and not all(in_measured_range(s.speed) for s in segments):
+            moduli.append(slope / (model.stiffness(tip) * B))
+            measured = measured and in_measured_range(speed)
+    if loading_ratio is None and not measured:
         flags.append("speed outside the measured range: loading ratio of the nearest measured speed")
     return ModulusEstimate(
         position=np.array(tips),
