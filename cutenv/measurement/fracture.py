@@ -143,7 +143,8 @@ def estimate_fracture_resistance(
         flags.append(f"{missing}: stiffness of mean pig liver")
         stiffness = _mean_liver_stiffness(depth, float(position.max()))
     else:
-        stiffness = _ramp_stiffness(ramp, ratio(ramp.speed, ramp.angle), position, depth)
+        (speed,) = ramp.require("speed", by=by)
+        stiffness = _ramp_stiffness(ramp, ratio(speed, ramp.angle), position, depth)
     if friction_per_depth is None:
         flags.append(f"friction assumed to be {100 * friction_share:g} % of the resistance")
     corrected, tip, phi = _open_loop(trace, position, depth, stiffness, friction_per_depth, friction_share)
@@ -199,12 +200,13 @@ def _closed_loop(trace: Trace, position: Array, depth: DepthProfile, way_back: R
 
 def _ramp_stiffness(ramp: Segment, r: float, position: Array, depth: DepthProfile) -> _Stiffness:
     """K [N/m] at a tip, from the ramp's slope less friction's share in it, carried there by the depth."""
+    x, slope = ramp.require("position", "slope", by="estimate_fracture_resistance")
     first, last = (float(position[i]) for i in (ramp.start, ramp.stop - 1))
     rise_of_depth = float(depth.at(last) - depth.at(first)) / (last - first)
 
     def stiffness(a: float, phi: float) -> float:
-        K = (ramp.slope - phi * rise_of_depth) / r
-        ramp_tip = ramp.position - (ramp.force - phi * float(depth.at(ramp.position))) / K
+        K = (slope - phi * rise_of_depth) / r
+        ramp_tip = x - (ramp.force - phi * float(depth.at(x))) / K
         return K * float(depth.at(a) / depth.at(ramp_tip))
 
     return stiffness

@@ -62,7 +62,9 @@ class InitiationEstimate:
 class Hilltop(NamedTuple):
     """Where a ramp of loading ends: everything that does not depend on the loading ratio."""
 
-    ramp: Segment
+    speed: float  # of the blade [m/s]
+    angle: float | None  # [rad]
+    slope: float  # of the ramp [N/m]
     position: float  # of the blade [m]
     force: float  # elastic [N]
     work: float  # of the elastic force since the start of the record [J]
@@ -132,13 +134,15 @@ def hilltops(elastic: Trace, ramps: list[Segment]) -> list[Hilltop | None]:
     beyond = 0.5 * SMOOTHING_READINGS / elastic.sample_rate
     found: list[Hilltop | None] = []
     for ramp in ramps:
+        if not ramp.is_steady:
+            found.append(None)
+            continue
+        middle, slope, speed = ramp.require("position", "slope", "speed", by="hilltops")
         end = ramp.stop - 1
-        dx = ramp.speed * beyond
+        dx = speed * beyond
         x = float(position[end]) + dx
-        force = ramp.force + ramp.slope * (x - ramp.position)
-        found.append(
-            Hilltop(ramp, x, force, float(work[end]) + (force - 0.5 * ramp.slope * dx) * dx) if ramp.is_steady else None
-        )
+        force = ramp.force + slope * (x - middle)
+        found.append(Hilltop(speed, ramp.angle, slope, x, force, float(work[end]) + (force - 0.5 * slope * dx) * dx))
     return found
 
 
@@ -149,7 +153,7 @@ def initiation_at(tops: list[Hilltop | None], depth: DepthProfile, ratio: Loadin
         points.append(None)
         if top is None:
             continue
-        K = top.ramp.slope / ratio(top.ramp.speed, top.ramp.angle)
+        K = top.slope / ratio(top.speed, top.angle)
         a = top.position - top.force / K
         B = float(depth.at(a))
         if B >= SHALLOWEST and top.force > 0.0:
@@ -159,7 +163,7 @@ def initiation_at(tops: list[Hilltop | None], depth: DepthProfile, ratio: Loadin
         if first is None or second is None or second[0] <= first[0]:
             continue
         (a, f, U, top), (next_a, next_f, next_U, next_top) = first, second
-        angle = math.pi / 2 if next_top.ramp.angle is None else next_top.ramp.angle
+        angle = math.pi / 2 if next_top.angle is None else next_top.angle
         energy = next_top.work - top.work - (next_U - U)
         units.append((0.5 * (a + next_a), next_a - a, depth.area(a, next_a), energy, angle, 0.5 * (f + next_f)))
     position, length, area, energies, angles, force = np.array(units).reshape(-1, 6).T

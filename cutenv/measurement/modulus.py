@@ -204,7 +204,7 @@ def estimate_local_effective_moduli(
     elastic = elastic_part(trace, depth, friction)
     ramps = loading_segments(elastic, smallest_drop=smallest_drop, smoothing_readings=smoothing_readings)
     found = moduli_of(ramps, depth, model, ratio, friction_per_depth=friction)
-    if loading_ratio is None and not all(in_measured_range(s.speed) for s in found.segments):
+    if loading_ratio is None and not all(in_measured_range(s.speed) for s in found.segments if s.speed):
         flags.append("speed outside the measured range: loading ratio of the nearest measured speed")
     return dataclasses.replace(found, flags=tuple(flags))
 
@@ -223,12 +223,13 @@ def moduli_of(
     for s in ramps:
         if not s.is_steady:
             continue
-        tip = max(s.position - ratio(s.speed, s.angle) * s.force / s.slope, 0.0)
+        x, slope, speed = s.require("position", "slope", "speed", by="moduli_of")
+        tip = max(x - ratio(speed, s.angle) * s.force / slope, 0.0)
         B = float(depth.at(tip))
         if B >= SHALLOWEST:
             segments.append(s)
             tips.append(tip)
-            moduli.append(s.slope / (model.stiffness(tip) * B))
+            moduli.append(slope / (model.stiffness(tip) * B))
     return ModulusEstimate(
         position=np.array(tips),
         modulus=np.array(moduli),

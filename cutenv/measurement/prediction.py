@@ -82,7 +82,8 @@ def predicted_ramps(cut: MeasuredCut, model: CutModel, modulus: float | None = N
     for segment, tip, own in zip(cut.moduli.segments, cut.moduli.position, cut.moduli.modulus, strict=True):
         x, F = position[segment.samples], cut.trace.force[segment.samples]
         slope = (own if modulus is None else modulus) * float(model.stiffness(tip) * cut.depth.at(tip))
-        start = segment.force + segment.slope * (float(x[0]) - segment.position)
+        middle, measured_slope = segment.require("position", "slope", by="predicted_ramps")
+        start = segment.force + measured_slope * (float(x[0]) - middle)
         predicted = start + slope * (x - x[0]) + friction * cut.depth.at(x)
         ramps.append(PredictedRamp(position=x, measured=F, predicted=predicted))
     return ramps
