@@ -92,7 +92,7 @@ class MeasuredCut:
             self,
             moduli=dataclasses.replace(moduli, flags=self.moduli.flags),
             fracture=fracture,
-            initiation=initiation_at(self.tops, self.depth, ratio),
+            initiation=initiation_at(self.tops, self.depth, model, ratio),
         )
 
 
@@ -146,7 +146,7 @@ def measure_cut(
         angle=float(np.mean(trace.require("angle", by=by))),
         moduli=moduli,
         fracture=fracture,
-        initiation=initiation_at(tops, depth, ratio),
+        initiation=initiation_at(tops, depth, model, ratio),
         return_stroke=back,
         depth=depth,
         ramps=ramps,

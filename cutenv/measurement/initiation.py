@@ -19,11 +19,15 @@ from numpy.typing import NDArray
 from cutenv.measurement.depth import SHALLOWEST, DepthProfile
 from cutenv.measurement.fracture import estimate_fracture_resistance
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio_of
-from cutenv.measurement.modulus import elastic_part
+from cutenv.measurement.modulus import elastic_part, telling
 from cutenv.measurement.segments import SMOOTHING_READINGS, Segment, loading_segments
+from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
 
 Array = NDArray[np.float64]
+
+_FEWEST, _PARTS = 30, 4  # readings, or a quarter of the ramp, that give the force at its end
+_STEPS = 3  # of the fixed point for the tip at a hilltop
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,13 +69,19 @@ class Hilltop(NamedTuple):
     speed: float  # of the blade [m/s]
     angle: float | None  # [rad]
     slope: float  # of the ramp [N/m]
+    middle: float  # of the ramp, position of the blade [m]
+    middle_force: float  # elastic, there [N]
     position: float  # of the blade [m]
     force: float  # elastic [N]
     work: float  # of the elastic force since the start of the record [J]
 
 
 def estimate_initiation(
-    trace: Trace, *, friction_per_depth: float | None = None, loading_ratio: float | LoadingRatio | None = None
+    trace: Trace,
+    model: CutModel,
+    *,
+    friction_per_depth: float | None = None,
+    loading_ratio: float | LoadingRatio | None = None,
 ) -> InitiationEstimate:
     """Find the forces that start crack runs, and the energy of the units between them.
 
@@ -79,6 +89,8 @@ def estimate_initiation(
     ----------
     trace : Trace
         With position and depth, and angle unless `loading_ratio` is given; force in newtons.
+    model : CutModel
+        Whose unit stiffness tells how the stiffness changes along a ramp; any will do.
     friction_per_depth : float, optional
         phi [N/m]; by default as :func:`~cutenv.measurement.estimate_fracture_resistance` finds it.
     loading_ratio : float or callable, optional
@@ -102,7 +114,7 @@ def estimate_initiation(
     if friction_per_depth is None:
         friction_per_depth = estimate_fracture_resistance(trace, loading_ratio=loading_ratio).friction_per_depth
     elastic = elastic_part(trace, depth, friction_per_depth)
-    return initiation_at(hilltops(elastic, loading_segments(elastic)), depth, ratio)
+    return initiation_at(hilltops(elastic, loading_segments(elastic)), depth, model, ratio)
 
 
 def initiation_excess(estimates: Iterable[InitiationEstimate]) -> float:
@@ -126,27 +138,45 @@ def initiation_excess(estimates: Iterable[InitiationEstimate]) -> float:
 
 
 def hilltops(elastic: Trace, ramps: list[Segment]) -> list[Hilltop | None]:
-    """The end of each of ``ramps`` in a record of elastic force; None for one that is not steady."""
+    """The end of each of ``ramps`` in a record of elastic force; None for one that does not tell its slope."""
     (position,) = elastic.require("position", by="hilltops")
     F = elastic.force
     work = np.concatenate(([0.0], np.cumsum(0.5 * (F[1:] + F[:-1]) * np.diff(position))))
     # A ramp leaves out the bin that holds the drop: the crack ran, on average, in the middle of it.
     beyond = 0.5 * SMOOTHING_READINGS / elastic.sample_rate
     found: list[Hilltop | None] = []
+    told = {ramp.start for ramp in telling(ramps)}
     for ramp in ramps:
-        if not ramp.is_steady:
+        if ramp.start not in told:
             found.append(None)
             continue
         middle, slope, speed = ramp.require("position", "slope", "speed", by="hilltops")
         end = ramp.stop - 1
         dx = speed * beyond
         x = float(position[end]) + dx
-        force = ramp.force + slope * (x - middle)
-        found.append(Hilltop(speed, ramp.angle, slope, x, force, float(work[end]) + (force - 0.5 * slope * dx) * dx))
+        # The ramp of an uneven tissue is bent: its last part tells where it ends.
+        last = slice(ramp.stop - max(_FEWEST, (ramp.stop - ramp.start) // _PARTS), ramp.stop)
+        from_here, F_last = position[last] - x, F[last]
+        rise = float((from_here - from_here.mean()) @ F_last / ((from_here - from_here.mean()) @ from_here))
+        force = float(F_last.mean()) - rise * float(from_here.mean())
+        found.append(
+            Hilltop(
+                speed=speed,
+                angle=ramp.angle,
+                slope=slope,
+                middle=middle,
+                middle_force=ramp.force,
+                position=x,
+                force=force,
+                work=float(work[end]) + (force - 0.5 * rise * dx) * dx,
+            )
+        )
     return found
 
 
-def initiation_at(tops: list[Hilltop | None], depth: DepthProfile, ratio: LoadingRatio) -> InitiationEstimate:
+def initiation_at(
+    tops: list[Hilltop | None], depth: DepthProfile, model: CutModel, ratio: LoadingRatio
+) -> InitiationEstimate:
     """Tips, forces and energies at hilltops, for a loading ratio."""
     points: list[tuple[float, float, float, Hilltop] | None] = []
     for top in tops:
@@ -154,7 +184,12 @@ def initiation_at(tops: list[Hilltop | None], depth: DepthProfile, ratio: Loadin
         if top is None:
             continue
         K = top.slope / ratio(top.speed, top.angle)
-        a = top.position - top.force / K
+        middle = max(top.middle - top.middle_force / K, 0.0)
+        a = max(top.position - top.force / K, 0.0)
+        for _ in range(_STEPS):  # the ramp's stiffness belongs to its middle; depth and kappa carry it to its end
+            there = K * float(model.stiffness(a) * depth.at(a) / (model.stiffness(middle) * depth.at(middle)))
+            a = max(top.position - top.force / there, 0.0)
+        K = there
         B = float(depth.at(a))
         if B >= SHALLOWEST and top.force > 0.0:
             points[-1] = a, top.force / B, 0.5 * top.force**2 / K, top

@@ -81,7 +81,11 @@ class PooledCuts:
         names = list(by_specimen(cuts))
         self.specimen = np.array([names.index(cut.specimen) for cut in cuts])
         self.variograms = [
-            Variogram.of([cut.moduli.position for cut in cuts], [cut.moduli.modulus for cut in cuts]),
+            Variogram.of(
+                [cut.moduli.position for cut in cuts],
+                [cut.moduli.modulus for cut in cuts],
+                [cut.moduli.relative_error for cut in cuts],
+            ),
             Variogram.of([cut.initiation.position for cut in cuts], [cut.initiation.force_per_depth for cut in cuts]),
         ]
         first = [float(cut.moduli.position.min()) if len(cut.moduli) else 0.0 for cut in cuts]

@@ -38,13 +38,17 @@ class Variogram:
     pairs: Array
 
     @classmethod
-    def of(cls, positions: Sequence[Array], values: Sequence[Array]) -> Variogram:
-        """Of ``values`` (positive) at ``positions`` [m] of each cut."""
+    def of(
+        cls, positions: Sequence[Array], values: Sequence[Array], errors: Sequence[Array] | None = None
+    ) -> Variogram:
+        """Of ``values`` (positive) at ``positions`` [m] of each cut; relative standard ``errors`` are taken out."""
+        errors = errors or [np.zeros(len(x)) for x in positions]
         squares, pairs = np.zeros((2, len(positions), len(CENTRES)))
-        for n, (x, value) in enumerate(zip(positions, values, strict=True)):
+        for n, (x, value, error) in enumerate(zip(positions, values, errors, strict=True)):
             i, j = np.triu_indices(len(x), 1)
             distance, difference = np.abs(x[i] - x[j]), np.diff(np.log(value)[[i, j]], axis=0)[0]
-            squares[n] = np.histogram(distance, LAGS, weights=0.5 * difference**2)[0]
+            noise = error[i] ** 2 + error[j] ** 2
+            squares[n] = np.histogram(distance, LAGS, weights=0.5 * (difference**2 - noise))[0]
             pairs[n] = np.histogram(distance, LAGS)[0]
         return cls(squares=squares, pairs=pairs)
 
