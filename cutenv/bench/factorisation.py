@@ -57,10 +57,10 @@ def factorisation_speedup(divisions: tuple[int, int] = (8, 15), repeats: int = 3
     uniform = stiffness_matrix(mesh, specimen.formulation, specimen.poisson)
     uneven = stiffness_matrix(mesh, specimen.formulation, specimen.poisson, halves)
 
-    per_tip_s, per_tip = _fastest(lambda: _factorising_per_tip(mesh, uniform), repeats)
+    per_tip_s, per_tip = _fastest(lambda: factorising_per_tip(mesh, uniform), repeats)
     once_s, once = _fastest(lambda: tip_responses(mesh, uniform, slipping=False).stiffness, 3 * repeats)
     slips_s, with_slips = _fastest(lambda: tip_responses(mesh, uneven, slipping=True).stiffness, 3 * repeats)
-    per_tip_uneven = _factorising_per_tip(mesh, uneven)
+    per_tip_uneven = factorising_per_tip(mesh, uneven)
     return {
         "divisions": divisions,
         "n_tips": len(specimen.tips),
@@ -75,7 +75,7 @@ def factorisation_speedup(divisions: tuple[int, int] = (8, 15), repeats: int = 3
     }
 
 
-def _factorising_per_tip(mesh: CutMesh, stiffness: csr_array[np.float64]) -> NDArray[np.float64]:
+def factorising_per_tip(mesh: CutMesh, stiffness: csr_array[np.float64]) -> NDArray[np.float64]:
     """Stiffness at each tip, imposing that tip's own constraints and factorising anew; shape (n_tips,)."""
     tip_stiffness = np.empty(len(mesh.tip_pairs))
     for tip in range(tip_stiffness.size):
