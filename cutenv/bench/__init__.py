@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -10,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 
 from cutenv.bench.comparison import compared
+from cutenv.bench.machine import BLAS_THREADS
 from cutenv.bench.measured import Number
 from cutenv.bench.record import check_place, read, record_of, write
 
@@ -52,6 +54,9 @@ def main(argv: Sequence[str]) -> int:
     except ValueError as error:
         parser.error(f"argument --json: {error}")
 
+    # SciPy's BLAS is loaded with the first benchmark.  Threads of its own gain nothing on matrices of this size, and
+    # where another program has a core they wait for each other: one factorisation then takes four times as long.
+    os.environ.setdefault(BLAS_THREADS, "1")
     numbers: dict[str, Mapping[str, Number]] = {}
     for name in arguments.only or BENCHMARKS:
         print(f"measuring {name} ...", file=sys.stderr, flush=True)

@@ -96,7 +96,7 @@ def _seconds(step: Callable[[], Any]) -> float:
 
 def measure() -> Measured:
     """Rates beside those of Gymnasium's vector environments, what is required of them, and what limits them."""
-    # These first: AsyncVectorEnv may fork, which is safe as long as this process has one thread.
+    # These first: AsyncVectorEnv may fork, which is safest before this process has threads.
     others = {
         other: {count: step_rate(other, count) for count in COUNTS if count <= other.largest}
         for other in (ASYNC, SYNC, NATIVE)

@@ -33,5 +33,5 @@ def _ratio(name: str, old: Record, new: Record, benchmark: str) -> str:
         return f"only in the {'new' if before is None else 'old'} run"
     if before.unit != after.unit:
         return f"was in {before.unit}, is in {after.unit}"
-    numbers = f"({before.value:.4g} -> {after.value:.4g}{'' if after.unit == '1' else ' ' + after.unit})"
+    numbers = f"({before.value:.5g} -> {after.value:.5g}{'' if after.unit == '1' else ' ' + after.unit})"
     return f"   -    {numbers}" if before.value == 0.0 else f"{after.value / before.value:7.3f} {numbers}"

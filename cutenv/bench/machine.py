@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import platform
 from importlib.metadata import version
 from pathlib import Path
 
 from cutenv.cores import cores
 
+BLAS_THREADS = "OMP_NUM_THREADS"
+"""The environment variable that says how many threads linear algebra may use."""
 LIBRARIES = ("gymnasium", "numba", "numpy", "scipy")
 _CPUINFO = Path("/proc/cpuinfo")
 
@@ -17,6 +20,7 @@ def description() -> dict[str, str | int]:
     machine: dict[str, str | int] = {
         "cpu": cpu(),
         "cores": cores(),
+        BLAS_THREADS: os.environ.get(BLAS_THREADS, "not set"),
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
     }

@@ -1,7 +1,7 @@
 """Ratios of two things that are measured in turns, in one process: a busy machine slows both.
 
-pytest-benchmark times the turns and keeps the ratio beside them (``--benchmark-json``, under ``extra_info``).  It repeats
-them and prints a table only without xdist, as in ``pytest tests/benchmark``; under ``pytest -n 2`` the turns are taken
+pytest-benchmark times the turns and keeps the ratio beside them (``--benchmark-json``, under ``extra_info``).  Without
+xdist, as in ``pytest tests/benchmark``, it repeats them and prints a table; under ``pytest -n 2`` the turns are taken
 once, and the bounds are guarded all the same.
 """
 

@@ -154,3 +154,13 @@ def test_the_processor_is_named_as_linux_does(tmp_path):
     (tmp_path / "cpuinfo").write_text("processor\t: 0\nmodel name\t: Some Processor @ 2 GHz\n")
     assert machine.cpu(tmp_path / "cpuinfo") == "Some Processor @ 2 GHz"
     assert machine.cpu(tmp_path / "none")
+
+
+@pytest.mark.parametrize(("given", "used"), [(None, "1"), ("2", "2")])
+def test_linear_algebra_has_one_thread_unless_the_user_says_otherwise(given, used, step_takes, tmp_path, monkeypatch):
+    monkeypatch.delenv(machine.BLAS_THREADS, raising=False)
+    if given:
+        monkeypatch.setenv(machine.BLAS_THREADS, given)
+    step_takes(8.0)
+    bench.main(["step", "--json", str(tmp_path / "a.json")])
+    assert record.read(tmp_path / "a.json").machine[machine.BLAS_THREADS] == used
