@@ -48,8 +48,9 @@ _FLICKER = 0.4  # share of readings at which the force turns, from which on nois
 _COVERED = 2.0  # standard deviations of noise over resolution, that counts as continuous
 _CAUTION = 0.6  # by which noise is taken to be less than it seems: it seems most where it straddles a level
 _FARTHEST = 3.7  # standard deviations of the largest of 10,000 normal numbers
-_STEEPER = 4.0  # by which a flat top lasts longer than the level below it: loading slows down by 2.5 at most
-_APPROACH = 5  # readings that rise to a flat top; friction alone jumps
+_STEEPER = 4.0  # times as long as the rise that it ends lasts a flat top: loading slows down by 2.5 at the most
+_LEVELS = 3.0  # resolutions by which that rise is one
+_FEWEST = 5  # equal readings that can be a flat top
 _NOISE_FREE = 0.05  # share of readings at which a force without noise turns at the most
 _HILLS = 3  # rises of force, by which a cut is told from friction alone
 _ZERO = 0.1  # [N], or the share 0.02 of the largest force: below, a sensor with a dead zone shows nothing
@@ -114,7 +115,8 @@ class _Signal:
 
     starts: NDArray[np.intp]
     lengths: NDArray[np.intp]
-    turning: float  # share of readings at which the force turns, the longest run left out
+    turning: float  # share of readings at which the force turns, without the longest run and the extremes
+    resolution: float  # [force unit]
     noise: float  # noise over resolution [1]
     is_continuous: bool
     zero: float  # what counts as no force
@@ -127,7 +129,9 @@ class _Signal:
         starts = np.concatenate(([0], np.flatnonzero(changes) + 1)).astype(np.intp)
         lengths = np.diff(np.append(starts, len(force)))
         directions = np.sign(changes[changes != 0.0])
-        elsewhere = len(force) - int(lengths.max())
+        extreme = (force[starts] == force.max()) | (force[starts] == force.min())
+        extreme[np.argmax(lengths)] = True
+        elsewhere = len(force) - int(lengths[extreme].sum())
         turning = float(np.count_nonzero(np.diff(directions))) / max(elsewhere, 1)
         resolution = float(np.median(np.diff(np.unique(force))))
         typical = float(np.median(np.abs(changes[changes != 0.0])))
@@ -136,6 +140,7 @@ class _Signal:
             starts=starts,
             lengths=lengths,
             turning=turning,
+            resolution=resolution,
             # Between two levels readings differ with a chance of 2/sqrt(pi) noise/resolution, on average.
             noise=_CAUTION * turning * math.sqrt(math.pi) / 2.0,
             is_continuous=is_continuous,
@@ -260,7 +265,7 @@ def _reversed(trace: Trace) -> list[Flaw]:
         Flaw(
             kind="reversed",
             rows=rows,
-            message=f"the force is {force[where].mean():.2g} {trace.force_unit} on average "
+            message=f"the force is {force[where].mean():.2g}{_unit(trace)} on average "
             f"{'where the blade cuts' if new_ground is not None else 'where it is negative'}: it counts positive "
             "against forward motion. Turn its sign (force=-column).",
             refuse=new_ground is not None,
@@ -328,11 +333,11 @@ def _clipping(trace: Trace, signal: _Signal) -> list[Flaw]:
     for extreme in (float(trace.force.max()), float(trace.force.min())):
         if abs(extreme) <= signal.zero:
             continue
-        runs = np.flatnonzero((trace.force[signal.starts] == extreme) & (signal.lengths >= _APPROACH))
-        if signal.turning >= _NOISE_FREE:
-            flat = _tops_beyond_noise(trace, signal, runs)
-        else:
-            flat = _tops_beyond_slope(trace, signal, runs, math.copysign(1.0, extreme))
+        runs = np.flatnonzero((trace.force[signal.starts] == extreme) & (signal.lengths >= _FEWEST))
+        flat = np.union1d(
+            _tops_beyond_noise(trace, signal, runs),
+            _tops_beyond_slope(trace, signal, runs, math.copysign(1.0, extreme)),
+        )
         if not len(flat):
             continue
         readings = int(signal.lengths[flat].sum())
@@ -341,7 +346,7 @@ def _clipping(trace: Trace, signal: _Signal) -> list[Flaw]:
                 kind="clipping",
                 rows=(int(signal.starts[flat[0]]), int(signal.starts[flat[-1]] + signal.lengths[flat[-1]] - 1)),
                 message=f"the force stays at its {'largest' if extreme > 0.0 else 'lowest'} reading, "
-                f"{extreme:.4g} {trace.force_unit}, {len(flat)} times, {readings} readings in all: the sensor or its "
+                f"{extreme:.4g}{_unit(trace)}, {len(flat)} times, {readings} readings in all: the sensor or its "
                 "amplifier is at its limit. Choose a larger range and record again.",
                 refuse=True,
             )
@@ -351,27 +356,35 @@ def _clipping(trace: Trace, signal: _Signal) -> list[Flaw]:
 
 def _tops_beyond_noise(trace: Trace, signal: _Signal, runs: NDArray[np.intp]) -> NDArray[np.intp]:
     """Runs at the extreme that are too long: noise that lets a reading repeat would also have exceeded it."""
+    if signal.turning < _NOISE_FREE:
+        return runs[:0]
     if signal.is_continuous:
-        longest = float(_APPROACH)
+        longest = float(_FEWEST)
     else:
         repeats = float(ndtr(1.0 / signal.noise - _FARTHEST))
-        longest = signal.longest_chance(repeats, len(trace), _APPROACH)
+        longest = signal.longest_chance(repeats, len(trace), _FEWEST)
     return runs[signal.lengths[runs] >= longest]
 
 
 def _tops_beyond_slope(trace: Trace, signal: _Signal, runs: NDArray[np.intp], sign: float) -> NDArray[np.intp]:
-    """Runs at the extreme that end a ramp and last far longer than the level below, on new ground if that is known."""
+    """Runs at the extreme that end a steady rise and last far longer than it, on new ground if that is known."""
+    force = sign * trace.force
     flat = []
     for k in runs.tolist():
-        first = int(signal.starts[k])
-        before = sign * trace.force[signal.starts[max(0, k - _APPROACH) : k]]
-        rises = len(before) == _APPROACH and bool((np.diff(before) > 0.0).all())
-        longer = k > 0 and signal.lengths[k] >= _STEEPER * signal.lengths[k - 1]
-        advances = signal.new_ground is None or bool(signal.new_ground[first : first + signal.lengths[k]].all())
-        if rises and longer and advances:
+        first, length = int(signal.starts[k]), int(signal.lengths[k])
+        lead = max(2, round(length / _STEEPER))
+        if first < lead:
+            continue
+        rise, half = (float(force[first] - force[first - before]) for before in (lead, lead // 2))
+        steady = rise >= _LEVELS * signal.resolution and 0.25 * rise <= half <= 0.75 * rise  # friction alone jumps
+        if steady and (signal.new_ground is None or bool(signal.new_ground[first : first + length // 2].all())):
             flat.append(k)
     return np.array(flat if len(flat) >= CLIPPED_TOPS else [], dtype=np.intp)
 
 
 def _shown(trace: Trace, i: int) -> str:
-    return f"{trace.force[i]:.4g}{' N' if trace.force_unit == 'N' else ''}"
+    return f"{trace.force[i]:.4g}{_unit(trace)}"
+
+
+def _unit(trace: Trace) -> str:
+    return " N" if trace.force_unit == "N" else ""

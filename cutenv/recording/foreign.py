@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.measurement import Flaw, flaws
-from cutenv.recording.cuts import CutSearch, FoundCut, contact_level, find_cuts, find_tare
+from cutenv.recording.cuts import STANDARD, CutSearch, FoundCut, contact_level, find_cuts, find_tare
 from cutenv.recording.dialect import Table, bare_name, read_table
 from cutenv.recording.errors import RecordError
 from cutenv.recording.mapping import ColumnMap, Expression, column_of
@@ -70,13 +70,13 @@ class Imported:
 
 
 def load_foreign(
-    path: str | os.PathLike[str], mapping: ColumnMap | None = None, *, search: CutSearch | None = CutSearch()
+    path: str | os.PathLike[str], mapping: ColumnMap | None = None, *, search: CutSearch | None = STANDARD
 ) -> Imported:
     """Read the cuts in a table that another program wrote.
 
     Encoding, separator, decimal comma, lines above the header and units in it or below it are found out. The
     sensor's offset is taken off where the record has a quiet start, for a norm from each component; then the
-    record is split into its cuts.
+    cuts in it are found. A record that `mapping.split_by` parts from the others is one cut.
 
     Parameters
     ----------
@@ -112,6 +112,8 @@ def load_foreign(
         name = f"record {' '.join(group.values())}: " if group else ""
         plain = whole if offsets is None else readings.trace(group, rows, offsets)
         found = [] if search is None else find_cuts(plain, search)
+        if group and found:  # what one cut is, the file says; where it starts and ends is found
+            found = [FoundCut(start=found[0].start, stop=found[-1].stop)]
         if search is not None:
             notes += [name + note for note in _told(readings, whole, plain, offsets, found, search)]
         records.append(whole)
@@ -337,7 +339,7 @@ def _told(
             moved = float(after.mean())
             if abs(moved) > 0.5 * contact_level(plain, search):
                 told.append(
-                    f"after the last cut the force is {moved:.3g} {unit}: the zero moved, or the blade was loaded."
+                    f"after the last cut the force is {moved:.3g} {unit}: the zero moved, or something presses."
                 )
     if readings.expression.is_norm and whole.position is not None:
         told.append("a norm has no sign: on the way back friction counts as resistance. Map the component instead.")
