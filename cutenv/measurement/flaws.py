@@ -292,13 +292,14 @@ def _stuck(trace: Trace, signal: _Signal) -> list[Flaw]:
         ):
             continue
         seconds = float(trace.time[last] - trace.time[first])
+        way = None if trace.position is None else float(np.ptp(trace.position[first : last + 1]))
         found.append(
             Flaw(
                 kind="stuck",
                 rows=(first, last),
                 message=f"the sensor shows {_shown(trace, first)} for {seconds:.3g} s without a change"
-                f"{f', over {1e3 * travel:.1f} mm of the cut' if travel > 0.0 else ''}. Check it and record again.",
-                refuse=trace.position is None or travel > GAP_TRAVEL,
+                f"{f', while the blade moves {1e3 * way:.1f} mm' if way else ''}. Check it and record again.",
+                refuse=way is None or way > GAP_TRAVEL,
             )
         )
     return found
