@@ -141,8 +141,9 @@ class _Signal:
             lengths=lengths,
             turning=turning,
             resolution=resolution,
-            # Between two levels readings differ with a chance of 2/sqrt(pi) noise/resolution, on average.
-            noise=_CAUTION * turning * math.sqrt(math.pi) / 2.0,
+            # Of two readings one is on another level with a chance of 2/sqrt(pi) noise/resolution, on average; of
+            # the changes between levels three of four take back the one before.
+            noise=_CAUTION * (turning / 0.75) * math.sqrt(math.pi) / 2.0,
             is_continuous=is_continuous,
             zero=_ZERO if trace.force_unit == "N" else 0.02 * float(np.abs(force).max()),
             new_ground=_new_ground(trace),
@@ -267,7 +268,7 @@ def _reversed(trace: Trace) -> list[Flaw]:
             rows=rows,
             message=f"the force is {force[where].mean():.2g}{_unit(trace)} on average "
             f"{'where the blade cuts' if new_ground is not None else 'where it is negative'}: it counts positive "
-            "against forward motion. Turn its sign (force=-column).",
+            "against forward motion. Turn its sign (force=-column), or take the sensor's offset off.",
             refuse=new_ground is not None,
         )
     ]
@@ -285,11 +286,10 @@ def _stuck(trace: Trace, signal: _Signal) -> list[Flaw]:
     for k in np.flatnonzero(signal.lengths >= few).tolist():
         first, last = int(signal.starts[k]), int(signal.starts[k] + signal.lengths[k] - 1)
         travel = _travel(trace, signal, first, last)
-        if abs(float(trace.force[first])) <= signal.zero and not _is_amid_force(trace, signal, first, last, travel):
-            continue
-        if signal.lengths[k] < by_noise and not (
-            travel >= STUCK_TRAVEL and abs(trace.force[first]) > 2.0 * signal.zero and _cuts_elsewhere(trace, signal, k)
-        ):
+        if abs(float(trace.force[first])) <= 2.0 * signal.zero and not _is_amid_cut(trace, signal, first, last, travel):
+            continue  # a blade in the air, a dead zone
+        hangs_in_cut = travel >= STUCK_TRAVEL and _cuts_elsewhere(trace, signal, k)
+        if signal.lengths[k] < by_noise and not hangs_in_cut:
             continue
         seconds = float(trace.time[last] - trace.time[first])
         way = None if trace.position is None else float(np.ptp(trace.position[first : last + 1]))
@@ -313,11 +313,10 @@ def _travel(trace: Trace, signal: _Signal, first: int, last: int) -> float:
     return float(np.ptp(here)) if len(here) else 0.0
 
 
-def _is_amid_force(trace: Trace, signal: _Signal, first: int, last: int, travel: float) -> bool:
-    """Whether no force comes between forces; where position is known, while the blade advances."""
+def _is_amid_cut(trace: Trace, signal: _Signal, first: int, last: int, travel: float) -> bool:
+    """Whether some readings without force come between forces, while the blade is known to cut."""
     loaded = np.abs(trace.force) > 2.0 * signal.zero
-    amid = bool(loaded[:first].any() and loaded[last + 1 :].any())
-    return amid and (trace.position is None or travel > GAP_TRAVEL)
+    return bool(travel > GAP_TRAVEL and loaded[:first].any() and loaded[last + 1 :].any())
 
 
 def _cuts_elsewhere(trace: Trace, signal: _Signal, run: int) -> bool:
