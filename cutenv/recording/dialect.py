@@ -19,8 +19,9 @@ from cutenv.recording.mapping import known_unit
 
 Array = NDArray[np.float64]
 
-# In order of preference where two explain the lines alike. A space as separator stands for any number of blanks.
-_DIALECTS = (("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), (" ", "."), (" ", ","))
+# Separator and decimal sign, in order of preference where two explain the lines alike. A space as separator stands for
+# any number of blanks; commas of both kinds are told apart by quotation marks.
+_DIALECTS = (("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), (" ", "."), (" ", ","), (",", ","))
 _NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "blanks"}
 _SAMPLE = 400  # lines by which the separator is chosen
 _COMMENT = ("#", "%", "//")
@@ -143,13 +144,17 @@ class Table:
         RecordError
             If a cell is none; names its line.
         """
-        rows = [row.replace(",", ".") for row in self.rows] if self.decimal == "," else self.rows
+        rows, separator = self.rows, self.separator
+        if self.decimal == separator == ",":
+            rows, separator = ["\t".join(split_row(row, ",")) for row in rows], "\t"
+        if self.decimal == ",":
+            rows = [row.replace(",", ".") for row in rows]
         try:
             if self._is_ragged():
                 raise ValueError("rows of unequal length")
             values = np.loadtxt(
                 rows,
-                delimiter=None if self.separator == " " else self.separator,
+                delimiter=None if separator == " " else separator,
                 usecols=indices,
                 comments=None,
                 quotechar='"',

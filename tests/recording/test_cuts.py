@@ -127,7 +127,7 @@ def test_a_blade_that_stays_loaded_is_one_cut() -> None:
 
 
 def test_what_counts_as_a_pause_is_said() -> None:
-    trace, starts, _ = long_record(pauses=(2.0, 0.5, 2.0, 1.5))
+    trace, *_ = long_record(pauses=(2.0, 0.5, 2.0, 1.5))
     assert len(find_cuts(trace)) == 2
     assert len(find_cuts(trace, CutSearch(pause=0.4))) == 3
     assert len(find_cuts(trace, CutSearch(pause=10.0))) == 1

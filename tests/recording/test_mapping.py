@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Any
 
@@ -93,12 +94,9 @@ NAMES = st.text(st.characters(codec="utf-8"), max_size=20)
 
 @given(text=NAMES, field=st.sampled_from(["time", "force", "angle"]))
 def test_any_expression_is_read_or_refused(text: str, field: str) -> None:
-    try:
+    with contextlib.suppress(ValueError):
         expression = parse_expression(field, text)
-    except ValueError as error:
-        assert field in str(error)
-    else:
-        assert expression.columns or expression.value is not None
+        assert bool(expression.columns) == (expression.value is None)
 
 
 MAPPINGS = [
