@@ -97,7 +97,10 @@ class _Reader:
         for member in group:
             dataset = self._member(group, member)
             unit = _text(dataset.attrs.get("unit", ""))
-            cut.columns[f"{member}_{unit}".strip() if unit else member.strip()] = self._numbers(dataset)
+            header = f"{member}_{unit}" if unit else member
+            if header in cut.columns:
+                raise self._refusal(f"{name or 'it'} holds {header} twice, with the unit beside it and in its name.")
+            cut.columns[header] = self._numbers(dataset)
         return cut
 
     def _member(self, group: Any, name: str) -> Any:
