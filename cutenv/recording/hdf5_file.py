@@ -72,7 +72,7 @@ class _Cut:
     """What a group holds, before it is judged."""
 
     name: str
-    metadata: str
+    metadata: Any
     columns: dict[str, Array] = field(default_factory=dict)
 
 
@@ -93,7 +93,7 @@ class _Reader:
         return [self._cut(file[name], name) for name in sorted(groups, key=_natural)]
 
     def _cut(self, group: Any, name: str) -> _Cut:
-        cut = _Cut(name=name, metadata=_text(group.attrs.get("metadata", "{}")))
+        cut = _Cut(name=name, metadata=group.attrs.get("metadata", "{}"))
         for member in group:
             dataset = self._member(group, member)
             unit = _text(dataset.attrs.get("unit", ""))
@@ -135,6 +135,8 @@ def _table(cut: _Cut, *, native: bool) -> Table:
         raise ValueError(f"{place}the datasets have different lengths: {listed}. Give one value per instant.")
     try:
         parsed_headers(list(cut.columns))
+        if not isinstance(cut.metadata, str | bytes):
+            raise ValueError(f"the attribute metadata holds {shown(cut.metadata)}. Write JSON text.")
         shared = mapping_from_json("metadata", cut.metadata)
     except ValueError as error:
         raise ValueError(f"{place}{error}") from None
