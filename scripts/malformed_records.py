@@ -30,8 +30,8 @@ from cutenv.recording import RecordError, load, save
 from cutenv.trace import Trace
 
 CLEAR = ("refused", "loaded as it was", "loaded otherwise")
-_DEADLINE = 20.0  # seconds for one file
-_AT_ONCE = 50  # files for one process before it is asked how it went
+_START, _DEADLINE = 20.0, 1.0  # seconds for a process to start, and for each file
+_AT_ONCE = 50  # files for one process
 
 
 @functools.cache
@@ -102,7 +102,7 @@ def guarded(numbers: range) -> list[tuple[str, str, str]]:
     process.start()
     question.close()
     try:
-        if answer.poll(_DEADLINE * len(numbers)):
+        if answer.poll(_START + _DEADLINE * len(numbers)):
             return list(answer.recv())
         how = "does not end"
     except EOFError:

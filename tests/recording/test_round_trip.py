@@ -107,7 +107,7 @@ def test_a_file_of_another_program_reads_the_same(tmp_path):
     save([FULL, FULL], tmp_path / "cuts.h5")
     with h5py.File(tmp_path / "cuts.h5") as file:
         assert np.array_equal(file["cut_1/force"][:], FULL.force)
-        assert {name: file["cut_1"][name].attrs["unit"] for name in file["cut_1"]} == {
+        assert {name: file["cut_1"][name].attrs["unit"].decode() for name in file["cut_1"]} == {
             "time": "s",
             "force": "N",
             "position": "m",
