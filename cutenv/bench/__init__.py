@@ -8,7 +8,13 @@ from importlib import import_module
 
 __all__ = ["BENCHMARKS", "main"]
 
-BENCHMARKS = {"step": "environment", "batch": "batch", "tick": "tick", "factorisation": "factorisation"}
+BENCHMARKS = {
+    "step": "environment",
+    "batch": "batch",
+    "tick": "tick",
+    "factorisation": "factorisation",
+    "records": "records",
+}
 """Name -> module with ``print_report()``."""
 
 
