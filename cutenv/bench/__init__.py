@@ -25,6 +25,7 @@ BENCHMARKS = {
     "models": "models",
     "factorisation": "factorisation",
     "ppo": "ppo",
+    "reading": "reading",
 }
 """Name -> module with ``measure()``."""
 

@@ -48,8 +48,9 @@ _FLICKER = 0.4  # share of readings at which the force turns, from which on nois
 _COVERED = 2.0  # standard deviations of noise over resolution, that counts as continuous
 _CAUTION = 0.6  # by which noise is taken to be less than it seems: it seems most where it straddles a level
 _FARTHEST = 3.7  # standard deviations of the largest of 10,000 normal numbers
-_STEEPER = 4.0  # by which a flat top lasts longer than the level below it: loading slows down by 2.5 at most
-_APPROACH = 5  # readings that rise to a flat top; friction alone jumps
+_STEEPER = 4.0  # times as long as the rise that it ends lasts a flat top: loading slows down by 2.5 at the most
+_LEVELS = 3.0  # resolutions by which that rise is one
+_FEWEST = 5  # equal readings that can be a flat top
 _NOISE_FREE = 0.05  # share of readings at which a force without noise turns at the most
 _HILLS = 3  # rises of force, by which a cut is told from friction alone
 _ZERO = 0.1  # [N], or the share 0.02 of the largest force: below, a sensor with a dead zone shows nothing
@@ -114,7 +115,8 @@ class _Signal:
 
     starts: NDArray[np.intp]
     lengths: NDArray[np.intp]
-    turning: float  # share of readings at which the force turns, the longest run left out
+    turning: float  # share of readings at which the force turns, without the longest run and the extremes
+    resolution: float  # [force unit]
     noise: float  # noise over resolution [1]
     is_continuous: bool
     zero: float  # what counts as no force
@@ -127,7 +129,9 @@ class _Signal:
         starts = np.concatenate(([0], np.flatnonzero(changes) + 1)).astype(np.intp)
         lengths = np.diff(np.append(starts, len(force)))
         directions = np.sign(changes[changes != 0.0])
-        elsewhere = len(force) - int(lengths.max())
+        extreme = (force[starts] == force.max()) | (force[starts] == force.min())
+        extreme[np.argmax(lengths)] = True
+        elsewhere = len(force) - int(lengths[extreme].sum())
         turning = float(np.count_nonzero(np.diff(directions))) / max(elsewhere, 1)
         resolution = float(np.median(np.diff(np.unique(force))))
         typical = float(np.median(np.abs(changes[changes != 0.0])))
@@ -136,8 +140,10 @@ class _Signal:
             starts=starts,
             lengths=lengths,
             turning=turning,
-            # Between two levels readings differ with a chance of 2/sqrt(pi) noise/resolution, on average.
-            noise=_CAUTION * turning * math.sqrt(math.pi) / 2.0,
+            resolution=resolution,
+            # Of two readings one is on another level with a chance of 2/sqrt(pi) noise/resolution, on average; of
+            # the changes between levels three of four take back the one before.
+            noise=_CAUTION * (turning / 0.75) * math.sqrt(math.pi) / 2.0,
             is_continuous=is_continuous,
             zero=_ZERO if trace.force_unit == "N" else 0.02 * float(np.abs(force).max()),
             new_ground=_new_ground(trace),
@@ -260,9 +266,9 @@ def _reversed(trace: Trace) -> list[Flaw]:
         Flaw(
             kind="reversed",
             rows=rows,
-            message=f"the force is {force[where].mean():.2g} {trace.force_unit} on average "
+            message=f"the force is {force[where].mean():.2g}{_unit(trace)} on average "
             f"{'where the blade cuts' if new_ground is not None else 'where it is negative'}: it counts positive "
-            "against forward motion. Turn its sign (force=-column).",
+            "against forward motion. Turn its sign (force=-column), or take the sensor's offset off.",
             refuse=new_ground is not None,
         )
     ]
@@ -280,20 +286,20 @@ def _stuck(trace: Trace, signal: _Signal) -> list[Flaw]:
     for k in np.flatnonzero(signal.lengths >= few).tolist():
         first, last = int(signal.starts[k]), int(signal.starts[k] + signal.lengths[k] - 1)
         travel = _travel(trace, signal, first, last)
-        if abs(float(trace.force[first])) <= signal.zero and not _is_amid_force(trace, signal, first, last, travel):
-            continue
-        if signal.lengths[k] < by_noise and not (
-            travel >= STUCK_TRAVEL and abs(trace.force[first]) > 2.0 * signal.zero and _cuts_elsewhere(trace, signal, k)
-        ):
+        if abs(float(trace.force[first])) <= 2.0 * signal.zero and not _is_amid_cut(trace, signal, first, last, travel):
+            continue  # a blade in the air, a dead zone
+        hangs_in_cut = travel >= STUCK_TRAVEL and _cuts_elsewhere(trace, signal, k)
+        if signal.lengths[k] < by_noise and not hangs_in_cut:
             continue
         seconds = float(trace.time[last] - trace.time[first])
+        way = None if trace.position is None else float(np.ptp(trace.position[first : last + 1]))
         found.append(
             Flaw(
                 kind="stuck",
                 rows=(first, last),
                 message=f"the sensor shows {_shown(trace, first)} for {seconds:.3g} s without a change"
-                f"{f', over {1e3 * travel:.1f} mm of the cut' if travel > 0.0 else ''}. Check it and record again.",
-                refuse=trace.position is None or travel > GAP_TRAVEL,
+                f"{f', while the blade moves {1e3 * way:.1f} mm' if way else ''}. Check it and record again.",
+                refuse=way is None or way > GAP_TRAVEL,
             )
         )
     return found
@@ -307,11 +313,10 @@ def _travel(trace: Trace, signal: _Signal, first: int, last: int) -> float:
     return float(np.ptp(here)) if len(here) else 0.0
 
 
-def _is_amid_force(trace: Trace, signal: _Signal, first: int, last: int, travel: float) -> bool:
-    """Whether no force comes between forces; where position is known, while the blade advances."""
+def _is_amid_cut(trace: Trace, signal: _Signal, first: int, last: int, travel: float) -> bool:
+    """Whether some readings without force come between forces, while the blade is known to cut."""
     loaded = np.abs(trace.force) > 2.0 * signal.zero
-    amid = bool(loaded[:first].any() and loaded[last + 1 :].any())
-    return amid and (trace.position is None or travel > GAP_TRAVEL)
+    return bool(travel > GAP_TRAVEL and loaded[:first].any() and loaded[last + 1 :].any())
 
 
 def _cuts_elsewhere(trace: Trace, signal: _Signal, run: int) -> bool:
@@ -328,11 +333,11 @@ def _clipping(trace: Trace, signal: _Signal) -> list[Flaw]:
     for extreme in (float(trace.force.max()), float(trace.force.min())):
         if abs(extreme) <= signal.zero:
             continue
-        runs = np.flatnonzero((trace.force[signal.starts] == extreme) & (signal.lengths >= _APPROACH))
-        if signal.turning >= _NOISE_FREE:
-            flat = _tops_beyond_noise(trace, signal, runs)
-        else:
-            flat = _tops_beyond_slope(trace, signal, runs, math.copysign(1.0, extreme))
+        runs = np.flatnonzero((trace.force[signal.starts] == extreme) & (signal.lengths >= _FEWEST))
+        flat = np.union1d(
+            _tops_beyond_noise(trace, signal, runs),
+            _tops_beyond_slope(trace, signal, runs, math.copysign(1.0, extreme)),
+        )
         if not len(flat):
             continue
         readings = int(signal.lengths[flat].sum())
@@ -341,7 +346,7 @@ def _clipping(trace: Trace, signal: _Signal) -> list[Flaw]:
                 kind="clipping",
                 rows=(int(signal.starts[flat[0]]), int(signal.starts[flat[-1]] + signal.lengths[flat[-1]] - 1)),
                 message=f"the force stays at its {'largest' if extreme > 0.0 else 'lowest'} reading, "
-                f"{extreme:.4g} {trace.force_unit}, {len(flat)} times, {readings} readings in all: the sensor or its "
+                f"{extreme:.4g}{_unit(trace)}, {len(flat)} times, {readings} readings in all: the sensor or its "
                 "amplifier is at its limit. Choose a larger range and record again.",
                 refuse=True,
             )
@@ -351,27 +356,35 @@ def _clipping(trace: Trace, signal: _Signal) -> list[Flaw]:
 
 def _tops_beyond_noise(trace: Trace, signal: _Signal, runs: NDArray[np.intp]) -> NDArray[np.intp]:
     """Runs at the extreme that are too long: noise that lets a reading repeat would also have exceeded it."""
+    if signal.turning < _NOISE_FREE:
+        return runs[:0]
     if signal.is_continuous:
-        longest = float(_APPROACH)
+        longest = float(_FEWEST)
     else:
         repeats = float(ndtr(1.0 / signal.noise - _FARTHEST))
-        longest = signal.longest_chance(repeats, len(trace), _APPROACH)
+        longest = signal.longest_chance(repeats, len(trace), _FEWEST)
     return runs[signal.lengths[runs] >= longest]
 
 
 def _tops_beyond_slope(trace: Trace, signal: _Signal, runs: NDArray[np.intp], sign: float) -> NDArray[np.intp]:
-    """Runs at the extreme that end a ramp and last far longer than the level below, on new ground if that is known."""
+    """Runs at the extreme that end a steady rise and last far longer than it, on new ground if that is known."""
+    force = sign * trace.force
     flat = []
     for k in runs.tolist():
-        first = int(signal.starts[k])
-        before = sign * trace.force[signal.starts[max(0, k - _APPROACH) : k]]
-        rises = len(before) == _APPROACH and bool((np.diff(before) > 0.0).all())
-        longer = k > 0 and signal.lengths[k] >= _STEEPER * signal.lengths[k - 1]
-        advances = signal.new_ground is None or bool(signal.new_ground[first : first + signal.lengths[k]].all())
-        if rises and longer and advances:
+        first, length = int(signal.starts[k]), int(signal.lengths[k])
+        lead = max(2, round(length / _STEEPER))
+        if first < lead:
+            continue
+        rise, half = (float(force[first] - force[first - before]) for before in (lead, lead // 2))
+        steady = rise >= _LEVELS * signal.resolution and 0.25 * rise <= half <= 0.75 * rise  # friction alone jumps
+        if steady and (signal.new_ground is None or bool(signal.new_ground[first : first + length // 2].all())):
             flat.append(k)
     return np.array(flat if len(flat) >= CLIPPED_TOPS else [], dtype=np.intp)
 
 
 def _shown(trace: Trace, i: int) -> str:
-    return f"{trace.force[i]:.4g}{' N' if trace.force_unit == 'N' else ''}"
+    return f"{trace.force[i]:.4g}{_unit(trace)}"
+
+
+def _unit(trace: Trace) -> str:
+    return " N" if trace.force_unit == "N" else ""

@@ -49,7 +49,7 @@ class CutSearch:
 
 @dataclass(frozen=True, kw_only=True)
 class Tare:
-    """What the sensor showed in instants ``0 .. stop - 1``, before contact: mean and its standard error [force unit]."""
+    """What the sensor showed in instants ``0 .. stop - 1``, before contact: mean, and its standard error."""
 
     offset: float
     standard_error: float

@@ -6,6 +6,7 @@ import csv
 import difflib
 import re
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,16 +19,15 @@ from cutenv.recording.mapping import known_unit
 
 Array = NDArray[np.float64]
 
-# In order of preference where two explain the lines alike. A space as separator stands for any number of blanks.
-_DIALECTS = (("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), (" ", "."), (" ", ","))
+# Separator and decimal sign, in order of preference where two explain the lines alike. A space as separator stands for
+# any number of blanks; commas of both kinds are told apart by quotation marks.
+_DIALECTS = (("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), (" ", "."), (" ", ","), (",", ","))
 _NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "blanks"}
 _SAMPLE = 400  # lines by which the separator is chosen
 _COMMENT = ("#", "%", "//")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _NUMBER_COMMA = re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?")
-_MISSING = re.compile(
-    r"|-{1,2}|[+-]?nan(\([^)]*\))?|[+-]?inf(inity)?|n/?a|#n/?a|#value!|#div/0!|null|none", re.IGNORECASE
-)
+_MISSING = re.compile(r"|--?|[+-]?(nan|inf(inity)?)|#?n/?a|#value!|#div/0!|null|none", re.IGNORECASE)
 _BRACKETS = re.compile(r"(.*\S)\s*[\[(]\s*([^\[\]()]*?)\s*[\])]")
 _OTHER_PROGRAMS = {
     b"PK\x03\x04": "an Excel workbook or a zip archive. Save the sheet as CSV",
@@ -95,7 +95,8 @@ class Table:
                 f"there is no column {name!r}, for no line above the numbers names them ({self.above}). Write a line "
                 "of names there, or name columns by their place: time=#1 force=#2.",
             )
-        for spelling in (str.strip, lambda text: bare_name(text).lower()):
+        spellings: list[Callable[[str], str]] = [str.strip, lambda text: bare_name(text).lower(), _stem]
+        for spelling in spellings:
             found = [i for i, header in enumerate(self.headers) if spelling(header) == spelling(name)]
             if len(found) > 1:
                 places = " and ".join(f"#{i + 1}" for i in found)
@@ -121,13 +122,10 @@ class Table:
         said = self.units_row[index] if index < len(self.units_row) else ""
         if (bracketed := _BRACKETS.fullmatch(header)) is not None:
             said = bracketed[2]
-        elif not said:
-            # Only a unit that is known makes an ending a unit: "F_1" is a channel, "a / b" a ratio.
-            endings = [ending for ending in re.split(r"\s*/\s*|\s+in\s+", header, maxsplit=1)[1:] if ending]
-            endings += [unit for unit in UNITS[field] if unit != "1" and header.endswith(f"_{unit}")]
-            said = next((ending for ending in reversed(endings) if _is_unit(field, ending)), "")
-            if header.strip() == "force_1" and field == "force":
-                said = "1"
+        elif not said and (ending := _without_ending(header)[1]) and _is_unit(field, ending):
+            said = ending
+        elif not said and header.strip() == "force_1" and field == "force":
+            said = "1"
         said = said.strip("[]() \t")
         if not said:
             return None
@@ -146,13 +144,17 @@ class Table:
         RecordError
             If a cell is none; names its line.
         """
-        rows = [row.replace(",", ".") for row in self.rows] if self.decimal == "," else self.rows
+        rows, separator = self.rows, self.separator
+        if self.decimal == separator == ",":
+            rows, separator = ["\t".join(split_row(row, ",")) for row in rows], "\t"
+        if self.decimal == ",":
+            rows = [row.replace(",", ".") for row in rows]
         try:
             if self._is_ragged():
                 raise ValueError("rows of unequal length")
             values = np.loadtxt(
                 rows,
-                delimiter=None if self.separator == " " else self.separator,
+                delimiter=None if separator == " " else separator,
                 usecols=indices,
                 comments=None,
                 quotechar='"',
@@ -247,13 +249,30 @@ def bare_name(header: str) -> str:
     return (found[1] if found else header).strip()
 
 
+def _stem(header: str) -> str:
+    return _without_ending(bare_name(header))[0].lower()
+
+
+def _without_ending(header: str) -> tuple[str, str]:
+    """A header such as ``force_N``, ``force / N`` or ``force in N`` as name and unit.
+
+    Only a unit that is known makes an ending a unit: ``F_1`` is a channel, ``a / b`` a ratio.
+    """
+    parts = re.split(r"\s*/\s*|\s+in\s+", header.strip(), maxsplit=1)
+    if len(parts) == 2 and any(_is_unit(field, parts[1]) for field in UNITS):
+        return parts[0], parts[1]
+    units = sorted({unit for units in UNITS.values() for unit in units if unit != "1"}, key=len, reverse=True)
+    for unit in units:
+        if header.strip().endswith(f"_{unit}") and not header.startswith("_"):
+            return header.strip().removesuffix(f"_{unit}"), unit
+    return header.strip(), ""
+
+
 def split_row(row: str, separator: str) -> list[str]:
     """The cells of a line; in quotation marks they may hold the separator."""
     if '"' in row:
         try:
-            (cells,) = csv.reader(
-                [row.strip() if separator == " " else row], delimiter=separator, skipinitialspace=True
-            )
+            (cells,) = csv.reader([row.strip(" ")], delimiter=separator, skipinitialspace=True)
         except (csv.Error, ValueError):  # a quotation that does not end, or is as long as the file
             cells = row.split(separator)
         return [cell.strip() for cell in cells]

@@ -168,5 +168,5 @@ def _check_beginning(path: Path, name: str) -> None:
     for known, what in _BEGINNINGS.items():
         if beginning.startswith(known) and what != name:
             raise RecordError(
-                path, f"it is no {name} but {what}. Give it the suffix of what it is, or export it as CSV."
+                path, f"it is no {name} but {what}. Give it the suffix of what it is, or save it as CSV in UTF-8."
             )

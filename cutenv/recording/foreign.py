@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.measurement import Flaw, flaws
-from cutenv.recording.cuts import CutSearch, FoundCut, contact_level, find_cuts, find_tare
+from cutenv.recording.cuts import STANDARD, CutSearch, FoundCut, contact_level, find_cuts, find_tare
 from cutenv.recording.dialect import Table, bare_name, read_table
 from cutenv.recording.errors import RecordError
 from cutenv.recording.mapping import ColumnMap, Expression, column_of
@@ -68,15 +68,28 @@ class Imported:
             if not any(flaw.refuse for flaw in found)
         )
 
+    def picture(self, record: int) -> dict[str, Any]:
+        """What :func:`cutenv.report.draw_record` draws of a record, counted from 0, as its arguments by name."""
+        first = sum(max(1, len(found)) for found in self.cuts[:record])
+        cuts = self.cuts[record]
+        quiet = self.tared[record].metadata.get("tare_instants")
+        return {
+            "record": self.records[record],
+            "tared": self.tared[record],
+            "quiet": None if quiet is None else slice(quiet[0], quiet[1] + 1),
+            "cuts": [cut.samples for cut in cuts],
+            "flaws": self.flaws[first : first + max(1, len(cuts))],
+        }
+
 
 def load_foreign(
-    path: str | os.PathLike[str], mapping: ColumnMap | None = None, *, search: CutSearch | None = CutSearch()
+    path: str | os.PathLike[str], mapping: ColumnMap | None = None, *, search: CutSearch | None = STANDARD
 ) -> Imported:
     """Read the cuts in a table that another program wrote.
 
     Encoding, separator, decimal comma, lines above the header and units in it or below it are found out. The
     sensor's offset is taken off where the record has a quiet start, for a norm from each component; then the
-    record is split into its cuts.
+    cuts in it are found. A record that `mapping.split_by` parts from the others is one cut.
 
     Parameters
     ----------
@@ -108,12 +121,14 @@ def load_foreign(
     parts: list[tuple[Trace, tuple[Flaw, ...]]] = []
     for group, rows in _records_of(table, mapping):
         whole = readings.trace(group, rows, None)
-        offsets = None if search is None else _offsets(readings, whole, rows, search)
+        tare = None if search is None else _tare(readings, whole, rows, search)
         name = f"record {' '.join(group.values())}: " if group else ""
-        plain = whole if offsets is None else readings.trace(group, rows, offsets)
+        plain = whole if tare is None else readings.trace(group, rows, tare)
         found = [] if search is None else find_cuts(plain, search)
+        if group and found:  # what one cut is, the file says; where it starts and ends is found
+            found = [FoundCut(start=found[0].start, stop=found[-1].stop)]
         if search is not None:
-            notes += [name + note for note in _told(readings, whole, plain, offsets, found, search)]
+            notes += [name + note for note in _told(readings, whole, plain, tare, found, search)]
         records.append(whole)
         tared.append(plain)
         cuts.append(tuple(found))
@@ -214,8 +229,9 @@ class _Readings:
             )
         return time
 
-    def trace(self, group: dict[str, str], rows: NDArray[np.intp], offsets: Array | None) -> Trace:
-        """A record as a trace, without the components' offsets [force unit] if these are given."""
+    def trace(self, group: dict[str, str], rows: NDArray[np.intp], tare: tuple[Array, int] | None) -> Trace:
+        """A record as a trace, without the components' offsets [force unit] if a tare is given."""
+        offsets, quiet = (None, 0) if tare is None else tare
         components = self.force[rows] if offsets is None else self.force[rows] - offsets
         force = self.expression.sign * _norm(components) if self.expression.is_norm else components[:, 0]
         first, last = int(self.lines[rows[0]]), int(self.lines[rows[-1]])
@@ -229,6 +245,7 @@ class _Readings:
         if offsets is not None:
             # By column: a norm's offset is that of its components.
             names = (bare_name(name) for name in self.expression.columns)
+            metadata["tare_instants"] = [0, quiet - 1]
             metadata[f"tare_{self.force_unit}"] = dict(zip(names, offsets.tolist(), strict=True))
         try:
             return Trace(
@@ -303,41 +320,47 @@ def _records_of(table: Table, mapping: ColumnMap) -> list[tuple[dict[str, str], 
     return [(dict(zip(names, key, strict=True)), np.array(where)) for key, where in rows.items()]
 
 
-def _offsets(readings: _Readings, whole: Trace, rows: NDArray[np.intp], search: CutSearch) -> Array | None:
-    """The components' offsets [force unit] in the quiet start that they share; None if it is not quiet."""
+def _tare(readings: _Readings, whole: Trace, rows: NDArray[np.intp], search: CutSearch) -> tuple[Array, int] | None:
+    """The components' offsets [force unit] in the quiet start that they share, and its length; None without one."""
     if not readings.expression.is_norm:
         tare = find_tare(whole, search)
-        return None if tare is None else np.array([tare.offset])
+        return None if tare is None else (np.array([tare.offset]), tare.stop)
     tares = [find_tare(readings.component(rows, k), search) for k in range(readings.force.shape[1])]
     stops = [tare.stop for tare in tares if tare is not None]
     if len(stops) < len(tares):
         return None
-    return np.asarray(readings.force[rows[: min(stops)]].mean(axis=0))
+    return np.asarray(readings.force[rows[: min(stops)]].mean(axis=0)), min(stops)
 
 
 def _told(
-    readings: _Readings, whole: Trace, plain: Trace, offsets: Array | None, found: list[FoundCut], search: CutSearch
+    readings: _Readings,
+    whole: Trace,
+    plain: Trace,
+    tare: tuple[Array, int] | None,
+    found: list[FoundCut],
+    search: CutSearch,
 ) -> list[str]:
     """What the reader should know about tare and cuts."""
     unit = readings.force_unit if readings.force_unit == "N" else "(normalised)"
     told = []
-    if offsets is None:
+    if tare is None:
         told.append("no quiet start, so nothing was taken off the force.")
     else:
-        listed = ", ".join(f"{offset:.3g} {unit}" for offset in offsets)
-        told.append(f"{listed} taken off the force, which the sensor showed before contact.")
+        listed = ", ".join(f"{offset:.3g} {unit}" for offset in tare[0])
+        seconds = float(whole.time[tare[1] - 1] - whole.time[0])
+        told.append(f"{listed} taken off the force, which the sensor showed for {seconds:.2f} s before contact.")
     if not found:
         told.append("no cut found: the force never rises above noise while the blade advances. It is kept whole.")
     for number, cut in enumerate(found, 1):
         start, end = (float(whole.time[i]) for i in (cut.start, cut.stop - 1))
         told.append(f"cut {number} from {start:.3f} s to {end:.3f} s.")
-    if offsets is not None and found:
+    if tare is not None and found:
         after = plain.force[found[-1].stop :]
         if len(after) * whole.duration / len(whole) >= search.quiet and len(after):
             moved = float(after.mean())
             if abs(moved) > 0.5 * contact_level(plain, search):
                 told.append(
-                    f"after the last cut the force is {moved:.3g} {unit}: the zero moved, or the blade was loaded."
+                    f"after the last cut the force is {moved:.3g} {unit}: the zero moved, or something presses."
                 )
     if readings.expression.is_norm and whole.position is not None:
         told.append("a norm has no sign: on the way back friction counts as resistance. Map the component instead.")

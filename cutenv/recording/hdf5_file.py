@@ -20,23 +20,28 @@ from cutenv.trace import Trace
 
 Array = NDArray[np.float64]
 
+_VERSIONS = ("v110", "v110")  # of HDF5 that can read the file: 1.10, of 2016, and later
 _MOST_PACKED = 2000  # times that compression may make a record smaller: gzip's best is 1032, with shuffling
 
 
 def write(traces: Sequence[Trace], path: Path) -> None:
-    """Write a new file; its chunks carry checksums."""
+    """Write a new file in which everything carries a checksum: numbers, names and the tables that find them.
+
+    In files of HDF5 before 1.10, h5py's default, the tables carry none, and the library runs in circles when
+    they are damaged. Text is of fixed length, because text of any length is kept without a checksum.
+    """
     h5py = library("h5py", "h5py", "HDF5")
-    with h5py.File(path, "w") as file:
-        file.attrs["schema"] = SCHEMA
+    with h5py.File(path, "w", libver=_VERSIONS) as file:
+        file.attrs["schema"] = np.bytes_(SCHEMA)
         file.attrs["cuts"] = len(traces)
         for number, trace in enumerate(traces):
             group = file.create_group(f"cut_{number}")
-            group.attrs["metadata"] = to_json(trace.metadata)
+            group.attrs["metadata"] = np.bytes_(to_json(trace.metadata))
             for name in trace.known:
                 _, _, unit = header_of(name, trace.force_unit).partition("_")
                 values = getattr(trace, name)
                 kept = group.create_dataset(name, data=values, compression="gzip", shuffle=True, fletcher32=True)
-                kept.attrs["unit"] = unit.replace("_", "/")
+                kept.attrs["unit"] = np.bytes_(unit.replace("_", "/"))
 
 
 def read(path: Path) -> list[Table]:
@@ -72,7 +77,7 @@ class _Cut:
     """What a group holds, before it is judged."""
 
     name: str
-    metadata: str
+    metadata: Any
     columns: dict[str, Array] = field(default_factory=dict)
 
 
@@ -93,11 +98,14 @@ class _Reader:
         return [self._cut(file[name], name) for name in sorted(groups, key=_natural)]
 
     def _cut(self, group: Any, name: str) -> _Cut:
-        cut = _Cut(name=name, metadata=_text(group.attrs.get("metadata", "{}")))
+        cut = _Cut(name=name, metadata=group.attrs.get("metadata", "{}"))
         for member in group:
             dataset = self._member(group, member)
             unit = _text(dataset.attrs.get("unit", ""))
-            cut.columns[f"{member}_{unit}".strip() if unit else member.strip()] = self._numbers(dataset)
+            header = f"{member}_{unit}" if unit else member
+            if header in cut.columns:
+                raise self._refusal(f"{name or 'it'} holds {header} twice, with the unit beside it and in its name.")
+            cut.columns[header] = self._numbers(dataset)
         return cut
 
     def _member(self, group: Any, name: str) -> Any:
@@ -132,6 +140,8 @@ def _table(cut: _Cut, *, native: bool) -> Table:
         raise ValueError(f"{place}the datasets have different lengths: {listed}. Give one value per instant.")
     try:
         parsed_headers(list(cut.columns))
+        if not isinstance(cut.metadata, str | bytes):
+            raise ValueError(f"the attribute metadata holds {shown(cut.metadata)}. Write JSON text.")
         shared = mapping_from_json("metadata", cut.metadata)
     except ValueError as error:
         raise ValueError(f"{place}{error}") from None

@@ -186,7 +186,7 @@ class ColumnMap:
         content = checked_fields(text, SCHEMA, {field.name for field in dataclasses.fields(cls)})
         for name, value in content.items():
             kinds = {"rate": (int, float), "split_by": (list,)}.get(name, (str,))
-            if not isinstance(value, (*kinds, type(None))) or (value is None and name in ("force", "split_by")):
+            if type(value) not in (*kinds, type(None)) or (value is None and name in ("force", "split_by")):
                 raise ValueError(f"{name} = {value!r} is not what a mapping holds.")
         return cls(**content | {"split_by": tuple(content["split_by"])})
 
@@ -213,7 +213,7 @@ class ColumnMap:
         path = path / MAP_FILE if path.is_dir() else path
         try:
             return cls.from_json(path.read_text(encoding="utf-8"))
-        except ValueError as error:  # bytes that are no UTF-8 among them
+        except (ValueError, RecursionError) as error:  # bytes that are no UTF-8 among them
             raise RecordError(path, f"no mapping of columns: {error}") from None
 
 

@@ -88,7 +88,7 @@ def _facts(notes: dict[bytes, bytes]) -> Any:
     if _SCHEMA_KEY in notes:
         check_schema(notes[_SCHEMA_KEY].decode("utf-8", "replace"))
     name = _FACTS_KEY.decode()
-    return as_mapping(name, from_json(name, notes.get(_FACTS_KEY, b"{}").decode("utf-8", "replace")))
+    return as_mapping(name, from_json(name, notes.get(_FACTS_KEY, b"{}")))
 
 
 def _by_cut(facts: Any, name: str, checked: Any) -> dict[int, Any]:

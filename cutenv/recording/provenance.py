@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import Any
+
+from cutenv.recording.schema import to_json
 
 _TEXTS = ("rig", "sensor", "blade", "specimen")
 _LONGEST = 500  # characters
@@ -69,10 +72,8 @@ class Provenance:
             check_operator(self.operator)
         if not (self.consent is None or isinstance(self.consent, bool)):
             raise TypeError(f"consent must be True, False or None (not known), got {self.consent!r}.")
-        if not (self.calibration is None or isinstance(self.calibration, Mapping)):
-            raise TypeError(
-                f'calibration must map names to values ({{"gain_N_per_V": 5.0}}), got {self.calibration!r}.'
-            )
+        if self.calibration is not None:
+            object.__setattr__(self, "calibration", _json_copy(self.calibration))
 
     @property
     def metadata(self) -> dict[str, Any]:
@@ -107,7 +108,7 @@ def check_operator(code: object) -> None:
     """
     if not isinstance(code, str):
         raise TypeError(f"operator must be a code such as 'P07', got {code!r}.")
-    if not _CODE.fullmatch(code):
+    if not (code.isascii() and _CODE.fullmatch(code)):
         raise ValueError(
             f"operator {code!r} may tell who it is. Give a code of up to three letters and a number, such as 'P07', "
             "and keep the list of who is who elsewhere."
@@ -130,3 +131,14 @@ def _check_date(value: object) -> None:
         datetime.fromisoformat(value)
     except ValueError:
         raise ValueError(f"date {value!r} is none in ISO 8601. Write it as '2026-03-01'.") from None
+
+
+def _json_copy(calibration: object) -> Mapping[str, Any]:
+    """What will come back from a file."""
+    if not isinstance(calibration, Mapping):
+        raise TypeError(f'calibration must map names to values ({{"gain_N_per_V": 5.0}}), got {calibration!r}.')
+    try:
+        copy: Mapping[str, Any] = json.loads(to_json(dict(calibration)))
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"calibration {calibration!r} is not what JSON can hold: {error}.") from None
+    return copy

@@ -37,21 +37,22 @@ def to_json(value: object) -> str:
     return json.dumps(value, allow_nan=False)
 
 
-def from_json(what: str, text: str) -> Any:
+def from_json(what: str, text: str | bytes) -> Any:
     """Read JSON; `what` names it in the message.
 
     Raises
     ------
     ValueError
-        If it is not JSON, or holds NaN or infinity.
+        If it is not JSON in UTF-8, or holds NaN or infinity.
     """
     try:
-        return json.loads(text, parse_constant=_no_constant)
+        plain = text.encode() if isinstance(text, str) else text  # what HDF5 could not decode does not pass here
+        return json.loads(plain.decode(), parse_constant=_no_constant)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{what} is not JSON ({error}): {shown(text)}. Mend it or save the record again.") from None
 
 
-def mapping_from_json(what: str, text: str) -> Mapping[str, Any]:
+def mapping_from_json(what: str, text: str | bytes) -> Mapping[str, Any]:
     """Read a JSON object; raises as :func:`from_json`, and for anything else."""
     return as_mapping(what, from_json(what, text))
 

@@ -164,7 +164,10 @@ def traces_of(table: Table, force: str | None = None) -> list[Trace]:
             elif not np.isnan(values[rows]).all():
                 raise ValueError(f"cut {number} holds {header!r}, but is said not to hold it. Save it again.")
         where = _Where(table, rows, f"cut {number}, " if labelled else "")
-        parsed_headers(list(parts))
+        try:
+            parsed_headers(list(parts))
+        except ValueError as error:
+            raise ValueError(f"cut {number}: {error}") from None
         traces.append(_trace(parts, metadata, force, where))
     return traces
 
