@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from agreement import cutting, derived, drawn_tables, elements, measuring, meshes, models, moduli, worked_check
+from agreement import (
+    cutting,
+    derived,
+    drawn_tables,
+    elements,
+    friction,
+    measuring,
+    meshes,
+    models,
+    moduli,
+    worked_check,
+)
 from agreement.rows import Comparison, Row
 
 COMPARISONS: dict[str, Callable[[bool], Comparison]] = {
@@ -30,6 +41,7 @@ COMPARISONS: dict[str, Callable[[bool], Comparison]] = {
     "resistance": measuring.resistance_comes_back,
     "resistance-open": measuring.resistance_of_open_records,
     "resistance-livers": measuring.resistance_of_livers,
+    "friction": friction.friction_comes_back,
     "apparent": measuring.apparent_reads_low,
     "units": cutting.units_fall_with_speed,
     "depth": cutting.force_follows_depth,

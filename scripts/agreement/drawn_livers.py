@@ -27,7 +27,7 @@ from cutenv.tissue.spread import CUTS_PER_LIVER
 from cutenv.tissue.tables import table
 from cutenv.trace import Trace
 
-SPEEDS_CM_S = (0.1, 0.38, 0.89, 1.27, 1.65, 2.16, 2.54)
+SPEEDS_CM_S = tuple(float(v) for v in table("5.6")["speed_cm_s"])
 QUICK_SPEEDS_CM_S = (0.1, 1.27, 2.54)
 LIVERS, QUICK_LIVERS = 6, 1  # for each speed and angle
 LENGTHS = table("6.1")["cut_length_m"]
@@ -53,6 +53,11 @@ class DrawnCut(NamedTuple):
     of_force_per_depth: Array  # another reading, 8 nodes, plane stress, 0.3: increment of the force per depth [Pa]
     length: float  # of the beginning of the cut that `apparent` belongs to [m]
     apparent: float | None  # W/(B x), of upright cuts [J/m2]
+
+
+def speeds(quick: bool) -> tuple[float, ...]:
+    """Of the protocol [cm/s]."""
+    return QUICK_SPEEDS_CM_S if quick else SPEEDS_CM_S
 
 
 @functools.cache

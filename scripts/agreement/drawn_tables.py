@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agreement import drawn_livers
-from agreement.drawn_livers import QUICK_SPEEDS_CM_S, SPEEDS_CM_S, DrawnCut
+from agreement.drawn_livers import QUICK_SPEEDS_CM_S, DrawnCut, speeds
 from agreement.rows import Comparison, Row, hits, near
 from agreement.scatter import Line, Sample, coefficient_rows, mean_row, sd_row
 from cutenv.tissue.tables import table
@@ -72,7 +72,9 @@ def cuts_by_cuts(quick: bool) -> Comparison:
         for formulation in FORMULATIONS:
             column = f"{formulation}_at_{speed:.2f}_cm_s_Pa" if number == "5.1" else f"{formulation}_Pa"
             moduli = [cut.as_measured[formulation, 0.3] / 1e3 for cut in own]
-            name = f"Table {number}, {angle_deg} deg, {speed:.2f} cm/s, {formulation.replace('_', ' ')}"
+            name = (
+                f"Table {number}, {angle_deg} deg, {speed:.2f} cm/s, {formulation.replace('_', ' ')}, {len(own)} cuts"
+            )
             between = Sample.of(data[f"lem_{column}"] / 1e3), Sample.of(np.array([m.mean() for m in moduli]))
             within = Sample.of(data[f"sd_{column}"] / 1e3), Sample.of(np.array([m.std() for m in moduli]))
             rows += [mean_row(name, *between), sd_row(name, *between), mean_row(f"{name}, SD within a cut", *within)]
@@ -103,7 +105,7 @@ def average_tables(number: str) -> Callable[[bool], Comparison]:
                         continue
                     reference = Sample(mean, sd, _cuts_behind(number, angle_deg, speed))
                     ours = Sample.of(cut_means(number, angle_deg, formulation, speed, quick))
-                    name = f"{angle_deg} deg, {speed:.2f} cm/s, {formulation.replace('_', ' ')}"
+                    name = f"{angle_deg} deg, {speed:.2f} cm/s, {formulation.replace('_', ' ')}, {ours.n} cuts"
                     rows += [mean_row(name, reference, ours), sd_row(name, reference, ours)]
         claims, notes = list(rows), [FITTED_TO, BY_CHANCE]
         if number == "5.6":
@@ -142,7 +144,7 @@ def other_reading(quick: bool) -> list[Row]:
     """Moduli by increments of F/B over those by increments of F over B, as the mean of all cuts of an angle."""
     rows = []
     for angle_deg in (90, 45):
-        own = [cut for speed in _speeds(quick) for cut in drawn_livers.cuts(speed, angle_deg, quick)]
+        own = [cut for speed in speeds(quick) for cut in drawn_livers.cuts(speed, angle_deg, quick)]
         both = [(cut.of_force_per_depth.mean(), cut.per_depth["plane_stress", 0.3].mean()) for cut in own]
         second, first = (float(np.mean(values)) for values in zip(*both, strict=True))
         rows.append(near(f"{angle_deg} deg, all speeds: mean by section 3.4.2 over that by 5.4", 1.0, second / first))
@@ -154,7 +156,7 @@ def equations(quick: bool) -> Comparison:
     rows: list[Row] = []
     for equation, number, angle_deg, formulation in EQUATIONS:
         speed, mean, _ = _printed(number, angle_deg, formulation)
-        present = np.isin(speed, _speeds(quick))
+        present = np.isin(speed, speeds(quick))
         ours = np.array([cut_means(number, angle_deg, formulation, v, quick).mean() for v in speed[present]])
         power = number == "5.5" and angle_deg == 45
         fit = Line.through_logarithms if power else Line.through
@@ -183,7 +185,7 @@ def equations(quick: bool) -> Comparison:
 def resistance(quick: bool) -> Comparison:
     """Table 6.1: apparent fracture resistance by length of cut, upright, all speeds."""
     data = table("6.1")
-    own = [cut for speed in _speeds(quick) for cut in drawn_livers.cuts(speed, 90, quick)]
+    own = [cut for speed in speeds(quick) for cut in drawn_livers.cuts(speed, 90, quick)]
     rows: list[Row] = []
     columns = ("cut_length_inch", "cut_length_m", "fracture_resistance_J_m2", "sd_fracture_resistance_J_m2")
     for inches, length, mean, sd in zip(*(data[column] for column in columns), strict=True):
@@ -224,10 +226,6 @@ def _printed(number: str, angle_deg: float, formulation: str) -> tuple[Array, Ar
 def _cuts_behind(number: str, angle_deg: float, speed: float) -> int:
     listed = number == "5.5" and angle_deg == 90 and speed in QUICK_SPEEDS_CM_S
     return CUTS_UPRIGHT if listed else CUTS
-
-
-def _speeds(quick: bool) -> tuple[float, ...]:
-    return QUICK_SPEEDS_CM_S if quick else SPEEDS_CM_S
 
 
 def _number(quick: bool) -> str:
