@@ -60,13 +60,18 @@ def speeds(quick: bool) -> tuple[float, ...]:
     return QUICK_SPEEDS_CM_S if quick else SPEEDS_CM_S
 
 
+def livers(quick: bool) -> int:
+    """For each speed and angle."""
+    return QUICK_LIVERS if quick else LIVERS
+
+
 @functools.cache
 def cuts(speed_cm_s: float, angle_deg: float, quick: bool) -> list[DrawnCut]:
     """Cut livers of their own at one speed and angle, four times each; cuts of too few segments are left out."""
     tissue, angle = measured_liver(), math.radians(angle_deg)
     row = round(1000 * speed_cm_s + angle_deg)
     lengths = QUICK_LENGTHS if quick else LENGTHS
-    cases = list(itertools.product(range(QUICK_LIVERS if quick else LIVERS), range(CUTS_PER_LIVER)))
+    cases = list(itertools.product(range(livers(quick)), range(CUTS_PER_LIVER)))
     found = []
     for liver, cut in tqdm(
         cases, desc=f"drawn livers, {speed_cm_s:g} cm/s, {angle_deg:g} deg", unit="cut", leave=False

@@ -12,6 +12,7 @@ from agreement import drawn_livers
 from agreement.drawn_livers import QUICK_SPEEDS_CM_S, DrawnCut, speeds
 from agreement.rows import Comparison, Row, hits, near
 from agreement.scatter import Line, Sample, coefficient_rows, mean_row, sd_row
+from cutenv.tissue.spread import CUTS_PER_LIVER
 from cutenv.tissue.tables import table
 
 Array = NDArray[np.float64]
@@ -135,8 +136,8 @@ NOTES = {
     "before the increment is taken; a blade that comes into deeper tissue makes the second the smaller one. The first "
     "is compared; the second is shown.",
     "5.7": "Table 5.7 is 1.53 to 1.80 times Table 5.6 in plane stress, 1.30 to 1.61 times in plane strain. The force "
-    "increments are the same, so that the ratio is the model's alone: by Table 4.4 and by our elements it is 1.02 in "
-    "plane stress. Tables 4.4, 5.6 and 5.7 cannot all be of one model.",
+    "increments are the same, so that the ratio is the models' alone: 1.00 to 1.02 in plane stress by our elements and "
+    "by Table 4.4, and below 1 in plane strain. Tables 4.4, 5.6 and 5.7 cannot all be of one model.",
 }
 
 
@@ -229,5 +230,4 @@ def _cuts_behind(number: str, angle_deg: float, speed: float) -> int:
 
 
 def _number(quick: bool) -> str:
-    livers = drawn_livers.QUICK_LIVERS if quick else drawn_livers.LIVERS
-    return f"{livers * drawn_livers.CUTS_PER_LIVER} cuts each"
+    return f"{drawn_livers.livers(quick) * CUTS_PER_LIVER} cuts each"
