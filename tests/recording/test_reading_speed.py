@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from cutenv.bench import main, records
+from cutenv.bench import main, reading
 
 
 def test_reading_takes_at_most_three_times_as_long_as_loadtxt():
-    seconds = records.reading_times(records.cuts(readings=10_000, count=2), rounds=3)
+    seconds = reading.reading_times(reading.cuts(readings=10_000, count=2), rounds=3)
     for suffix in (".csv", ".parquet", ".h5"):
-        assert seconds[suffix] <= records.TIMES_LOADTXT * seconds["numpy.loadtxt"], (suffix, seconds)
+        assert seconds[suffix] <= reading.TIMES_LOADTXT * seconds["numpy.loadtxt"], (suffix, seconds)
 
 
 def test_the_benchmark_prints_a_verdict_by_its_own_numbers(capsys, monkeypatch):
     found = {"numpy.loadtxt": 0.1, ".csv": 0.31, ".parquet": 0.01, ".h5": 0.25}
-    monkeypatch.setattr(records, "reading_times", lambda traces: found)
+    monkeypatch.setattr(reading, "reading_times", lambda traces: found)
     assert main(["reading"]) == 0
     said = capsys.readouterr().out
     assert "reading 4 cuts of 30000 readings" in said
