@@ -17,6 +17,7 @@ from cutenv.plant import SimulatedPlant
 from cutenv.tissue import Specimen
 
 MODULES: dict[str, ModuleType] = {
+    "reading": reading,
     "step": environment,
     "batch": batch,
     "tick": tick,
