@@ -11,6 +11,7 @@ of 0.05 N.  What the records show is put beside what the livers were drawn from.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import itertools
 import math
 import sys
@@ -86,7 +87,8 @@ def truth(tissue: TissueDescription, specimens: list[Specimen]) -> dict[str, flo
 def compare(tissue: TissueDescription, put_in: dict[str, float]) -> tuple[str, int]:
     """Step 4: what was found beside what was put in; how many intervals miss it."""
     assert tissue.calibration is not None
-    lines = [f"{'':25s} {'put in':>11s} {'found':>11s}  95 % interval"]
+    units = {field.name: field.metadata.get("unit", "") for field in dataclasses.fields(tissue)}
+    lines = [f"{'':25s} {'':6s} {'put in':>11s} {'found':>11s}  95 % interval"]
     missed = 0
     for each in tissue.calibration.evidence:
         if each.name not in put_in:
@@ -97,7 +99,8 @@ def compare(tissue: TissueDescription, put_in: dict[str, float]) -> tuple[str, i
             missed += not inside
             mark, interval = "" if inside else "  MISS", f"{each.low:.4g} to {each.high:.4g}"
         found = getattr(tissue, each.name)
-        lines.append(f"{each.name:25s} {put_in[each.name]:11.4g} {found:11.4g}  {interval}{mark}")
+        unit = units[each.name].replace("1", "")
+        lines.append(f"{each.name:25s} {unit:6s} {put_in[each.name]:11.4g} {found:11.4g}  {interval}{mark}".rstrip())
     return "\n".join(lines), missed
 
 

@@ -1,6 +1,6 @@
 """Print every number of the README: rewrite the blocks between its markers, or check them.
 
-    python scripts/update_readme.py parameters agreement specimens speed headroom
+    python scripts/update_readme.py parameters agreement specimens calibration speed headroom
     python scripts/update_readme.py training --runs runs/NAME ...  one run for each seed
     python scripts/update_readme.py --check parameters          fails if a block is not what it would print
     python scripts/update_readme.py --picture                   draws assets/pictures/cut.png
@@ -82,6 +82,13 @@ def specimens(_: argparse.Namespace) -> str:
     program = [sys.executable, str(ROOT / "scripts" / "fit_specimens.py"), "--livers", "150"]
     done = subprocess.run(program, check=True, stdout=subprocess.PIPE, text=True)
     return "```\n" + done.stdout.strip() + "\n```"
+
+
+def calibration(_: argparse.Namespace) -> str:
+    """What ``scripts/calibrate_virtual_rig.py`` finds beside what it put in."""
+    program = [sys.executable, str(ROOT / "scripts" / "calibrate_virtual_rig.py")]
+    done = subprocess.run(program, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    return "```\n" + done.stdout.partition("4. Beside what was put in:\n")[2].strip("\n") + "\n```"
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
@@ -169,6 +176,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "parameters": parameters,
     "agreement": agreement,
     "specimens": specimens,
+    "calibration": calibration,
     "speed": speed,
     "training": training,
     "headroom": headroom_block,
