@@ -1,0 +1,236 @@
+"""The score card of one cut: every metric, what it rests on, and where it stands within a reference set."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from cutenv.scoring.cut import ScoredCut, Truth
+from cutenv.scoring.faults import Fault, faults_of
+from cutenv.scoring.metric import METRICS, Unavailable
+from cutenv.scoring.reference import ReferenceSet
+from cutenv.scoring.weights import ForceOnlyWeights, Weights, as_mapping
+from cutenv.tissue import TissueDescription, measured_liver
+from cutenv.trace import Trace
+
+SCHEMA = "cutenv-score/1"
+DISCLAIMER = "Training feedback for research; not validated for assessment or credentialing of people."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scored:
+    """One metric of a cut: its value, or why there is none; and its percentile, where a reference set tells it."""
+
+    value: float | None
+    unavailable: str = ""
+    percentile: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoreCard:
+    """What one cut comes to.
+
+    Attributes
+    ----------
+    name : str
+        Of the cut.
+    force_unit : str
+        "N" or "1".
+    metrics : mapping of str to Scored
+        All of :data:`~cutenv.scoring.METRICS`, in their order.
+    tip_source : str
+        Where the tip comes from: "truth", "return stroke", "estimated" or "unknown".
+    overall_score : float or None
+        Weighted mean of the percentiles of the leading metrics, 0 to 100; None without a reference set.
+    weights : mapping of str to float
+        Of that mean, over the metrics that were available; they sum to 1.
+    reference : str
+        Name and origin of the reference set; "" if there was none.
+    faults : tuple of Fault
+        In order of time.
+    notes : tuple of str
+        What the card rests on.
+    """
+
+    name: str
+    force_unit: str
+    metrics: Mapping[str, Scored]
+    tip_source: str
+    overall_score: float | None
+    weights: Mapping[str, float]
+    reference: str
+    faults: tuple[Fault, ...]
+    notes: tuple[str, ...]
+
+    def __getitem__(self, name: str) -> float:
+        """The value of a metric; ValueError with the reason if it is unavailable."""
+        scored = self.metrics[name]
+        if scored.value is None:
+            raise ValueError(f"{name} is unavailable: {scored.unavailable}.")
+        return scored.value
+
+    def unit(self, name: str) -> str:
+        """Unit of a metric on this card."""
+        force = {"N": "N", "1": ""}[self.force_unit]
+        return METRICS[name].unit.replace("F", force).strip() or "1"
+
+    def to_json(self) -> str:
+        """JSON text; values in SI, with the unit of each."""
+        content = {
+            "schema": SCHEMA,
+            "name": self.name,
+            "force_unit": self.force_unit,
+            "overall_score": self.overall_score,
+            "weights": dict(self.weights),
+            "reference": self.reference,
+            "tip_source": self.tip_source,
+            "metrics": {
+                name: {"unit": self.unit(name), "direction": METRICS[name].direction, **dataclasses.asdict(scored)}
+                for name, scored in self.metrics.items()
+            },
+            "faults": [dataclasses.asdict(fault) for fault in self.faults],
+            "notes": list(self.notes),
+            "disclaimer": DISCLAIMER,
+        }
+        return json.dumps(content, indent=1, allow_nan=False)
+
+    def __str__(self) -> str:
+        lines = [self.name, self.headline()]
+        for name, scored in self.metrics.items():
+            if scored.value is None:
+                lines.append(f"  {name:24s} unavailable: {scored.unavailable}")
+                continue
+            place = "" if scored.percentile is None else f"better than {scored.percentile:.0f} %"
+            weight = f"weight {self.weights[name]:.2f}" if name in self.weights else ""
+            lines.append(f"  {name:24s} {scored.value:11.4g} {self.unit(name):6s} {place:18s} {weight}".rstrip())
+        lines += [f"  fault: {fault.says}; {fault.try_next}" for fault in self.faults]
+        lines += [f"  note: {note}" for note in (*self.notes, DISCLAIMER)]
+        return "\n".join(lines)
+
+    def headline(self) -> str:
+        """The overall score, or why there is none."""
+        if self.overall_score is None:
+            return "no overall score: no reference set of such records" + (
+                f" ({self.reference})" * bool(self.reference)
+            )
+        return f"overall score {self.overall_score:.0f} of 100 within {self.reference}"
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td>{name.replace('_', ' ')}</td><td>{_shown(scored)}</td><td>{html.escape(self.unit(name))}</td>"
+            f"<td>{'' if scored.percentile is None else f'{scored.percentile:.0f} %'}</td></tr>"
+            for name, scored in self.metrics.items()
+        )
+        faults = "".join(f"<li>{html.escape(f'{fault.says}: {fault.try_next}')}</li>" for fault in self.faults)
+        return (
+            f"<h3>{html.escape(self.name)}</h3><p>{html.escape(self.headline())}</p>"
+            f"<table><tr><th>metric</th><th>value</th><th>unit</th><th>better than</th></tr>{rows}</table>"
+            f"<ul>{faults}</ul><p><small>{html.escape(DISCLAIMER)}</small></p>"
+        )
+
+
+def score(
+    trace: Trace,
+    *,
+    target_length: float | None = None,
+    truth: Truth | None = None,
+    reference: ReferenceSet | None = None,
+    weights: Weights | ForceOnlyWeights | None = None,
+    tissue: TissueDescription | None = None,
+    name: str | None = None,
+) -> ScoreCard:
+    """Score one cut, whoever or whatever made it.
+
+    Parameters
+    ----------
+    trace : Trace
+        What a rig can measure; time and force at least.
+    target_length : float, optional
+        Aimed at, from the clamp [m], 0.005 to 0.15; by default ``trace.metadata["target_length_m"]`` if there.
+    truth : Truth, optional
+        What a simulator knows beside; without it the tip is estimated, and the card says so.
+    reference : ReferenceSet, optional
+        Within which percentiles are taken; without one there are metrics and no score.
+    weights : Weights or ForceOnlyWeights, optional
+        Default by what the record holds.
+    tissue : TissueDescription, optional
+        With which the tip is estimated; default pig liver.
+    name : str, optional
+        Of the cut; default what its metadata say.
+
+    Returns
+    -------
+    ScoreCard
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is out of range, or the truth is of another record.
+    """
+    if not isinstance(trace, Trace):
+        raise TypeError(
+            f"trace must be a cutenv.trace.Trace, got {type(trace).__name__}; cutenv.recording.load reads one."
+        )
+    if target_length is None and trace.metadata.get("target_length_m") is not None:
+        target_length = trace.metadata["target_length_m"]
+    cut = ScoredCut(trace=trace, target_length=target_length, truth=truth, tissue=tissue or measured_liver())
+    chosen = as_mapping(weights or (Weights() if trace.position is not None else ForceOnlyWeights()))
+    fits = reference is not None and reference.force_unit == trace.force_unit
+    metrics: dict[str, Scored] = {}
+    for each in METRICS.values():
+        try:
+            value = each.function(cut)
+        except Unavailable as error:
+            metrics[each.name] = Scored(value=None, unavailable=str(error))
+            continue
+        if not math.isfinite(value):
+            metrics[each.name] = Scored(value=None, unavailable="it is not finite for this record")
+            continue
+        place = reference.percentile(each.name, value) if reference is not None and fits else None
+        metrics[each.name] = Scored(value=value, percentile=place)
+    known = {metric: w for metric, w in chosen.items() if metrics[metric].percentile is not None and w > 0.0}
+    total = sum(known.values())
+    overall = None
+    if total > 0.0:
+        known = {metric: w / total for metric, w in known.items()}
+        overall = sum(w * float(metrics[metric].percentile or 0.0) for metric, w in known.items())
+    return ScoreCard(
+        name=name or str(trace.metadata.get("name", "cut")),
+        force_unit=trace.force_unit,
+        metrics=metrics,
+        tip_source=cut.tip_source,
+        overall_score=overall,
+        weights=known,
+        reference="" if reference is None else f"{reference.name} ({len(reference)} cuts: {reference.about})",
+        faults=tuple(faults_of(cut)),
+        notes=tuple(_notes(cut, chosen, known, reference)),
+    )
+
+
+def _notes(
+    cut: ScoredCut, chosen: Mapping[str, float], known: Mapping[str, float], reference: ReferenceSet | None
+) -> list[str]:
+    notes = [
+        {
+            "truth": "tip: the simulator's own",
+            "return stroke": "tip: from the return stroke, its way there estimated",
+            "estimated": "tip: estimated with the stiffness of mean tissue, to about 2 mm",
+            "unknown": "tip: unknown; force alone is judged",
+        }[cut.tip_source]
+    ]
+    if reference is None:
+        notes.append("no reference set: metrics and no claim of skill")
+    elif reference.force_unit != cut.trace.force_unit:
+        notes.append(f"the reference set's force is in unit {reference.force_unit!r}, this one's in another")
+    left = sorted(set(chosen) - set(known)) if known else []
+    if left:
+        notes.append(f"not counted, for want of a value or of a reference: {', '.join(left)}")
+    return notes
+
+
+def _shown(scored: Scored) -> str:
+    return html.escape(f"unavailable: {scored.unavailable}") if scored.value is None else f"{scored.value:.4g}"

@@ -1,0 +1,143 @@
+"""What went wrong in a cut, where, and what to try next: sentences tied to a measured fault."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutenv.scoring.cut import ScoredCut
+from cutenv.scoring.metric import Unavailable
+from cutenv.scoring.motion import moving_between
+
+LURCH = 3e-3
+"""Run of the crack that is told [m]: the tolerance of the tip."""
+FORCE_LIMIT_PER_DEPTH = 1000.0
+"""[N/m], of the task."""
+TIP_TOLERANCE = 3e-3
+"""[m], of a success."""
+_MOST = 3  # lurches that are told one by one
+_PAUSE = 0.5  # [s]
+_STEEP = math.radians(80.0)  # a blade within 10 degrees of upright leaves no wedge that counts
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """One of them.
+
+    Attributes
+    ----------
+    kind : str
+        "lurch", "force", "overshoot", "short", "wedge", "pause" or "reversal".
+    time : float
+        When [s].
+    position : float or None
+        Where the blade was [m].
+    says : str
+        What happened, in plain words.
+    try_next : str
+        What to do about it.
+    """
+
+    kind: str
+    time: float
+    position: float | None
+    says: str
+    try_next: str
+
+
+def faults_of(cut: ScoredCut) -> list[Fault]:
+    """Find the faults of a cut; those that cannot be told from the record are left out."""
+    found: list[Fault] = []
+    for look in (_lurches, _force, _end, _wedge, _pauses):
+        try:
+            found += look(cut)
+        except Unavailable:
+            continue
+    return sorted(found, key=lambda fault: fault.time)
+
+
+def _lurches(cut: ScoredCut) -> list[Fault]:
+    jumps = cut.jumps
+    n = len(jumps)
+    times = cut.time if n == len(cut.time) else float(cut.time[0]) + 0.02 * np.arange(n)
+    worst = [int(i) for i in np.argsort(jumps)[::-1][:_MOST] if jumps[i] >= LURCH]
+    positions = np.interp(times, cut.time, cut.position)
+    return [
+        Fault(
+            kind="lurch",
+            time=float(times[i]),
+            position=float(positions[i]),
+            says=f"lurched {1e3 * jumps[i]:.0f} mm at {100 * positions[i]:.1f} cm",
+            try_next="lean the blade more while you advance: an inclined edge starts the crack at less force, and it "
+            "runs less far",
+        )
+        for i in worst
+    ]
+
+
+def _force(cut: ScoredCut) -> list[Fault]:
+    per_depth = cut.newtons / cut.depth
+    i = int(np.argmax(per_depth))
+    if per_depth[i] <= FORCE_LIMIT_PER_DEPTH:
+        return []
+    place = "" if cut.trace.position is None else f" at {100 * cut.position[i]:.1f} cm"
+    return [
+        Fault(
+            kind="force",
+            time=float(cut.time[i]),
+            position=None if cut.trace.position is None else float(cut.position[i]),
+            says=f"pressed with {per_depth[i]:.0f} N per metre of depth{place}, more than {FORCE_LIMIT_PER_DEPTH:.0f}",
+            try_next="slow down where the force climbs, and lean the blade",
+        )
+    ]
+
+
+def _end(cut: ScoredCut) -> list[Fault]:
+    off = float(cut.tip[-1]) - cut.length
+    beyond = float(cut.tip.max()) - cut.length
+    at = float(cut.time[-1]), float(cut.position[-1])
+    if beyond > TIP_TOLERANCE:
+        says, cure = f"cut {1e3 * beyond:.0f} mm too far", "slow down earlier: the last run carries the tip on"
+        return [Fault(kind="overshoot", time=at[0], position=at[1], says=says, try_next=cure)]
+    if off < -TIP_TOLERANCE:
+        says = f"ended {-1e3 * off:.0f} mm short of the target"
+        cure = "lead the blade farther: the tip is behind it by as much as the force pulls"
+        return [Fault(kind="short", time=at[0], position=at[1], says=says, try_next=cure)]
+    return []
+
+
+def _wedge(cut: ScoredCut) -> list[Fault]:
+    angle = float(cut.angle[-1])
+    if angle >= _STEEP:
+        return []
+    return [
+        Fault(
+            kind="wedge",
+            time=float(cut.time[-1]),
+            position=None if cut.trace.position is None else float(cut.position[-1]),
+            says=f"ended with the blade at {math.degrees(angle):.0f} degrees: a wedge stays uncut",
+            try_next="turn the blade upright before the end",
+        )
+    ]
+
+
+def _pauses(cut: ScoredCut) -> list[Fault]:
+    first, last, moving = moving_between(cut)
+    stands = ~moving[first : last + 1]
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], stands.astype(int), [0])))) + first
+    found = []
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        length = float(cut.time[min(stop, last)] - cut.time[start])
+        if length >= _PAUSE and float(cut.position[start]) < float(cut.position.max()) - 1e-3:
+            found.append(
+                Fault(
+                    kind="pause",
+                    time=float(cut.time[start]),
+                    position=float(cut.position[start]),
+                    says=f"stood for {length:.1f} s at {100 * cut.position[start]:.1f} cm",
+                    try_next="keep a slow, even feed: a blade that starts anew loads the tissue anew",
+                )
+            )
+    return found

@@ -1,0 +1,85 @@
+"""Metrics of what was cut: how near the target, how much by itself, at what cost of work."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cutenv.scoring.cut import ScoredCut
+from cutenv.scoring.metric import Unavailable, metric
+
+_TIP = ("position", "depth", "newtons", "tip")
+_VALID_TIP = "tip as far as it is known: truth, return stroke, or estimated with pig liver's modulus to about 2 mm"
+
+
+@metric(
+    "m", "lower", formula="|a_end - L|", source="terminal cost of the task", validity=_VALID_TIP,
+    needs=(*_TIP, "target_length"), invariances=("time_shift", "rest_after"),
+)  # fmt: skip
+def tip_error(cut: ScoredCut) -> float:
+    """How far from the target the crack tip ended."""
+    return abs(float(cut.tip[-1]) - cut.length)
+
+
+@metric(
+    "m", "lower", formula="max(a - L, 0)", source="cost of the task", validity=_VALID_TIP,
+    needs=(*_TIP, "target_length"), invariances=("time_shift", "rest_after"),
+)  # fmt: skip
+def overshoot(cut: ScoredCut) -> float:
+    """How far beyond the target the crack tip went."""
+    return max(float(cut.tip.max()) - cut.length, 0.0)
+
+
+@metric(
+    "1", "lower", formula="cot(theta_end)", source="terminal cost of the task", validity="45 to 90 degrees",
+    needs=("angle",), invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
+)  # fmt: skip
+def wedge(cut: ScoredCut) -> float:
+    """Width of the wedge that a blade leaning at the end leaves uncut, over its depth."""
+    return abs(1.0 / math.tan(float(cut.angle[-1])))
+
+
+@metric(
+    "1", "lower", formula="sum of jumps / advance of the tip", source="law of cutting, unstable growth",
+    validity=_VALID_TIP, needs=_TIP, invariances=("time_shift", "rest_after"),
+)  # fmt: skip
+def uncontrolled_share(cut: ScoredCut) -> float:
+    """Share of the cut that the crack ran by itself."""
+    advance = float(cut.tip[-1] - min(cut.tip[0], 0.0))
+    if advance < 1e-3:
+        raise Unavailable("the tip advances less than 1 mm")
+    return min(float(cut.jumps.sum()) / advance, 1.0)
+
+
+@metric(
+    "m", "lower", formula="max of jumps", source="law of cutting, unstable growth", validity=_VALID_TIP, needs=_TIP,
+    invariances=("time_shift", "rest_after"),
+)  # fmt: skip
+def largest_jump(cut: ScoredCut) -> float:
+    """Longest run of the crack by itself."""
+    return float(cut.jumps.max())
+
+
+@metric(
+    "m", "lower", formula="mean of x - a while the blade advances", source="law of cutting", validity=_VALID_TIP,
+    needs=_TIP, invariances=("time_shift", "rest_after"),
+)  # fmt: skip
+def mean_lag(cut: ScoredCut) -> float:
+    """How far the tip was behind the blade: tissue that is dragged along."""
+    return cut.mean(np.maximum(cut.position - cut.tip, 0.0))
+
+
+@metric(
+    "1", "lower", formula="integral of F dx / (R integral of B da)", source="thesis, 6.1-6.4", validity=_VALID_TIP,
+    needs=_TIP, invariances=("time_shift", "rest_after"),
+)  # fmt: skip
+def work_over_fracture(cut: ScoredCut) -> float:
+    """Work of the blade over the least that the cut area takes; R is the truth, or else pig liver's mean."""
+    F, x = cut.newtons, cut.position
+    work = float(0.5 * (F[1:] + F[:-1]) @ np.diff(x))
+    area = cut.profile.area(min(float(cut.tip[0]), 0.0), float(cut.tip[-1]))
+    if area < 1e-6:
+        raise Unavailable("less than 1 mm2 was cut")
+    R = cut.tissue.fracture_resistance if cut.truth is None else cut.truth.resistance
+    return work / (R * area)

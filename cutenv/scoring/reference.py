@@ -1,0 +1,121 @@
+"""Reference sets: many scored cuts of known origin, within which a cut's metrics find their percentiles."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.resources import path as resource
+from cutenv.scoring.metric import METRICS
+from cutenv.validation import one_of
+
+Array = NDArray[np.float64]
+
+SCHEMA = "cutenv-reference/1"
+SHIPPED = {"baselines": "reference/baselines.csv"}
+"""Reference sets that come with the package, by name."""
+FEWEST = 20
+"""Cuts of a reference set below which a percentile says nothing."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReferenceSet:
+    """Metrics of many cuts.
+
+    Attributes
+    ----------
+    name : str
+        How cards call it.
+    about : str
+        Who cut what, in a sentence.
+    force_unit : str
+        "N" or "1".
+    groups : tuple of str, length n
+        Who made each cut.
+    values : mapping of str to ndarray of shape (n,)
+        By metric; NaN where a cut has none.
+    """
+
+    name: str
+    about: str
+    force_unit: str
+    groups: tuple[str, ...]
+    values: Mapping[str, Array]
+
+    def __post_init__(self) -> None:
+        for name, values in self.values.items():
+            one_of("metric", name, METRICS)
+            if len(values) != len(self.groups):
+                raise ValueError(f"metric {name} has {len(values)} values for {len(self.groups)} cuts.")
+
+    def __len__(self) -> int:
+        return len(self.groups)
+
+    def percentile(self, name: str, value: float) -> float | None:
+        """Share of the set's cuts that are worse, ties half [%]; None if the metric has too few or no direction."""
+        metric = METRICS[one_of("metric", name, METRICS)]
+        known = self.values.get(name, np.zeros(0))
+        known = known[np.isfinite(known)]
+        if len(known) < FEWEST or metric.direction == "none":
+            return None
+        sign = 1.0 if metric.direction == "lower" else -1.0
+        worse = np.sum(sign * known > sign * value) + 0.5 * np.sum(known == value)
+        return float(100.0 * worse / len(known))
+
+    @classmethod
+    def shipped(cls, name: str = "baselines") -> ReferenceSet:
+        """One that comes with the package."""
+        return cls.load(resource(SHIPPED[one_of("reference set", name, SHIPPED)]))
+
+    @classmethod
+    def of(
+        cls, rows: Sequence[tuple[str, Mapping[str, float | None]]], *, name: str, about: str, force_unit: str
+    ) -> ReferenceSet:
+        """Of groups and metrics of many cuts."""
+        if not rows:
+            raise ValueError("a reference set needs cuts; there is none.")
+        values = {
+            metric: np.array([np.nan if row.get(metric) is None else row[metric] for _, row in rows], np.float64)
+            for metric in METRICS
+        }
+        kept = {metric: column for metric, column in values.items() if np.isfinite(column).any()}
+        return cls(name=name, about=about, force_unit=force_unit, groups=tuple(group for group, _ in rows), values=kept)
+
+    def save(self, path: Path) -> None:
+        """Write it as CSV: a comment line with what it is, then a row a cut."""
+        head = {"schema": SCHEMA, "name": self.name, "about": self.about, "force_unit": self.force_unit}
+        with path.open("w", newline="", encoding="utf-8") as file:
+            file.write(f"# {json.dumps(head)}\n")
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(["group", *self.values])
+            for i, group in enumerate(self.groups):
+                cells = [f"{column[i]:.5g}" if np.isfinite(column[i]) else "" for column in self.values.values()]
+                writer.writerow([group, *cells])
+
+    @classmethod
+    def load(cls, path: Path) -> ReferenceSet:
+        """Read what :meth:`save` wrote; ValueError for anything else."""
+        with path.open(newline="", encoding="utf-8") as file:
+            first = file.readline()
+            rows = list(csv.reader(file))
+        try:
+            head = json.loads(first.removeprefix("# "))
+            if head["schema"] != SCHEMA:
+                raise ValueError(f"schema {head['schema']!r}")
+            names, body = rows[0][1:], rows[1:]
+            columns = [[float(row[k]) if row[k] else np.nan for row in body] for k in range(1, len(names) + 1)]
+            return cls(
+                name=head["name"],
+                about=head["about"],
+                force_unit=head["force_unit"],
+                groups=tuple(row[0] for row in body),
+                values={name: np.array(column) for name, column in zip(names, columns, strict=True)},
+            )
+        except (KeyError, IndexError, TypeError, ValueError) as error:
+            raise ValueError(f"{path} is no reference set ({error}); ReferenceSet.save writes one.") from None

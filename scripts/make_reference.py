@@ -1,0 +1,79 @@
+"""Make the reference set that comes with the package: what scripts (and agents) score on drawn livers.
+
+    python scripts/make_reference.py                             prints medians by script
+    python scripts/make_reference.py --write                     also writes assets/reference/baselines.csv
+    python scripts/make_reference.py --policy runs/NAME/policy   takes trained policies in, too
+
+Every cut is scored from what a rig can measure, the tip estimated, as a person's cut would be.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+from tqdm import tqdm
+
+import cutenv  # noqa: F401  registers the environment
+from cutenv.plant import to_trace
+from cutenv.policy import BASELINES, SCRIPTS
+from cutenv.scoring import METRICS, ReferenceSet, score
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "agents"))
+from evaluate import contestant, run_cut  # noqa: E402  a program, not a package
+
+TARGET = ROOT / "assets" / "reference" / "baselines.csv"
+FEEDS = [f"constant {speed} cm/s {angle} deg" for speed in ("0.38", "0.89", "1.65", "2.54") for angle in (45, 90)]
+FIRST_SEED = 7_000_000  # far from those of training, validation and test
+
+
+def reference(names: list[str], cuts: int, specimen_class: str) -> ReferenceSet:
+    """Score ``cuts`` cuts of every policy."""
+    rows = []
+    for name in tqdm(names, desc="cutting", unit="policy"):
+        chosen = contestant(name)
+        env = gymnasium.make("cutenv/GentleCut-v0", specimen_class=specimen_class, **chosen.arguments)
+        for seed in range(FIRST_SEED, FIRST_SEED + cuts):
+            scores, readings = run_cut(env, chosen.policy, seed)
+            trace = to_trace(env.unwrapped.plant, readings)  # type: ignore[attr-defined]
+            card = score(trace, target_length=scores["target_length_mm"] / 1e3)
+            rows.append((name, {metric: scored.value for metric, scored in card.metrics.items()}))
+        env.close()
+    about = f"{len(names)} scripts and agents, {cuts} {specimen_class} specimens each, tip estimated"
+    return ReferenceSet.of(rows, name="baselines", about=about, force_unit="N")
+
+
+def medians(found: ReferenceSet) -> str:
+    """Median of every metric, a column a policy."""
+    names = list(dict.fromkeys(found.groups))
+    lines = [" " * 24 + "  ".join(f"{name[-12:]:>12s}" for name in names)]
+    groups = np.array(found.groups)
+    for metric in METRICS:
+        if metric in found.values:
+            cells = [f"{np.nanmedian(found.values[metric][groups == name]):12.4g}" for name in names]
+            lines.append(f"{metric:24s}" + "  ".join(cells))
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Cut, score, print and, if asked, write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cuts", type=int, default=60, help="of every policy")
+    parser.add_argument("--specimen-class", default="mixed")
+    parser.add_argument("--policy", action="append", default=[], help="a trained policy; may be repeated")
+    parser.add_argument("--write", action="store_true", help=f"write {TARGET.relative_to(ROOT)}")
+    arguments = parser.parse_args()
+    names = [name for name in (*FEEDS, *SCRIPTS) if name in BASELINES]
+    found = reference([*names, *arguments.policy], arguments.cuts, arguments.specimen_class)
+    print(medians(found))
+    if arguments.write:
+        found.save(TARGET)
+        print(f"{len(found)} cuts: {TARGET.relative_to(ROOT)}")
+
+
+if __name__ == "__main__":
+    main()
