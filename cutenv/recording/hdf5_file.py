@@ -70,7 +70,9 @@ def read(path: Path) -> list[Table]:
     if schema is not None:
         check_schema(_text(schema))
         if not np.array_equal(announced, len(cuts)):
-            raise ValueError(f"it announces {shown(announced)} cuts and holds {len(cuts)}. Take the whole file again.")
+            raise ValueError(
+                f"it announces {shown(str(announced))} cuts and holds {len(cuts)}. Take the whole file again."
+            )
     return [_table(cut, native=schema is not None) for cut in cuts]
 
 

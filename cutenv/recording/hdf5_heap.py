@@ -13,7 +13,7 @@ def check_heaps(path: Path) -> None:
     """Refuse a file in which an object of a heap leads nowhere, or to itself.
 
     Text of any length, which other programs use for attributes, lies in heaps without a checksum. A length of
-    zero makes HDF5 2.0 and before read the same place for ever. The files of :func:`cutenv.recording.save`
+    zero makes the library read the same place for ever. The files of :func:`cutenv.recording.save`
     have no heaps.
 
     Raises
