@@ -1,0 +1,384 @@
+"""Records of other programs and laboratories, read through a mapping of their columns."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.measurement import Flaw, flaws
+from cutenv.recording.cuts import STANDARD, CutSearch, FoundCut, contact_level, find_cuts, find_tare
+from cutenv.recording.dialect import Table, bare_name, read_table
+from cutenv.recording.errors import RecordError
+from cutenv.recording.mapping import ColumnMap, Expression, column_of
+from cutenv.trace import Trace
+
+Array = NDArray[np.float64]
+
+_SI = {"time": "s", "position": "m", "speed": "m/s", "angle": "rad", "depth": "m"}
+_LARGEST = 1e12  # beyond it nothing is a reading, in whatever unit
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Imported:
+    """What was found in a foreign file.
+
+    Attributes
+    ----------
+    path : Path
+        Of the file.
+    mapping : ColumnMap
+        Through which it was read; ``imported.mapping.save(folder)`` keeps it for the next file.
+    records : tuple of Trace
+        Every record whole and as it was, without tare.
+    tared : tuple of Trace
+        The same without the sensor's offset, where a quiet start tells it.
+    cuts : tuple of tuple of FoundCut
+        For each record, where its cuts are.
+    traces : tuple of Trace
+        The cuts of all records, tared; a record in which none is found, whole. ``metadata`` tells the file, its
+        lines, the tare and the mapping.
+    flaws : tuple of tuple of Flaw
+        For each of `traces` what is wrong with it; rows are instants of that trace, the message tells the lines.
+    notes : tuple of str
+        What was taken for granted or taken off, in words, to be shown to the reader.
+    """
+
+    path: Path
+    mapping: ColumnMap
+    records: tuple[Trace, ...]
+    tared: tuple[Trace, ...]
+    cuts: tuple[tuple[FoundCut, ...], ...]
+    traces: tuple[Trace, ...]
+    flaws: tuple[tuple[Flaw, ...], ...]
+    notes: tuple[str, ...]
+
+    @property
+    def sound(self) -> tuple[Trace, ...]:
+        """The cuts without a flaw that refuses them."""
+        return tuple(
+            trace
+            for trace, found in zip(self.traces, self.flaws, strict=True)
+            if not any(flaw.refuse for flaw in found)
+        )
+
+    def picture(self, record: int) -> dict[str, Any]:
+        """What :func:`cutenv.report.draw_record` draws of a record, counted from 0, as its arguments by name."""
+        first = sum(max(1, len(found)) for found in self.cuts[:record])
+        cuts = self.cuts[record]
+        quiet = self.tared[record].metadata.get("tare_instants")
+        return {
+            "record": self.records[record],
+            "tared": self.tared[record],
+            "quiet": None if quiet is None else slice(quiet[0], quiet[1] + 1),
+            "cuts": [cut.samples for cut in cuts],
+            "flaws": self.flaws[first : first + max(1, len(cuts))],
+        }
+
+
+def load_foreign(
+    path: str | os.PathLike[str], mapping: ColumnMap | None = None, *, search: CutSearch | None = STANDARD
+) -> Imported:
+    """Read the cuts in a table that another program wrote.
+
+    Encoding, separator, decimal comma, lines above the header and units in it or below it are found out. The
+    sensor's offset is taken off where the record has a quiet start, for a norm from each component; then the
+    cuts in it are found. A record that `mapping.split_by` parts from the others is one cut.
+
+    Parameters
+    ----------
+    path : path
+        Of a text file (.csv, .txt, .dat, .lvm, ...).
+    mapping : ColumnMap, optional
+        By default the one that was saved beside the file.
+    search : CutSearch or None
+        How cuts are found. None: neither tare nor split, each record is one trace.
+
+    Returns
+    -------
+    Imported
+
+    Raises
+    ------
+    RecordError
+        If the file or a record in it is not to be read: which line, why, and the cure.
+    OSError
+        If the file cannot be opened.
+    """
+    path = Path(path)
+    table = read_table(path)
+    if mapping is None:
+        mapping = _saved_mapping(path, table)
+    notes = [f"{path.name}: {table}."]
+    readings = _Readings.of(table, mapping, notes)
+    records, tared, cuts = [], [], []
+    parts: list[tuple[Trace, tuple[Flaw, ...]]] = []
+    for group, rows in _records_of(table, mapping):
+        whole = readings.trace(group, rows, None)
+        tare = None if search is None else _tare(readings, whole, rows, search)
+        name = f"record {' '.join(group.values())}: " if group else ""
+        plain = whole if tare is None else readings.trace(group, rows, tare)
+        found = [] if search is None else find_cuts(plain, search)
+        if group and found:  # what one cut is, the file says; where it starts and ends is found
+            found = [FoundCut(start=found[0].start, stop=found[-1].stop)]
+        if search is not None:
+            notes += [name + note for note in _told(readings, whole, plain, tare, found, search)]
+        records.append(whole)
+        tared.append(plain)
+        cuts.append(tuple(found))
+        for cut in found or [FoundCut(start=0, stop=len(plain))]:
+            parts.append(_cut(plain, cut, readings.lines[rows]))
+    return Imported(
+        path=path,
+        mapping=mapping,
+        records=tuple(records),
+        tared=tuple(tared),
+        cuts=tuple(cuts),
+        traces=tuple(trace for trace, _ in parts),
+        flaws=tuple(found_flaws for _, found_flaws in parts),
+        notes=tuple(notes),
+    )
+
+
+def _saved_mapping(path: Path, table: Table) -> ColumnMap:
+    try:
+        return ColumnMap.load(path.parent)
+    except FileNotFoundError:
+        names = ", ".join(table.headers) or f"#1 to #{table.n_columns}"
+        raise RecordError(
+            path,
+            f"which of its columns is what? It has {names}. Say it: --map time=... force=... --unit N; "
+            "saved once beside the files, the mapping serves them all.",
+        ) from None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Readings:
+    """The mapped columns of a table in SI, all its rows; force still in components."""
+
+    table: Table
+    mapping: ColumnMap
+    time: Array | None
+    force: Array  # (n, k)
+    sensed: dict[str, Array]
+    force_unit: str
+
+    @classmethod
+    def of(cls, table: Table, mapping: ColumnMap, notes: list[str]) -> _Readings:
+        expressions = {field: mapping.expression(field) for field in mapping.fields}
+        places = {field: [table.index(name) for name in e.columns] for field, e in expressions.items()}
+        needed = sorted({place for group in places.values() for place in group})
+        numbers = table.numbers(needed)
+        if (beyond := np.abs(numbers) > _LARGEST).any():
+            row, column = (int(i) for i in np.argwhere(beyond)[0])
+            raise RecordError(
+                table.path,
+                f"line {table.lines[row]} has {numbers[row, column]:g} in column #{needed[column] + 1}, which is no "
+                "reading of a sensor.",
+            )
+        columns: dict[str, Array] = {}
+        force_unit = "N"
+        for field, expression in expressions.items():
+            unit = _unit_of(table, field, expression, places[field], notes)
+            if field == "force":
+                force_unit = "1" if unit == "1" else "N"
+            if expression.value is not None:
+                values = np.full((len(numbers), 1), expression.value)
+            else:
+                values = expression.sign * numbers[:, [needed.index(place) for place in places[field]]]
+            columns[field] = column_of(field, unit).to_si(values)
+        force = columns.pop("force")
+        time = columns.pop("time", None)
+        return cls(
+            table=table,
+            mapping=mapping,
+            time=None if time is None else time[:, 0],
+            force=force,
+            sensed={field: values[:, 0] for field, values in columns.items()},
+            force_unit=force_unit,
+        )
+
+    @property
+    def expression(self) -> Expression:
+        return self.mapping.expression("force")
+
+    @property
+    def lines(self) -> NDArray[np.intp]:
+        return self.table.lines
+
+    def times(self, rows: NDArray[np.intp]) -> Array:
+        """Time of a record's readings [s], refused where it does not increase."""
+        if self.time is None:
+            assert self.mapping.rate is not None
+            return np.arange(len(rows)) / self.mapping.rate
+        time = self.time[rows]
+        back = np.flatnonzero(np.diff(time) <= 0.0)
+        if len(back):
+            i = int(back[0])
+            raise RecordError(
+                self.table.path,
+                f"line {self.lines[rows[i + 1]]}: time goes from {time[i]:.9g} s to {time[i + 1]:.9g} s, but must "
+                "increase. Delete repeated lines; several cuts in one file: split_by=column; times printed too "
+                "coarsely: leave time out and give rate=1000Hz.",
+            )
+        return time
+
+    def trace(self, group: dict[str, str], rows: NDArray[np.intp], tare: tuple[Array, int] | None) -> Trace:
+        """A record as a trace, without the components' offsets [force unit] if a tare is given."""
+        offsets, quiet = (None, 0) if tare is None else tare
+        components = self.force[rows] if offsets is None else self.force[rows] - offsets
+        force = self.expression.sign * _norm(components) if self.expression.is_norm else components[:, 0]
+        first, last = int(self.lines[rows[0]]), int(self.lines[rows[-1]])
+        metadata: dict[str, Any] = {
+            "source": self.table.path.name,
+            "lines": [first, last],
+            "columns": json.loads(self.mapping.to_json()),
+        }
+        if group:
+            metadata["group"] = group
+        if offsets is not None:
+            # By column: a norm's offset is that of its components.
+            names = (bare_name(name) for name in self.expression.columns)
+            metadata["tare_instants"] = [0, quiet - 1]
+            metadata[f"tare_{self.force_unit}"] = dict(zip(names, offsets.tolist(), strict=True))
+        try:
+            return Trace(
+                time=self.times(rows),
+                force=force,
+                **{field: values[rows] for field, values in self.sensed.items()},
+                force_unit=self.force_unit,
+                metadata=metadata,
+            )
+        except RecordError:
+            raise
+        except ValueError as error:
+            raise RecordError(self.table.path, f"lines {first} to {last}: {error}") from None
+
+    def component(self, rows: NDArray[np.intp], k: int) -> Trace:
+        """One component of force as a trace of its own."""
+        position = self.sensed.get("position")
+        return Trace(
+            time=self.times(rows),
+            force=self.force[rows, k],
+            position=None if position is None else position[rows],
+            force_unit=self.force_unit,
+        )
+
+
+def _unit_of(table: Table, field: str, expression: Expression, places: list[int], notes: list[str]) -> str:
+    """The unit that the mapping or else the header gives a field; SI where neither does, but never for force."""
+    header = {unit for place in places if (unit := _header_unit(table, place, field, expression)) is not None}
+    if len(header) > 1:
+        raise RecordError(
+            table.path, f"the columns of {field} are in {' and '.join(sorted(header))}. Bring them to one."
+        )
+    said = next(iter(header), None)
+    if expression.unit is not None and said is not None and expression.unit != said:
+        raise RecordError(
+            table.path,
+            f"{field} is said to be in {expression.unit}, but the file says {said}. Leave the unit out, or correct the "
+            "header.",
+        )
+    unit = expression.unit or said
+    if unit is None and field == "force":
+        raise RecordError(
+            table.path,
+            "the unit of force is not known: the header says none. Give --unit N (mN, kN, gf, kgf, lbf), or --unit 1 "
+            "if the force is normalised.",
+        )
+    if unit is None:
+        unit = _SI[field]
+        notes.append(f"{field}: no unit is said, taken for {unit}.")
+    return unit
+
+
+def _header_unit(table: Table, place: int, field: str, expression: Expression) -> str | None:
+    """What the header says; something that is no unit does not matter where the mapping says one."""
+    try:
+        return table.unit(place, field)
+    except RecordError:
+        if expression.unit is None:
+            raise
+        return None
+
+
+def _records_of(table: Table, mapping: ColumnMap) -> list[tuple[dict[str, str], NDArray[np.intp]]]:
+    """The rows of each record, and the values by which they were parted."""
+    if not mapping.split_by:
+        return [({}, np.arange(len(table.rows)))]
+    keys = table.texts([table.index(name) for name in mapping.split_by])
+    rows: dict[tuple[str, ...], list[int]] = {}
+    for i, key in enumerate(keys):
+        rows.setdefault(key, []).append(i)
+    names = [bare_name(name) for name in mapping.split_by]
+    return [(dict(zip(names, key, strict=True)), np.array(where)) for key, where in rows.items()]
+
+
+def _tare(readings: _Readings, whole: Trace, rows: NDArray[np.intp], search: CutSearch) -> tuple[Array, int] | None:
+    """The components' offsets [force unit] in the quiet start that they share, and its length; None without one."""
+    if not readings.expression.is_norm:
+        tare = find_tare(whole, search)
+        return None if tare is None else (np.array([tare.offset]), tare.stop)
+    tares = [find_tare(readings.component(rows, k), search) for k in range(readings.force.shape[1])]
+    stops = [tare.stop for tare in tares if tare is not None]
+    if len(stops) < len(tares):
+        return None
+    return np.asarray(readings.force[rows[: min(stops)]].mean(axis=0)), min(stops)
+
+
+def _told(
+    readings: _Readings,
+    whole: Trace,
+    plain: Trace,
+    tare: tuple[Array, int] | None,
+    found: list[FoundCut],
+    search: CutSearch,
+) -> list[str]:
+    """What the reader should know about tare and cuts."""
+    unit = readings.force_unit if readings.force_unit == "N" else "(normalised)"
+    told = []
+    if tare is None:
+        told.append("no quiet start, so nothing was taken off the force.")
+    else:
+        listed = ", ".join(f"{offset:.3g} {unit}" for offset in tare[0])
+        seconds = float(whole.time[tare[1] - 1] - whole.time[0])
+        told.append(f"{listed} taken off the force, which the sensor showed for {seconds:.2f} s before contact.")
+    if not found:
+        told.append("no cut found: the force never rises above noise while the blade advances. It is kept whole.")
+    for number, cut in enumerate(found, 1):
+        start, end = (float(whole.time[i]) for i in (cut.start, cut.stop - 1))
+        told.append(f"cut {number} from {start:.3f} s to {end:.3f} s.")
+    if tare is not None and found:
+        after = plain.force[found[-1].stop :]
+        if len(after) * whole.duration / len(whole) >= search.quiet and len(after):
+            moved = float(after.mean())
+            if abs(moved) > 0.5 * contact_level(plain, search):
+                told.append(
+                    f"after the last cut the force is {moved:.3g} {unit}: the zero moved, or something presses."
+                )
+    if readings.expression.is_norm and whole.position is not None:
+        told.append("a norm has no sign: on the way back friction counts as resistance. Map the component instead.")
+    return told
+
+
+def _cut(trace: Trace, cut: FoundCut, lines: NDArray[np.intp]) -> tuple[Trace, tuple[Flaw, ...]]:
+    """A cut of a record with its own place in the metadata, and its flaws with their lines of the file."""
+    part = trace.select(cut.samples)
+    lines = lines[cut.samples]
+    where = {"lines": [int(lines[0]), int(lines[-1])], "instants": [cut.start, cut.stop - 1]}
+    part = dataclasses.replace(part, metadata={**part.metadata, **where})
+    located = tuple(
+        dataclasses.replace(flaw, message=f"lines {lines[flaw.rows[0]]} to {lines[flaw.rows[1]]}: {flaw.message}")
+        for flaw in flaws(part)
+    )
+    return part, located
+
+
+def _norm(components: Array) -> Array:
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", components, components)))

@@ -1,0 +1,176 @@
+"""A whole record with what was found in it, as a picture to confirm: tare, cuts, flaws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cutenv.atomic import replacing
+from cutenv.measurement import Flaw
+from cutenv.report.cut_figure import thinned
+from cutenv.report.page import label, new_figure
+from cutenv.trace import Trace
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_RAW, _FORCE, _QUIET, _CUT, _REFUSED, _DOUBTFUL = "0.65", "#0072b2", "#8a3ffc", "#009e73", "#d55e00", "#e69f00"
+_WIDTH = 10.0  # [in]
+_CROWDED = 8  # cuts, beyond which there is room for their numbers only
+_NARROWEST = 0.004  # of the record, as which even a flaw of two readings is seen
+
+
+def draw_record(
+    path: Path,
+    record: Trace,
+    *,
+    tared: Trace | None = None,
+    quiet: slice | None = None,
+    cuts: Sequence[slice] = (),
+    flaws: Sequence[Sequence[Flaw]] = (),
+    title: str = "",
+) -> None:
+    """Write a picture of a whole record with the cuts and the flaws that were found in it.
+
+    Parameters
+    ----------
+    path : Path
+        Of the picture; its suffix says which kind (.png).
+    record : Trace
+        As it was.
+    tared : Trace, optional
+        The same record without the sensor's offset.
+    quiet : slice, optional
+        Its instants that told the offset.
+    cuts : sequence of slice
+        Instants of the record that are a cut each, in order of time.
+    flaws : sequence of sequences of Flaw
+        For each cut, or for the whole record if there is no cut; their rows are counted from where the cut starts.
+    title : str
+        Above the picture.
+
+    Raises
+    ------
+    ValueError
+        If the flaws are not as many as the cuts, or `tared` is another record.
+    ImportError
+        If matplotlib is not installed; names the command that installs it.
+    """
+    figure = record_figure(record, tared=tared, quiet=quiet, cuts=cuts, flaws=flaws, title=title)
+    with replacing(path) as part:
+        figure.savefig(part, dpi=130)
+
+
+def record_figure(
+    record: Trace,
+    *,
+    tared: Trace | None = None,
+    quiet: slice | None = None,
+    cuts: Sequence[slice] = (),
+    flaws: Sequence[Sequence[Flaw]] = (),
+    title: str = "",
+) -> Figure:
+    """The figure of :func:`draw_record`: force over time, and position below it where that is known."""
+    parts = list(cuts) or [slice(0, len(record))]
+    if flaws and len(flaws) != len(parts):
+        raise ValueError(f"flaws of {len(flaws)} cuts do not fit {len(parts)}. Give the flaws of each, or none.")
+    if tared is not None and len(tared) != len(record):
+        raise ValueError(f"the tared record has {len(tared)} instants and the record {len(record)}: not the same one.")
+    with_position = record.position is not None
+    figure = new_figure(_WIDTH, 5.6 if with_position else 4.0)
+    rows = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0)) if with_position else [figure.subplots()]
+    force = rows[0]
+    _draw_force(force, record, tared)
+    if quiet is not None:
+        time, zero = record.time[quiet], float(record.force[quiet].mean())
+        force.plot([time[0], time[-1]], [zero, zero], color=_QUIET, linewidth=4.0, alpha=0.7, label="taken for zero")
+    for axes in rows:
+        _mark_cuts(axes, record, cuts)
+        for part, found in zip(parts, flaws, strict=bool(flaws)):
+            _mark_flaws(axes, record, part, found)
+    _number_cuts(force, record, cuts)
+    if record.position is not None:
+        rows[1].plot(*thinned(record.time, 1e3 * record.position), color="black", linewidth=0.9)
+        rows[1].set_ylabel("position [mm]")
+    rows[-1].set_xlabel("time [s]")
+    margin = 0.01 * record.duration
+    rows[-1].set_xlim(record.time[0] - margin, record.time[-1] + margin)
+    _legend(force)
+    if title:
+        figure.suptitle(label(title), fontsize=11)
+    return figure
+
+
+def _draw_force(axes: Axes, record: Trace, tared: Trace | None) -> None:
+    unit = "[N]" if record.force_unit == "N" else "(normalised)"
+    axes.axhline(0.0, color="black", linewidth=0.6)
+    if tared is None or np.array_equal(tared.force, record.force):
+        axes.plot(*thinned(record.time, record.force), color=_FORCE, linewidth=0.8, label="force, nothing taken off")
+    else:
+        axes.plot(*thinned(record.time, record.force), color=_RAW, linewidth=0.8, label="as recorded")
+        taken = float(np.median(record.force - tared.force))
+        said = f"less the tare of {taken:.3g} {unit.strip('[]')}"
+        axes.plot(*thinned(tared.time, tared.force), color=_FORCE, linewidth=0.8, label=said)
+    axes.set_ylabel(f"force {unit}")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.12 * (high - low))  # room for the numbers of the cuts
+
+
+def _mark_cuts(axes: Axes, record: Trace, cuts: Sequence[slice]) -> None:
+    for number, cut in enumerate(cuts):
+        time = record.time[cut]
+        axes.axvspan(
+            time[0], time[-1], color=_CUT, alpha=0.13, linewidth=0, label="cut" if number == 0 else None, zorder=0
+        )
+        for border in (time[0], time[-1]):
+            axes.axvline(border, color=_CUT, linewidth=1.0)
+
+
+def _number_cuts(axes: Axes, record: Trace, cuts: Sequence[slice]) -> None:
+    for number, cut in enumerate(cuts, 1):
+        time = record.time[cut]
+        axes.text(
+            0.5 * (time[0] + time[-1]),
+            0.985,
+            str(number) if len(cuts) > _CROWDED else f"cut {number}\n{time[0]:.2f} to {time[-1]:.2f} s",
+            transform=axes.get_xaxis_transform(),
+            ha="center",
+            va="top",
+            fontsize=8,
+            color="#00573f",
+        )
+
+
+def _mark_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[Flaw]) -> None:
+    narrowest = _NARROWEST * record.duration
+    for flaw in found:
+        first, last = (float(record.time[part][row]) for row in flaw.rows)
+        lacking = max(0.0, narrowest - (last - first))
+        axes.axvspan(
+            first - 0.5 * lacking,
+            last + 0.5 * lacking,
+            color=_REFUSED if flaw.refuse else _DOUBTFUL,
+            alpha=0.35,
+            linewidth=0,
+            label=f"{flaw.kind}{': refused' if flaw.refuse else ': look'}",
+            zorder=1,
+        )
+
+
+def _legend(axes: Axes) -> None:
+    """One entry for each kind, above the picture."""
+    handles, names = axes.get_legend_handles_labels()
+    kinds = dict(zip(names, handles, strict=True))
+    axes.legend(
+        kinds.values(),
+        kinds.keys(),
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=min(6, len(kinds)),
+        fontsize=8,
+        frameon=False,
+    )

@@ -1,0 +1,305 @@
+"""Other programs' tables come back as the cuts that were written, or are refused by the line, with the cure."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from foreign_script import SCRIPT
+from foreign_script import foreign_records as fr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from recorded_cut import recorded_cut
+
+from cutenv.cutting.sensor import SensorParameters
+from cutenv.recording import RecordError
+from cutenv.recording.cuts import CutSearch
+from cutenv.recording.foreign import Imported, load_foreign
+from cutenv.recording.mapping import ColumnMap
+from cutenv.trace import Trace
+
+REAL = Path(__file__).parents[3] / "shared" / "data" / "scalpel_excision_forces.csv"
+MILD = SensorParameters(force_noise=0.02, force_resolution=0.0)
+SIMPLE = ColumnMap.parse(["time=t", "force=F"], unit="N")
+
+
+def read(folder: Path, content: str | bytes, mapping: ColumnMap = SIMPLE, **options: Any) -> Imported:
+    path = folder / "record.csv"
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return load_foreign(path, mapping, **options)
+
+
+def refused(folder: Path, content: str | bytes, mapping: ColumnMap = SIMPLE) -> str:
+    with pytest.raises(RecordError) as caught:
+        read(folder, content, mapping)
+    assert str(folder / "record.csv") in str(caught.value)
+    return caught.value.reason
+
+
+def rows(n: int = 60, separator: str = ",") -> str:
+    return "".join(f"{0.01 * i:.2f}{separator}{i % 7}.5\n" for i in range(n))
+
+
+@pytest.mark.parametrize("dialect", fr.DIALECTS.values(), ids=fr.DIALECTS)
+@pytest.mark.parametrize("known", [("time", "force"), ("time", "force", "position", "speed", "angle", "depth")])
+def test_what_a_program_wrote_is_read_back(dialect: Any, known: tuple[str, ...], tmp_path: Path) -> None:
+    cut = recorded_cut("liver", sensor=MILD, turns=(0.03, 0.0)).trace
+    trace = Trace(**{name: getattr(cut, name) for name in known})
+    (record,) = read(tmp_path, dialect.write(trace), dialect.mapping(trace), search=None).records
+    assert record.known == known
+    assert record.force_unit == "N"
+    for name in known:
+        written, back = getattr(trace, name), getattr(record, name)
+        if dialect.unit(name) in ("s", "N", "m", "m/s", "rad"):
+            assert np.array_equal(back, written)
+        else:
+            np.testing.assert_allclose(back, written, rtol=1e-14, atol=1e-300)
+
+
+@pytest.mark.parametrize(
+    ("content", "mapping"),
+    [
+        ("t,F\n0,1.5\n1,2.5\n2,4.5\n", ["time=t[ms]", "force=F[N]"]),
+        ("t ; F\n0 ; 1,5\n1 ; 2,5\n2 ; 4,5\n", ["time=t[ms]", "force=F[N]"]),
+        ("t [ms]  F [N]\n0  1.5\n1\t2.5\n2     4.5\n", ["time=t", "force=F"]),
+        ('"t (ms)","F (N)"\n"0","1,5"\n"1","2,5"\n"2","4,5"\n', ["time=t", "force=F"]),
+        ("t in ms;F / N\n\n0;1.5\n\n1;2.5\n# a remark\n2;4.5\n\n", ["time=t", "force=F"]),
+        ("Weg;T;Kraft\n;ms;N\n0,1;0;1,5\n0,1;1;2,5\n0,1;2;4,5\n", ["time=t", "force=kraft"]),
+        ("note,t_ms,force_mN\na,0,1500\nb,1,2500\nc,2,4500\n", ["time=t", "force=force"]),
+        ("0 1.5\n1 2.5\n2 4.5\n", ["time=#1[ms]", "force=#2[N]"]),
+        ("run 3\n# t F\n0 -1.5\n1 -2.5\n2 -4.5\n", ["time=t[ms]", "force=-F[N]"]),
+        ("F\n1.5\n2.5\n4.5\n", ["rate=1kHz", "force=F[N]"]),
+        ("F [N]\n1,5\n2,5\n4,5\n", ["rate=1kHz", "force=F"]),
+        ("a,b,t\n0.9,1.2,0\n1.5,2,1\n2.7,3.6,2\n", ["time=t[ms]", "force=norm(a,b)[N]"]),
+        ("t,F,\n0,1.5,\n1,2.5,\n2,4.5,\n", ["time=t[ms]", "force=F[N]"]),
+        ("t,F,t\n0,1.5,7\n1,2.5,8\n2,4.5,9\n", ["time=#1[ms]", "force=F[N]"]),
+    ],
+)
+@pytest.mark.parametrize("encode", ["utf-8", "utf-8-sig", "utf-16", "cp1252", "mac line ends"])
+def test_a_table_is_understood(content: str, mapping: list[str], encode: str, tmp_path: Path) -> None:
+    encoded = content.replace("\n", "\r").encode() if encode == "mac line ends" else content.encode(encode)
+    (record,) = read(tmp_path, encoded, ColumnMap.parse(mapping)).records
+    np.testing.assert_allclose(record.time, [0.0, 0.001, 0.002])
+    np.testing.assert_allclose(record.force, [1.5, 2.5, 4.5])
+
+
+@pytest.mark.parametrize(
+    ("content", "mapping", "message"),
+    [
+        ("", {}, "it holds no numbers"),
+        ("# only\n\n", {}, "it holds no numbers"),
+        ("t,F\n", {}, "no rows of numbers"),
+        ("some text\nand more of it\n", {}, "no rows of numbers"),
+        ("t,Fx\n" + rows(), {}, "there is no column 'F'; there are t, Fx. Did you mean 'Fx'?"),
+        (rows(), {}, "no line above the numbers names them .nothing stands above them.*time=#1 force=#2"),
+        ("Run 5\n" + rows(), {}, "above them stands 'Run 5': 1 names for 2 columns"),
+        (rows(), {"time": "#1", "force": "#3"}, "there is no column #3: the rows have 2"),
+        ("t,F,F\n0,1,2\n1,2,3\n", {}, "columns #2 and #3 are both called 'F'"),
+        ("t,F [lbs]\n" + rows(), {"unit": None}, "unit of force must be one of .*'lbs'.*force=F.unit."),
+        ("t,F\n" + rows(), {"unit": None}, "the unit of force is not known.*--unit N"),
+        ("t,F [mN]\n" + rows(), {}, "force is said to be in N, but the file says mN"),
+        ("t,F [N],G [mN]\n0,1,2\n1,2,3\n", {"force": "norm(F,G)", "unit": None}, "of force are in N and mN"),
+        ("t [d],F\n" + rows(), {}, "unit of time must be one of"),
+        ("t,F\n" + rows(5) + "0.05,nan\n" + rows(), {}, "line 7, column 'F' has no finite number but 'nan'"),
+        ("t,F\n" + rows(5) + "0.05,\n" + rows(), {}, "line 7, column 'F' has no finite number but ''"),
+        ("t,F\n" + rows(5) + "0.05,1e999\n" + rows(), {}, "line 7, column 'F' has no finite number but '1e999'"),
+        ("t,F\n" + rows(5) + "0.05,oops\n" + rows(), {}, "line 7, column 'F' has 'oops', which is no number"),
+        ("t,F\n" + rows(5) + "0.05\n" + rows(), {}, "line 7 has 1 cells, the others have 2"),
+        ("t,F\n" + rows(5) + "0.05,1,5\n" + rows(), {}, "line 7 has 3 cells, the others have 2"),
+        ("t,F\n" + rows(5) + "\n# x\n0.05,1e30\n" + rows(), {}, "line 9 has 1e.30 in column #2"),
+        ("t,F\n" + rows(5) + "0.04,1\n", {}, "line 7: time goes from 0.04 s to 0.04 s, but must increase"),
+        ("t,F\n" + rows(5) + "0.03,1\n", {}, "line 7: time goes from 0.04 s to 0.03 s"),
+        ("t,F\n12:00:01,1\n12:00:02,2\n", {}, "line 2, column 't' has '12:00:01'.*rate=1000Hz"),
+        ("t,F\n0,1\n", {}, "lines 2 to 2: a trace has 2 instants or more"),
+        ("t,F\n0,1\n1000,2\n2000,3\n", {}, "it looks like milliseconds"),
+        ("t,F,x\n0,1,2\n0.001,2,3\n", {"position": "x"}, "position = 2 m is outside.*looks like centimetres"),
+        (b"PK\x03\x04rest", {}, "an Excel workbook or a zip archive. Save the sheet as CSV"),
+        (b"\x89HDF\r\n\x1a\n", {}, "an HDF5 file. Read it with cutenv.recording.load"),
+        (b"t,F\n0,1\x00\n", {}, "it is no text: it holds zero bytes"),
+        ("t,F\n1,2\n".encode("utf-16-le"), {}, "it is no text: it holds zero bytes"),
+        (b"t,F\n0,1\x81\n", {}, "no text in UTF-8, UTF-16 or Windows' encoding"),
+    ],
+)
+def test_a_bad_file_is_refused_by_line_and_cure(
+    content: str | bytes, mapping: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    reason = refused(tmp_path, content, dataclasses.replace(SIMPLE, **mapping))
+    assert re.search(message, reason), reason
+
+
+def long_file(offset: tuple[float, float, float] = (0.4, 0.0, 0.0)) -> tuple[str, float]:
+    """Rest, a cut, rest, in three components, the force along (0.6, 0, 0.8); and when the cut starts [s]."""
+    cut = recorded_cut("2 cm", sensor=MILD, turns=(0.03,)).trace
+    rest = 0.02 * np.random.default_rng(3).standard_normal(2000)
+    force = np.concatenate([rest, cut.force])
+    components = np.outer(force, (0.6, 0.0, 0.8)) + offset
+    lines = [f"{i / 1000},{x!r},{y!r},{z!r}" for i, (x, y, z) in enumerate(components.tolist())]
+    return "t,Fx,Fy,Fz\n" + "\n".join(lines) + "\n", 2.0
+
+
+def test_a_norm_is_made_of_components_without_their_offsets(tmp_path: Path) -> None:
+    content, start = long_file(offset=(0.4, -1.0, 2.0))
+    mapping = ColumnMap.parse(["time=t", "force=norm(Fx,Fy,Fz)"], unit="N")
+    imported = read(tmp_path, content, mapping)
+    (trace,) = imported.traces
+    assert trace.time[0] == pytest.approx(start, abs=0.03)
+    felt = recorded_cut("2 cm", sensor=MILD, turns=(0.03,)).trace.force
+    np.testing.assert_allclose(trace.force[-1000:], felt[-1000:], atol=5e-3)
+    assert trace.metadata["tare_N"] == pytest.approx({"Fx": 0.4, "Fy": -1.0, "Fz": 2.0}, abs=2e-3)
+    assert np.hypot(np.hypot(0.4, 1.0), 2.0) == pytest.approx(imported.records[0].force[:1000].mean(), rel=0.01)
+
+
+def test_the_cuts_of_a_record_tell_where_they_are_from(tmp_path: Path) -> None:
+    content, start = long_file()
+    mapping = ColumnMap.parse(["time=t", "force=Fx[N]", "angle=90deg", "depth=20mm"])
+    imported = read(tmp_path, content, mapping)
+    (trace,), (whole,) = imported.traces, imported.records
+    first, last = trace.metadata["instants"]
+    assert trace.metadata["source"] == "record.csv"
+    assert trace.metadata["lines"] == [first + 2, last + 2]
+    assert trace.metadata["columns"]["force"] == "Fx[N]"
+    assert np.array_equal(trace.force, whole.force[first : last + 1] - trace.metadata["tare_N"]["Fx"])
+    assert len(whole) == content.count("\n") - 1
+    assert np.array_equal(trace.angle, np.full(len(trace), np.pi / 2))
+    assert np.array_equal(trace.depth, np.full(len(trace), 0.02))
+    told = "\n".join(imported.notes)
+    assert "separator comma, decimal point" in told
+    assert "time: no unit is said, taken for s" in told
+    assert "0.4 N taken off the force" in told
+    assert f"cut 1 from {trace.time[0]:.3f} s to {trace.time[-1]:.3f} s" in told
+    assert start == pytest.approx(trace.time[0], abs=0.03)
+
+
+def test_a_record_without_a_cut_is_kept_whole_and_said_so(tmp_path: Path) -> None:
+    noise = 0.02 * np.random.default_rng(3).standard_normal(2000)
+    content = "t,F\n" + "\n".join(f"{i / 1000},{F!r}" for i, F in enumerate(noise.tolist()))
+    imported = read(tmp_path, content)
+    assert len(imported.traces[0]) == 2000
+    assert imported.cuts == ((),)
+    assert any("no cut found" in note for note in imported.notes)
+
+
+def test_a_flaw_is_told_by_the_lines_of_the_file(tmp_path: Path) -> None:
+    content, _ = long_file()
+    lines = content.split("\n")
+    for i in range(3000, 3900):
+        lines[i] = lines[i].split(",")[0] + "," + lines[3000].partition(",")[2]
+    imported = read(tmp_path, "\n".join(lines), ColumnMap.parse(["time=t", "force=Fx[N]"]))
+    (flaw,) = imported.flaws[0]
+    assert flaw.kind == "stuck"
+    assert flaw.message.startswith("lines 3001 to 3900: the sensor shows")
+    assert imported.sound == ()
+    assert imported.picture(0)["flaws"] == ((flaw,),)
+
+
+def test_groups_are_records_of_one_cut_each(tmp_path: Path) -> None:
+    content = "who,n,t,F\n" + "".join(
+        f"{who},{n},{i / 100},{np.sin(i / 9) + 1}\n" for i in range(200) for who in "ab" for n in (1, 2)
+    )
+    mapping = ColumnMap.parse(["time=t", "force=F", "split_by=who,n"], unit="N")
+    imported = read(tmp_path, content, mapping)
+    assert [trace.metadata["group"] for trace in imported.records] == [
+        {"who": who, "n": n} for who, n in (("a", "1"), ("a", "2"), ("b", "1"), ("b", "2"))
+    ]
+    assert [len(trace) for trace in imported.records] == [200] * 4
+    assert len(imported.traces) == 4
+    assert imported.records[1].metadata["lines"] == [3, 799]
+    assert "split_by=column" in refused(tmp_path, content, ColumnMap.parse(["time=t", "force=F"], unit="N"))
+
+
+def test_the_next_file_is_read_by_the_mapping_beside_it(tmp_path: Path) -> None:
+    path = tmp_path / "record.csv"
+    path.write_text("t,F\n" + rows())
+    with pytest.raises(RecordError, match=r"which of its columns is what\? It has t, F"):
+        load_foreign(path)
+    SIMPLE.save(tmp_path)
+    assert load_foreign(path).mapping == SIMPLE
+
+
+def test_a_missing_file_is_an_os_error(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        load_foreign(tmp_path / "none.csv", SIMPLE)
+
+
+def test_search_parameters_are_used(tmp_path: Path) -> None:
+    content, _ = long_file()
+    mapping = ColumnMap.parse(["time=t", "force=Fx[N]"])
+    assert read(tmp_path, content, mapping, search=CutSearch(quiet=5.0)).traces[0].metadata.get("tare_N") is None
+    (whole,) = read(tmp_path, content, mapping, search=None).traces
+    assert len(whole) == content.count("\n") - 1
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_valid_records_in_any_dialect_are_accepted(seed: int, tmp_path: Path) -> None:
+    record = fr.valid_record(seed)
+    dialect = list(fr.DIALECTS.values())[seed % len(fr.DIALECTS)]
+    imported = read(tmp_path, dialect.write(record.trace), dialect.mapping(record.trace))
+    assert imported.sound == imported.traces
+    tare = imported.traces[0].metadata["tare_N"]
+    assert next(iter(tare.values())) == pytest.approx(record.offset, abs=0.025)
+    if record.trace.position is not None:
+        assert [trace.time[0] for trace in imported.traces] == pytest.approx(record.starts, abs=0.2)
+
+
+SMALL = fr.small_record()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("malformed")
+
+
+@settings(max_examples=500)
+@given(seed=st.integers(0, 2**32), dialect=st.sampled_from(sorted(fr.DIALECTS)))
+def test_a_malformed_file_is_read_or_refused_and_nothing_else(folder: Path, seed: int, dialect: str) -> None:
+    written = fr.DIALECTS[dialect]
+    content = fr.malformed(written.write(SMALL), np.random.default_rng(seed))
+    (folder / "record.csv").write_bytes(content)
+    assert fr.end_of(folder / "record.csv", written.mapping(SMALL)) in ("read", "refused")
+
+
+@settings(max_examples=200)
+@given(content=st.binary(max_size=200) | st.text(max_size=200).map(lambda text: ("t,F\n0,1\n1,2\n" + text).encode()))
+def test_anything_is_read_or_refused(folder: Path, content: bytes) -> None:
+    (folder / "record.csv").write_bytes(content)
+    for mapping in (SIMPLE, ColumnMap(rate=100.0, force="#1", unit="1")):
+        assert fr.end_of(folder / "record.csv", mapping) in ("read", "refused")
+
+
+def test_an_exception_that_should_not_be_is_noticed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: Any) -> None:
+        raise IndexError("no such row")
+
+    monkeypatch.setattr(fr, "load_foreign", fails)
+    assert fr.end_of(folder / "record.csv", SIMPLE) == "IndexError"
+
+
+@pytest.mark.skipif(not REAL.is_file(), reason="the recorded cuts lie beside the repository, and are not there")
+class TestRealRecords:
+    """207 hand-held cuts (Straizys et al. 2023): other people's file, read by its columns."""
+
+    MAPPING = ColumnMap.parse(["time=time_s", "force=force_normalised", "split_by=trial,cut"], unit="1")
+
+    def test_each_cut_is_a_record(self) -> None:
+        imported = load_foreign(REAL, self.MAPPING)
+        assert len(imported.records) == len(imported.traces) == 207
+        assert {len(trace) for trace in imported.records} == {180}
+        assert {trace.force_unit for trace in imported.traces} == {"1"}
+        assert len({tuple(trace.metadata["group"].values()) for trace in imported.traces}) == 207
+        assert max(trace.force.max() for trace in imported.records) == 1.0
+
+    def test_real_records_raise_no_false_alarm(self) -> None:
+        assert load_foreign(REAL, self.MAPPING).flaws == ((),) * 207
+
+
+def test_the_script_prints_what_it_promises() -> None:
+    command = [sys.executable, str(SCRIPT), "--valid", "4", "--flawed", "2", "--malformed", "20"]
+    ran = subprocess.run(command, capture_output=True, text=True, check=True)
+    for said in ("20 malformed files", "injected flaw", "4 valid records", "false alarms"):
+        assert said in ran.stdout
