@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import cutenv
+from cutenv.atomic import replacing
 from cutenv.bench.machine import description
 from cutenv.bench.measured import Number
 
@@ -60,9 +61,8 @@ def write(path: Path, record: Record) -> None:
             for benchmark, numbers in record.numbers.items()
         },
     }
-    part = path.with_name(path.name + ".part")
-    part.write_text(json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8")
-    part.replace(path)
+    with replacing(path) as part:
+        part.write_text(json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 def read(path: Path) -> Record:
