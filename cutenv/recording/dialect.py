@@ -40,7 +40,7 @@ _OTHER_PROGRAMS = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Table:
+class TextTable:
     """Rows of a text file, and what its header says of them.
 
     Attributes
@@ -217,7 +217,7 @@ class Table:
         return RecordError(self.path, f"its numbers are not read: {reason}.")
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path) -> TextTable:
     """Read a text file and find out how it is written.
 
     Raises
@@ -306,7 +306,9 @@ def _explained(sample: list[str], separator: str, decimal: str) -> float:
     return numbers / max(1, sum(len(cell) for row in rows for cell in row))
 
 
-def _table(path: Path, lines: list[str], written: list[int], sample: list[str], separator: str, decimal: str) -> Table:
+def _table(
+    path: Path, lines: list[str], written: list[int], sample: list[str], separator: str, decimal: str
+) -> TextTable:
     number = _NUMBER_COMMA if decimal == "," else _NUMBER
     rows = [split_row(line, separator) for line in sample]
     length, _ = Counter(len(row) for row in rows).most_common(1)[0]
@@ -327,7 +329,7 @@ def _table(path: Path, lines: list[str], written: list[int], sample: list[str], 
         raise RecordError(path, "it holds no rows of numbers, parted by commas, semicolons, tabs or blanks.")
     here = written[first:]
     headers, units_row, above = _header(lines[: here[0]], separator, length)
-    return Table(
+    return TextTable(
         path=path,
         headers=headers,
         units_row=units_row,
