@@ -42,8 +42,16 @@ def test_cuts_and_flaws_are_marked_where_they_are() -> None:
     assert np.allclose(spans(force), sorted(expected), atol=1e-3)
     assert spans(position) == spans(force)
     names = [text.get_text() for text in force.get_legend().get_texts()]
-    assert names == ["as recorded", "less the tare of 0.4 N", "taken for zero", "cut", "stuck: refused", "gap: look"]
-    assert [text.get_text() for text in force.texts] == ["cut 1\n2.00 to 3.00 s", "cut 2\n4.00 to 5.00 s"]
+    assert names == [
+        "as recorded",
+        "less the tare of 0.4 N",
+        "taken for zero",
+        "cut",
+        "flaw that refuses the cut",
+        "flaw worth a look",
+    ]
+    written = [text.get_text() for text in force.texts]
+    assert written == ["cut 1\n2.00 to 3.00 s", "cut 2\n4.00 to 5.00 s", "stuck", "gap"]
 
 
 def test_many_cuts_have_room_for_their_numbers_only() -> None:
