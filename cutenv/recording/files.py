@@ -117,6 +117,13 @@ def load(path: str | os.PathLike[str], *, force: str | None = None) -> list[Trac
         If the format's library is not installed; names the pip command.
     ValueError
         If `force` is none of those above.
+
+    Notes
+    -----
+    Saved files carry checksums in Parquet and HDF5, and the number of rows in CSV: there, a digit that was
+    changed to another is not noticed. Most damage of HDF5 files of other programs is noticed too, but these
+    have no checksums, and the library may stand still or crash in one of them: open what you do not trust
+    in a process of its own, and save it again.
     """
     if force is not None:
         one_of("force", force, ALONG_CUT)

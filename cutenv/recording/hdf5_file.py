@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cutenv.recording.columns import header_of
 from cutenv.recording.errors import RecordError
 from cutenv.recording.extra import library
+from cutenv.recording.hdf5_heap import check_heaps
 from cutenv.recording.schema import SCHEMA, check_schema, mapping_from_json, shown, to_json
 from cutenv.recording.table import CUT, Table, parsed_headers, row_from_0
 from cutenv.trace import Trace
@@ -56,6 +57,7 @@ def read(path: Path) -> list[Table]:
         If it is not such a file; says which group and dataset.
     """
     h5py = library("h5py", "h5py", "HDF5")
+    check_heaps(path)
     try:
         with h5py.File(path, "r") as file:
             cuts = _Reader(h5py, path).cuts(file)
@@ -68,7 +70,9 @@ def read(path: Path) -> list[Table]:
     if schema is not None:
         check_schema(_text(schema))
         if not np.array_equal(announced, len(cuts)):
-            raise ValueError(f"it announces {shown(announced)} cuts and holds {len(cuts)}. Take the whole file again.")
+            raise ValueError(
+                f"it announces {shown(str(announced))} cuts and holds {len(cuts)}. Take the whole file again."
+            )
     return [_table(cut, native=schema is not None) for cut in cuts]
 
 

@@ -242,8 +242,9 @@ def _trace(
     except (TypeError, ValueError, RecursionError) as error:
         for name, values in fields.items():
             low, high = limits(name, force_unit)
-            for row in np.flatnonzero(~((values >= low) & (values <= high)))[:1]:
-                raise ValueError(f"{where(int(row))}: {error}") from None
+            outside = np.flatnonzero(~((values >= low) & (values <= high)))
+            if outside.size and str(error).startswith(f"{name} = "):
+                raise ValueError(f"{where(int(outside[0]))}: {error}") from None
         raise ValueError(f"{where.cut}from {where(0).removeprefix(where.cut)} on: {error}") from None
 
 

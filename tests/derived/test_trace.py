@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutenv.trace import Reading, Trace
+from cutenv.trace import Reading, Trace, limits
 
 TIME = np.arange(6) * 1e-3
 FULL: dict[str, Any] = {
@@ -107,6 +107,23 @@ REFUSALS = [
 @pytest.mark.parametrize(("changes", "message"), REFUSALS)
 def test_what_looks_wrong_is_refused_with_the_cure(changes: dict[str, Any], message: str) -> None:
     check_refused(changes, message)
+
+
+@pytest.mark.parametrize("name", ["force", "position", "speed", "angle", "depth"])
+def test_limits_are_the_last_values_that_are_taken(name: str) -> None:
+    alone = {"time": TIME, "force": np.zeros(6)}
+    for limit, beyond in zip(limits(name), (-np.inf, np.inf), strict=True):
+        assert getattr(Trace(**alone | {name: np.full(6, limit)}), name)[0] == limit
+        with pytest.raises(ValueError, match=f"{name} = .* is outside"):
+            Trace(**alone | {name: np.full(6, np.nextafter(limit, beyond))})
+    assert limits("force", "1") == (-1e9, 1e9)
+
+
+def test_limits_of_what_is_no_field_are_refused() -> None:
+    with pytest.raises(ValueError, match="Did you mean 'position'"):
+        limits("positon")
+    with pytest.raises(ValueError, match="force_unit must be one of"):
+        limits("force", "mN")
 
 
 def test_a_good_trace_is_not_refused() -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from cutenv.recording import UNITS, load
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
@@ -38,8 +41,27 @@ def test_the_measuring_example_prints_what_its_comments_say(tmp_path):
     assert resistance == pytest.approx(211.0, rel=0.03)
 
 
+def test_the_record_that_is_shown_loads_as_the_text_above_it_says(tmp_path):
+    (shown,) = re.findall(r"```csv\n(.*?)```", README, re.DOTALL)
+    (tmp_path / "rig.csv").write_text(shown)
+    first, second = load(tmp_path / "rig.csv")
+    assert list(first.force) == [0.05, 0.31]
+    assert (first.metadata["cut"], second.metadata["cut"]) == (3, 4)
+    assert first.speed == pytest.approx([0.0254, 0.0254])
+    assert second.angle == pytest.approx([math.pi / 4] * 2)
+    (tmp_path / "rig.csv").write_text(shown.partition("\n")[2])  # without the metadata
+    assert load(tmp_path / "rig.csv", force="-x")[1].force == pytest.approx(second.force)
+
+
+def test_the_units_that_are_listed_are_those_that_are_understood():
+    listed = dict(re.findall(r"^\| (`(?:time|force|position|speed|angle)`.*?) \| (.*) \|$", README, re.MULTILINE))
+    found = {re.findall(r"`(\w+)`", fields)[0]: re.findall(r"`(\w+)`", units) for fields, units in listed.items()}
+    found["depth"] = found["position"]
+    assert found == {field: [unit for unit in units if "/" not in unit] for field, units in UNITS.items()}
+
+
 def test_there_is_an_example_of_each_use():
-    assert len(EXAMPLES) == 5
+    assert len(EXAMPLES) == 6
 
 
 def update(*arguments: str) -> subprocess.CompletedProcess[str]:

@@ -194,6 +194,23 @@ def test_hdf5_that_announces_more_than_it_holds_does_not_take_all_memory(hdf5):
     check_refused(hdf5, "'/force_N' announces 1000000000000 values, more than the file can hold")
 
 
+def test_hdf5_with_a_damaged_heap_of_text_does_not_run_in_circles(hdf5):
+    """h5py keeps text of any length, as its users write it, in a heap; a zero there is read for ever."""
+    write_hdf5(hdf5, {"": {"time[s]": TIME, "force[N]": FORCE}})
+    content = hdf5.read_bytes()
+    heap = content.index(b"GCOL")
+    size = int.from_bytes(content[heap + 8 : heap + 16], "little")
+    for place, new in (
+        (heap + 16, bytes(16)),  # the first object is free space of no length
+        (heap + 24, b"\xff" * 8),  # the first object ends far behind the heap
+        (heap + 8, (size * 2**32).to_bytes(8, "little")),  # the heap ends far behind the file
+    ):
+        hdf5.write_bytes(content[:place] + new + content[place + len(new) :])
+        check_refused(hdf5, "damaged HDF5 file: its text is not to be read. Take the file again")
+    hdf5.write_bytes(content)
+    assert load_one(hdf5) == CUT
+
+
 @pytest.mark.parametrize("suffix", [".parquet", ".h5"])
 def test_a_changed_byte_among_the_numbers_is_noticed(tmp_path, suffix):
     """Both formats carry checksums: a changed reading is not taken for a measured one."""

@@ -154,6 +154,10 @@ REFUSED = {
     "one row": ("time_s,force_N\n0,1\n", "from line 2 on: a trace has 2 instants or more, got 1"),
     "out of range": (GOOD.replace("0.75", "7500"), "line 3: force = 7500 N is outside .*millinewtons"),
     "centimetres": ("time_s,force_N,position_m\n0,1,0\n0.1,1,5\n", "line 3: position = 5 m .*looks like centimetres"),
+    "two out of range": (
+        "time_s,position_m,force_N\n0,5,0\n0.1,0,5000\n",
+        "line 3: force = 5000 N is outside|line 2: position = 5 m is outside",
+    ),
     "milliseconds": ("time_s,force_N\n0,1\n1,1\n2,1\n", "time steps by 1 s.*milliseconds"),
     "broken cut": (
         "cut,time_s,force_N\n0,0,1\n0,1,1\n1,0,1\n1,1,1\n0,2,1\n",
