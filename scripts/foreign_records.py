@@ -166,7 +166,7 @@ def valid_record(seed: int) -> ValidRecord:
             turns = [0.4 * length, 0.0, length, 0.0]
         drive = Hand() if by_hand else None
         plant = SimulatedPlant(specimen, drive=drive, sensor=sensor, seed=seed + k, angle=angle)
-        rest = plant.advance(0.0, angle, round(float(rng.uniform(1.2, 3.0)) / 1e-3)).copy()
+        rest = plant.advance(0.0, angle, round(float(rng.uniform(2.0, 3.5)) / 1e-3)).copy()
         if by_hand:
             cut = _by_hand(plant, turns, speed, angle)
         else:
@@ -199,7 +199,7 @@ def _by_hand(plant: SimulatedPlant, turns: list[float], speed: float, angle: flo
     parts, position = [plant.advance(0.0, angle, 1).copy()], 0.0
     for turn in turns:
         way = turn - position
-        for _ in range(round(3.0 * abs(way) / speed / 0.02)):
+        for _ in range(round(1.5 * abs(way) / speed / 0.02)):
             if (turn - position) * way <= 1e-3 * abs(way):
                 break
             parts.append(plant.advance(math.copysign(speed, way), angle, 20).copy())

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.special import erf, ndtr
 
 from cutenv.measurement.segments import SMALLEST_DROP
@@ -230,11 +231,14 @@ def _clock(trace: Trace) -> list[Flaw]:
 def _speed(trace: Trace) -> list[Flaw]:
     if trace.speed is None or trace.position is None:
         return []
-    moves = np.abs(trace.speed) > STANDSTILL
-    squares = float(trace.speed[moves] @ trace.speed[moves])
+    # Both over the same 50 ms, so that a lurch counts alike.
+    travel = cumulative_trapezoid(trace.speed, trace.time, initial=0)
+    said = blade_speed(trace.time, travel)
+    moves = np.abs(said) > STANDSTILL
+    squares = float(said[moves] @ said[moves])
     if squares == 0.0:
         return []
-    share = float(blade_speed(trace.time, trace.position)[moves] @ trace.speed[moves]) / squares
+    share = float(blade_speed(trace.time, trace.position)[moves] @ said[moves]) / squares
     if abs(share - 1.0) <= SPEED_ERROR:
         return []
     where = np.flatnonzero(moves)
