@@ -1,4 +1,4 @@
-"""Records of cuts as files, to the last bit: CSV, Parquet and HDF5 with units in the headers; other programs' tables."""
+"""Records of cuts as files: CSV, Parquet and HDF5 with units in the headers, and other programs' tables."""
 
 from __future__ import annotations
 
