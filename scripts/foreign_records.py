@@ -24,6 +24,8 @@ from typing import Any
 
 import numpy as np
 
+from cutenv.cutting.drive import Hand
+from cutenv.cutting.records import Records
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.measurement import flaws
 from cutenv.plant.protocol import Leg, depth_along, run
@@ -143,7 +145,7 @@ class ValidRecord:
 
 
 def valid_record(seed: int) -> ValidRecord:
-    """Cut one to three drawn specimens in turn, resting before, between and after; felt through a mild sensor."""
+    """Cut one to three drawn specimens in turn by rig or hand, resting in between; felt through a mild sensor."""
     rng = np.random.default_rng(seed)
     n_cuts = int(rng.choice([1, 1, 2, 3]))
     sensor = SensorParameters(
@@ -151,7 +153,7 @@ def valid_record(seed: int) -> ValidRecord:
         force_resolution=float(rng.choice([0.0, 0.001, 0.01, 0.05])),
         force_drift=float(rng.choice([0.0, 0.0, 0.002])),
     )
-    with_position = rng.random() < 0.75
+    with_position, by_hand = rng.random() < 0.75, rng.random() < 0.25
     parts: list[dict[str, Any]] = []
     starts = []
     began = 0.0
@@ -162,9 +164,13 @@ def valid_record(seed: int) -> ValidRecord:
         turns = [length] if n_cuts == 1 and rng.random() < 0.4 else [length, 0.0]
         if rng.random() < 0.3 and len(turns) == 2:
             turns = [0.4 * length, 0.0, length, 0.0]
-        plant = SimulatedPlant(specimen, sensor=sensor, seed=seed + k, angle=angle)
-        rest = plant.advance(0.0, angle, round(float(rng.uniform(1.2, 3.0)) / 1e-3)).copy()
-        cut = run(plant, [Leg(position=x, speed=speed, angle=angle, dwell=0.2) for x in turns])
+        drive = Hand() if by_hand else None
+        plant = SimulatedPlant(specimen, drive=drive, sensor=sensor, seed=seed + k, angle=angle)
+        rest = plant.advance(0.0, angle, round(float(rng.uniform(2.0, 3.5)) / 1e-3)).copy()
+        if by_hand:
+            cut = _by_hand(plant, turns, speed, angle)
+        else:
+            cut = run(plant, [Leg(position=x, speed=speed, angle=angle, dwell=0.2) for x in turns])
         after = plant.advance(0.0, angle, round(float(rng.uniform(0.5, 1.5)) / 1e-3)).copy()
         readings = np.concatenate([rest, cut, after])
         starts.append(began + len(rest) * 1e-3)
@@ -186,6 +192,21 @@ def valid_record(seed: int) -> ValidRecord:
     columns["force"] = columns["force"] + offset
     trace = Trace(time=time[kept], **{name: values[kept] for name, values in columns.items()})
     return ValidRecord(trace=trace, offset=offset, noise=sensor.force_noise, starts=tuple(starts))
+
+
+def _by_hand(plant: SimulatedPlant, turns: list[float], speed: float, angle: float) -> Records:
+    """To and fro as far as a hand comes that is pushed back: it does not arrive to the micrometre."""
+    parts, position = [plant.advance(0.0, angle, 1).copy()], 0.0
+    for turn in turns:
+        way = turn - position
+        for _ in range(round(1.5 * abs(way) / speed / 0.02)):
+            if (turn - position) * way <= 1e-3 * abs(way):
+                break
+            parts.append(plant.advance(math.copysign(speed, way), angle, 20).copy())
+            position = float(parts[-1]["position"][-1])
+        parts.append(plant.advance(0.0, angle, 400).copy())
+        position = float(parts[-1]["position"][-1])
+    return np.concatenate(parts)
 
 
 def stuck(trace: Trace, rng: np.random.Generator) -> tuple[Trace, tuple[int, int]]:

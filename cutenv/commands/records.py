@@ -10,12 +10,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from cutenv.measurement import flaws
 from cutenv.measurement.calibration import Refused
 from cutenv.measurement.cut import SPECIMEN
-from cutenv.recording import RecordError, load
-from cutenv.recording.foreign import load_foreign
-from cutenv.recording.mapping import MAP_FILE, ColumnMap
+from cutenv.recording import ColumnMap, Imported, RecordError, read_record
+from cutenv.recording.mapping import MAP_FILE
 from cutenv.trace import Trace
 
 
@@ -47,6 +45,9 @@ def add_record_options(parser: argparse.ArgumentParser) -> None:
         help="regular expression for the file's path; what it matches (its first group) names the specimen, where "
         "the record does not",
     )
+    foreign.add_argument(
+        "--confirm", type=Path, metavar="FOLDER", help="draw every record there: what was taken off, cuts and flaws found"
+    )
     parser.add_argument("--skip-bad", action="store_true", help="leave bad records out instead of stopping, and say so")
 
 
@@ -62,6 +63,8 @@ def read_records(arguments: argparse.Namespace) -> Records:
     """
     mapping = _mapping(arguments)
     pattern = _pattern(arguments.specimen)
+    if arguments.confirm is not None and not arguments.confirm.is_dir():
+        raise FileNotFoundError(f"--confirm {arguments.confirm}: no such folder; make it first.")
     missing = [str(path) for path in arguments.records if not path.is_file()]
     if missing:
         raise FileNotFoundError(f"no such file: {', '.join(missing)}.")
@@ -70,14 +73,15 @@ def read_records(arguments: argparse.Namespace) -> Records:
     notes: list[str] = []
     for path in _watched(arguments.records):
         try:
-            found, told = _read(path, mapping)
+            imported = read_record(path, mapping)
         except RecordError as error:
             refused.append(Refused(path.name, error.reason))
             continue
-        notes += told
-        for number, trace in enumerate(found, 1):
-            named = _named(trace, path, number if len(found) > 1 else None, pattern)
-            wrong = flaws(named)
+        notes += imported.notes if imported.mapping is not None else ()
+        if arguments.confirm is not None:
+            _draw(arguments.confirm, imported)
+        for number, (trace, wrong) in enumerate(zip(imported.traces, imported.flaws, strict=True), 1):
+            named = _named(trace, path, number if len(imported.traces) > 1 else None, pattern)
             reasons = " ".join(flaw.message for flaw in wrong if flaw.refuse)
             if reasons:
                 refused.append(Refused(str(named.metadata["name"]), reasons))
@@ -108,13 +112,10 @@ def _pattern(text: str | None) -> re.Pattern[str] | None:
         raise ValueError(f"--specimen {text!r} is no regular expression: {error}.") from None
 
 
-def _read(path: Path, mapping: ColumnMap | None) -> tuple[list[Trace], list[str]]:
-    if mapping is None and not (path.parent / MAP_FILE).is_file():
-        return load(path), []
-    if path.suffix.lower() in (".parquet", ".h5", ".hdf5"):
-        return load(path), []
-    imported = load_foreign(path, mapping)
-    return list(imported.traces), list(imported.notes)
+def _draw(folder: Path, imported: Imported) -> None:
+    from cutenv.report import draw_record  # an extra, and slow to import
+
+    draw_record(folder / f"{imported.path.stem}.png", imported)
 
 
 def _named(trace: Trace, path: Path, number: int | None, pattern: re.Pattern[str] | None) -> Trace:

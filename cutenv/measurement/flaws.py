@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.special import erf, ndtr
 
 from cutenv.measurement.segments import SMALLEST_DROP
@@ -52,7 +53,8 @@ _STEEPER = 4.0  # times as long as the rise that it ends lasts a flat top: loadi
 _LEVELS = 3.0  # resolutions by which that rise is one
 _FEWEST = 5  # equal readings that can be a flat top
 _NOISE_FREE = 0.05  # share of readings at which a force without noise turns at the most
-_HILLS = 3  # rises of force, by which a cut is told from friction alone
+_PULL = 3.0  # times as far below zero as above it is a force that counts the other way
+_RISES = 2  # of force before a run, by which a cut is told from friction alone, which rises once
 _ZERO = 0.1  # [N], or the share 0.02 of the largest force: below, a sensor with a dead zone shows nothing
 
 
@@ -229,11 +231,14 @@ def _clock(trace: Trace) -> list[Flaw]:
 def _speed(trace: Trace) -> list[Flaw]:
     if trace.speed is None or trace.position is None:
         return []
-    moves = np.abs(trace.speed) > STANDSTILL
-    squares = float(trace.speed[moves] @ trace.speed[moves])
+    # Both over the same 50 ms, so that a lurch counts alike.
+    travel = cumulative_trapezoid(trace.speed, trace.time, initial=0)
+    said = blade_speed(trace.time, travel)
+    moves = np.abs(said) > STANDSTILL
+    squares = float(said[moves] @ said[moves])
     if squares == 0.0:
         return []
-    share = float(blade_speed(trace.time, trace.position)[moves] @ trace.speed[moves]) / squares
+    share = float(blade_speed(trace.time, trace.position)[moves] @ said[moves]) / squares
     if abs(share - 1.0) <= SPEED_ERROR:
         return []
     where = np.flatnonzero(moves)
@@ -258,7 +263,7 @@ def _reversed(trace: Trace) -> list[Flaw]:
         where = np.flatnonzero(new_ground)
     else:
         low, high = np.percentile(force, (1.0, 99.0))
-        if -low <= max(_HILLS * high, zero):
+        if -low <= max(_PULL * high, zero):
             return []
         where = np.flatnonzero(force < 0.0)
     rows = (int(where[0]), int(where[-1]))
@@ -288,7 +293,7 @@ def _stuck(trace: Trace, signal: _Signal) -> list[Flaw]:
         travel = _travel(trace, signal, first, last)
         if abs(float(trace.force[first])) <= 2.0 * signal.zero and not _is_amid_cut(trace, signal, first, last, travel):
             continue  # a blade in the air, a dead zone
-        hangs_in_cut = travel >= STUCK_TRAVEL and _cuts_elsewhere(trace, signal, k)
+        hangs_in_cut = travel >= STUCK_TRAVEL and _is_cutting(trace, signal, first)
         if signal.lengths[k] < by_noise and not hangs_in_cut:
             continue
         seconds = float(trace.time[last] - trace.time[first])
@@ -319,13 +324,12 @@ def _is_amid_cut(trace: Trace, signal: _Signal, first: int, last: int, travel: f
     return bool(travel > GAP_TRAVEL and loaded[:first].any() and loaded[last + 1 :].any())
 
 
-def _cuts_elsewhere(trace: Trace, signal: _Signal, run: int) -> bool:
-    """Whether the force rises and falls on the other new ground, as in a cut and not as in friction alone."""
+def _is_cutting(trace: Trace, signal: _Signal, first: int) -> bool:
+    """Whether the force has risen and fallen on new ground before a reading, as in a cut and not as in an open one."""
     assert signal.new_ground is not None
-    others = signal.new_ground.copy()
-    others[signal.starts[run] : signal.starts[run] + signal.lengths[run]] = False
+    before = trace.force[:first][signal.new_ground[:first]]
     swing = SMALLEST_DROP if trace.force_unit == "N" else signal.zero
-    return len(turning_points(trace.force[others], swing)) >= _HILLS
+    return len(turning_points(before, swing)) >= _RISES
 
 
 def _clipping(trace: Trace, signal: _Signal) -> list[Flaw]:

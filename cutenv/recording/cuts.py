@@ -35,8 +35,9 @@ class CutSearch:
         sweep=(0.05, 0.5),
     )  # fmt: skip
     pause: float = parameter(
-        1.0, unit="s", low=0.05, high=3600.0, provenance="assumed",
-        why="unloaded and standing for so long parts two cuts; a protocol's turns rest 0.2 s", sweep=(0.5, 5.0),
+        1.5, unit="s", low=0.05, high=3600.0, provenance="assumed",
+        why="unloaded and standing for so long parts two cuts: a turn takes less, another specimen longer",
+        sweep=(0.5, 5.0),
     )  # fmt: skip
     quiet: float = parameter(
         0.1, unit="s", low=0.01, high=60.0, provenance="assumed",

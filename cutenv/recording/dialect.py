@@ -24,9 +24,10 @@ Array = NDArray[np.float64]
 _DIALECTS = (("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), (" ", "."), (" ", ","), (",", ","))
 _NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "blanks"}
 _SAMPLE = 400  # lines by which the separator is chosen
-_COMMENT = ("#", "%", "//")
+_NO_ROW = frozenset(("", "#", "%", "/"))  # how a line begins that is blank or a comment
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _NUMBER_COMMA = re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?")
+_POINT, _COMMA = re.compile(r"\d\.\d"), re.compile(r"\d,\d")
 _MISSING = re.compile(r"|--?|[+-]?(nan|inf(inity)?)|#?n/?a|#value!|#div/0!|null|none", re.IGNORECASE)
 _BRACKETS = re.compile(r"(.*\S)\s*[\[(]\s*([^\[\]()]*?)\s*[\])]")
 _OTHER_PROGRAMS = {
@@ -40,7 +41,7 @@ _OTHER_PROGRAMS = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Table:
+class TextTable:
     """Rows of a text file, and what its header says of them.
 
     Attributes
@@ -184,10 +185,12 @@ class Table:
 
     def _is_ragged(self) -> bool:
         if any('"' in row for row in self.rows):
-            return any(len(split_row(row, self.separator)) != self.n_columns for row in self.rows)
-        if self.separator == " ":
-            return any(len(row.split()) != self.n_columns for row in self.rows)
-        return any(row.count(self.separator) != self.n_columns - 1 for row in self.rows)
+            found = {len(split_row(row, self.separator)) for row in self.rows}
+        elif self.separator == " ":
+            found = {len(row.split()) for row in self.rows}
+        else:
+            found = {row.count(self.separator) + 1 for row in self.rows}
+        return found != {self.n_columns}
 
     def _ragged(self, line: int, cells: int) -> RecordError:
         return RecordError(
@@ -217,7 +220,7 @@ class Table:
         return RecordError(self.path, f"its numbers are not read: {reason}.")
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path) -> TextTable:
     """Read a text file and find out how it is written.
 
     Raises
@@ -226,7 +229,7 @@ def read_table(path: Path) -> Table:
         If it holds no table of numbers.
     """
     lines = _decoded(path).replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    written = [i for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith(_COMMENT)]
+    written = [i for i, line in enumerate(lines) if line.lstrip()[:1] not in _NO_ROW]
     if not written:
         raise RecordError(path, "it holds no numbers: every line is blank or a comment.")
     middle = len(written) // 2
@@ -236,8 +239,10 @@ def read_table(path: Path) -> Table:
     best = [_DIALECTS[rank] for score, rank in ranked if score == ranked[0][0]]
     if ranked[0][0] == 0.0:
         raise RecordError(path, "it holds no rows of numbers, parted by commas, semicolons, tabs or blanks.")
-    # "0,15" is one number or two; where both explain the lines, the header tells.
     tables = [_table(path, lines, written, sample, *dialect) for dialect in best]
+    # A sample of whole numbers does not tell the decimal sign; the other rows do.
+    tables = [table for table in tables if table.decimal == _decimal_sign(table.rows, table.separator)] or tables
+    # "0,15" is one number or two; where both explain the lines, the header tells.
     several = [table for table in tables if table.n_columns > 1]
     named = [table for table in several + tables if len(table.headers) == table.n_columns]
     return [*named, *several, *tables][0]
@@ -296,6 +301,11 @@ def _decoded(path: Path) -> str:
     raise RecordError(path, "it is no text in UTF-8, UTF-16 or Windows' encoding. Save it as UTF-8.")
 
 
+def _decimal_sign(rows: list[str], separator: str) -> str:
+    points, commas = (any(sign.search(row) for row in rows) for sign in (_POINT, _COMMA))
+    return "," if commas and not points and separator != "," else "."
+
+
 def _explained(sample: list[str], separator: str, decimal: str) -> float:
     """Which share of what is written are numbers, in rows of the most frequent length [1]."""
     rows = [split_row(line, separator) for line in sample]
@@ -306,7 +316,9 @@ def _explained(sample: list[str], separator: str, decimal: str) -> float:
     return numbers / max(1, sum(len(cell) for row in rows for cell in row))
 
 
-def _table(path: Path, lines: list[str], written: list[int], sample: list[str], separator: str, decimal: str) -> Table:
+def _table(
+    path: Path, lines: list[str], written: list[int], sample: list[str], separator: str, decimal: str
+) -> TextTable:
     number = _NUMBER_COMMA if decimal == "," else _NUMBER
     rows = [split_row(line, separator) for line in sample]
     length, _ = Counter(len(row) for row in rows).most_common(1)[0]
@@ -327,7 +339,7 @@ def _table(path: Path, lines: list[str], written: list[int], sample: list[str], 
         raise RecordError(path, "it holds no rows of numbers, parted by commas, semicolons, tabs or blanks.")
     here = written[first:]
     headers, units_row, above = _header(lines[: here[0]], separator, length)
-    return Table(
+    return TextTable(
         path=path,
         headers=headers,
         units_row=units_row,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cutenv.measurement import Flaw, flaws
 from cutenv.recording.cuts import STANDARD, CutSearch, FoundCut, contact_level, find_cuts, find_tare
-from cutenv.recording.dialect import Table, bare_name, read_table
+from cutenv.recording.dialect import TextTable, bare_name, read_table
 from cutenv.recording.errors import RecordError
 from cutenv.recording.mapping import ColumnMap, Expression, column_of
 from cutenv.trace import Trace
@@ -27,14 +27,14 @@ _LARGEST = 1e12  # beyond it nothing is a reading, in whatever unit
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Imported:
-    """What was found in a foreign file.
+    """What was found in a file.
 
     Attributes
     ----------
     path : Path
         Of the file.
-    mapping : ColumnMap
-        Through which it was read; ``imported.mapping.save(folder)`` keeps it for the next file.
+    mapping : ColumnMap or None
+        Through which it was read; ``imported.mapping.save(folder)`` keeps it for the next file. None: it needs none.
     records : tuple of Trace
         Every record whole and as it was, without tare.
     tared : tuple of Trace
@@ -51,7 +51,7 @@ class Imported:
     """
 
     path: Path
-    mapping: ColumnMap
+    mapping: ColumnMap | None
     records: tuple[Trace, ...]
     tared: tuple[Trace, ...]
     cuts: tuple[tuple[FoundCut, ...], ...]
@@ -146,7 +146,7 @@ def load_foreign(
     )
 
 
-def _saved_mapping(path: Path, table: Table) -> ColumnMap:
+def _saved_mapping(path: Path, table: TextTable) -> ColumnMap:
     try:
         return ColumnMap.load(path.parent)
     except FileNotFoundError:
@@ -162,7 +162,7 @@ def _saved_mapping(path: Path, table: Table) -> ColumnMap:
 class _Readings:
     """The mapped columns of a table in SI, all its rows; force still in components."""
 
-    table: Table
+    table: TextTable
     mapping: ColumnMap
     time: Array | None
     force: Array  # (n, k)
@@ -170,7 +170,7 @@ class _Readings:
     force_unit: str
 
     @classmethod
-    def of(cls, table: Table, mapping: ColumnMap, notes: list[str]) -> _Readings:
+    def of(cls, table: TextTable, mapping: ColumnMap, notes: list[str]) -> _Readings:
         expressions = {field: mapping.expression(field) for field in mapping.fields}
         places = {field: [table.index(name) for name in e.columns] for field, e in expressions.items()}
         needed = sorted({place for group in places.values() for place in group})
@@ -271,7 +271,7 @@ class _Readings:
         )
 
 
-def _unit_of(table: Table, field: str, expression: Expression, places: list[int], notes: list[str]) -> str:
+def _unit_of(table: TextTable, field: str, expression: Expression, places: list[int], notes: list[str]) -> str:
     """The unit that the mapping or else the header gives a field; SI where neither does, but never for force."""
     header = {unit for place in places if (unit := _header_unit(table, place, field, expression)) is not None}
     if len(header) > 1:
@@ -298,7 +298,7 @@ def _unit_of(table: Table, field: str, expression: Expression, places: list[int]
     return unit
 
 
-def _header_unit(table: Table, place: int, field: str, expression: Expression) -> str | None:
+def _header_unit(table: TextTable, place: int, field: str, expression: Expression) -> str | None:
     """What the header says; something that is no unit does not matter where the mapping says one."""
     try:
         return table.unit(place, field)
@@ -308,7 +308,7 @@ def _header_unit(table: Table, place: int, field: str, expression: Expression) -
         return None
 
 
-def _records_of(table: Table, mapping: ColumnMap) -> list[tuple[dict[str, str], NDArray[np.intp]]]:
+def _records_of(table: TextTable, mapping: ColumnMap) -> list[tuple[dict[str, str], NDArray[np.intp]]]:
     """The rows of each record, and the values by which they were parted."""
     if not mapping.split_by:
         return [({}, np.arange(len(table.rows)))]
@@ -354,6 +354,8 @@ def _told(
     for number, cut in enumerate(found, 1):
         start, end = (float(whole.time[i]) for i in (cut.start, cut.stop - 1))
         told.append(f"cut {number} from {start:.3f} s to {end:.3f} s.")
+    if whole.position is None and len(found) > 1:
+        told.append("without position, turning with little force looks like a pause: confirm, or search longer pauses.")
     if tare is not None and found:
         after = plain.force[found[-1].stop :]
         if len(after) * whole.duration / len(whole) >= search.quiet and len(after):

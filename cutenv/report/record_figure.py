@@ -93,6 +93,8 @@ def record_figure(
         for part, found in zip(parts, flaws, strict=bool(flaws)):
             _mark_flaws(axes, record, part, found)
     _number_cuts(force, record, cuts)
+    for part, found in zip(parts, flaws, strict=bool(flaws)):
+        _name_flaws(force, record, part, found)
     if record.position is not None:
         rows[1].plot(*thinned(record.time, 1e3 * record.position), color="black", linewidth=0.9)
         rows[1].set_ylabel("position [mm]")
@@ -156,8 +158,23 @@ def _mark_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[Flaw]) -
             color=_REFUSED if flaw.refuse else _DOUBTFUL,
             alpha=0.35,
             linewidth=0,
-            label=f"{flaw.kind}{': refused' if flaw.refuse else ': look'}",
+            label="flaw that refuses the cut" if flaw.refuse else "flaw worth a look",
             zorder=1,
+        )
+
+
+def _name_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[Flaw]) -> None:
+    """Kinds at the foot of the picture, one above the other where they would overlap."""
+    for number, flaw in enumerate(found):
+        first, last = (float(record.time[part][row]) for row in flaw.rows)
+        axes.text(
+            0.5 * (first + last),
+            0.02 + 0.05 * (number % 3),
+            flaw.kind,
+            transform=axes.get_xaxis_transform(),
+            ha="center",
+            fontsize=8,
+            color="#8c3d00",
         )
 
 

@@ -133,6 +133,16 @@ def test_a_bad_file_is_refused_by_line_and_cure(
     assert re.search(message, reason), reason
 
 
+@pytest.mark.parametrize("separator", [";", "\t", " "])
+def test_a_decimal_comma_in_one_row_of_thousands_is_seen(separator: str, tmp_path: Path) -> None:
+    lines = [f"{i}{separator}{i % 7}" for i in range(3000)]
+    lines[2900] = f"2900,25{separator}3"
+    (record,) = read(
+        tmp_path, "\n".join([f"t{separator}F", *lines]), ColumnMap.parse(["time=t[ms]", "force=F[N]"])
+    ).records
+    assert record.time[2900] == 2.90025
+
+
 def long_file(offset: tuple[float, float, float] = (0.4, 0.0, 0.0)) -> tuple[str, float]:
     """Rest, a cut, rest, in three components, the force along (0.6, 0, 0.8); and when the cut starts [s]."""
     cut = recorded_cut("2 cm", sensor=MILD, turns=(0.03,)).trace

@@ -1,0 +1,74 @@
+"""Any record, native or foreign, and what is wrong with it: one function for whatever takes records."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from cutenv.measurement import flaws
+from cutenv.recording.cuts import STANDARD, CutSearch, FoundCut
+from cutenv.recording.errors import RecordError
+from cutenv.recording.files import load
+from cutenv.recording.foreign import Imported, load_foreign
+from cutenv.recording.mapping import MAP_FILE, ColumnMap
+
+_NAMED_INSIDE = (".parquet", ".h5", ".hdf5")  # formats that no mapping is for
+
+
+def read_record(
+    path: str | os.PathLike[str], mapping: ColumnMap | None = None, *, search: CutSearch | None = STANDARD
+) -> Imported:
+    """Read the cuts of a file that this package or another program wrote, and judge them.
+
+    A file whose headers say quantity and unit (:func:`cutenv.recording.load`) needs no mapping; its cuts are
+    taken as they are. Any other text file is read by :func:`cutenv.recording.foreign.load_foreign`, through
+    `mapping` or the one that was saved beside it.
+
+    Parameters
+    ----------
+    path : path
+        Of the record.
+    mapping : ColumnMap, optional
+        Of its columns.
+    search : CutSearch or None
+        How cuts are found in a foreign record. None: neither tare nor split.
+
+    Returns
+    -------
+    Imported
+        Its `sound` are the cuts to calculate with.
+
+    Raises
+    ------
+    RecordError
+        If the file is not to be read: where, why, and the cure.
+    OSError
+        If the file cannot be opened.
+    ModuleNotFoundError
+        If the format's library is not installed; names the pip command.
+    """
+    path = Path(path)
+    named_inside = path.suffix.lower() in _NAMED_INSIDE
+    if mapping is not None and named_inside:
+        raise RecordError(path, "a mapping is for text files; here the columns' names say what they are. Leave it out.")
+    if mapping is not None:
+        return load_foreign(path, mapping, search=search)
+    try:
+        traces = tuple(load(path))
+    except RecordError as error:
+        if named_inside:
+            raise
+        if (path.parent / MAP_FILE).is_file():
+            return load_foreign(path, search=search)
+        cure = "If another program wrote it, say what its columns are: --map time=... force=... --unit N."
+        raise RecordError(path, f"{error.reason} {cure}") from None
+    return Imported(
+        path=path,
+        mapping=None,
+        records=traces,
+        tared=traces,
+        cuts=tuple((FoundCut(start=0, stop=len(trace)),) for trace in traces),
+        traces=traces,
+        flaws=tuple(flaws(trace) for trace in traces),
+        notes=(f"{path.name}: {len(traces)} cut{'' if len(traces) == 1 else 's'}, as recorded.",),
+    )

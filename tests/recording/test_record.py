@@ -1,0 +1,71 @@
+"""One function reads any record, native or foreign, and judges it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded_cut import recorded_cut
+
+from cutenv.recording import RecordError, save
+from cutenv.recording.mapping import ColumnMap
+from cutenv.recording.record import read_record
+from cutenv.trace import Trace
+
+MAPPING = ColumnMap.parse(["time=t", "force=F"], unit="N")
+FOREIGN = "t,F\n" + "".join(f"{i / 100},{1.0 + math.sin(i / 9.0)!r}\n" for i in range(200))
+
+
+def cuts() -> list[Trace]:
+    cut = recorded_cut("2 cm", turns=(0.03, 0.0)).trace
+    force = cut.force.copy()
+    force[1000:2500] = force[1000]
+    return [cut, dataclasses.replace(cut, force=force)]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".h5", ".parquet"])
+def test_a_native_record_is_taken_as_it_is_and_judged(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"record{suffix}"
+    save(cuts(), path)
+    found = read_record(path)
+    assert found.mapping is None
+    for trace, cut in zip(found.traces, cuts(), strict=True):
+        assert np.array_equal(trace.force, cut.force)
+    assert [[flaw.kind for flaw in each] for each in found.flaws] == [[], ["stuck"]]
+    assert found.sound == found.traces[:1]
+    assert found.picture(1)["flaws"] == (found.flaws[1],)
+    assert found.notes == (f"record{suffix}: 2 cuts, as recorded.",)
+
+
+def test_a_foreign_record_is_read_by_a_mapping_given_or_saved(tmp_path: Path) -> None:
+    path = tmp_path / "record.csv"
+    path.write_text(FOREIGN)
+    given = read_record(path, MAPPING)
+    MAPPING.save(tmp_path)
+    saved = read_record(path)
+    assert given.mapping == saved.mapping == MAPPING
+    assert given.traces == saved.traces
+    save(cuts(), tmp_path / "native.csv")
+    assert read_record(tmp_path / "native.csv").mapping is None  # its header says more than a mapping beside it
+
+
+def test_a_foreign_record_without_a_mapping_is_refused_with_the_cure(tmp_path: Path) -> None:
+    path = tmp_path / "record.csv"
+    path.write_text(FOREIGN)
+    with pytest.raises(RecordError, match=r"If another program wrote it, .*--map time=... force=... --unit N"):
+        read_record(path)
+
+
+def test_a_mapping_is_for_text_files(tmp_path: Path) -> None:
+    save(cuts(), tmp_path / "record.h5")
+    with pytest.raises(RecordError, match="a mapping is for text files"):
+        read_record(tmp_path / "record.h5", MAPPING)
+
+
+@pytest.mark.parametrize("name", ["none.csv", "none.txt", "none.h5"])
+def test_a_missing_file_is_an_os_error(name: str, tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        read_record(tmp_path / name, None if name.endswith("5") else MAPPING)
