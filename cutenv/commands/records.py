@@ -46,7 +46,10 @@ def add_record_options(parser: argparse.ArgumentParser) -> None:
         "the record does not",
     )
     foreign.add_argument(
-        "--confirm", type=Path, metavar="FOLDER", help="draw every record there: what was taken off, cuts and flaws found"
+        "--confirm",
+        type=Path,
+        metavar="FOLDER",
+        help="draw every record there: what was taken off, cuts and flaws found",
     )
     parser.add_argument("--skip-bad", action="store_true", help="leave bad records out instead of stopping, and say so")
 
@@ -113,9 +116,23 @@ def _pattern(text: str | None) -> re.Pattern[str] | None:
 
 
 def _draw(folder: Path, imported: Imported) -> None:
+    """A picture of each record of a file."""
     from cutenv.report import draw_record  # an extra, and slow to import
 
-    draw_record(folder / f"{imported.path.stem}.png", imported)
+    wrong = list(imported.flaws)
+    for number, (record, tared, cuts) in enumerate(
+        zip(imported.records, imported.tared, imported.cuts, strict=True), 1
+    ):
+        place = "" if len(imported.records) == 1 else f"_{number}"
+        own, wrong = wrong[: max(len(cuts), 1)], wrong[max(len(cuts), 1) :]
+        draw_record(
+            folder / f"{imported.path.stem}{place}.png",
+            record,
+            tared=None if tared is record else tared,
+            cuts=[cut.samples for cut in cuts],
+            flaws=own,
+            title=f"{imported.path.name}{place.replace('_', ', record ')}",
+        )
 
 
 def _named(trace: Trace, path: Path, number: int | None, pattern: re.Pattern[str] | None) -> Trace:
