@@ -51,6 +51,7 @@ def add_record_options(parser: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="draw every record there: what was taken off, cuts and flaws found",
     )
+    parser.add_argument("--verbose", action="store_true", help="say of every file how it was read")
     parser.add_argument("--skip-bad", action="store_true", help="leave bad records out instead of stopping, and say so")
 
 
@@ -80,7 +81,7 @@ def read_records(arguments: argparse.Namespace) -> Records:
         except RecordError as error:
             refused.append(Refused(path.name, error.reason))
             continue
-        notes += imported.notes if imported.mapping is not None else ()
+        notes += imported.notes if arguments.verbose else ()
         if arguments.confirm is not None:
             _draw(arguments.confirm, imported)
         for number, (trace, wrong) in enumerate(zip(imported.traces, imported.flaws, strict=True), 1):
