@@ -123,7 +123,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--reference",
         default="baselines",
-        help=f"{', '.join(SHIPPED)} (default), none, a file of ReferenceSet.save, or a folder of your own people's records",
+        help=f"{', '.join(SHIPPED)} (default), none, a file of ReferenceSet.save, or a folder of your people's records",
     )
     parser.add_argument("--out", type=Path, default=Path(), metavar="FOLDER", help="for pages and tables; default here")
     return parser
