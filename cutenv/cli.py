@@ -17,8 +17,10 @@ import cutenv
 _EXTRA_OF_MODULE = {
     "h5py": "data",
     "matplotlib": "view",
+    "meshcat": "view",
     "pyarrow": "data",
     "pygame": "view",
+    "pymunk": "play",
     "rich": "rl",
     "safetensors": "rl",
     "stable_baselines3": "rl",
