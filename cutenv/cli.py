@@ -36,6 +36,7 @@ class Command:
 
 
 COMMANDS = {
+    "calibrate": Command(module="cutenv.commands.calibrate", summary="make a tissue of your own records of cuts"),
     "bench": Command(module="cutenv.bench", summary="measure the speed of the environment on this machine"),
 }
 

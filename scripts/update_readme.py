@@ -1,6 +1,6 @@
 """Print every number of the README: rewrite the blocks between its markers, or check them.
 
-    python scripts/update_readme.py parameters agreement specimens speed headroom
+    python scripts/update_readme.py parameters agreement specimens calibration speed headroom
     python scripts/update_readme.py training --runs runs/NAME ...  one run for each seed
     python scripts/update_readme.py --check parameters          fails if a block is not what it would print
     python scripts/update_readme.py --picture                   draws assets/pictures/cut.png
@@ -11,9 +11,7 @@ A block stands between ``<!-- NAME -->`` and ``<!-- /NAME -->``.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import csv
-import io
 import json
 import math
 import re
@@ -26,7 +24,6 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 
-import cutenv.bench
 from cutenv.cutting.drive import Rig
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
@@ -75,10 +72,9 @@ def agreement(_: argparse.Namespace) -> str:
 
 def speed(_: argparse.Namespace) -> str:
     """What ``cutenv bench`` prints on this machine."""
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        cutenv.bench.main([])
-    return "```\n" + printed.getvalue().rstrip() + "\n```"
+    program = [sys.executable, "-m", "cutenv", "bench"]  # a fresh process: no threads yet, nothing loaded
+    done = subprocess.run(program, check=True, stdout=subprocess.PIPE, text=True, cwd=ROOT)
+    return "```\n" + done.stdout.rstrip() + "\n```"
 
 
 def specimens(_: argparse.Namespace) -> str:
@@ -86,6 +82,13 @@ def specimens(_: argparse.Namespace) -> str:
     program = [sys.executable, str(ROOT / "scripts" / "fit_specimens.py"), "--livers", "150"]
     done = subprocess.run(program, check=True, stdout=subprocess.PIPE, text=True)
     return "```\n" + done.stdout.strip() + "\n```"
+
+
+def calibration(_: argparse.Namespace) -> str:
+    """What ``scripts/calibrate_virtual_rig.py`` finds beside what it put in."""
+    program = [sys.executable, str(ROOT / "scripts" / "calibrate_virtual_rig.py")]
+    done = subprocess.run(program, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    return "```\n" + done.stdout.partition("4. Beside what was put in:\n")[2].strip("\n") + "\n```"
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
@@ -173,6 +176,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "parameters": parameters,
     "agreement": agreement,
     "specimens": specimens,
+    "calibration": calibration,
     "speed": speed,
     "training": training,
     "headroom": headroom_block,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import cutenv  # noqa: F401  registers the environment
+from cutenv.bench.measured import Measured, Number, at_most
 
 ALLOWED_OVER_PENDULUM = 1.0
 """Largest acceptable time of a step, 20 force updates, over a step of Pendulum-v1."""
@@ -37,14 +38,21 @@ def step_times(steps: int = 4000, rounds: int = 5) -> dict[str, float]:
     return {name: float(seconds / steps * 1e6) for name, seconds in best.items()}
 
 
-def reset_time(resets: int = 300) -> float:
-    """Microseconds per reset of the cutting environment, a new specimen drawn each time."""
-    env = gymnasium.make(_ENVIRONMENTS[0])
-    env.reset(seed=0)
-    start = time.perf_counter()
-    for _ in range(resets):
-        env.reset()
-    return (time.perf_counter() - start) / resets * 1e6
+def reset_times(resets: int = 100, rounds: int = 5) -> dict[str, float]:
+    """Microseconds per reset of each environment, a new specimen drawn each time; the best of interleaved rounds."""
+    envs = {name: gymnasium.make(name) for name in _ENVIRONMENTS}
+    for env in envs.values():
+        env.reset(seed=0)
+    best = dict.fromkeys(envs, np.inf)
+    for _ in range(rounds):
+        for name, env in envs.items():
+            start = time.perf_counter()
+            for _ in range(resets):
+                env.reset()
+            best[name] = min(best[name], time.perf_counter() - start)
+    for env in envs.values():
+        env.close()
+    return {name: float(seconds / resets * 1e6) for name, seconds in best.items()}
 
 
 def _actions(env: gymnasium.Env[Any, Any], steps: int) -> list[Any]:
@@ -69,13 +77,19 @@ def _time_steps(env: gymnasium.Env[Any, Any], actions: list[Any]) -> float:
     return total + time.perf_counter() - start
 
 
-def print_report() -> None:
-    """Print steps beside Pendulum and CartPole, and resets."""
-    times = step_times()
-    own, pendulum = times["cutenv/GentleCut-v0"], times["Pendulum-v1"]
-    print("one step through gymnasium.make, microseconds")
-    for name, microseconds in times.items():
-        print(f"  {name:22s} {microseconds:7.1f}   {microseconds / pendulum:5.2f} x Pendulum-v1")
-    verdict = "within" if own <= ALLOWED_OVER_PENDULUM * pendulum else "MISSED:"
-    print(f"  20 force updates a step; {verdict} the {ALLOWED_OVER_PENDULUM:g} x Pendulum-v1 allowed")
-    print(f"  reset, a new specimen drawn: {reset_time():.0f} microseconds")
+def measure() -> Measured:
+    """Steps and resets beside those of Pendulum and CartPole."""
+    steps, resets = step_times(), reset_times()
+    pendulum = steps["Pendulum-v1"]
+    over = steps[_ENVIRONMENTS[0]] / pendulum
+    numbers = {f"step of {name}": Number(microseconds, "us") for name, microseconds in steps.items()}
+    numbers |= {f"reset of {name}": Number(microseconds, "us") for name, microseconds in resets.items()}
+    numbers["step over Pendulum-v1's"] = Number(over, "1")
+    lines = ["one step through gymnasium.make, and one reset, microseconds"]
+    for name, microseconds in steps.items():
+        beside = f"{microseconds:7.1f}   {microseconds / pendulum:5.2f} x Pendulum-v1"
+        lines.append(f"  {name:22s} {beside}   reset {resets[name]:6.1f}")
+    lines.append(
+        at_most("20 force updates a step", over, ALLOWED_OVER_PENDULUM, f"{ALLOWED_OVER_PENDULUM:g} x Pendulum-v1")
+    )
+    return Measured(numbers, lines)

@@ -9,6 +9,7 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv.bench.measured import Measured, Number, at_most
 from cutenv.plant import Plant, SimulatedPlant
 from cutenv.tissue import Specimen
 
@@ -43,22 +44,26 @@ def durations(updates: int = _UPDATES) -> tuple[Nanoseconds, Nanoseconds, int]:
     return own, empty, sys.getallocatedblocks() - blocks
 
 
-def print_report() -> None:
-    """Print both histograms, percentiles and the verdict."""
+def measure() -> Measured:
+    """Both histograms, percentiles and the verdict."""
     own, empty, blocks = durations()
-    print(f"one 1 kHz update through the plant interface, {len(own)} of them, beside an empty loop; counts")
-    print("  from [us]    update     empty")
+    numbers: dict[str, Number] = {}
+    lines = [f"one 1 kHz update through the plant interface, {len(own)} of them, beside an empty loop; counts"]
+    lines.append("  from [us]    update     empty")
     for low, a, b in zip(_EDGES, _histogram(own), _histogram(empty), strict=False):
-        print(f"  {low / 1e3:9.1f} {a:9d} {b:9d}")
+        lines.append(f"  {low / 1e3:9.1f} {a:9d} {b:9d}")
     for percent in _PERCENTILES:
         a, b = np.percentile(own, percent) / 1e3, np.percentile(empty, percent) / 1e3
-        print(f"  {'slowest' if percent == 100.0 else f'p{percent:g}':>9s} {a:9.2f} {b:9.2f} us")
+        name = "slowest" if percent == 100.0 else f"p{percent:g}"
+        lines.append(f"  {name:>9s} {a:9.2f} {b:9.2f} us")
+        numbers |= {f"update, {name}": Number(float(a), "us"), f"empty, {name}": Number(float(b), "us")}
     apart = float(np.percentile(own, 99.9) - np.percentile(empty, 99.9))
-    verdict = "within" if apart <= ALLOWED_NS else "MISSED:"
-    print(
-        f"  99.9 % are within {apart / 1e3:.1f} us of the empty loop's; {verdict} the {ALLOWED_NS / 1e3:g} us allowed"
-    )
-    print(f"  memory blocks left behind by {len(own)} updates: {blocks}")
+    numbers["99.9 % apart"] = Number(apart / 1e3, "us")
+    numbers["memory blocks left behind"] = Number(blocks, "1")
+    within = f"99.9 % are within {apart / 1e3:.1f} us of the empty loop's"
+    lines.append(at_most(within, apart, ALLOWED_NS, f"{ALLOWED_NS / 1e3:g} us"))
+    lines.append(f"  memory blocks left behind by {len(own)} updates: {blocks}")
+    return Measured(numbers, lines)
 
 
 def _histogram(values: Nanoseconds) -> NDArray[np.int64]:

@@ -1,23 +1,40 @@
 """From a recorded cut to the properties of its tissue; knows records and tissue, never the simulator."""
 
+from cutenv.measurement.calibration import calibrate, measure_cuts, tissue_of
+from cutenv.measurement.cut import MeasuredCut, measure_cut
 from cutenv.measurement.depth import DepthProfile
 from cutenv.measurement.flaws import Flaw, flaws
 from cutenv.measurement.fracture import FractureEstimate, estimate_fracture_resistance
+from cutenv.measurement.initiation import InitiationEstimate, estimate_initiation, initiation_excess
 from cutenv.measurement.modulus import ModulusEstimate, estimate_local_effective_moduli, iterate_modulus
+from cutenv.measurement.prediction import LeftOutCut, leave_one_out
 from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
 from cutenv.measurement.segments import Segment, loading_segments
+from cutenv.measurement.speed_dependence import SpeedDependence, fit_speed_dependence
 
 __all__ = [
     "DepthProfile",
     "Flaw",
     "FractureEstimate",
+    "InitiationEstimate",
+    "LeftOutCut",
+    "MeasuredCut",
     "ModulusEstimate",
     "ReturnStroke",
     "Segment",
+    "SpeedDependence",
+    "calibrate",
     "estimate_fracture_resistance",
+    "estimate_initiation",
     "estimate_local_effective_moduli",
     "fit_return_stroke",
+    "fit_speed_dependence",
     "flaws",
+    "initiation_excess",
     "iterate_modulus",
+    "leave_one_out",
     "loading_segments",
+    "measure_cut",
+    "measure_cuts",
+    "tissue_of",
 ]

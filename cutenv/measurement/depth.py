@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
+from cutenv.tissue.specimen import LENGTH
+from cutenv.tissue.thickness import bulge
 from cutenv.trace import Trace
 
 Array = NDArray[np.float64]
@@ -50,3 +55,33 @@ class DepthProfile:
         x = np.concatenate(([start], inside, [end]))
         B = self.at(x)
         return float(0.5 * (B[1:] + B[:-1]) @ np.diff(x))
+
+
+def fit_bulge(profiles: Sequence[DepthProfile], first: Sequence[float]) -> dict[str, float]:
+    """Edge, crown and rise of the bulge that fits depth profiles best, and their mean beyond ``first`` places [m].
+
+    As for pig liver, the mean is that of the stretch where segments are measured, not of the thin edge.
+    """
+    x = np.concatenate([profile.position for profile in profiles])
+    B = np.concatenate([profile.depth for profile in profiles])
+    beyond = [p.depth[p.position >= min(a, p.position[-1])] for p, a in zip(profiles, first, strict=True)]
+    mean = float(np.mean([depths.mean() for depths in beyond]))
+    low, high = 1e-4, 0.05
+    crown = float(np.clip(B.max(), 1e-3, high))
+    if np.ptp(B) < 0.02 * B.mean():
+        return {"edge_depth": crown, "crown_depth": crown, "rise_length": 0.015, "mean_depth": mean}
+
+    def misfit(p: Array) -> Array:
+        edge, rise = p[1] * math.exp(min(p[0], 0.0)), math.exp(p[2])
+        fitted = bulge(x, edge=max(edge, low), crown=max(p[1], edge, low), rise_length=rise, length=LENGTH)
+        return np.asarray(fitted - B)
+
+    start = np.array([math.log(max(float(B.min()), low) / crown) - 1e-3, crown, math.log(0.015)])
+    bounds = ([math.log(low / high), 1e-3, math.log(1e-3)], [0.0, high, math.log(0.1)])
+    p = least_squares(misfit, np.clip(start, bounds[0], bounds[1]), bounds=bounds, x_scale=[1.0, 0.01, 1.0]).x
+    return {
+        "edge_depth": float(max(p[1] * math.exp(p[0]), low)),
+        "crown_depth": float(p[1]),
+        "rise_length": math.exp(p[2]),
+        "mean_depth": mean,
+    }

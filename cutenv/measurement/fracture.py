@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.measurement.depth import SHALLOWEST, DepthProfile
-from cutenv.measurement.loading_ratio import loading_ratio as liver_loading_ratio
+from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio_of
 from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
 from cutenv.measurement.segments import Segment, loading_segments
 from cutenv.measurement.strokes import STANDSTILL, Stroke, strokes
@@ -63,7 +63,7 @@ def estimate_fracture_resistance(
     *,
     friction_per_depth: float | None = None,
     friction_share: float = FRICTION_SHARE,
-    loading_ratio: float | None = None,
+    loading_ratio: float | LoadingRatio | None = None,
 ) -> FractureEstimate:
     """Find the fracture resistance R of a cut from the work of the blade.
 
@@ -83,9 +83,9 @@ def estimate_fracture_resistance(
         phi [N/m], 0 to 1e5. By default from the return stroke, or else by `friction_share`.
     friction_share : float
         Friction's share of R [1], 0 to 0.9; used, and flagged, only where nothing measures friction.
-    loading_ratio : float, optional
-        r [1], 0.01 to 1, for other tissue. By default that of pig liver at the last segment's speed and
-        angle.
+    loading_ratio : float or callable, optional
+        r [1], 0.01 to 1, for other tissue, or a function of speed [m/s] and angle [rad]. By default that of
+        pig liver at the last segment's speed and angle.
 
     Returns
     -------
@@ -107,8 +107,7 @@ def estimate_fracture_resistance(
     in_range("friction_share", friction_share, 0.0, 0.9, "1", "It is a share: 20 % is 0.2.")
     if friction_per_depth is not None:
         in_range("friction_per_depth", friction_per_depth, 0.0, 1e5, "N/m")
-    if loading_ratio is not None:
-        in_range("loading_ratio", loading_ratio, 0.01, 1.0, "1", "It is LEM over quasi-static modulus.")
+    ratio = loading_ratio_of(loading_ratio, low=0.01)
     start = float(position[0])
     travel = float(position.max()) - start
     in_range("travel of the blade", travel, 1e-3, 0.5, "m", "Give a record in which the blade advances.")
@@ -144,8 +143,8 @@ def estimate_fracture_resistance(
         flags.append(f"{missing}: stiffness of mean pig liver")
         stiffness = _mean_liver_stiffness(depth, float(position.max()))
     else:
-        r = liver_loading_ratio(ramp.speed, ramp.angle) if loading_ratio is None else loading_ratio
-        stiffness = _ramp_stiffness(ramp, r, position, depth)
+        (speed,) = ramp.require("speed", by=by)
+        stiffness = _ramp_stiffness(ramp, ratio(speed, ramp.angle), position, depth)
     if friction_per_depth is None:
         flags.append(f"friction assumed to be {100 * friction_share:g} % of the resistance")
     corrected, tip, phi = _open_loop(trace, position, depth, stiffness, friction_per_depth, friction_share)
@@ -201,12 +200,13 @@ def _closed_loop(trace: Trace, position: Array, depth: DepthProfile, way_back: R
 
 def _ramp_stiffness(ramp: Segment, r: float, position: Array, depth: DepthProfile) -> _Stiffness:
     """K [N/m] at a tip, from the ramp's slope less friction's share in it, carried there by the depth."""
+    x, slope = ramp.require("position", "slope", by="estimate_fracture_resistance")
     first, last = (float(position[i]) for i in (ramp.start, ramp.stop - 1))
     rise_of_depth = float(depth.at(last) - depth.at(first)) / (last - first)
 
     def stiffness(a: float, phi: float) -> float:
-        K = (ramp.slope - phi * rise_of_depth) / r
-        ramp_tip = ramp.position - (ramp.force - phi * float(depth.at(ramp.position))) / K
+        K = (slope - phi * rise_of_depth) / r
+        ramp_tip = x - (ramp.force - phi * float(depth.at(x))) / K
         return K * float(depth.at(a) / depth.at(ramp_tip))
 
     return stiffness

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from cutenv.tissue.modulus import linear_fit, local_effective_modulus, quasi_static_modulus
+from cutenv.validation import in_range
+
+LoadingRatio = Callable[[float, float | None], float]
+"""From speed [m/s] and angle [rad] to r [1]."""
 
 _SLACK = 1e-6  # [rad], for angles that went through degrees and back
 _SPEED_SLACK = 0.02  # of the speed, which a record gives with noise
@@ -35,6 +40,16 @@ def loading_ratio(speed: float, angle: float | None) -> float:
     for end in (math.pi / 4, math.pi / 2):
         theta = end if abs(theta - end) < _SLACK else theta
     return min(1.0, local_effective_modulus(speed, theta) / quasi_static_modulus())
+
+
+def loading_ratio_of(given: float | LoadingRatio | None, *, low: float = 0.0) -> LoadingRatio:
+    """The ratio as a function: that of pig liver for None, the same everywhere for a number of ``low`` to 1."""
+    if given is None:
+        return loading_ratio
+    if callable(given):
+        return given
+    number = in_range("loading_ratio", given, low, 1.0, "1", "It is LEM over quasi-static modulus.")
+    return lambda speed, angle: number
 
 
 def in_measured_range(speed: float) -> bool:

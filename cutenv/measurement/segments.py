@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +18,14 @@ Array = NDArray[np.float64]
 SMALLEST_DROP = 0.1
 """Default smallest significant drop [N]: twice the resolution of the thesis's sensor (section 3.1)."""
 
+SMALLEST_DROP_SHARE = 0.1
+"""The same without newtons, as a share of the record's range of force from its 5 % to its 95 % quantile."""
+
 SMOOTHING_READINGS = 10
 """Default number of readings averaged: noise of 0.025 N falls to 0.008 N; 0.25 mm at 2.54 cm/s and 1 kHz."""
+
+SMOOTHING_TIME = 0.01
+"""The same without position [s]: 10 readings at 1 kHz, a single one at the 30 Hz of a camera."""
 
 STRAIGHT = 0.75
 """Least R squared of a ramp that counts as straight: that of a rise of 0.15 N under noise of 0.025 N."""
@@ -26,55 +34,68 @@ STEADY = 0.3
 """Largest change of speed over a ramp, as a share of its mean, that counts as none."""
 
 _FEWEST = 3  # bins that must remain of a ramp
+_INNER_QUANTILES = (0.05, 0.95)
+
+_Along = Literal["position", "displacement", "slope", "speed", "speed_change"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """One ramp of loading, without its rounded ends; the line is fitted by least squares.
+    """One ramp of loading, without its rounded ends; its line is fitted by least squares.
+
+    The line is that of force against position, or against time where the trace holds no position. Force is in
+    the unit of the trace, written as N here.
 
     Attributes
     ----------
     start, stop : int
         The readings ``start`` to ``stop - 1`` of the trace.
-    position : float
-        Of the blade, mean over these readings [m].
+    time, duration : float
+        Mean over these readings, and from the first to the last [s].
     force : float
-        On the fitted line at `position` [N].
-    force_rise, displacement : float
-        Delta F [N] of the line and Delta U [m] of the blade, from the first of these readings to the last.
-    slope : float
-        dF/dU [N/m].
+        On the fitted line at `position`, or else at `time` [N].
+    force_rise : float
+        Delta F of the line from the first of these readings to the last [N].
+    rate : float
+        dF/dt, of a line of its own against time [N/s].
     r_squared : float
         Share of the force's variance that the line explains [1].
     drop : float
         Fall of the smoothed force from hilltop to the next valley [N]; 0 if none of significance followed.
-    speed : float
-        Mean [m/s].
-    speed_change : float
-        Speed of the ramp's second half less that of its first, over the mean [1].
+    after_standstill : bool
+        Whether it is the first of its stroke: the blade had just met the tissue, turned or stood, and part of
+        the ramp is elastic, without the growth that accompanies steady loading. Without position the whole
+        record is one stroke.
+    position, displacement : float or None
+        Of the blade, mean, and Delta U from the first to the last [m]; None if the trace holds no position.
+    slope : float or None
+        dF/dU [N/m]; None without position.
+    speed, speed_change : float or None
+        Mean [m/s]; that of the ramp's second half less that of its first, over the mean [1]; None without
+        position.
     angle : float or None
         Mean [rad]; None if the trace does not hold it.
     depth : float or None
         Mean depth of cut at the blade [m]; None if the trace does not hold it.
-    after_standstill : bool
-        Whether it is the first of its stroke: the blade had just met the tissue, turned or stood, and part of
-        the ramp is elastic, without the growth that accompanies steady loading.
     """
 
     start: int
     stop: int
-    position: float
+    time: float
+    duration: float
     force: float
     force_rise: float
-    displacement: float
-    slope: float
+    rate: float
     r_squared: float
     drop: float
-    speed: float
-    speed_change: float
-    angle: float | None
-    depth: float | None
     after_standstill: bool
+    position: float | None = None
+    displacement: float | None = None
+    slope: float | None = None
+    speed: float | None = None
+    speed_change: float | None = None
+    angle: float | None = None
+    depth: float | None = None
 
     @property
     def samples(self) -> slice:
@@ -83,30 +104,66 @@ class Segment:
 
     @property
     def is_steady(self) -> bool:
-        """Whether its slope tells the tissue: ended by a drop, no stroke's first, straight, of one speed."""
+        """Whether its slope tells the tissue: ended by a drop, no stroke's first, straight, of one speed.
+
+        False without position: a rate does not tell how much of it is the blade's speed.
+        """
         whole = self.drop > 0.0 and not self.after_standstill
-        return whole and self.r_squared >= STRAIGHT and abs(self.speed_change) <= STEADY
+        return (
+            whole and self.r_squared >= STRAIGHT and self.speed_change is not None and abs(self.speed_change) <= STEADY
+        )
+
+    def require(self, *names: _Along, by: str) -> tuple[float, ...]:
+        """Return what the segment knows along the cut, or say which function needs what is missing.
+
+        Parameters
+        ----------
+        *names : str
+            Among "position", "displacement", "slope", "speed", "speed_change".
+        by : str
+            The function that needs them, for the message.
+
+        Returns
+        -------
+        tuple of float
+            In the order of the names, in SI.
+
+        Raises
+        ------
+        ValueError
+            If one is None.
+        """
+        values = tuple(getattr(self, name) for name in names)
+        missing = [name for name, value in zip(names, values, strict=True) if value is None]
+        if missing:
+            raise ValueError(
+                f"{by} needs {' and '.join(missing)} of a loading segment, which only a trace with position gives."
+            )
+        return values
 
 
 def loading_segments(
-    trace: Trace, *, smallest_drop: float = SMALLEST_DROP, smoothing_readings: int = SMOOTHING_READINGS
+    trace: Trace, *, smallest_drop: float | None = None, smoothing_readings: int | None = None
 ) -> list[Segment]:
     """Find the ramps of loading between the valleys and hilltops of the cutting force.
 
     In each forward stroke the force is averaged over bins of `smoothing_readings`. A rise counts from its
     lowest to its highest bin, and a new one begins only after a fall of `smallest_drop`. The line is fitted
     to the readings themselves, leaving out the first and the last bin of the ramp, which may hold part of a
-    drop.
+    drop. A trace without position is taken for one stroke, and its ramps are lines against time.
 
     Parameters
     ----------
     trace : Trace
-        With position; force in newtons. Speed is taken from position and time.
-    smallest_drop : float
-        Smallest significant rise and drop [N], 1e-4 to 100: well above the noise of a mean of
-        `smoothing_readings`.
-    smoothing_readings : int
-        1 to 10000. A ramp of fewer than 5 times as many readings is not found.
+        Speed is taken from position and time; without position, segments have a `rate` and no `slope`.
+    smallest_drop : float, optional
+        Smallest significant rise and drop, well above the noise of a mean of `smoothing_readings`; in newtons,
+        1e-4 to 100, or in the unit of a normalised record. By default 0.1 N; for a normalised record a tenth
+        of its own range of force (5 % to 95 % quantile): give it, the same for all, where such records are to
+        be compared.
+    smoothing_readings : int, optional
+        1 to 10000. By default 10; without position as many as 10 ms hold, but 1 at least. A ramp of fewer than
+        5 times as many readings is not found.
 
     Returns
     -------
@@ -116,30 +173,57 @@ def loading_segments(
     Raises
     ------
     ValueError
-        If the trace holds no position or no newtons, or a parameter is out of range.
+        If a parameter is out of range.
 
     Notes
     -----
     Thesis, section 3.3.2 and Figure 3.4, which describe the filter by its result only: hilltops and valleys
     of the significant loadings and unloadings. Friction at a constant depth shifts a ramp and leaves its
     slope; a delay of the sensor shifts it along the cut. Slower than 0.5 mm/s the blade counts as standing.
+
+    Examples
+    --------
+    >>> saw = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 0.3, 0.5, 0.7, 0.9, 1.1, 1.3]
+    >>> trace = Trace(time=[0.1 * i for i in range(12)], force=saw, force_unit="1")
+    >>> [(round(s.rate, 3), round(s.drop, 3), s.slope) for s in loading_segments(trace)]
+    [(2.0, 0.7, None), (2.0, 0.0, None)]
     """
-    by = "loading_segments"
-    in_range("smallest_drop", smallest_drop, 1e-4, 100.0, "N", "A tenth of a newton is a drop to begin with.")
-    in_range("smoothing_readings", smoothing_readings, 1, 10_000, "1", "It is a number of readings.")
-    trace.require_newtons(by=by)
-    (position,) = trace.require("position", by=by)
-    return [
-        segment
-        for stroke in strokes(trace.time, position)
-        if stroke.forward
-        for segment in _segments_of(trace, position, stroke, smallest_drop, int(smoothing_readings))
-    ]
+    drop = _smallest_drop(trace) if smallest_drop is None else _checked_drop(trace, smallest_drop)
+    readings = _smoothing_readings(trace) if smoothing_readings is None else smoothing_readings
+    in_range("smoothing_readings", readings, 1, 10_000, "1", "It is a number of readings.")
+    if trace.position is None:
+        ways = [Stroke(start=0, stop=len(trace), forward=True)]
+    else:
+        ways = strokes(trace.time, trace.position)
+    return [segment for way in ways if way.forward for segment in _segments_of(trace, way, drop, int(readings))]
 
 
-def _segments_of(
-    trace: Trace, position: Array, stroke: Stroke, smallest_drop: float, smoothing_readings: int
-) -> list[Segment]:
+def _smallest_drop(trace: Trace) -> float:
+    if trace.force_unit == "N":
+        return SMALLEST_DROP
+    low, high = np.quantile(trace.force, _INNER_QUANTILES)
+    return SMALLEST_DROP_SHARE * float(high - low)
+
+
+def _checked_drop(trace: Trace, smallest_drop: float) -> float:
+    if trace.force_unit == "N":
+        return in_range(
+            "smallest_drop", smallest_drop, 1e-4, 100.0, "N", "A tenth of a newton is a drop to begin with."
+        )
+    cure = (
+        f"The force is normalised: give the drop in its unit; without one it is {_smallest_drop(trace):.3g} here, "
+        "a tenth of the record's range."
+    )
+    return in_range("smallest_drop", smallest_drop, 1e-12, 1e9, "1", cure)
+
+
+def _smoothing_readings(trace: Trace) -> int:
+    if trace.position is not None:
+        return SMOOTHING_READINGS
+    return max(1, round(SMOOTHING_TIME * trace.sample_rate))
+
+
+def _segments_of(trace: Trace, stroke: Stroke, smallest_drop: float, smoothing_readings: int) -> list[Segment]:
     borders = bins_of_readings(stroke.stop - stroke.start, smoothing_readings)
     smooth = bin_means(trace.force[stroke.samples], borders)
     ramps = turning_points(smooth, smallest_drop)
@@ -152,7 +236,6 @@ def _segments_of(
         found.append(
             _fitted(
                 trace,
-                position,
                 stroke.start + int(borders[valley + 1]),
                 stroke.start + int(borders[hilltop]),
                 drop=drop if drop >= smallest_drop else 0.0,
@@ -162,28 +245,49 @@ def _segments_of(
     return found
 
 
-def _fitted(trace: Trace, position: Array, start: int, stop: int, *, drop: float, after_standstill: bool) -> Segment:
+def _fitted(trace: Trace, start: int, stop: int, *, drop: float, after_standstill: bool) -> Segment:
     here = slice(start, stop)
-    x, F, t = position[here], trace.force[here], trace.time[here]
-    dx, dF = x - x.mean(), F - F.mean()
-    slope = float(dx @ dF / (dx @ dx))
-    variance = float(dF @ dF)
+    t, F = trace.time[here], trace.force[here]
+    rate, r_squared = _line(t, F)
+    duration = float(t[-1] - t[0])
+    in_time = Segment(
+        start=start,
+        stop=stop,
+        time=float(t.mean()),
+        duration=duration,
+        force=float(F.mean()),
+        force_rise=rate * duration,
+        rate=rate,
+        r_squared=r_squared,
+        drop=drop,
+        after_standstill=after_standstill,
+        angle=None if trace.angle is None else float(trace.angle[here].mean()),
+        depth=None if trace.depth is None else float(trace.depth[here].mean()),
+    )
+    return in_time if trace.position is None else _along_the_cut(in_time, t, trace.position[here], F)
+
+
+def _along_the_cut(in_time: Segment, t: Array, x: Array, F: Array) -> Segment:
+    """The same segment with its line against position, and how the blade moved."""
+    slope, r_squared = _line(x, F)
     displacement, speed = float(x[-1] - x[0]), float((x[-1] - x[0]) / (t[-1] - t[0]))
     half = len(x) // 2
     first_half, second_half = (x[half] - x[0]) / (t[half] - t[0]), (x[-1] - x[half]) / (t[-1] - t[half])
-    return Segment(
-        start=start,
-        stop=stop,
-        position=float(x.mean()),
-        force=float(F.mean()),
+    return dataclasses.replace(
+        in_time,
         force_rise=slope * displacement,
+        r_squared=r_squared,
+        position=float(x.mean()),
         displacement=displacement,
         slope=slope,
-        r_squared=slope * float(dx @ dF) / variance if variance > 0.0 else 1.0,
-        drop=drop,
         speed=speed,
         speed_change=float(second_half - first_half) / speed,
-        angle=None if trace.angle is None else float(trace.angle[here].mean()),
-        depth=None if trace.depth is None else float(trace.depth[here].mean()),
-        after_standstill=after_standstill,
     )
+
+
+def _line(x: Array, F: Array) -> tuple[float, float]:
+    """Slope of the least-squares line of F against x, and the share of the variance that it explains."""
+    dx, dF = x - x.mean(), F - F.mean()
+    slope = float(dx @ dF / (dx @ dx))
+    variance = float(dF @ dF)
+    return slope, slope * float(dx @ dF) / variance if variance > 0.0 else 1.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 from cutenv.parameter import check_parameters, parameter
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.derivation import derived_value
+from cutenv.tissue.evidence import Calibration
 from cutenv.tissue.fracture import measured_fracture_resistance
 from cutenv.tissue.modulus import linear_fit
 from cutenv.tissue.spread import mean_depth_of_cut, modulus_spread
@@ -29,6 +31,7 @@ class TissueDescription:
     :func:`measured_liver` gives pig liver as measured; the defaults here are only near it.  For a tissue of your own,
     replace fields of it, and set ``modulus_scale`` and ``fracture_scale`` to 1: they belong to the liver's spread, and
     ``scripts/fit_specimens.py`` shows how they were fitted.  Class ``uniform`` uses neither.
+    :func:`cutenv.measurement.calibrate` makes one from records, and says in ``calibration`` what it rests on.
 
     Every modulus is a local effective modulus and belongs to the finite-element model named by ``element``,
     ``formulation``, ``poisson`` and the default mesh; use :meth:`CutModel.convert_modulus` for another.
@@ -128,6 +131,9 @@ class TissueDescription:
         0.0149, unit="m", low=1e-4, high=0.05, provenance="measured", why="Table 5.5 over Table 5.6"
     )
 
+    calibration: Calibration | None = dataclasses.field(default=None, compare=False)
+    """What a calibrated tissue rests on; two tissues of which the same specimens are drawn are equal without it."""
+
     def __post_init__(self) -> None:
         check_parameters(self)
         one_of("element", self.element, ("quad4", "quad8", "hex20"))
@@ -157,11 +163,15 @@ class TissueDescription:
         ValueError
             For another schema, an unknown or a missing field, or a value out of range.
         """
-        return cls(**checked_fields(text, SCHEMA, {field.name for field in dataclasses.fields(cls)}))
+        names = {field.name for field in dataclasses.fields(cls)}
+        content = checked_fields(text, SCHEMA, names, may_miss={"calibration"})
+        if content.get("calibration") is not None:
+            content["calibration"] = Calibration.from_content(content["calibration"])
+        return cls(**content)
 
 
-def checked_fields(text: str, schema: str, names: set[str]) -> dict[str, Any]:
-    """The fields of a JSON object of one schema, none missing, none unknown."""
+def checked_fields(text: str, schema: str, names: set[str], may_miss: Collection[str] = ()) -> dict[str, Any]:
+    """The fields of a JSON object of one schema, none unknown, none missing but those that may."""
     try:
         content = json.loads(text)
     except json.JSONDecodeError as error:
@@ -172,7 +182,7 @@ def checked_fields(text: str, schema: str, names: set[str]) -> dict[str, Any]:
     del content["schema"]
     for name in content:
         one_of("field", name, sorted(names))
-    missing = sorted(names - content.keys())
+    missing = sorted(names - content.keys() - set(may_miss))
     if missing:
         raise ValueError(f"missing field(s) {', '.join(missing)} of schema {schema}.")
     return content

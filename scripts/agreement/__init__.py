@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from agreement import cutting, derived, elements, measuring, meshes, models, moduli, worked_check
+from agreement import (
+    cutting,
+    derived,
+    drawn_tables,
+    elements,
+    friction,
+    measuring,
+    meshes,
+    models,
+    moduli,
+    worked_check,
+)
 from agreement.rows import Comparison, Row
 
 COMPARISONS: dict[str, Callable[[bool], Comparison]] = {
@@ -19,11 +30,18 @@ COMPARISONS: dict[str, Callable[[bool], Comparison]] = {
     "equations": moduli.equations,
     "fits": moduli.fits,
     "constants": moduli.constants,
+    "livers-by-cut": drawn_tables.cuts_by_cuts,
+    "livers-5-5": drawn_tables.average_tables("5.5"),
+    "livers-5-6": drawn_tables.average_tables("5.6"),
+    "livers-5-7": drawn_tables.average_tables("5.7"),
+    "livers-equations": drawn_tables.equations,
+    "livers-6-1": drawn_tables.resistance,
     "eta90": derived.eta90,
     "modulus": measuring.modulus_comes_back,
     "resistance": measuring.resistance_comes_back,
     "resistance-open": measuring.resistance_of_open_records,
     "resistance-livers": measuring.resistance_of_livers,
+    "friction": friction.friction_comes_back,
     "apparent": measuring.apparent_reads_low,
     "units": cutting.units_fall_with_speed,
     "depth": cutting.force_follows_depth,

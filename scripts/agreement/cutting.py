@@ -6,8 +6,10 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 from tqdm import tqdm
 
+from agreement import drawn_livers
 from agreement.measuring import LIVERS, watched
 from agreement.rows import Comparison, Row, at_most, holds, near
 from agreement.virtual_cuts import INCH, SPEEDS, VirtualCut, cm_s, virtual_cut
@@ -18,6 +20,7 @@ from cutenv.randomness import generator
 from cutenv.tissue import Specimen
 
 TRAVEL = 0.12  # of the thesis's cuts [m]
+RANK_CORRELATION = -0.5  # that numbers come to by chance once in twenty times if they are 12, and never if 150
 DEPTHS_CM = (0.5, 1.0, 2.0)
 POLICY_SECONDS = 8.0
 _HOLD = 50  # ticks for which a random policy keeps its command
@@ -37,12 +40,28 @@ def units_fall_with_speed(quick: bool) -> Comparison:
             text = ", ".join(str(n) for n in counts)
             falls = counts[0] > counts[1] > counts[2]
             rows.append(holds(f"{kind}: {what} in 12 cm at 0.1, 1.27, 2.54 cm/s", "fall with speed", text, falls))
+    rows += [_units_of_drawn_livers(angle_deg, quick) for angle_deg in (90, 45)]
     return Comparison(
         title="Units per length fall with speed",
         source="section 3.3.2, Figure 3.3",
         ours=f"{rows[1].ours} segments in 12 cm at 0.1, 1.27, 2.54 cm/s",
         tolerance="shown",
         rows=tuple(rows),
+    )
+
+
+def _units_of_drawn_livers(angle_deg: float, quick: bool) -> Row:
+    """Many cuts a speed, each in another place: the number falls on average, not from each cut to the next."""
+    speeds = drawn_livers.speeds(quick)
+    counts = [[cut.segments for cut in drawn_livers.cuts(v, angle_deg, quick)] for v in speeds]
+    by_cut = [(v, n) for v, numbers in zip(speeds, counts, strict=True) for n in numbers]
+    rank = float(stats.spearmanr(*zip(*by_cut, strict=True)).statistic)
+    means = ", ".join(f"{np.mean(numbers):.0f}" for numbers in counts)
+    return holds(
+        f"drawn livers, {angle_deg:g} deg: mean number of steady segments in 12 cm at {len(speeds)} speeds",
+        "fall with speed",
+        f"{means} (rank correlation with speed {rank:.2f})",
+        rank < RANK_CORRELATION,
     )
 
 

@@ -16,11 +16,13 @@ from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.randomness import generator
 from cutenv.tissue import Specimen, local_effective_modulus, measured_fracture_resistance, measured_liver
 from cutenv.tissue.specimen import N_POINTS, SPACING
+from cutenv.tissue.tables import table
 from cutenv.tissue.thickness import bulge
 from cutenv.trace import Trace
 
 INCH = 0.0254  # [m]
 SPEEDS = (0.001, 0.0127, 0.0254)  # slow, intermediate and normal cutting of chapter 3 [m/s]
+SEVEN_SPEEDS = tuple(float(v) / 100 for v in table("5.6")["speed_cm_s"])  # of chapter 5 [m/s]
 ANGLES_DEG = (90.0, 45.0)
 DWELL = 0.2  # at every turning point [s]
 PLACES = np.arange(N_POINTS) * SPACING

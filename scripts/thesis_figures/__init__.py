@@ -16,6 +16,7 @@ FIGURES: dict[str, Callable[[Path, bool], None]] = {
     "figure_3_7_to_3_8": experiments.moduli_along_four_cuts,
     "figure_4_2": models.displacement_field,
     "figure_4_3_to_4_5": models.models_along_the_cut,
+    "figure_5_2_to_5_4": speeds.moduli_by_cut,
     "figure_5_5_to_5_9": speeds.moduli_by_speed,
     "figure_6_3_to_6_4": fracture.resistance_by_length,
     "figure_6_5_to_6_7": fracture.forward_backward,

@@ -11,10 +11,11 @@ from fit_specimens import SIGNIFICANT_DROP
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from cutenv.measurement import ModulusEstimate, estimate_local_effective_moduli, loading_segments
+from cutenv.measurement import ModulusEstimate, Segment, estimate_local_effective_moduli, loading_segments
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.randomness import generator
 from cutenv.tissue import CutModel, Specimen, draw_liver, local_effective_modulus
+from cutenv.trace import Trace
 from thesis_figures.style import (
     DISPLACEMENT_LABEL,
     DISTANCE_LABEL,
@@ -32,6 +33,7 @@ TRAVEL = 0.12  # [m]
 LIVER_SEED = 3
 CUTS = 4  # parallel ones in a liver
 SLOW = SPEEDS[0]
+UNUSED = "not used: the first, bent, or ended by no drop"
 
 
 def force_against_displacement(path: Path, quick: bool) -> None:
@@ -59,14 +61,9 @@ def loading_segments_found(path: Path, quick: bool) -> None:
         x = 100 * trace.position
         ax.plot(x, trace.force, color="0.6", linewidth=0.6, label="measured force")
         found = [s for s in loading_segments(trace) if window[0] <= 100 * s.position <= window[1]]
-        for s in found:
-            ends = trace.position[[s.start, s.stop - 1]]
-            line = s.force + s.slope * (ends - s.position)
-            colour = STRESS if s.is_steady else STRAIN
-            ax.plot(100 * ends, line, color=colour, linewidth=1.8)
-            ax.plot(100 * ends, line, "o", color="black", markersize=2.5)
+        mark_segments(ax, trace, found)
         ax.plot([], [], color=STRESS, linewidth=1.8, label="loading segment, fitted line")
-        ax.plot([], [], color=STRAIN, linewidth=1.8, label="not used: no drop ended it")
+        ax.plot([], [], color=STRAIN, linewidth=1.8, label=UNUSED)
         ax.set_xlim(*window)
         inside = (x >= window[0]) & (x <= window[1])
         low, high = float(trace.force[inside].min()), float(trace.force[inside].max())
@@ -74,6 +71,15 @@ def loading_segments_found(path: Path, quick: bool) -> None:
         named(ax, f"{cm_s(speed)}: {len(found)} segments shown", DISPLACEMENT_LABEL, "force [N]")
         ax.legend(loc="upper left", ncols=3)
     save(figure, path)
+
+
+def mark_segments(ax: Axes, trace: Trace, segments: list[Segment]) -> None:
+    """The fitted lines over the force, in another colour where the measurement does not use them."""
+    for s in segments:
+        ends = trace.position[[s.start, s.stop - 1]]
+        line = s.force + s.slope * (ends - s.position)
+        ax.plot(100 * ends, line, color=STRESS if s.is_steady else STRAIN, linewidth=1.8)
+        ax.plot(100 * ends, line, "o", color="black", markersize=2.5)
 
 
 def liver_cuts() -> list[tuple[Specimen, SimulatedPlant]]:

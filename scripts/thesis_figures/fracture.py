@@ -6,16 +6,14 @@ import math
 from pathlib import Path
 
 import numpy as np
+from agreement import drawn_livers
 from agreement.cutting import legs, protocol
 from agreement.virtual_cuts import SPEEDS, cm_s, specimen, virtual_cut
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
-from tqdm import tqdm
 
-from cutenv.measurement import estimate_fracture_resistance
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.randomness import generator
-from cutenv.tissue import Specimen, measured_fracture_resistance
+from cutenv.plant import SimulatedPlant
+from cutenv.tissue import measured_fracture_resistance
 from cutenv.tissue.tables import table
 from thesis_figures.style import (
     DISPLACEMENT_LABEL,
@@ -32,7 +30,6 @@ from thesis_figures.style import (
 )
 
 TYPICAL, TOUGH = "liver 1", "liver 2"  # the tough one turns at 1 inch while it loads, not after a run
-N_CUTS = 42  # the thesis's forty, equally many of each length
 UPRIGHT = math.pi / 2
 _SMOOTHING = 50  # readings
 
@@ -52,28 +49,21 @@ def resistance_by_length(path: Path, quick: bool) -> None:
     work.plot(x, cut.trace.force, color=FORCE, linewidth=0.7)
     work.text(0.05, 0.75, f"area: W = {1e3 * W:.0f} mJ", transform=work.transAxes)
     named(work, f"6.3: force in a drawn liver, {cm_s(SPEEDS[1])}, 4 inches", DISPLACEMENT_LABEL, "force [N]")
-    _draw_resistance(resistance, 14 if quick else N_CUTS)
+    _draw_resistance(resistance, quick)
     save(figure, path)
 
 
-def _draw_resistance(ax: Axes, cuts: int) -> None:
+def _draw_resistance(ax: Axes, quick: bool) -> None:
     data = table("6.1")
     lengths = data["cut_length_m"]
-    found: list[list[float]] = [[] for _ in lengths]
-    for number in tqdm(range(cuts), desc="figure 6.4, cuts", unit="cut", leave=False):
-        tissue = Specimen.draw(generator(64, number), specimen_class="liver")
-        plant = SimulatedPlant(tissue, seed=64, episode=number)
-        row = number % len(lengths)
-        speed = SPEEDS[number // len(lengths) % len(SPEEDS)]
-        trace = to_trace(plant, run(plant, [Leg(position=float(lengths[row]), speed=speed)]))
-        found[row].append(estimate_fracture_resistance(trace).apparent)
     mean, sd = data["fracture_resistance_J_m2"], data["sd_fracture_resistance_J_m2"]
     ax.errorbar(100 * lengths - 0.07, mean, sd, fmt="o", color=STRESS, label="Table 6.1, mean ± SD")
-    for length, values in zip(lengths, found, strict=True):
-        ax.plot(np.full(len(values), 100 * length + 0.22), values, ".", color=STRAIN, ms=4, alpha=0.6)
-    virtual, spread = [np.mean(v) for v in found], [np.std(v) for v in found]
-    label = f"{cuts} virtual cuts (dots), mean ± SD"
-    ax.errorbar(100 * lengths + 0.07, virtual, spread, fmt="s", color=STRAIN, label=label)
+    cuts = [cut for v in drawn_livers.speeds(quick) for cut in drawn_livers.cuts(v, 90, quick)]
+    for length in sorted({cut.length for cut in cuts}):
+        R = np.array([cut.apparent for cut in cuts if cut.length == length])
+        label = f"{len(cuts)} virtual cuts (dots), mean ± SD" if length == lengths[0] else None
+        ax.plot(np.full(len(R), 100 * length + 0.22), R, ".", color=STRAIN, ms=4, alpha=0.6)
+        ax.errorbar(100 * length + 0.07, R.mean(), R.std(), fmt="s", color=STRAIN, label=label)
     ax.axhline(measured_fracture_resistance().mean, color=STRESS, linewidth=0.8, linestyle=":")
     ax.set_ylim(0, 480)
     ax.set_xlim(2, 11)

@@ -1,4 +1,4 @@
-"""Chapter 5: LEM against speed, the measured means and the fits that the simulator uses."""
+"""Chapter 5: LEM by cut and against speed; the measured means, drawn livers, and the fits that the simulator uses."""
 
 from __future__ import annotations
 
@@ -7,12 +7,30 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
+from agreement import drawn_livers
+from agreement.drawn_tables import BY_CUT, cut_means
+from agreement.virtual_cuts import cm_s, virtual_cut
+from fit_specimens import SIGNIFICANT_DROP
 from matplotlib.axes import Axes
 
+from cutenv.measurement import loading_segments
 from cutenv.tissue import local_effective_modulus
 from cutenv.tissue.modulus import linear_fit, power_fit
+from cutenv.tissue.spread import CUTS_PER_LIVER
 from cutenv.tissue.tables import table
-from thesis_figures.style import INCLINED, LEM_LABEL, UPRIGHT, named, panels, save
+from thesis_figures.experiments import KIND, TRAVEL, UNUSED, mark_segments
+from thesis_figures.style import (
+    DISPLACEMENT_LABEL,
+    FORCE,
+    INCLINED,
+    LEM_LABEL,
+    STRAIN,
+    STRESS,
+    UPRIGHT,
+    named,
+    panels,
+    save,
+)
 
 
 class Panel(NamedTuple):
@@ -33,9 +51,16 @@ PANELS = [
     Panel("5.9", "5.7", "plane_stress", 0.499, True),
 ]
 
-LEGEND = """Points: Tables 5.5 to 5.7 of the thesis.
+LEGEND = """Filled: Tables 5.5 to 5.7 of the thesis.
 Lines: fits computed from these tables,
 and used by the simulator; v in cm/s.
+
+Open, pale: livers drawn by the simulator,
+cut by the thesis's protocol and measured
+as the thesis measured, {cuts} cuts each.
+Table 5.7 is of no model that Table 4.4
+knows; and 5.5 and 5.6, of the same cuts,
+fall with speed differently at 45°.
 
 Equations 5.6 and 5.7 carry here the labels
 that the data give them: the thesis prints
@@ -46,18 +71,78 @@ static modulus E0 = 48.4 kPa, its intercept
 at 90°."""
 
 
-def moduli_by_speed(path: Path, quick: bool) -> None:
-    """Figures 5.5 to 5.9."""
-    title = "Figures 5.5 to 5.9 anew: LEM against cutting speed, measured mean ± SD and fit"
-    figure, axes = panels(2, 3, (12.5, 7.2), title)
-    for ax, panel in zip(axes, PANELS, strict=False):
-        _draw(ax, panel)
-    axes[-1].axis("off")
-    axes[-1].text(0.05, 0.5, LEGEND, transform=axes[-1].transAxes, va="center", linespacing=1.4)
+def moduli_by_cut(path: Path, quick: bool) -> None:
+    """Figures 5.2 to 5.4: force against the length of cut with its segments, and the means of the cuts."""
+    title = "Figures 5.2 to 5.4 anew: loading segments at 45° and 90° in one drawn liver, and the means of all cuts"
+    figure, axes = panels(4, 2, (12.0, 11.0), title)
+    for angle_deg, column in ((45, 0), (90, 1)):
+        rows = [(number, v) for number, angle, v in BY_CUT if angle == angle_deg]
+        for ax, (_, speed) in zip(axes[column::2], rows, strict=False):
+            _draw_segments(ax, angle_deg, speed / 100)
+        _draw_means(axes[6 + column], angle_deg, rows, quick)
+    axes[0].plot([], [], color=STRESS, linewidth=1.8, label="loading segment, fitted line")
+    axes[0].plot([], [], color=STRAIN, linewidth=1.8, label=UNUSED)
+    axes[0].legend(loc="upper left")
+    highest = max(ax.get_ylim()[1] for ax in axes[:6])
+    for ax in axes[:6]:
+        ax.set_ylim(-0.2, highest)
+        ax.set_xlim(0, 100 * TRAVEL + 0.2)
+    for ax in axes[4:6]:
+        ax.set_xlabel(DISPLACEMENT_LABEL)
+    for ax in axes[0:6:2]:
+        ax.set_ylabel("force [N]")
     save(figure, path)
 
 
-def _draw(ax: Axes, panel: Panel) -> None:
+def _draw_segments(ax: Axes, angle_deg: float, speed: float) -> None:
+    trace = virtual_cut(KIND, speed=speed, angle_deg=angle_deg, turns=(TRAVEL,)).trace
+    segments = loading_segments(trace, smallest_drop=SIGNIFICANT_DROP)
+    ax.plot(100 * np.asarray(trace.position), trace.force, color="0.6", linewidth=0.6)
+    mark_segments(ax, trace, segments)
+    named(ax, f"{angle_deg:g}°, {cm_s(speed)}: {len(segments)} segments, {sum(s.is_steady for s in segments)} used")
+
+
+def _draw_means(ax: Axes, angle_deg: float, rows: list[tuple[str, float]], quick: bool) -> None:
+    """Measured means of the cuts with the standard deviation within each, and drawn ones beside them."""
+    colour = INCLINED if angle_deg == 45 else UPRIGHT
+    for at, (number, speed) in enumerate(rows):
+        suffix = f"_at_{speed:.2f}_cm_s" if number == "5.1" else ""
+        mean, sd = (table(number)[f"{x}_plane_stress{suffix}_Pa"] / 1e3 for x in ("lem", "sd"))
+        spots = at + np.linspace(-0.35, -0.05, len(mean))
+        ax.errorbar(spots, mean, sd, fmt="o", color=colour, ms=4, elinewidth=0.8, label="measured" if not at else None)
+        drawn = [cut.as_measured["plane_stress", 0.3] / 1e3 for cut in drawn_livers.cuts(speed, angle_deg, quick)]
+        spots = at + np.linspace(0.05, 0.35, len(drawn))
+        means, within = [m.mean() for m in drawn], [m.std() for m in drawn]
+        label = "drawn livers" if not at else None
+        ax.errorbar(spots, means, within, fmt="s", mfc="white", color="0.45", ms=3, elinewidth=0.5, label=label)
+        for side, values in ((-0.2, mean), (0.2, means)):
+            ax.plot([at + side - 0.17, at + side + 0.17], [np.mean(values)] * 2, color=FORCE, linewidth=1.6, zorder=4)
+    ax.set_xticks(range(len(rows)), [f"{v:g}" for _, v in rows])
+    ax.set_ylim(0, 160)
+    ax.legend(loc="upper right", ncols=2)
+    figure = "5.3" if angle_deg == 45 else "5.4"
+    named(ax, f"{figure}: each cut's mean ± SD within it; bar, mean of cuts", "cutting speed [cm/s]", LEM_LABEL)
+
+
+def moduli_by_speed(path: Path, quick: bool) -> None:
+    """Figures 5.5 to 5.9."""
+    title = "Figures 5.5 to 5.9 anew: LEM against cutting speed, mean ± SD; measured and fitted, and of drawn livers"
+    figure, axes = panels(2, 3, (12.5, 7.2), title)
+    for ax, panel in zip(axes, PANELS, strict=False):
+        _draw(ax, panel, quick)
+    axes[-1].axis("off")
+    axes[-1].text(
+        0.05,
+        0.5,
+        LEGEND.format(cuts=CUTS_PER_LIVER * drawn_livers.livers(quick)),
+        transform=axes[-1].transAxes,
+        va="center",
+        linespacing=1.4,
+    )
+    save(figure, path)
+
+
+def _draw(ax: Axes, panel: Panel, quick: bool) -> None:
     data = table(panel.number)
     speed = data["speed_cm_s"]
     line = np.linspace(speed.min(), speed.max(), 200)
@@ -72,6 +157,18 @@ def _draw(ax: Axes, panel: Panel) -> None:
             ms=4,
             elinewidth=0.8,
             label=f"{angle_deg}°: {_equation(panel, angle_deg)}",
+        )
+        drawn = [cut_means(panel.number, angle_deg, panel.formulation, v, quick) for v in drawn_livers.speeds(quick)]
+        ax.errorbar(
+            np.array(drawn_livers.speeds(quick)) + 3 * shift,
+            [values.mean() for values in drawn],
+            [values.std() for values in drawn],
+            fmt=marker,
+            mfc="white",
+            color=colour,
+            alpha=0.55,
+            ms=4,
+            elinewidth=0.8,
         )
         fitted = local_effective_modulus(
             line / 100,

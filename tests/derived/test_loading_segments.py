@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import doctest
 import itertools
 from collections.abc import Callable
 
@@ -12,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recorded_cut import recorded_cut
 
-from cutenv.measurement import Segment, loading_segments
+from cutenv.measurement import Segment, loading_segments, segments
 from cutenv.measurement.strokes import blade_speed, strokes, turning_points
 from cutenv.trace import Trace
 
@@ -161,9 +162,98 @@ def test_nonsense_is_refused(changes: dict[str, float], message: str) -> None:
         loading_segments(saw(speed=0.0254), **changes)  # type: ignore[arg-type]
 
 
-def test_a_trace_without_position_or_newtons_is_refused_by_name() -> None:
-    bare = Trace(time=[0.0, 0.1], force=[0.0, 1.0])
-    with pytest.raises(ValueError, match="loading_segments needs position"):
-        loading_segments(bare)
-    with pytest.raises(ValueError, match="loading_segments needs force in newtons"):
-        loading_segments(dataclasses.replace(bare, force_unit="1"))
+def in_time_only(trace: Trace, *, scale: float | None = None) -> Trace:
+    """The record of a force alone, in newtons, or normalised by ``scale`` [N]."""
+    force = trace.force if scale is None else trace.force / scale
+    return Trace(time=trace.time, force=force, force_unit="N" if scale is None else "1")
+
+
+def check_the_saw_is_found_in_time(trace: Trace, speed: float, unit: float, **changes: float) -> None:
+    """Without position the ramps are those found with it, their rates dF/dU times the speed."""
+    segments = loading_segments(trace, **changes)  # type: ignore[arg-type]
+    assert abs(len(segments) - 25) <= 1
+    inner = segments[1:-1]
+    assert np.allclose([s.rate for s in inner], SLOPE * speed / unit, rtol=0.03)
+    assert all(0.7 * UNIT / speed < s.duration <= UNIT / speed for s in inner)
+    assert np.allclose(np.diff([s.time for s in inner]), UNIT / speed, rtol=0.05)
+    assert np.allclose([s.drop for s in inner], DROP / unit, rtol=0.25)
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_a_saw_is_found_without_position(speed: float) -> None:
+    with_position = saw(speed=speed)
+    check_the_saw_is_found_in_time(in_time_only(with_position), speed, 1.0)
+    assert len(loading_segments(in_time_only(with_position))) == len(loading_segments(with_position))
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_a_normalised_saw_is_found_by_its_own_range(speed: float) -> None:
+    check_the_saw_is_found_in_time(in_time_only(saw(speed=speed), scale=40.0), speed, 40.0)
+
+
+def test_a_smallest_drop_in_the_wrong_unit_is_noticed() -> None:
+    with pytest.raises(AssertionError):
+        check_the_saw_is_found_in_time(in_time_only(saw(speed=0.0127), scale=40.0), 0.0127, 40.0, smallest_drop=0.1)
+
+
+def test_a_force_alone_has_rates_and_no_slopes() -> None:
+    for s in loading_segments(in_time_only(saw(speed=0.0127))):
+        along = (s.position, s.displacement, s.slope, s.speed, s.speed_change)
+        assert (*along, s.angle, s.depth) == (None,) * 7
+        assert not s.is_steady
+        with pytest.raises(ValueError, match="fit needs slope and speed of a loading segment, which only a trace with"):
+            s.require("slope", "speed", by="fit")
+
+
+def test_the_rate_is_that_of_the_readings_with_position_or_without() -> None:
+    trace = recorded_cut().forward().trace
+    found = loading_segments(trace)
+    for s in [*found, *loading_segments(in_time_only(trace))]:
+        t, F = trace.time[s.samples], trace.force[s.samples]
+        assert s.rate == pytest.approx(np.polyfit(t, F, 1)[0])
+        assert (s.time, s.duration) == pytest.approx((t.mean(), t[-1] - t[0]))
+    assert [s.rate for s in found if s.is_steady] == pytest.approx(
+        [s.slope * s.speed for s in found if s.is_steady], rel=0.02
+    )
+
+
+def test_a_slow_record_is_not_smoothed_away() -> None:
+    time = np.arange(120) / 30.0
+    found = loading_segments(Trace(time=time, force=(time % 0.5), force_unit="1"))
+    assert len(found) == 8
+    assert all(s.rate == pytest.approx(1.0) for s in found)
+    assert loading_segments(Trace(time=time, force=time % 0.5, force_unit="1"), smoothing_readings=10) == []
+
+
+def test_a_constant_force_has_no_segments() -> None:
+    assert loading_segments(Trace(time=np.arange(50) / 30.0, force=np.full(50, 0.3), force_unit="1")) == []
+
+
+def test_a_drop_that_is_none_is_refused_in_the_unit_of_the_record() -> None:
+    bare = Trace(time=np.arange(101) * 0.01, force=np.linspace(0.0, 1.0, 101), force_unit="1")
+    with pytest.raises(ValueError, match=r"smallest_drop = 0 is outside .* without one it is 0.09 here"):
+        loading_segments(bare, smallest_drop=0.0)
+    with pytest.raises(ValueError, match=r"smallest_drop = 0 N is outside"):
+        loading_segments(dataclasses.replace(bare, force_unit="N"), smallest_drop=0.0)
+
+
+def test_the_example_of_the_docstring_is_what_it_prints() -> None:
+    ran = doctest.testmod(segments)
+    assert ran.attempted > 0
+    assert ran.failed == 0
+
+
+@given(
+    st.lists(st.floats(-1.0, 1.0, width=32), min_size=12, max_size=80),
+    st.floats(1e-3, 1e3),
+)
+def test_segments_of_a_normalised_force_do_not_depend_on_what_it_was_normalised_with(
+    steps: list[float], scale: float
+) -> None:
+    force = np.cumsum(steps)
+    time = np.arange(len(force)) / 30.0
+    one, other = (Trace(time=time, force=factor * force, force_unit="1") for factor in (1.0, scale))
+    drop = 0.3712  # no whole number of any step: rounding does not decide
+    mine, theirs = loading_segments(one, smallest_drop=drop), loading_segments(other, smallest_drop=drop * scale)
+    assert [(s.start, s.stop) for s in mine] == [(s.start, s.stop) for s in theirs]
+    assert [scale * s.rate for s in mine] == pytest.approx([s.rate for s in theirs], rel=1e-6, abs=1e-9 * scale)

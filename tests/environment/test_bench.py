@@ -3,15 +3,29 @@
 from __future__ import annotations
 
 import gc
+import math
 import sys
+from types import ModuleType
 
 import numpy as np
 import pytest
 
 from cutenv import bench
-from cutenv.bench import batch, environment, tick
+from cutenv.bench import batch, environment, factorisation, field, gymnasium_vectors, limits, models, ppo, reading, tick
+from cutenv.bench.measured import Measured, Number
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue import Specimen
+
+MODULES: dict[str, ModuleType] = {
+    "reading": reading,
+    "step": environment,
+    "batch": batch,
+    "tick": tick,
+    "field": field,
+    "models": models,
+    "factorisation": factorisation,
+    "ppo": ppo,
+}
 
 
 def test_rates_are_of_whole_batches():
@@ -21,15 +35,21 @@ def test_rates_are_of_whole_batches():
     assert 0.0 < found.resets
 
 
+@pytest.mark.parametrize("other", [gymnasium_vectors.SYNC, gymnasium_vectors.ASYNC, gymnasium_vectors.NATIVE])
+def test_gymnasiums_vectors_are_stepped_whole(other, monkeypatch):
+    monkeypatch.setattr(gymnasium_vectors, "_STRETCH_S", 0.005)
+    assert 0.0 < gymnasium_vectors.step_rate(other, 2)
+
+
 def test_operations_are_counted_in_the_law_itself():
-    counted = batch.operations_per_update()
+    counted = limits.operations_per_update()
     assert {"additions", "multiplications", "divisions", "comparisons"} <= set(counted)
     assert 3.0 <= counted["divisions"] <= 12.0
     assert 50.0 < sum(counted.values()) < 500.0
 
 
 def test_a_step_touches_less_than_a_first_level_cache_holds():
-    assert 1000 < batch.bytes_per_step() < 16 * 1024
+    assert 1000 < limits.bytes_per_step() < 16 * 1024
 
 
 def test_updates_and_nothing_take_turns():
@@ -49,16 +69,113 @@ def test_an_update_leaves_no_memory_behind():
     assert sys.getallocatedblocks() - before < 50
 
 
-@pytest.mark.parametrize("name", ["step", "batch", "tick"])
-def test_each_prints_a_verdict_by_its_own_numbers(name, capsys, monkeypatch):
-    monkeypatch.setattr(environment, "step_times", lambda: {"cutenv/GentleCut-v0": 3.0, "Pendulum-v1": 2.0})
-    monkeypatch.setattr(environment, "reset_time", lambda: 50.0)
+def test_resets_are_timed_beside_gymnasiums():
+    times = environment.reset_times(resets=2, rounds=2)
+    assert set(times) == {"cutenv/GentleCut-v0", "Pendulum-v1", "CartPole-v1"}
+    assert all(microseconds > 0.0 for microseconds in times.values())
+
+
+def test_displacements_are_timed_from_clamp_to_end_on_the_meshes_of_the_thesis():
+    found = field.field_times(field.MESHES[0], updates=20)
+    assert found.n_equations == 876
+    assert found.nodes.shape == found.product.shape == found.lattice.shape == (20,)
+    assert np.median(found.product) < np.median(found.nodes) < np.median(found.lattice)
+
+
+def test_each_model_is_timed_beside_the_size_printed_in_table_4_3(monkeypatch):
+    monkeypatch.setattr(models, "LEVELS", {name: models.LEVELS[name] for name in ("quad4", "quad8")})
+    found = models.level_times(rounds=1)
+    assert [times.n_equations for times in found.values()] == [320, 876]
+    assert all(0.0 < times.analysis < times.whole for times in found.values())
+
+
+def test_the_sizes_are_the_printed_ones():
+    assert models.printed_sizes() == {"quad4": 0.04, "quad8": 0.1, "hex20": 1.0}
+
+
+def factorising(divisions: tuple[int, int], repeats: int) -> factorisation.FactorisationSpeedup:
+    return {
+        "divisions": divisions, "n_tips": 15, "n_equations": 876, "per_tip_s": 0.1, "one_factorisation_s": 0.01,
+        "one_factorisation_with_slips_s": 0.02, "speedup": 10.0, "speedup_with_slips": 5.0,
+        "largest_difference": 1e-14, "largest_difference_with_slips": 1e-14,
+    }  # fmt: skip
+
+
+@pytest.fixture
+def made_up(monkeypatch):
+    """Nothing is measured: every benchmark gets numbers that were made up."""
+    names = ("cutenv/GentleCut-v0", "Pendulum-v1", "CartPole-v1")
+    monkeypatch.setattr(environment, "step_times", lambda: dict(zip(names, (3.0, 2.0, 1.0), strict=True)))
+    monkeypatch.setattr(environment, "reset_times", lambda: dict.fromkeys(names, 50.0))
     monkeypatch.setattr(batch, "rates", lambda count: batch.Rates(1.0e6, 2.0e6, 1.0e5))
-    monkeypatch.setattr(batch, "pendulum_rate", lambda: 1.0e4)
+    monkeypatch.setattr(batch, "step_rate", lambda other, count: 1.0e4)
+    monkeypatch.setattr(batch, "limits", lambda native, bare: Measured({"bytes": Number(2816, "byte")}, ["limits"]))
     monkeypatch.setattr(tick, "durations", lambda: (np.full(1000, 50_000), np.full(1000, 100), 0))
+    slow = np.full(100, 3000.0)
+    monkeypatch.setattr(field, "field_times", lambda divisions: field.FieldTimes(876, 30.0, slow, slow / 9, slow * 2))
+    levels = {name: models.LevelTimes(100 * n, 3.0 * n, 1.0 * n) for n, name in enumerate(models.LEVELS, 1)}
+    monkeypatch.setattr(models, "level_times", lambda: levels)
+    monkeypatch.setattr(factorisation, "factorisation_speedup", factorising)
+    monkeypatch.setattr(ppo, "missing", lambda checkout: None)
+    read = {"numpy.loadtxt": 0.1, ".csv": 0.31, ".parquet": 0.01, ".h5": 0.25}
+    monkeypatch.setattr(reading, "reading_times", lambda traces: read)
+    speed = {"decisions": 65536.0, "decisions_per_s": 12345.0, "environments_share": 0.25}
+    monkeypatch.setattr(ppo, "training_speed", lambda checkout: speed)
+
+
+@pytest.mark.usefixtures("made_up")
+@pytest.mark.parametrize(
+    ("name", "missed", "said"),
+    [
+        ("step", 1, "1.50 x Pendulum-v1   reset   50.0"),
+        ("batch", 2, "100 times SyncVectorEnv of Pendulum-v1 at 1024 (10 thousand/s): at least 50 required"),
+        ("batch", 2, "as much as 10.0 steps of the batch; within the 100 allowed"),
+        ("batch", 2, "  65536    1000.0         -         -      10.0        0.50"),
+        ("batch", 2, "     16    1000.0      10.0      10.0      10.0        0.50"),
+        ("tick", 1, "99.9 % are within 49.9 us of the empty loop's; MISSED: the 20 us allowed"),
+        ("field", 2, "99 % in 3000 us, 18.0 % of a picture's time; MISSED: the 10 % allowed"),
+        ("models", 0, "quad8          200        0.667      0.1          6.0 ms  0.667"),
+        ("factorisation", 1, "10.0 times faster (MISSED: required 15)"),
+        ("factorisation", 1, "10.0 times faster (required 8)"),
+        ("reading", 1, ".csv: 310 ms, 3.10 of it; MISSED: the 3 allowed"),
+        ("ppo", 1, "12345 decisions a second over 65536"),
+        ("ppo", 1, "the environments take 25 % of the time; MISSED: the 10 % allowed"),
+    ],
+)
+def test_each_prints_a_verdict_by_its_own_numbers(name, missed, said, capsys):
     assert bench.main([name]) == 0
-    said = capsys.readouterr().out
-    assert said.count("MISSED") == {"step": 1, "batch": 2, "tick": 1}[name]
-    if name == "batch":
-        assert "100 times SyncVectorEnv of Pendulum-v1 at 1024 (10 thousand/s): at least 50 required" in said
-        assert "as much as 10.0 steps of the batch; within the 100 allowed" in said
+    printed = capsys.readouterr().out
+    assert printed.count("MISSED") == missed
+    assert said in printed
+
+
+@pytest.mark.usefixtures("made_up")
+@pytest.mark.parametrize("name", bench.BENCHMARKS)
+def test_each_has_finite_numbers_with_units_beside_its_lines(name):
+    measured = MODULES[name].measure()
+    assert measured.numbers
+    assert all(math.isfinite(number.value) and number.unit for number in measured.numbers.values())
+
+
+def test_without_a_checkout_ppo_says_so(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(ppo, "CHECKOUT", tmp_path)
+    assert bench.main(["ppo"]) == 0
+    assert f"PPO is not measured: needs a checkout of cutenv: there is no agents/speed.py in {tmp_path}" in (
+        capsys.readouterr().out
+    )
+
+
+def test_without_the_learner_ppo_names_the_pip_command(monkeypatch):
+    monkeypatch.setattr(ppo, "find_spec", lambda name: None if name == "torch" else object())
+    assert ppo.missing(ppo.CHECKOUT) == "torch not installed: pip install 'cutenv[rl]'"
+
+
+def test_a_program_that_fails_is_quoted(tmp_path, monkeypatch):
+    (tmp_path / "pyproject.toml").touch()
+    (tmp_path / "agents").mkdir()
+    (tmp_path / "agents" / "speed.py").write_text("raise SystemExit('no more memory')\n")
+    monkeypatch.setattr(ppo, "CHECKOUT", tmp_path)
+    monkeypatch.setattr(ppo, "LEARNERS", ())
+    measured = ppo.measure()
+    assert measured.numbers == {}
+    assert measured.lines == ["PPO is not measured: agents/speed.py failed with status 1: no more memory"]

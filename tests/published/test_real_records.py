@@ -14,8 +14,8 @@ import pytest
 from cutenv.measurement import (
     estimate_fracture_resistance,
     estimate_local_effective_moduli,
-    loading_segments,
 )
+from cutenv.measurement.segments import STRAIGHT
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
 
@@ -75,16 +75,11 @@ def test_a_cut_tells_where_it_comes_from(cuts: list[Trace]) -> None:
 @recorded
 def test_what_needs_newtons_or_position_refuses_them_by_name(cuts: list[Trace]) -> None:
     cut = cuts[0]
-    for refuses in (
-        loading_segments,
-        estimate_fracture_resistance,
-        lambda trace: estimate_local_effective_moduli(trace, CutModel()),
-    ):
+    for refuses in (estimate_fracture_resistance, lambda trace: estimate_local_effective_moduli(trace, CutModel())):
         with pytest.raises(ValueError, match=r'needs force in newtons .force_unit "N".'):
             refuses(cut)
-    scaled = Trace(time=cut.time, force=5.0 * cut.force, force_unit="N")
-    with pytest.raises(ValueError, match="loading_segments needs position"):
-        loading_segments(scaled)
+        with pytest.raises(ValueError, match="needs position"):
+            refuses(Trace(time=cut.time, force=5.0 * cut.force, force_unit="N"))
 
 
 @recorded
@@ -99,11 +94,88 @@ def test_statistics_are_those_of_the_numbers(cuts: list[Trace]) -> None:
     assert statistics["rms_rate"] == pytest.approx(30.0 * np.sqrt((np.diff(forces) ** 2).mean()), rel=2e-3)
 
 
+def sawing(drops: int, rate: float) -> Trace:
+    """Six seconds at 30 Hz: ramps of one rate, each ended by a drop of 0.3, and a last ramp that none ends."""
+    time = np.arange(180) / 30.0
+    ramp = 4.0 / (drops + 1)
+    return Trace(time=time, force=np.minimum(rate * (time % ramp), 0.3), force_unit="1")
+
+
+def check_the_saws_are_counted(cuts: list[Trace]) -> None:
+    found = real_records.segment_statistics(cuts)
+    assert found["cuts"] == 3
+    assert (found["drops"], found["drops_sd"]) == (pytest.approx(3.0), pytest.approx(np.std([2, 3, 4])))
+    assert found["drop"] == pytest.approx(0.3, rel=0.01)
+    assert found["first_rate"] == pytest.approx(0.8, rel=0.05)
+    assert found["straight"] == 1.0
+    later = [found[name] for name in ("rate_low", "rate", "rate_high")]
+    assert later == sorted(later) == pytest.approx([0.8] * 3, rel=0.05)
+
+
+def test_drops_and_rates_of_a_saw_are_those_put_in() -> None:
+    check_the_saws_are_counted([sawing(drops, 0.8) for drops in (2, 3, 4)])
+
+
+def test_a_drop_too_many_is_noticed() -> None:
+    with pytest.raises(AssertionError):
+        check_the_saws_are_counted([sawing(drops, 0.8) for drops in (2, 3, 5)])
+
+
+def test_a_smooth_trial_has_no_later_rate() -> None:
+    rising = Trace(time=np.arange(180) / 30.0, force=np.linspace(0.0, 0.9, 180), force_unit="1")
+    found = real_records.segment_statistics([rising])
+    assert found["drops"] == 0.0
+    assert found["first_rate"] == pytest.approx(0.9 / (179 / 30.0))
+    assert np.isnan([found["drop"], found["rate"]]).all()
+
+
+def check_force_falls_after_each_segment(cuts: list[Trace]) -> None:
+    """Every drop is there in the readings: no reading lies above the hilltop until the force has fallen by it."""
+    n = 0
+    for cut in cuts:
+        for s in real_records.segments_of(cut):
+            assert s.rate > 0.0 or s.r_squared < STRAIGHT
+            if s.drop > 0.0:
+                after = cut.force[s.stop : real_records.CUT_SAMPLES]
+                fallen = int(np.argmax(after <= after[0] - s.drop + 1e-12))
+                assert fallen > 0
+                assert after[0] == after[: fallen + 1].max()
+                n += 1
+    assert n > len(cuts)
+
+
+@recorded
+def test_real_drops_are_falls_of_the_real_force(cuts: list[Trace]) -> None:
+    check_force_falls_after_each_segment(cuts)
+
+
+@recorded
+def test_a_force_turned_upside_down_is_noticed(cuts: list[Trace], monkeypatch: pytest.MonkeyPatch) -> None:
+    right = real_records.segments_of
+    upside_down = [Trace(time=cut.time, force=-cut.force, force_unit="1") for cut in cuts]
+    monkeypatch.setattr(real_records, "segments_of", lambda cut: right(upside_down[cuts.index(cut)]))
+    with pytest.raises(AssertionError):
+        check_force_falls_after_each_segment(cuts)
+
+
 @recorded
 def test_the_script_prints_a_row_for_every_trial() -> None:
     ran = subprocess.run([sys.executable, str(SCRIPT)], capture_output=True, text=True, check=True)
-    assert ran.stdout.count("\n   T") == 18
-    assert "207" in ran.stdout.splitlines()[-3]
+    assert ran.stdout.count("\n   T") == 36
+    assert ran.stdout.count("\n   all") == 2
+    assert "nan" not in ran.stdout
+
+
+@recorded
+def test_the_script_draws_cuts_and_trials(tmp_path: Path) -> None:
+    from matplotlib.image import imread
+
+    command = [sys.executable, str(SCRIPT), "--out", str(tmp_path / "new")]
+    subprocess.run(command, capture_output=True, text=True, check=True)
+    assert sorted(file.name for file in (tmp_path / "new").iterdir()) == ["real_cuts.png", "real_trials.png"]
+    for file in (tmp_path / "new").iterdir():
+        inked = np.mean(np.any(imread(file)[..., :3] < 0.9, axis=-1))
+        assert 0.005 < inked < 0.7
 
 
 def test_a_missing_file_is_exit_code_2_and_the_cure(tmp_path: Path) -> None:
@@ -111,6 +183,13 @@ def test_a_missing_file_is_exit_code_2_and_the_cure(tmp_path: Path) -> None:
     ran = subprocess.run(command, capture_output=True, text=True)
     assert ran.returncode == 2
     assert "--data" in ran.stderr
+
+
+@recorded
+def test_a_smallest_drop_of_nothing_is_exit_code_2_and_the_cure() -> None:
+    ran = subprocess.run([sys.executable, str(SCRIPT), "--smallest-drop", "0"], capture_output=True, text=True)
+    assert ran.returncode == 2
+    assert "smallest_drop = 0 is outside" in ran.stderr
 
 
 def test_another_file_is_refused(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import subprocess
 import sys
@@ -19,6 +20,15 @@ NOT_CLAIMED = {"four-nodes"}
 KNOWN_MISSES = {
     "equations": 2,  # 5.3 belongs to another value than Table 5.5's, 5.10 is cut off instead of rounded
     "fits": 8,  # means that the thesis's straight line passes at more than the printed SD
+}
+# Drawn livers, the four of the quick protocol: rows near their border may fall otherwise on another machine.
+MOST_MISSES = {
+    "livers-by-cut": 13,  # of 36; 45 degrees, and the scatter within a cut
+    "livers-5-5": 6,  # of 24; 45 degrees
+    "livers-5-6": 4,  # of 24
+    "livers-5-7": 13,  # of 24; no model that Table 4.4 knows has this table and Table 5.6
+    "livers-equations": 10,  # of 20; of three speeds only, and of Table 5.7
+    "livers-6-1": 1,  # of 6
 }
 
 
@@ -41,7 +51,11 @@ def check_agrees(program: ModuleType, name: str) -> None:
     comparison = program.COMPARISONS[name](True)
     assert comparison.rows
     assert bool(comparison.claims) == (name not in NOT_CLAIMED)
-    assert len(comparison.misses) == KNOWN_MISSES.get(name, 0), [row.what for row in comparison.misses]
+    misses = [row.what for row in comparison.misses]
+    if name in MOST_MISSES:
+        assert len(misses) <= MOST_MISSES[name] < len(comparison.claims), misses
+    else:
+        assert len(misses) == KNOWN_MISSES.get(name, 0), misses
 
 
 @pytest.mark.parametrize("name", names("agreement"))
@@ -59,6 +73,41 @@ def stiffer_in_plane_strain(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         CutModel, "stiffness", lambda self, a: right(self, a) * (1.2 if self.formulation == "plane_strain" else 1.0)
     )
+
+
+@pytest.fixture
+def other_livers(program: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Livers three times as stiff and as tough as those that were measured: four cuts tell no less."""
+    from agreement import drawn_livers
+
+    liver = drawn_livers.measured_liver()
+    threefold = {name: 3.0 * getattr(liver, name) for name in ("modulus_scale", "fracture_scale")}
+    monkeypatch.setattr(drawn_livers, "measured_liver", lambda: dataclasses.replace(liver, **threefold))
+    drawn_livers.cuts.cache_clear()
+    yield
+    drawn_livers.cuts.cache_clear()
+
+
+@pytest.mark.usefixtures("other_livers")
+def test_livers_three_times_as_stiff_and_tough_are_noticed(program: ModuleType) -> None:
+    for name in ("livers-by-cut", "livers-5-5", "livers-5-6", "livers-6-1"):
+        with pytest.raises(AssertionError):
+            check_agrees(program, name)
+
+
+def test_friction_that_is_assumed_instead_of_measured_is_noticed(
+    program: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from agreement import friction
+
+    right = friction.estimate_fracture_resistance
+    monkeypatch.setattr(
+        friction,
+        "estimate_fracture_resistance",
+        lambda trace: right(trace.select(slice(int(np.argmax(trace.position)) + 1))),
+    )
+    with pytest.raises(AssertionError):
+        check_agrees(program, "friction")
 
 
 def test_rows_are_printed_beside_the_reference(program: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
@@ -114,7 +163,16 @@ def check_picture(file: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["figure_3_6", "figure_4_2", "figure_5_5_to_5_9", "figure_6_5_to_6_7", "figure_energy"]
+    "name",
+    [
+        "figure_3_6",
+        "figure_4_2",
+        "figure_5_2_to_5_4",
+        "figure_5_5_to_5_9",
+        "figure_6_3_to_6_4",
+        "figure_6_5_to_6_7",
+        "figure_energy",
+    ],
 )
 def test_figure_is_drawn_into_the_folder_asked_for(program: ModuleType, name: str, tmp_path: Path) -> None:
     program.main(["--quick", "--only", name, "--out", str(tmp_path / "new")])

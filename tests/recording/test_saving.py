@@ -38,6 +38,14 @@ def fail(*arguments: object) -> None:
     raise OSError("disk is full")
 
 
+def size(path: Path) -> int:
+    """In bytes; none if it has just been renamed."""
+    try:
+        return path.stat().st_size
+    except FileNotFoundError:
+        return 0
+
+
 KILLED = """
 import os, signal, sys
 import numpy as np
@@ -59,7 +67,7 @@ def test_a_process_killed_while_it_writes_leaves_a_whole_record(tmp_path, suffix
     writer = subprocess.Popen([sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE)
     assert writer.stdout
     assert writer.stdout.readline() == b"begins\n"
-    while not any(".part" in other.name and other.stat().st_size for other in tmp_path.iterdir()):
+    while not any(".part" in other.name and size(other) for other in tmp_path.iterdir()):
         assert writer.poll() is None
     writer.send_signal(signal.SIGKILL)
     writer.wait()

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from cutenv.bench.measured import Measured, Number, at_most
 from cutenv.recording import load, save
 from cutenv.trace import Trace
 
@@ -60,14 +61,19 @@ def reading_times(traces: list[Trace], rounds: int = _ROUNDS) -> dict[str, float
     return best
 
 
-def print_report() -> None:
-    """Print times, and whether they are within what is allowed."""
+def measure() -> Measured:
+    """Times, and whether they are within what is allowed."""
     traces = cuts()
     seconds = reading_times(traces)
-    allowed = seconds["numpy.loadtxt"]
-    print(f"reading {len(traces)} cuts of {len(traces[0])} readings, 6 numbers each")
-    print(f"  numpy.loadtxt of the CSV file: {1e3 * allowed:.0f} ms")
-    for name in (".csv", ".parquet", ".h5"):
-        ratio = seconds[name] / allowed
-        verdict = "within" if ratio <= TIMES_LOADTXT else "MISSED:"
-        print(f"  {name}: {1e3 * seconds[name]:.0f} ms, {ratio:.2f} of it; {verdict} the {TIMES_LOADTXT:g} allowed")
+    least = seconds["numpy.loadtxt"]
+    lines = [
+        f"reading {len(traces)} cuts of {len(traces[0])} readings, 6 numbers each",
+        f"  numpy.loadtxt of the CSV file: {1e3 * least:.0f} ms",
+    ]
+    numbers = {"loadtxt": Number(1e3 * least, "ms")}
+    for suffix in (".csv", ".parquet", ".h5"):
+        ratio = seconds[suffix] / least
+        numbers[f"over_loadtxt_{suffix[1:]}"] = Number(ratio, "1")
+        what = f"{suffix}: {1e3 * seconds[suffix]:.0f} ms, {ratio:.2f} of it"
+        lines.append(at_most(what, ratio, TIMES_LOADTXT, f"{TIMES_LOADTXT:g}"))
+    return Measured(numbers, lines)

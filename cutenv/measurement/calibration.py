@@ -1,0 +1,315 @@
+"""From a set of records to one tissue description: values, spread, and what they rest on."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.measurement.cut import MeasuredCut, by_specimen, measure_cut, named
+from cutenv.measurement.loading_ratio import loading_ratio as liver_loading_ratio
+from cutenv.measurement.pooled_cuts import FEWEST_FOR_CORRELATION, NOT_RESAMPLED, PooledCuts, resampled
+from cutenv.measurement.speed_dependence import SpeedDependence, fit_speed_dependence, is_between_the_measured
+from cutenv.tissue.cut_model import CutModel
+from cutenv.tissue.description import TissueDescription, measured_liver
+from cutenv.tissue.evidence import Calibration, Evidence
+from cutenv.tissue.specimen import Specimen
+from cutenv.trace import Trace
+from cutenv.validation import in_range
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+Progress = Callable[[Sequence[T]], Iterable[T]]
+
+RESAMPLES = 400
+"""Default number of bootstrap resamples."""
+_ROUNDS = 3  # of fitting the loading ratio and measuring with it: the tip hangs on it weakly
+_NOTABLE = 0.15  # of a spread, by which that of drawn specimens may differ without a word
+_DRAWS, _DRAW_ROUNDS = 400, 4  # of specimens, to find what redrawing too steep ones does to the means
+
+
+class Refused(NamedTuple):
+    """A record that was left out, and why."""
+
+    name: str
+    reason: str
+
+
+def calibrate(
+    traces: Sequence[Trace],
+    *,
+    model: CutModel | None = None,
+    name: str = "calibrated tissue",
+    resamples: int = RESAMPLES,
+    seed: int = 0,
+    progress: Progress[Any] | None = None,
+) -> TissueDescription:
+    """Make one tissue description of a set of records.
+
+    Parameters
+    ----------
+    traces : sequence of Trace
+        One cut each, with position, angle and depth, force in newtons; ``metadata["specimen"]`` says which
+        cuts share a piece of tissue. Return strokes past the tip tell friction; several speeds and both 45 and
+        90 degrees tell how the modulus depends on them. What the records do not tell is pig liver's, and said.
+    model : CutModel, optional
+        To which the moduli shall belong; default the thesis's, of the default mesh.
+    name : str
+        Of the tissue.
+    resamples : int
+        Of the bootstrap over cuts that gives the 95 % intervals, 0 to 100000; 0: no intervals.
+    seed : int
+        Of the bootstrap.
+    progress : callable, optional
+        Wraps the sequence of records while they are measured, as ``tqdm`` does.
+
+    Returns
+    -------
+    TissueDescription
+        ``to_json()`` is what ``gym.make("cutenv/GentleCut-v0", tissue=path)`` reads; ``calibration`` says what it
+        rests on.
+
+    Raises
+    ------
+    ValueError
+        If no record can be measured, or what they tell is no tissue; with the reasons.
+
+    Notes
+    -----
+    Thesis, sections 3.3.2, 3.4, 5.1 and 6.2. See :func:`measure_cuts` and :func:`tissue_of` for the two halves.
+    """
+    model = model or CutModel()
+    cuts, refused = measure_cuts(traces, model, progress=progress)
+    return tissue_of(cuts, model, name=name, resamples=resamples, seed=seed, refused=refused)
+
+
+def measure_cuts(
+    traces: Sequence[Trace], model: CutModel, *, progress: Progress[Any] | None = None
+) -> tuple[list[MeasuredCut], list[Refused]]:
+    """Measure every record with the loading ratio that they show together.
+
+    The loading ratio tells how far the tip is behind the blade; it starts as pig liver's and is replaced by that
+    of the fit to the cuts themselves.
+
+    Returns
+    -------
+    cuts : list of MeasuredCut
+    refused : list of Refused
+        Records that cannot be measured.
+
+    Raises
+    ------
+    ValueError
+        If none can.
+    """
+    cuts: list[MeasuredCut] = []
+    refused: list[Refused] = []
+    records = named(list(traces))
+    for label, trace in progress(records) if progress else records:
+        try:
+            cut = measure_cut(trace, model, ratio=_as_liver, name=label)
+            _check_angle(cut)
+            cuts.append(cut)
+        except (ValueError, RuntimeError) as error:
+            refused.append(Refused(label, str(error)))
+    if not cuts:
+        reasons = "\n".join(f"  {each.name}: {each.reason}" for each in refused) or "  there is no record."
+        raise ValueError(f"no record can be measured:\n{reasons}")
+    for _ in range(_ROUNDS):
+        ratio = speed_dependence_of(cuts).loading_ratio
+        cuts = [cut.with_loading_ratio(ratio, model) for cut in cuts]
+    return cuts, refused
+
+
+def speed_dependence_of(cuts: Sequence[MeasuredCut]) -> SpeedDependence:
+    """Fit of the cuts' mean moduli against speed and angle."""
+    known = [cut for cut in cuts if len(cut.moduli)]
+    if not known:
+        raise ValueError(
+            f"none of {len(cuts)} cuts has a steady loading segment: the force must rise and drop again several times "
+            "at one speed. Cut farther, or slower."
+        )
+    return fit_speed_dependence(
+        [cut.speed for cut in known], [cut.angle for cut in known], [cut.moduli.mean for cut in known]
+    )
+
+
+def tissue_of(
+    cuts: Sequence[MeasuredCut],
+    model: CutModel,
+    *,
+    name: str = "calibrated tissue",
+    resamples: int = RESAMPLES,
+    seed: int = 0,
+    refused: Sequence[Refused] = (),
+) -> TissueDescription:
+    """Put measured cuts together; see :func:`calibrate`."""
+    in_range("resamples", resamples, 0, 100_000, "1", "Some hundreds give an interval.")
+    pool = PooledCuts(list(cuts))
+    found = pool.numbers(np.ones(len(cuts)))
+    rng = np.random.default_rng(seed)
+    samples = [pool.numbers(resampled(rng, len(cuts))) for _ in range(int(resamples) if len(cuts) > 1 else 0)]
+    liver = measured_liver()
+    evidence, values = [], {}
+    for field, how in _HOW.items():
+        value = found[field]
+        if math.isnan(value):
+            values[field] = getattr(liver, field)
+            evidence.append(Evidence(name=field, provenance="assumed", how=_WHY_NOT[field] + "; pig liver's stands in"))
+            continue
+        values[field] = value
+        spread = np.array([] if field in NOT_RESAMPLED else [sample[field] for sample in samples])
+        spread = spread[np.isfinite(spread)]
+        low, high = np.quantile(spread, [0.025, 0.975]) if len(spread) > 0.5 * len(samples) > 0 else (None, None)
+        provenance: Any = "measured" if field in pool.measured else "assumed"
+        evidence.append(
+            Evidence(
+                name=field,
+                provenance=provenance,
+                how=how if provenance == "measured" else _WHY_NOT[field] + "; pig liver's, in proportion, stands in",
+                low=None if low is None or provenance != "measured" else float(low),
+                high=None if high is None or provenance != "measured" else float(high),
+            )
+        )
+    tissue = dataclasses.replace(
+        liver,
+        name=name,
+        element=model.element,
+        formulation=model.formulation,
+        poisson=model.poisson,
+        modulus_scale=1.0,
+        fracture_scale=1.0,
+        calibration=Calibration(
+            cuts=len(cuts),
+            specimens=len(by_specimen(list(cuts))),
+            evidence=tuple(evidence),
+            notes=tuple(_notes(cuts, refused, model, found)),
+        ),
+        **{field: _rounded(value) for field, value in values.items()},
+    )
+    return scaled(tissue)
+
+
+def scaled(tissue: TissueDescription) -> TissueDescription:
+    """Find the scales with which drawn specimens keep the means of ``tissue``, and say how much spread they keep.
+
+    Draws that are too steep are drawn again; those kept are stiffer and less tough than those drawn. The scales
+    make up for that, on the same random numbers every round.
+    """
+    for _ in range(_DRAW_ROUNDS):
+        drawn = [Specimen.drawn(n, tissue=tissue) for n in range(_DRAWS)]
+        modulus = np.array([specimen.modulus.mean() for specimen in drawn])
+        resistance = np.array([specimen.fracture_resistance.mean() for specimen in drawn])
+        tissue = dataclasses.replace(
+            tissue,
+            modulus_scale=_scale(tissue.modulus_scale * tissue.intercept_90 / modulus.mean()),
+            fracture_scale=_scale(tissue.fracture_scale * tissue.fracture_resistance / resistance.mean()),
+        )
+    if tissue.calibration is None:
+        return tissue
+    between = math.hypot(tissue.modulus_between_liver_cv, tissue.modulus_between_cut_cv)
+    kept = [
+        f"{name} {values.std() / values.mean():.2f} for {cv:.2f} as measured"
+        for name, values, cv in (
+            ("modulus", modulus, between),
+            ("fracture resistance", resistance, tissue.fracture_between_cut_cv),
+        )
+        if abs(values.std() / values.mean() - cv) > _NOTABLE * cv
+    ]
+    if kept:
+        note = f"specimens drawn of it spread less or more between cuts: {', '.join(kept)}; too steep ones are redrawn"
+        calibration = dataclasses.replace(tissue.calibration, notes=(*tissue.calibration.notes, note))
+        tissue = dataclasses.replace(tissue, calibration=calibration)
+    return tissue
+
+
+def _scale(value: float) -> float:
+    return _rounded(float(np.clip(value, 0.2, 5.0)))
+
+
+_FIT = "least squares of the cuts' mean moduli against speed and angle (5.1)"
+_HOW = {
+    "intercept_90": f"{_FIT}, for v -> 0 at 90 degrees",
+    "slope_90": f"{_FIT}, at 90 degrees",
+    "intercept_45": f"{_FIT}, for v -> 0 at 45 degrees",
+    "slope_45": f"{_FIT}, at 45 degrees",
+    "speed_min": "slowest cut",
+    "speed_max": "fastest cut",
+    "modulus_between_liver_cv": "nested analysis of variance of the cuts' mean moduli over the fit, by specimen",
+    "modulus_between_cut_cv": "the same, between cuts of one specimen, less what the field within a cut adds",
+    "modulus_within_cut_cv": "variogram of the segments' moduli along the cuts",
+    "correlation_length": "variograms of moduli and initiation forces along the cuts",
+    "fracture_resistance": "mean of the cuts' corrected resistance, work over area (6.1-6.4)",
+    "fracture_between_cut_cv": "spread of the cuts' corrected resistance, less what the field within a cut adds",
+    "fracture_within_cut_cv": "variogram of the initiation force per depth along the cuts",
+    "friction_share": "friction per depth of the return strokes over the resistance",
+    "eta90": "initiation force over the resistance of the unit it starts, hilltop to hilltop",
+    "edge_depth": "fit of the bulge to the recorded depths",
+    "crown_depth": "fit of the bulge to the recorded depths",
+    "rise_length": "fit of the bulge to the recorded depths",
+    "mean_depth": "mean of the recorded depths where segments were measured",
+}
+_WHY_NOT = {
+    "intercept_90": "no cut steeper than 67.5 degrees",
+    "slope_90": "cuts at this angle do not differ in speed by a factor of 1.5",
+    "intercept_45": "no cut flatter than 67.5 degrees",
+    "slope_45": "cuts at this angle do not differ in speed by a factor of 1.5",
+    "modulus_between_liver_cv": "fewer than two specimens, or one cut of each",
+    "modulus_between_cut_cv": "no specimen with two cuts",
+    "modulus_within_cut_cv": "too few segments",
+    "correlation_length": f"fewer than {FEWEST_FOR_CORRELATION} cuts",
+    "fracture_between_cut_cv": "a single cut",
+    "fracture_within_cut_cv": "too few hilltops",
+    "friction_share": "no return stroke past the tip",
+    "eta90": "no two steady segments in a row",
+}
+
+
+def _rounded(value: float) -> float:
+    """Six digits: more than any measurement has, and a file that can be read."""
+    return float(f"{value:.6g}")
+
+
+def _as_liver(speed: float, angle: float | None) -> float:
+    """Pig liver's loading ratio to begin with, an angle just beyond the measured ones taken for the nearest."""
+    theta = math.pi / 2 if angle is None else min(max(angle, math.pi / 4), math.pi / 2)
+    return liver_loading_ratio(speed, theta)
+
+
+def _check_angle(cut: MeasuredCut) -> None:
+    if not is_between_the_measured(cut.angle):
+        raise ValueError(
+            f"its blade stands at {math.degrees(cut.angle):.0f} degrees; the law knows 45 to 90. "
+            "Angles are against the surface, upright is 90: give the other side's as 180 less it."
+        )
+
+
+def _notes(
+    cuts: Sequence[MeasuredCut], refused: Sequence[Refused], model: CutModel, found: dict[str, float]
+) -> list[str]:
+    notes = [f"left out: {each.name}: {each.reason}" for each in refused]
+    silent = sum(not len(cut.moduli) for cut in cuts)
+    if silent:
+        notes.append(f"{silent} of {len(cuts)} cuts show no steady loading segment: they tell resistance, no modulus")
+    without = sum(cut.return_stroke is None for cut in cuts)
+    if without:
+        notes.append(f"{without} of {len(cuts)} cuts have no return stroke past the tip: less certain by about 5 %")
+    unloading = [modulus for cut in cuts if (modulus := cut.unloading_modulus(model)) is not None]
+    if unloading:
+        over = float(np.mean(unloading)) / found["intercept_90"]
+        notes.append(
+            f"{len(unloading)} return strokes unload with {over:.2f} of the modulus for v -> 0 at 90 degrees: "
+            "1 if the fall of the modulus with speed is growth of the cut while loading, as the law has it"
+        )
+    if len({cut.specimen for cut in cuts}) == 1 and cuts[0].specimen == "":
+        notes.append('no record names its specimen (metadata "specimen"): taken as cuts of one')
+    flagged: dict[str, int] = {}
+    for cut in cuts:
+        for flag in cut.flags:
+            flagged[flag] = flagged.get(flag, 0) + 1
+    notes += [f"{n} of {len(cuts)} cuts: {flag}" for flag, n in flagged.items()]
+    return notes

@@ -1,0 +1,186 @@
+"""All that one record tells about its tissue, so that many can be put together."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.measurement.depth import DepthProfile
+from cutenv.measurement.fracture import FractureEstimate, estimate_fracture_resistance
+from cutenv.measurement.initiation import Hilltop, InitiationEstimate, hilltops, initiation_at
+from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio
+from cutenv.measurement.modulus import ModulusEstimate, elastic_part, moduli_of
+from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
+from cutenv.measurement.segments import Segment, loading_segments
+from cutenv.measurement.strokes import blade_speed, strokes
+from cutenv.tissue.cut_model import CutModel
+from cutenv.trace import Trace
+
+Array = NDArray[np.float64]
+
+SPECIMEN = "specimen"
+"""Name in a trace's metadata of what was cut (a liver, say): cuts of one name share it."""
+
+_DEPTH_EVERY = 0.5e-3  # [m] along the cut: a depth profile is smooth
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeasuredCut:
+    """One record, measured.
+
+    Attributes
+    ----------
+    trace : Trace
+        The record.
+    name : str
+        How messages call it.
+    specimen : str
+        Of which piece of tissue; "" if the record does not say.
+    speed, angle : float
+        Median while the blade moves forward [m/s], and mean [rad].
+    moduli : ModulusEstimate
+        Local effective moduli; none if no loading segment was steady.
+    fracture : FractureEstimate
+        Fracture resistance, apparent and corrected.
+    initiation : InitiationEstimate
+        Hilltops of the force, and the units between them.
+    return_stroke : ReturnStroke or None
+        Tip, friction and unloading stiffness, where the record has a way back.
+    depth : DepthProfile
+        Every 0.5 mm.
+    ramps, tops : list
+        What does not depend on the loading ratio.
+    """
+
+    trace: Trace
+    name: str
+    specimen: str
+    speed: float
+    angle: float
+    moduli: ModulusEstimate
+    fracture: FractureEstimate
+    initiation: InitiationEstimate
+    return_stroke: ReturnStroke | None
+    depth: DepthProfile
+    ramps: list[Segment]
+    tops: list[Hilltop | None]
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """What weakens the estimates, in words, each once."""
+        return tuple(dict.fromkeys((*self.fracture.flags, *self.moduli.flags)))
+
+    def unloading_modulus(self, model: CutModel) -> float | None:
+        """Modulus of the elastic way back at the tip [Pa]: E0 itself, free of growth; None without a way back."""
+        back = self.return_stroke
+        if back is None or back.stiffness == 0.0 or back.tip > model.length:
+            return None
+        return back.stiffness / float(model.stiffness(back.tip) * self.depth.at(back.tip))
+
+    def with_loading_ratio(self, ratio: LoadingRatio, model: CutModel) -> MeasuredCut:
+        """The same, measured with another loading ratio."""
+        friction = self.moduli.friction_per_depth
+        moduli = moduli_of(self.ramps, self.depth, model, ratio, friction_per_depth=friction)
+        fracture = self.fracture
+        if self.return_stroke is None:
+            fracture = estimate_fracture_resistance(self.trace, loading_ratio=ratio)
+        return dataclasses.replace(
+            self,
+            moduli=dataclasses.replace(moduli, flags=self.moduli.flags),
+            fracture=fracture,
+            initiation=initiation_at(self.tops, self.depth, model, ratio),
+        )
+
+
+def measure_cut(
+    trace: Trace, model: CutModel, *, ratio: LoadingRatio = loading_ratio, name: str = "trace"
+) -> MeasuredCut:
+    """Measure one record.
+
+    Parameters
+    ----------
+    trace : Trace
+        With position, angle and depth; force in newtons.
+    model : CutModel
+        To which the moduli shall belong.
+    ratio : callable, optional
+        Loading ratio r of a speed [m/s] and an angle [rad]; default that of pig liver.
+    name : str
+        How messages call it.
+
+    Returns
+    -------
+    MeasuredCut
+
+    Raises
+    ------
+    ValueError
+        If the record lacks what is needed, or shows neither a steady segment nor a way back.
+    """
+    by = "measure_cut"
+    trace.require_newtons(by=by)
+    position, _, _ = trace.require("position", "angle", "depth", by=by)
+    fracture = estimate_fracture_resistance(trace, loading_ratio=ratio)
+    recorded = DepthProfile.recorded(trace, by=by)
+    back = fit_return_stroke(trace, recorded)
+    depth = _thinned(recorded)
+    friction = fracture.friction_per_depth
+    elastic = elastic_part(trace, depth, friction)
+    ramps = loading_segments(elastic)
+    moduli = moduli_of(ramps, depth, model, ratio, friction_per_depth=friction)
+    if not len(moduli) and back is None:
+        raise ValueError(
+            f"it has no return stroke, and none of its {len(ramps)} loading segments is steady: the force must rise "
+            "and drop again several times at one speed. Cut farther, or slower, or record the way back."
+        )
+    tops = hilltops(elastic, ramps)
+    return MeasuredCut(
+        trace=trace,
+        name=name,
+        specimen=str(trace.metadata.get(SPECIMEN, "")),
+        speed=_speed(trace.time, position),
+        angle=float(np.mean(trace.require("angle", by=by))),
+        moduli=moduli,
+        fracture=fracture,
+        initiation=initiation_at(tops, depth, model, ratio),
+        return_stroke=back,
+        depth=depth,
+        ramps=ramps,
+        tops=tops,
+    )
+
+
+def by_specimen(cuts: list[MeasuredCut]) -> dict[str, list[MeasuredCut]]:
+    """The cuts of each piece of tissue, in the order of its first."""
+    groups: dict[str, list[MeasuredCut]] = {}
+    for cut in cuts:
+        groups.setdefault(cut.specimen, []).append(cut)
+    return groups
+
+
+def named(traces: list[Trace]) -> list[tuple[str, Trace]]:
+    """Names for traces: what their metadata call them, or their number."""
+    names = [str(trace.metadata.get("name") or f"trace {i}") for i, trace in enumerate(traces)]
+    taken = {name for name, n in itertools.groupby(sorted(names)) if len(list(n)) > 1}
+    return [
+        (f"{name} ({i})" if name in taken else name, trace)
+        for i, (name, trace) in enumerate(zip(names, traces, strict=True))
+    ]
+
+
+def _speed(time: Array, position: Array) -> float:
+    """Median speed of the forward strokes [m/s]."""
+    speed = blade_speed(time, position)
+    forward = [speed[stroke.samples] for stroke in strokes(time, position) if stroke.forward]
+    return float(np.median(np.concatenate(forward)))
+
+
+def _thinned(depth: DepthProfile) -> DepthProfile:
+    """The same profile at fewer places: looked up often, and smooth."""
+    first, last = float(depth.position[0]), float(depth.position[-1])
+    places = np.linspace(first, last, max(2, round((last - first) / _DEPTH_EVERY) + 1))
+    return DepthProfile(position=places, depth=depth.at(places))

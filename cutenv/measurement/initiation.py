@@ -1,0 +1,215 @@
+"""Initiation: by how much the force that starts a crack run exceeds the fracture resistance.
+
+A blade loads the tissue up to a hilltop of the force, F = (1 + eta) R B, where the crack runs.  From one hilltop to
+the next the energy balance (thesis, 6.1 to 6.4) tells R of just that piece of tissue: work less friction less the
+change of stored energy, over the area cut.  Both together tell eta, however uneven the tissue is.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.measurement.depth import SHALLOWEST, DepthProfile
+from cutenv.measurement.fracture import estimate_fracture_resistance
+from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio_of
+from cutenv.measurement.modulus import elastic_part, telling
+from cutenv.measurement.segments import SMOOTHING_READINGS, Segment, loading_segments
+from cutenv.tissue.cut_model import CutModel
+from cutenv.trace import Trace
+
+Array = NDArray[np.float64]
+
+_FEWEST, _PARTS = 30, 4  # readings, or a quarter of the ramp, that give the force at its end
+_STEPS = 3  # of the fixed point for the tip at a hilltop
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InitiationEstimate:
+    """Of one cut: hilltops, and the units between one and the next where both are known.
+
+    Attributes
+    ----------
+    position : ndarray of shape (n,)
+        Estimated tip at each hilltop [m].
+    force_per_depth : ndarray of shape (n,)
+        Elastic force there over the depth of cut at the tip, (1 + eta) R [N/m].
+    unit_position, unit_length : ndarray of shape (m,)
+        Middle and length of each unit, by the tip [m].
+    unit_area, unit_energy, unit_angle : ndarray of shape (m,)
+        Area cut [m2], fracture energy that it took, friction left out [J], angle of the blade [rad].
+    unit_force_per_depth : ndarray of shape (m,)
+        Mean of its two hilltops [N/m].
+    """
+
+    position: Array
+    force_per_depth: Array
+    unit_position: Array
+    unit_length: Array
+    unit_area: Array
+    unit_energy: Array
+    unit_angle: Array
+    unit_force_per_depth: Array
+
+    @property
+    def unit_resistance(self) -> Array:
+        """Fracture resistance of each unit, friction's share not included, shape (m,) [J/m2]."""
+        return self.unit_energy / self.unit_area
+
+
+class Hilltop(NamedTuple):
+    """Where a ramp of loading ends: everything that does not depend on the loading ratio."""
+
+    speed: float  # of the blade [m/s]
+    angle: float | None  # [rad]
+    slope: float  # of the ramp [N/m]
+    middle: float  # of the ramp, position of the blade [m]
+    middle_force: float  # elastic, there [N]
+    position: float  # of the blade [m]
+    force: float  # elastic [N]
+    work: float  # of the elastic force since the start of the record [J]
+
+
+def estimate_initiation(
+    trace: Trace,
+    model: CutModel,
+    *,
+    friction_per_depth: float | None = None,
+    loading_ratio: float | LoadingRatio | None = None,
+) -> InitiationEstimate:
+    """Find the forces that start crack runs, and the energy of the units between them.
+
+    Parameters
+    ----------
+    trace : Trace
+        With position and depth, and angle unless `loading_ratio` is given; force in newtons.
+    model : CutModel
+        Whose unit stiffness tells how the stiffness changes along a ramp; any will do.
+    friction_per_depth : float, optional
+        phi [N/m]; by default as :func:`~cutenv.measurement.estimate_fracture_resistance` finds it.
+    loading_ratio : float or callable, optional
+        r [1], 0.01 to 1, or a function of speed [m/s] and angle [rad]; by default that of pig liver.
+
+    Returns
+    -------
+    InitiationEstimate
+        Without units if there are no two steady ramps one after the other.
+
+    Raises
+    ------
+    ValueError
+        If the trace lacks what is needed.
+    """
+    by = "estimate_initiation"
+    depth = DepthProfile.recorded(trace, by=by)
+    if loading_ratio is None:
+        trace.require("angle", by=f"{by} without loading_ratio")
+    ratio = loading_ratio_of(loading_ratio, low=0.01)
+    if friction_per_depth is None:
+        friction_per_depth = estimate_fracture_resistance(trace, loading_ratio=loading_ratio).friction_per_depth
+    elastic = elastic_part(trace, depth, friction_per_depth)
+    return initiation_at(hilltops(elastic, loading_segments(elastic)), depth, model, ratio)
+
+
+def initiation_excess(estimates: Iterable[InitiationEstimate]) -> float:
+    """eta90 of eta = eta90 sin(theta)^2, from all units of some cuts together.
+
+    Sums before the ratio is taken, so that short units, whose energy is known less well, count for less.
+
+    Raises
+    ------
+    ValueError
+        If there is no unit at all.
+    """
+    force = energy = weighted = 0.0
+    for each in estimates:
+        force += float(each.unit_force_per_depth @ each.unit_area)
+        energy += float(each.unit_energy.sum())
+        weighted += float(np.sin(each.unit_angle) ** 2 @ each.unit_energy)
+    if weighted <= 0.0:
+        raise ValueError("no unit between two hilltops was found in any cut: eta is not measured.")
+    return (force - energy) / weighted
+
+
+def hilltops(elastic: Trace, ramps: list[Segment]) -> list[Hilltop | None]:
+    """The end of each of ``ramps`` in a record of elastic force; None for one that does not tell its slope."""
+    (position,) = elastic.require("position", by="hilltops")
+    F = elastic.force
+    work = np.concatenate(([0.0], np.cumsum(0.5 * (F[1:] + F[:-1]) * np.diff(position))))
+    # A ramp leaves out the bin that holds the drop: the crack ran, on average, in the middle of it.
+    beyond = 0.5 * SMOOTHING_READINGS / elastic.sample_rate
+    found: list[Hilltop | None] = []
+    told = {ramp.start for ramp in telling(ramps)}
+    for ramp in ramps:
+        if ramp.start not in told:
+            found.append(None)
+            continue
+        middle, slope, speed = ramp.require("position", "slope", "speed", by="hilltops")
+        end = ramp.stop - 1
+        dx = speed * beyond
+        x = float(position[end]) + dx
+        # The ramp of an uneven tissue is bent: its last part tells where it ends.
+        last = slice(ramp.stop - max(_FEWEST, (ramp.stop - ramp.start) // _PARTS), ramp.stop)
+        from_here, F_last = position[last] - x, F[last]
+        rise = float((from_here - from_here.mean()) @ F_last / ((from_here - from_here.mean()) @ from_here))
+        force = float(F_last.mean()) - rise * float(from_here.mean())
+        found.append(
+            Hilltop(
+                speed=speed,
+                angle=ramp.angle,
+                slope=slope,
+                middle=middle,
+                middle_force=ramp.force,
+                position=x,
+                force=force,
+                work=float(work[end]) + (force - 0.5 * rise * dx) * dx,
+            )
+        )
+    return found
+
+
+def initiation_at(
+    tops: list[Hilltop | None], depth: DepthProfile, model: CutModel, ratio: LoadingRatio
+) -> InitiationEstimate:
+    """Tips, forces and energies at hilltops, for a loading ratio."""
+    points: list[tuple[float, float, float, Hilltop] | None] = []
+    for top in tops:
+        points.append(None)
+        if top is None:
+            continue
+        K = top.slope / ratio(top.speed, top.angle)
+        middle = max(top.middle - top.middle_force / K, 0.0)
+        a = max(top.position - top.force / K, 0.0)
+        for _ in range(_STEPS):  # the ramp's stiffness belongs to its middle; depth and kappa carry it to its end
+            there = K * float(model.stiffness(a) * depth.at(a) / (model.stiffness(middle) * depth.at(middle)))
+            a = max(top.position - top.force / there, 0.0)
+        K = there
+        B = float(depth.at(a))
+        if B >= SHALLOWEST and top.force > 0.0:
+            points[-1] = a, top.force / B, 0.5 * top.force**2 / K, top
+    units = []
+    for first, second in itertools.pairwise(points):
+        if first is None or second is None or second[0] <= first[0]:
+            continue
+        (a, f, U, top), (next_a, next_f, next_U, next_top) = first, second
+        angle = math.pi / 2 if next_top.angle is None else next_top.angle
+        energy = next_top.work - top.work - (next_U - U)
+        units.append((0.5 * (a + next_a), next_a - a, depth.area(a, next_a), energy, angle, 0.5 * (f + next_f)))
+    position, length, area, energies, angles, force = np.array(units).reshape(-1, 6).T
+    known = [point for point in points if point is not None]
+    return InitiationEstimate(
+        position=np.array([point[0] for point in known]),
+        force_per_depth=np.array([point[1] for point in known]),
+        unit_position=position,
+        unit_length=length,
+        unit_area=area,
+        unit_energy=energies,
+        unit_angle=angles,
+        unit_force_per_depth=force,
+    )

@@ -1,0 +1,176 @@
+"""All cuts of a calibration together: every number of a tissue that they tell, for any resample of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.measurement.cut import MeasuredCut, by_specimen
+from cutenv.measurement.depth import fit_bulge
+from cutenv.measurement.initiation import initiation_excess
+from cutenv.measurement.scatter import (
+    Variogram,
+    correlation_length,
+    cv_of,
+    fit_variances,
+    mean_field_variance,
+    nested_variances,
+)
+from cutenv.measurement.speed_dependence import SpeedDependence, fit_speed_dependence
+from cutenv.tissue.description import measured_liver
+
+Array = NDArray[np.float64]
+
+FEWEST_FOR_CORRELATION = 8
+"""Cuts from which on a correlation length along the cut is taken from the records."""
+
+FIELDS = (
+    "intercept_90",
+    "slope_90",
+    "intercept_45",
+    "slope_45",
+    "speed_min",
+    "speed_max",
+    "modulus_between_liver_cv",
+    "modulus_between_cut_cv",
+    "modulus_within_cut_cv",
+    "correlation_length",
+    "fracture_resistance",
+    "fracture_between_cut_cv",
+    "fracture_within_cut_cv",
+    "friction_share",
+    "eta90",
+    "edge_depth",
+    "crown_depth",
+    "rise_length",
+    "mean_depth",
+)
+"""Of a tissue description, that records are asked for."""
+
+NOT_RESAMPLED = ("speed_min", "speed_max", "edge_depth", "crown_depth", "rise_length", "mean_depth")
+"""Those of them that describe the records rather than estimate something."""
+
+
+class PooledCuts:
+    """Measured cuts as arrays, so that a resample of them costs little.
+
+    Attributes
+    ----------
+    measured : set of str
+        The fields of a tissue description whose numbers are the cuts' own where they are no NaN; the others follow
+        pig liver's proportions.
+    """
+
+    def __init__(self, cuts: list[MeasuredCut]) -> None:
+        self.cuts = cuts
+        self.speed, self.angle, self.modulus, self.resistance, self.friction = np.array(
+            [
+                (
+                    cut.speed,
+                    cut.angle,
+                    cut.moduli.mean if len(cut.moduli) else math.nan,
+                    cut.fracture.corrected,
+                    math.nan if cut.return_stroke is None else cut.fracture.friction_per_depth,
+                )
+                for cut in cuts
+            ]
+        ).T
+        names = list(by_specimen(cuts))
+        self.specimen = np.array([names.index(cut.specimen) for cut in cuts])
+        self.variograms = [
+            Variogram.of(
+                [cut.moduli.position for cut in cuts],
+                [cut.moduli.modulus for cut in cuts],
+                [cut.moduli.relative_error for cut in cuts],
+            ),
+            Variogram.of([cut.initiation.position for cut in cuts], [cut.initiation.force_per_depth for cut in cuts]),
+        ]
+        first = [float(cut.moduli.position.min()) if len(cut.moduli) else 0.0 for cut in cuts]
+        self.depth = fit_bulge([cut.depth for cut in cuts], first)
+        self.length: float | None = None
+        if len(cuts) < FEWEST_FOR_CORRELATION:
+            self.length = measured_liver().correlation_length
+        self.has_modulus = np.isfinite(self.modulus)
+        free = self._line(np.flatnonzero(self.has_modulus)).measured
+        self.measured = set(FIELDS) - ({"intercept_90", "slope_90", "intercept_45", "slope_45"} - free)
+
+    def numbers(self, counts: Array) -> dict[str, float]:
+        """Every number that the cuts tell, each cut taken ``counts`` times; NaN for one that they do not."""
+        taken = np.repeat(np.arange(len(self.cuts)), counts.astype(int))
+        with_modulus = taken[self.has_modulus[taken]]
+        line = self._line(with_modulus if len(with_modulus) else np.flatnonzero(self.has_modulus))
+        length = self.length or correlation_length(self.variograms, counts)
+        (modulus_within, resistance_within), _ = fit_variances(self.variograms, counts, length)
+        return {
+            "intercept_90": line.intercept_90,
+            "slope_90": line.slope_90,
+            "intercept_45": line.intercept_45,
+            "slope_45": line.slope_45,
+            "speed_min": float(self.speed.min()),
+            "speed_max": float(max(self.speed.max(), 1.01 * self.speed.min())),
+            "correlation_length": math.nan if self.length else length,
+            **self._modulus_spread(line, counts, modulus_within, length),
+            **self._fracture(counts, resistance_within, length),
+            "friction_share": self._friction_share(counts),
+            "eta90": self._eta90(taken),
+            **self.depth,
+        }
+
+    def _line(self, taken: NDArray[np.intp]) -> SpeedDependence:
+        return fit_speed_dependence(self.speed[taken], self.angle[taken], self.modulus[taken])
+
+    def _modulus_spread(self, line: SpeedDependence, counts: Array, within: float, length: float) -> dict[str, float]:
+        known = self.has_modulus
+        fitted = np.array([line.modulus(v, angle) for v, angle in zip(self.speed, self.angle, strict=True)])[known]
+        ratio = np.log(self.modulus[known] / fitted)
+        between_liver, between_cut = nested_variances(ratio, self.specimen[known], counts[known])
+        enough = self.variograms[0].pairs.sum() >= 1.0
+        along = self._added([cut.moduli.position for cut in self.cuts], within if enough else 0.0, length, counts)
+        return {
+            "modulus_between_liver_cv": _cv(between_liver),
+            "modulus_between_cut_cv": _cv(between_cut - along),
+            "modulus_within_cut_cv": cv_of(within) if enough else math.nan,
+        }
+
+    def _fracture(self, counts: Array, within: float, length: float) -> dict[str, float]:
+        n = float(counts.sum())
+        mean = float(counts @ self.resistance) / n
+        logs = np.log(self.resistance)
+        between = math.nan
+        if n > 1:
+            between = float(counts @ (logs - counts @ logs / n) ** 2) / (n - 1.0)
+        enough = self.variograms[1].pairs.sum() >= 1.0
+        along = self._added([cut.initiation.position for cut in self.cuts], within if enough else 0.0, length, counts)
+        return {
+            "fracture_resistance": mean,
+            "fracture_between_cut_cv": _cv(between - along),
+            "fracture_within_cut_cv": cv_of(within) if enough else math.nan,
+        }
+
+    def _added(self, positions: Sequence[Array], variance: float, length: float, counts: Array) -> float:
+        """What the field along the cuts adds to the variance of their means, on average."""
+        added = [mean_field_variance(x, variance, length) if len(x) else 0.0 for x in positions]
+        return float(counts @ np.array(added)) / float(counts.sum())
+
+    def _friction_share(self, counts: Array) -> float:
+        known = np.isfinite(self.friction)
+        total = float(counts[known] @ self.resistance[known])
+        return float(np.clip(counts[known] @ self.friction[known] / total, 0.0, 0.9)) if total else math.nan
+
+    def _eta90(self, taken: NDArray[np.intp]) -> float:
+        chosen = [self.cuts[i].initiation for i in taken]
+        if not sum(len(each.unit_area) for each in chosen):
+            return math.nan
+        return float(np.clip(initiation_excess(chosen), 0.0, 0.95))
+
+
+def resampled(rng: np.random.Generator, n: int) -> Array:
+    """How often each of n cuts is taken when n are drawn with replacement, shape (n,)."""
+    return np.bincount(rng.integers(n, size=n), minlength=n).astype(np.float64)
+
+
+def _cv(log_variance: float) -> float:
+    return math.nan if math.isnan(log_variance) else cv_of(log_variance)

@@ -1,0 +1,149 @@
+"""Prediction check: the loading ramps of a cut from the moduli of other cuts (thesis, section 7.4).
+
+The blade's measured displacement goes into the finite-element model with the average modulus of other cuts, of the
+same piece of tissue and of another one; what comes out is compared with the measured force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.measurement.calibration import speed_dependence_of
+from cutenv.measurement.cut import MeasuredCut, by_specimen
+from cutenv.tissue.cut_model import CutModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeftOutCut:
+    """One cut, predicted without it; None where there is nothing to predict it from.
+
+    Attributes
+    ----------
+    name, specimen : str
+        Which cut, of which piece of tissue.
+    speed, angle : float
+        [m/s], [rad].
+    segments : int
+        Ramps that were compared.
+    peak_force : float
+        Largest measured force on them [N].
+    modulus : float
+        The cut's own mean modulus [Pa].
+    same_modulus, other_modulus : float or None
+        From the other cuts of the same specimen, and from another specimen [Pa], at this cut's speed and angle.
+    own_rmse : float
+        Root mean square difference [N] with every segment's own modulus: what noise and curvature leave.
+    same_rmse, other_rmse : float or None
+        With the predicted moduli [N]; ``other_rmse`` is the mean over all other specimens, ``other_modulus`` that of
+        the next one.
+    """
+
+    name: str
+    specimen: str
+    speed: float
+    angle: float
+    segments: int
+    peak_force: float
+    modulus: float
+    same_modulus: float | None
+    other_modulus: float | None
+    own_rmse: float
+    same_rmse: float | None
+    other_rmse: float | None
+
+    def percent_of_peak(self, rmse: float | None) -> float | None:
+        """An error as a share of the peak force [%]."""
+        return None if rmse is None else 100.0 * rmse / self.peak_force
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PredictedRamp:
+    """One ramp of loading; arrays of shape (n,)."""
+
+    position: Array
+    measured: Array
+    predicted: Array
+
+
+def predicted_ramps(cut: MeasuredCut, model: CutModel, modulus: float | None = None) -> list[PredictedRamp]:
+    """The steady ramps of a cut as the model gives them for a modulus [Pa]; by default each segment's own.
+
+    Every ramp starts where the measured one starts, as in Figure 7.13: its rise is what is predicted.
+    """
+    (position,) = cut.trace.require("position", by="predicted_ramps")
+    friction = cut.moduli.friction_per_depth
+    ramps = []
+    for segment, tip, own in zip(cut.moduli.segments, cut.moduli.position, cut.moduli.modulus, strict=True):
+        x, F = position[segment.samples], cut.trace.force[segment.samples]
+        slope = (own if modulus is None else modulus) * float(model.stiffness(tip) * cut.depth.at(tip))
+        middle, measured_slope = segment.require("position", "slope", by="predicted_ramps")
+        start = segment.force + measured_slope * (float(x[0]) - middle)
+        predicted = start + slope * (x - x[0]) + friction * cut.depth.at(x)
+        ramps.append(PredictedRamp(position=x, measured=F, predicted=predicted))
+    return ramps
+
+
+def leave_one_out(cuts: Sequence[MeasuredCut], model: CutModel) -> list[LeftOutCut]:
+    """Predict every cut from the others of its specimen and from every other specimen.
+
+    A specimen counts by how much stiffer than the fit over speed and angle its cuts are; the fit, too, is made
+    without the cut that is predicted.
+
+    Parameters
+    ----------
+    cuts : sequence of MeasuredCut
+        Of :func:`~cutenv.measurement.measure_cuts`.
+    model : CutModel
+        That they were measured with.
+
+    Returns
+    -------
+    list of LeftOutCut
+        In their order, less those without a modulus.
+    """
+    found = []
+    known = [cut for cut in cuts if len(cut.moduli)]
+    for cut in known:
+        others = [each for each in known if each is not cut]
+        same = other = next_modulus = None
+        if others:
+            line = speed_dependence_of(others)
+            here = line.modulus(cut.speed, cut.angle)
+            factors = {
+                specimen: float(np.mean([each.moduli.mean / line.modulus(each.speed, each.angle) for each in group]))
+                for specimen, group in by_specimen(others).items()
+            }
+            own = factors.pop(cut.specimen, None)
+            same = None if own is None else own * here
+            if factors:
+                next_modulus = next(iter(factors.values())) * here
+                other = float(np.mean([_rmse(predicted_ramps(cut, model, k * here)) for k in factors.values()]))
+        ramps = predicted_ramps(cut, model)
+        found.append(
+            LeftOutCut(
+                name=cut.name,
+                specimen=cut.specimen,
+                speed=cut.speed,
+                angle=cut.angle,
+                segments=len(ramps),
+                peak_force=float(max(ramp.measured.max() for ramp in ramps)),
+                modulus=cut.moduli.mean,
+                same_modulus=same,
+                other_modulus=next_modulus,
+                own_rmse=_rmse(ramps),
+                same_rmse=None if same is None else _rmse(predicted_ramps(cut, model, same)),
+                other_rmse=other,
+            )
+        )
+    return found
+
+
+def _rmse(ramps: list[PredictedRamp]) -> float:
+    squares = sum(float(((ramp.predicted - ramp.measured) ** 2).sum()) for ramp in ramps)
+    return float(np.sqrt(squares / sum(len(ramp.measured) for ramp in ramps)))

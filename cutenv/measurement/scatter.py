@@ -1,0 +1,137 @@
+"""How a property scatters: between pieces of tissue, between cuts of one piece, and along a cut."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+Array = NDArray[np.float64]
+
+LAGS = np.linspace(0.0, 0.08, 17)
+"""Borders of the distances over which pairs of places are averaged [m]."""
+SHORTEST, LONGEST = 0.005, 0.1
+"""Correlation lengths that are looked for [m]: below, a unit holds more than one; above, a cut does not."""
+CENTRES = 0.5 * (LAGS[1:] + LAGS[:-1])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Variogram:
+    """Half the mean squared difference of a logarithm between two places of one cut, by their distance.
+
+    Differences within a cut are free of what the whole cut has in common, and of how long the cut is against the
+    correlation length, which a standard deviation within the cut is not.
+
+    Attributes
+    ----------
+    squares : ndarray of shape (n_cuts, n_lags)
+        Sums of half the squared differences.
+    pairs : ndarray of shape (n_cuts, n_lags)
+        How many there are.
+    """
+
+    squares: Array
+    pairs: Array
+
+    @classmethod
+    def of(
+        cls, positions: Sequence[Array], values: Sequence[Array], errors: Sequence[Array] | None = None
+    ) -> Variogram:
+        """Of ``values`` (positive) at ``positions`` [m] of each cut; relative standard ``errors`` are taken out."""
+        errors = errors or [np.zeros(len(x)) for x in positions]
+        squares, pairs = np.zeros((2, len(positions), len(CENTRES)))
+        for n, (x, value, error) in enumerate(zip(positions, values, errors, strict=True)):
+            i, j = np.triu_indices(len(x), 1)
+            distance, difference = np.abs(x[i] - x[j]), np.diff(np.log(value)[[i, j]], axis=0)[0]
+            noise = error[i] ** 2 + error[j] ** 2
+            squares[n] = np.histogram(distance, LAGS, weights=0.5 * (difference**2 - noise))[0]
+            pairs[n] = np.histogram(distance, LAGS)[0]
+        return cls(squares=squares, pairs=pairs)
+
+    def mean(self, counts: Array) -> tuple[Array, Array]:
+        """Mean over cuts, each taken ``counts`` times, shape (n_lags,), 0 without a pair; and the number of pairs."""
+        pairs = counts @ self.pairs
+        return counts @ self.squares / np.maximum(pairs, 1.0), pairs
+
+
+def fit_variances(variograms: Sequence[Variogram], counts: Array, length: float) -> tuple[Array, float]:
+    """Variance of the logarithm of each property along a cut, for one correlation length, and what is left over.
+
+    gamma(d) = variance (1 - exp(-d^2 / (2 length^2))), the field of the specimens that are drawn; by least squares
+    weighted with the number of pairs.
+
+    Returns
+    -------
+    variances : ndarray of shape (n_properties,)
+    misfit : float
+        Weighted sum of squares, each property's relative to its own size.
+    """
+    shape = 1.0 - np.exp(-0.5 * (CENTRES / length) ** 2)
+    variances, misfit = [], 0.0
+    for variogram in variograms:
+        gamma, pairs = variogram.mean(counts)
+        total = float(pairs @ gamma**2)
+        variance = float(pairs @ (gamma * shape)) / max(float(pairs @ shape**2), 1e-30)
+        variances.append(variance)
+        if total > 0.0:
+            misfit += float(pairs @ (gamma - variance * shape) ** 2) / total
+    return np.array(variances), misfit
+
+
+def correlation_length(variograms: Sequence[Variogram], counts: Array) -> float:
+    """The correlation length [m] with which :func:`fit_variances` fits best."""
+
+    def misfit(log_length: float) -> float:
+        return fit_variances(variograms, counts, math.exp(log_length))[1]
+
+    grid = np.linspace(math.log(SHORTEST), math.log(LONGEST), 16)
+    best = int(np.argmin([misfit(each) for each in grid]))
+    around = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+    return math.exp(float(minimize_scalar(misfit, bounds=around, method="bounded", options={"xatol": 1e-3}).x))
+
+
+def cv_of(log_variance: float) -> float:
+    """Coefficient of variation of a lognormal number whose logarithm has a variance; 0 for a negative one."""
+    return math.sqrt(math.expm1(max(log_variance, 0.0)))
+
+
+def mean_field_variance(positions: Array, variance: float, length: float) -> float:
+    """Variance of the mean of a field over ``positions`` [m] of one cut: it adds to that between cuts."""
+    distance = positions[:, None] - positions[None, :]
+    return variance * float(np.exp(-0.5 * (distance / length) ** 2).mean())
+
+
+def nested_variances(values: Array, groups: NDArray[np.intp], counts: Array) -> tuple[float, float]:
+    """Variances between groups and within groups by one-way random-effects analysis, groups of any size.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n,)
+        One for each cut.
+    groups : ndarray of int of shape (n,)
+        To which piece of tissue each belongs.
+    counts : ndarray of shape (n,)
+        How often each is taken (a bootstrap's resample), 1 for all otherwise.
+
+    Returns
+    -------
+    between, within : float
+        Unbiased, so ``between`` may be negative; NaN where one cannot be told, for want of groups or of members.
+    """
+    sizes = np.bincount(groups, counts)
+    present = sizes > 0
+    sums = np.bincount(groups, counts * values)
+    means = sums[present] / sizes[present]
+    n, k = float(counts.sum()), int(present.sum())
+    total = float(counts @ values**2)
+    explained = float(sizes[present] @ means**2)
+    within = (total - explained) / (n - k) if n > k else math.nan
+    if k < 2 or not n > k:
+        return math.nan, within
+    mean_square = (explained - float(counts @ values) ** 2 / n) / (k - 1)
+    typical = (n - float(sizes[present] @ sizes[present]) / n) / (k - 1)
+    return (mean_square - within) / typical, within

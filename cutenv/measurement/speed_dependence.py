@@ -1,0 +1,132 @@
+"""The local effective modulus against speed and angle of the blade: a line in speed at 45 and at 90 degrees (5.1)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cutenv.tissue.modulus import SpeedFit, linear_fit
+
+Array = NDArray[np.float64]
+
+UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
+BETWEEN = math.radians(67.5)
+"""Steeper cuts are counted with the upright ones, flatter ones with the inclined [rad]."""
+LEAST_SPEED_RATIO = 1.5
+"""Of the fastest over the slowest cut, from which on a fall with speed can be told."""
+_SLACK = math.radians(0.5)  # beyond 45 and 90 degrees, for angles set by hand and read from a scale
+_ROUNDS = 3  # of re-weighting: the scatter is proportional to the modulus
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpeedDependence:
+    """LEM(v, theta) = intercept + slope v at 45 and at 90 degrees, linear in the angle between.
+
+    Attributes
+    ----------
+    intercept_90, intercept_45 : float
+        For v -> 0 [Pa].
+    slope_90, slope_45 : float
+        [Pa s/m].
+    measured : frozenset of str
+        Which of the four the cuts tell; the others are pig liver's, in proportion.
+    """
+
+    intercept_90: float
+    slope_90: float
+    intercept_45: float
+    slope_45: float
+    measured: frozenset[str]
+
+    def modulus(self, speed: float, angle: float | None) -> float:
+        """LEM [Pa] at a speed [m/s] and an angle [rad] between 45 and 90 degrees; upright for None."""
+        w = float(_uprightness(UPRIGHT if angle is None else angle))
+        upright = self.intercept_90 + self.slope_90 * speed
+        return (1.0 - w) * (self.intercept_45 + self.slope_45 * speed) + w * upright
+
+    def loading_ratio(self, speed: float, angle: float | None) -> float:
+        """R = min(1, LEM(v, theta)/E0) [1], no less than 0.01: E0 is the intercept at 90 degrees."""
+        return min(1.0, max(self.modulus(abs(speed), angle) / self.intercept_90, 0.01))
+
+
+def fit_speed_dependence(speeds: ArrayLike, angles: ArrayLike, moduli: ArrayLike) -> SpeedDependence:
+    """Fit cuts' mean moduli by least squares of relative deviations.
+
+    Parameters
+    ----------
+    speeds, angles, moduli : array_like of shape (n,)
+        Of the cuts [m/s], [rad], [Pa].
+
+    Returns
+    -------
+    SpeedDependence
+        Where no cut was steeper than 67.5 degrees, or none flatter, or the speeds at such angles differ by less
+        than a factor of 1.5, pig liver's ratio stands in and `measured` says so.
+
+    Raises
+    ------
+    ValueError
+        If there is no cut.
+    """
+    v, theta, E = (np.asarray(values, np.float64) for values in (speeds, angles, moduli))
+    if not len(v):
+        raise ValueError("no cut to fit the modulus to: give one or more.")
+    tie, free = _ties(v, theta)
+    w = _uprightness(theta)
+    # Columns of intercept_90, slope_90, intercept_45, slope_45.
+    design = np.stack([w, w * v, 1.0 - w, (1.0 - w) * v], axis=1) @ tie
+    scale = np.abs(design).max(axis=0)
+    weight = 1.0 / E
+    for _ in range(_ROUNDS):
+        (q, *_) = np.linalg.lstsq(design / scale * weight[:, None], E * weight, rcond=None)
+        fitted = design / scale @ q
+        weight = 1.0 / np.maximum(fitted, 0.1 * E)
+    values = [float(value) for value in tie @ (q / scale)]
+    return SpeedDependence(
+        intercept_90=values[0], slope_90=values[1], intercept_45=values[2], slope_45=values[3], measured=free
+    )
+
+
+def _uprightness(angle: float | Array) -> Array:
+    """0 at 45 degrees, 1 at 90."""
+    return np.clip((np.asarray(angle) - INCLINED) / (UPRIGHT - INCLINED), 0.0, 1.0)
+
+
+def is_between_the_measured(angle: float) -> bool:
+    """Whether an angle [rad] lies between 45 and 90 degrees, half a degree allowed."""
+    return INCLINED - _SLACK <= angle <= UPRIGHT + _SLACK
+
+
+def _ties(v: Array, theta: Array) -> tuple[Array, frozenset[str]]:
+    """Matrix from free to all four parameters, (4, n_free), and the names of those that are free."""
+    liver = {90: linear_fit("5.6", angle_deg=90), 45: linear_fit("5.6", angle_deg=45)}
+    steep = theta >= BETWEEN
+    groups = {90: v[steep], 45: v[~steep]}
+    known = [angle for angle, speeds in groups.items() if len(speeds)]
+    columns, free = [], set()
+    for angle in known:
+        row = 0 if angle == 90 else 2
+        other, ratio = 2 - row, _over(liver[135 - angle], liver[angle])
+        tied = len(known) == 1  # the other angle then follows this one
+        intercept = np.zeros(4)
+        intercept[row] = 1.0
+        intercept[other] = ratio[0] * tied
+        free.add(f"intercept_{angle}")
+        if groups[angle].max() >= LEAST_SPEED_RATIO * groups[angle].min() > 0.0:
+            slope = np.zeros(4)
+            slope[row + 1] = 1.0
+            slope[other + 1] = ratio[1] * tied
+            free.add(f"slope_{angle}")
+            columns += [intercept, slope]
+        else:
+            intercept[row + 1] = liver[angle].slope / liver[angle].intercept
+            intercept[other + 1] = ratio[1] * intercept[row + 1] * tied
+            columns.append(intercept)
+    return np.stack(columns, axis=1), frozenset(free)
+
+
+def _over(one: SpeedFit, other: SpeedFit) -> tuple[float, float]:
+    return one.intercept / other.intercept, one.slope / other.slope

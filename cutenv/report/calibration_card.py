@@ -1,0 +1,350 @@
+"""The validation card of a calibrated tissue: what was found, what it rests on, and how well it predicts."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutenv.measurement import LeftOutCut, MeasuredCut, estimate_local_effective_moduli, leave_one_out
+from cutenv.report.calibration_figures import overlay_figure, resistance_figure, speed_figure
+from cutenv.report.page import (
+    Html,
+    Row,
+    Section,
+    definitions,
+    element,
+    escaped,
+    folded,
+    joined,
+    number,
+    page,
+    paragraph,
+    picture,
+    table,
+    write_page,
+)
+from cutenv.tissue import CutModel, TissueDescription
+from cutenv.tissue.evidence import Calibration
+
+SCHEMA = "cutenv-calibration-card/1"
+_OVERLAID = 4  # cuts whose prediction is drawn
+_DISPLAYED = {"Pa": (1e-3, "kPa"), "Pa s/m": (1e-5, "kPa s/cm"), "m": (1e3, "mm"), "m/s": (1e2, "cm/s")}
+"""From SI to what a reader finds handy."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class ValidationCard:
+    """A calibrated tissue, and the cuts that it was made of.
+
+    Parameters
+    ----------
+    tissue : TissueDescription
+        With its ``calibration``.
+    model : CutModel
+        To which the moduli belong.
+    cuts : sequence of MeasuredCut
+        Of :func:`~cutenv.measurement.measure_cuts`.
+
+    Raises
+    ------
+    ValueError
+        If the tissue was not calibrated from records.
+    """
+
+    tissue: TissueDescription
+    model: CutModel
+    cuts: Sequence[MeasuredCut]
+    left_out: Sequence[LeftOutCut] = dataclasses.field(init=False)
+    """Every cut, predicted from the others."""
+
+    def __post_init__(self) -> None:
+        if self.tissue.calibration is None:
+            raise ValueError(f"tissue {self.tissue.name!r} was not calibrated from records: there is nothing to show.")
+        object.__setattr__(self, "left_out", leave_one_out(self.cuts, self.model))
+
+    @property
+    def calibration(self) -> Calibration:
+        """What the tissue rests on."""
+        assert self.tissue.calibration is not None, "refused above"
+        return self.tissue.calibration
+
+    def median_error(self, source: str) -> tuple[float, float] | None:
+        """Median over the cuts of ``own_rmse``, ``same_rmse`` or ``other_rmse`` [N], and in percent of the peak."""
+        pairs = [
+            (rmse, each.percent_of_peak(rmse)) for each in self.left_out if (rmse := getattr(each, source)) is not None
+        ]
+        if not pairs:
+            return None
+        newtons, percent = np.median(np.array(pairs, dtype=np.float64), axis=0)
+        return float(newtons), float(percent)
+
+    def to_json(self) -> str:
+        """The card's content as JSON text; units in the names."""
+        errors = {source: self.median_error(source) for source in ("own_rmse", "same_rmse", "other_rmse")}
+        content: dict[str, Any] = {
+            "schema": SCHEMA,
+            "tissue": json.loads(self.tissue.to_json()),
+            "median_prediction_error": {
+                source: None if pair is None else {"rmse_N": pair[0], "percent_of_peak": pair[1]}
+                for source, pair in errors.items()
+            },
+            "cuts": [self._row_of(cut) for cut in self.cuts],
+            "left_out": [_left_out_content(each) for each in self.left_out],
+        }
+        return json.dumps(content, indent=1, allow_nan=False)
+
+    def _row_of(self, cut: MeasuredCut) -> dict[str, Any]:
+        plain = _without_depth(cut, self.model)
+        found = len(cut.moduli) > 0
+        return {
+            "name": cut.name,
+            "specimen": cut.specimen,
+            "speed_cm_s": 100.0 * cut.speed,
+            "angle_deg": math.degrees(cut.angle),
+            "segments": len(cut.moduli),
+            "modulus_Pa": cut.moduli.mean if found else None,
+            "sd_modulus_Pa": cut.moduli.sd if found else None,
+            "modulus_without_depth_Pa": plain,
+            "unloading_modulus_Pa": cut.unloading_modulus(self.model),
+            "apparent_resistance_J_m2": cut.fracture.apparent,
+            "resistance_J_m2": cut.fracture.corrected,
+            "friction_N_m": cut.fracture.friction_per_depth,
+            "cut_length_cm": 100.0 * cut.fracture.cut_length,
+            "return_stroke": cut.return_stroke is not None,
+            "flags": list(cut.flags),
+        }
+
+    def shown(self) -> list[tuple[MeasuredCut, LeftOutCut]]:
+        """Cuts to draw: from the one predicted best to the one predicted worst, evenly between."""
+        by_name = {cut.name: cut for cut in self.cuts}
+
+        def error(each: LeftOutCut) -> float:
+            known = [rmse for rmse in (each.same_rmse, each.other_rmse, each.own_rmse) if rmse is not None]
+            return known[0] / each.peak_force
+
+        ranked = sorted(self.left_out, key=error)
+        if not ranked:
+            return []
+        places = np.unique(np.linspace(0, len(ranked) - 1, min(_OVERLAID, len(ranked))).round().astype(int))
+        return [(by_name[ranked[i].name], ranked[i]) for i in places]
+
+
+def write_validation_card(path: Path, card: ValidationCard) -> Path:
+    """Write the card as one page that fetches nothing, and its content as JSON beside it.
+
+    Parameters
+    ----------
+    path : Path
+        Of the page (.html), in a folder that exists.
+    card : ValidationCard
+        What is shown.
+
+    Returns
+    -------
+    Path
+        Of the JSON: the page's with the suffix ``.json``.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed; names the command that installs it.
+    """
+    sections = [
+        Section("tissue", "The tissue in numbers", _numbers(card)),
+        Section("prediction", "Predicted and measured force", _prediction(card)),
+        Section("speed", "Modulus against speed and angle", _speed(card)),
+        Section("resistance", "Fracture resistance against length", _resistance(card)),
+        Section("cuts", "Every cut", _cuts(card)),
+        Section("notes", "What a user must know", _notes(card)),
+    ]
+    facts = card.calibration
+    subtitle = (
+        f"Calibrated from {_count(facts.cuts, 'cut')} of {_count(facts.specimens, 'specimen')}; moduli of "
+        f"{card.model.element}, {card.model.formulation.replace('_', ' ')}, Poisson's ratio {card.model.poisson:g}."
+    )
+    write_page(path, page(f"Validation card: {card.tissue.name}", subtitle, _lead(card), sections))
+    data = path.with_suffix(".json")
+    write_page(data, Html(card.to_json() + "\n"))
+    return data
+
+
+def headline(card: ValidationCard) -> str:
+    """How well cuts are predicted that were left out, in one sentence or two."""
+    same, other, own = (card.median_error(source) for source in ("same_rmse", "other_rmse", "own_rmse"))
+    parts = []
+    if same is not None:
+        parts.append(f"from other cuts of its own specimen to {_error(same)}")
+    if other is not None:
+        parts.append(f"from another specimen to {_error(other)}")
+    if own is None:
+        return "No cut shows a steady loading segment: there is no force to predict."
+    if not parts:
+        return (
+            f"A single cut cannot be predicted from others; its segments' own moduli give its force to {_error(own)}."
+        )
+    return (
+        f"The loading ramps of a cut that was left out are predicted {', '.join(parts)} (median over the cuts); "
+        f"every segment's own modulus gives {_error(own)}."
+    )
+
+
+def _error(pair: tuple[float, float]) -> str:
+    return f"{pair[0]:.2f} N, {pair[1]:.1f} % of the peak"
+
+
+def _count(n: int, noun: str) -> str:
+    return f"{n} {noun}" + ("" if n == 1 else "s")
+
+
+def _lead(card: ValidationCard) -> Html:
+    missing = card.calibration.not_measured
+    told = "Every number of the tissue was measured." if not missing else f"Not measured: {', '.join(missing)}."
+    kind = "open" if missing else "good"
+    return Html(
+        f'<div class="verdict {kind}">\n{paragraph("How well it predicts", "word")}\n'
+        f"{paragraph(headline(card), 'headline')}\n{paragraph(told)}</div>"
+    )
+
+
+def _numbers(card: ValidationCard) -> Html:
+    about = {field.name: field.metadata for field in dataclasses.fields(TissueDescription)}
+    rows = []
+    for each in card.calibration.evidence:
+        factor, unit = _DISPLAYED.get(about[each.name]["unit"], (1.0, about[each.name]["unit"]))
+        value = factor * getattr(card.tissue, each.name)
+        interval = escaped("")
+        if each.low is not None and each.high is not None:
+            interval = Html(f"{_shown(factor * each.low)} to {_shown(factor * each.high)}")
+        mark = "" if each.provenance == "measured" else "own"
+        rows.append(
+            Row(
+                [
+                    escaped(each.name.replace("_", " ")),
+                    Html(_shown(value)),
+                    escaped("" if unit == "1" else unit),
+                    interval,
+                    element("span", escaped(each.provenance), "chip"),
+                    Html(f'<span style="white-space:normal;display:block;text-align:left">{escaped(each.how)}</span>'),
+                ],
+                mark,
+            )
+        )
+    heads = [escaped(text) for text in ("", "value", "unit", "95 % interval", "provenance", "how")]
+    return table("Values, their bootstrap intervals over cuts, and what they rest on", heads, rows)
+
+
+def _shown(value: float) -> str:
+    """Four significant digits as print sets them."""
+    if value == 0.0:
+        return "0"
+    return number(value, max(0, 3 - math.floor(math.log10(abs(value)))))
+
+
+def _prediction(card: ValidationCard) -> Html:
+    rows = []
+    for source, what in (
+        ("same_rmse", "other cuts of its specimen"),
+        ("other_rmse", "another specimen"),
+        ("own_rmse", "each segment's own modulus (what noise and curvature leave)"),
+    ):
+        pair = card.median_error(source)
+        n = sum(getattr(each, source) is not None for each in card.left_out)
+        cells = ("not possible", "", "0") if pair is None else (number(pair[0], 3), number(pair[1], 1), str(n))
+        rows.append(Row([escaped(what), *(escaped(cell) for cell in cells)]))
+    heads = [escaped(text) for text in ("predicted from", "RMSE [N]", "of the peak [%]", "cuts")]
+    parts = [
+        paragraph(
+            "The measured displacement of the blade goes into the finite-element model with the average modulus of "
+            "other cuts (thesis, section 7.4). Each ramp starts where the measured one does: its rise is predicted."
+        ),
+        table("Error of the predicted force on the loading ramps, median over the cuts", heads, rows),
+    ]
+    shown = card.shown()
+    if shown:
+        parts.append(
+            picture(
+                partial(overlay_figure, shown, card.model),
+                "Force of the blade against its position, with the predicted loading ramps",
+                escaped("From above: the cut predicted best, two between, and the one predicted worst."),
+            )
+        )
+    return joined(*parts)
+
+
+def _speed(card: ValidationCard) -> Html:
+    return picture(
+        partial(speed_figure, card.tissue, card.cuts),
+        "Local effective modulus of every cut against speed, with a line for each angle",
+        escaped("Mean over the segments of each cut; the bars are their standard deviation."),
+    )
+
+
+def _resistance(card: ValidationCard) -> Html:
+    return picture(
+        partial(resistance_figure, card.cuts),
+        "Fracture resistance of every cut against the length of the cut",
+        escaped("The thesis's formula takes the blade for the tip and stored energy for fracture: it reads low."),
+    )
+
+
+def _cuts(card: ValidationCard) -> Html:
+    heads = [
+        escaped(text)
+        for text in (
+            "cut", "specimen", "speed [cm/s]", "angle [°]", "segments", "LEM [kPa]", "SD [kPa]",
+            "LEM without depth [kPa]", "R apparent [J/m²]", "R [J/m²]", "friction [N/m]", "length [cm]",
+        )
+    ]  # fmt: skip
+    rows = []
+    for cut in card.cuts:
+        row = card._row_of(cut)
+        kilo = [
+            "" if row[name] is None else number(row[name] / 1e3, 1)
+            for name in ("modulus_Pa", "sd_modulus_Pa", "modulus_without_depth_Pa")
+        ]
+        rest = [number(row[name], 0) for name in ("apparent_resistance_J_m2", "resistance_J_m2", "friction_N_m")]
+        cells = [
+            row["name"], row["specimen"], number(row["speed_cm_s"], 2), number(row["angle_deg"], 0),
+            str(row["segments"]), *kilo, *rest, number(row["cut_length_cm"], 1),
+        ]  # fmt: skip
+        rows.append(Row([escaped(cell) for cell in cells]))
+    return folded(_count(len(card.cuts), "cut") + ", one row each", table("Every cut", heads, rows))
+
+
+def _notes(card: ValidationCard) -> Html:
+    notes = card.calibration.notes or ("Nothing beyond the numbers.",)
+    listed = Html("\n".join(f"<li>{escaped(note)}</li>" for note in notes))
+    valid = (
+        ("Speeds", f"{100 * card.tissue.speed_min:.3g} to {100 * card.tissue.speed_max:.3g} cm/s; outside, the modulus "
+         "of the nearest and a flag in info"),
+        ("Angles", "45 to 90 degrees, linear between; what is marked assumed above is pig liver's, in proportion"),
+        ("Model", f"moduli belong to {card.model.element}, {card.model.formulation.replace('_', ' ')}; "
+         "CutModel.convert_modulus takes them to another"),
+    )  # fmt: skip
+    return joined(element("ul", listed), definitions(list(valid)))
+
+
+def _without_depth(cut: MeasuredCut, model: CutModel) -> float | None:
+    """Mean modulus as if the cut were everywhere as deep as the model is thick, as in Tables 5.1 to 5.5 [Pa]."""
+    found = estimate_local_effective_moduli(
+        cut.trace, model, depth_normalised=False, friction_per_depth=0.0, loading_ratio=0.0
+    )
+    return found.mean if len(found) else None
+
+
+def _left_out_content(each: LeftOutCut) -> dict[str, Any]:
+    content = dataclasses.asdict(each)
+    units = {"speed": "speed_m_s", "angle": "angle_rad", "peak_force": "peak_force_N"}
+    for name in list(content):
+        if name.endswith("modulus"):
+            units[name] = f"{name}_Pa"
+        elif name.endswith("rmse"):
+            units[name] = f"{name}_N"
+    return {units.get(name, name): value for name, value in content.items()}

@@ -1,0 +1,111 @@
+"""The drawings of a validation card: moduli against speed, resistance against length, predicted and measured force."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cutenv.measurement import LeftOutCut, MeasuredCut
+from cutenv.measurement.prediction import predicted_ramps
+from cutenv.measurement.speed_dependence import BETWEEN
+from cutenv.report.page import label, new_figure
+from cutenv.tissue import CutModel, TissueDescription
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_STEEP, _FLAT = "#0072b2", "#d55e00"
+_MEASURED, _SAME, _OTHER = "0.65", "#0072b2", "#d55e00"
+_PHONE = 6.0  # width below which a picture is drawn for a phone [in]
+_POINTS = 2500  # of a line: more than a picture is wide
+
+
+def speed_figure(tissue: TissueDescription, cuts: Sequence[MeasuredCut], width: float) -> Figure:
+    """Mean modulus of every cut with the spread of its segments, against speed, and the fitted lines."""
+    figure = new_figure(width, 3.6)
+    axes = figure.subplots()
+    v = np.linspace(tissue.speed_min, tissue.speed_max, 2)
+    for steep, colour, marker, intercept, slope, name in (
+        (True, _STEEP, "o", tissue.intercept_90, tissue.slope_90, "90°"),
+        (False, _FLAT, "s", tissue.intercept_45, tissue.slope_45, "45°"),
+    ):
+        own = [cut for cut in cuts if len(cut.moduli) and (cut.angle >= BETWEEN) is steep]
+        # Cuts of one speed stand side by side, in their order.
+        shift = 0.004 * (tissue.speed_max - tissue.speed_min) * (1.0 if steep else -1.0)
+        places = [100.0 * (cut.speed + shift * (1 + i % 5)) for i, cut in enumerate(own)]
+        means, sds = ([getattr(cut.moduli, what) / 1e3 for cut in own] for what in ("mean", "sd"))
+        axes.errorbar(
+            places, means, sds, fmt=marker, color=colour, ecolor=colour, elinewidth=0.6, markersize=4, alpha=0.75,
+            label=f"cuts at {name}" if own else None,
+        )  # fmt: skip
+        dashed = "-" if own else "--"
+        tells = "" if own else ", not measured"
+        axes.plot(100.0 * v, (intercept + slope * v) / 1e3, dashed, color=colour, label=f"line at {name}{tells}")
+    axes.set_xlabel("speed [cm/s]")
+    axes.set_ylabel("local effective modulus [kPa]")
+    axes.set_ylim(bottom=0.0)
+    _plain(axes)
+    figure.legend(loc="outside upper left", ncols=2 if width < _PHONE else 4, frameon=False, fontsize=9)
+    return figure
+
+
+def resistance_figure(cuts: Sequence[MeasuredCut], width: float) -> Figure:
+    """Fracture resistance of every cut against its length: work over area, and the thesis's formula."""
+    figure = new_figure(width, 3.4)
+    axes = figure.subplots()
+    length = [100.0 * cut.fracture.cut_length for cut in cuts]
+    axes.plot(length, [cut.fracture.apparent for cut in cuts], "x", color=_FLAT, label="apparent, W/(B x)")
+    axes.plot(
+        length, [cut.fracture.corrected for cut in cuts], "o", color=_STEEP, markersize=5, label="work over area cut"
+    )
+    axes.set_xlabel("length of cut, by the tip [cm]")
+    axes.set_ylabel("fracture resistance [J/m²]")
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(bottom=0.0)
+    _plain(axes)
+    figure.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=9)
+    return figure
+
+
+def overlay_figure(shown: Sequence[tuple[MeasuredCut, LeftOutCut]], model: CutModel, width: float) -> Figure:
+    """Measured force of some cuts, and their ramps as other cuts predict them."""
+    figure = new_figure(width, 0.4 + 2.5 * len(shown))
+    panels = np.atleast_1d(figure.subplots(len(shown), 1))
+    for axes, (cut, left_out) in zip(panels, shown, strict=True):
+        (position,) = cut.trace.require("position", by="overlay_figure")
+        forward = slice(0, int(np.argmax(position)) + 1)
+        step = max(1, forward.stop // _POINTS)
+        x, F = 100.0 * position[forward][::step], cut.trace.force[forward][::step]
+        axes.plot(x, F, color=_MEASURED, linewidth=0.9, label="measured")
+        for modulus, colour, style, name in (
+            (left_out.other_modulus, _OTHER, "--", "predicted from another specimen"),
+            (left_out.same_modulus, _SAME, "-", "predicted from other cuts of the specimen"),
+        ):
+            if modulus is None:
+                continue
+            for i, ramp in enumerate(predicted_ramps(cut, model, modulus)):
+                ends = [0, -1]
+                axes.plot(
+                    100.0 * ramp.position[ends], ramp.predicted[ends], style, color=colour, linewidth=1.8,
+                    label=None if i else name,
+                )  # fmt: skip
+        angle = f"{math.degrees(cut.angle):.0f}°"
+        title = f"{cut.name}, {cut.specimen or 'specimen not named'}, {100.0 * cut.speed:.2g} cm/s, {angle}"
+        axes.set_title(label(title), fontsize=10, loc="left")
+        axes.set_ylabel("force [N]")
+        axes.set_ylim(bottom=min(0.0, float(F.min())))
+        _plain(axes)
+    panels[-1].set_xlabel("blade [cm]")
+    handles, names = panels[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper left", ncols=1 if width < _PHONE else 3, frameon=False, fontsize=9)
+    return figure
+
+
+def _plain(axes: Axes) -> None:
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(axis="y", color="0.9", linewidth=0.8)
+    axes.set_axisbelow(True)

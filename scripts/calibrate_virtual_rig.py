@@ -1,0 +1,152 @@
+"""The measurement loop, told step by step: cut virtual livers on a virtual rig, forget what they were, find it again.
+
+    python scripts/calibrate_virtual_rig.py                     84 cuts of six livers, about a minute
+    python scripts/calibrate_virtual_rig.py --livers 2 --out runs/rig    fewer, into a folder that is kept
+
+The protocol is the thesis's (sections 3.1, 5.1 and 6.2): seven speeds from 0.1 to 2.54 cm/s, 90 and 45 degrees, several
+livers, every cut 4 inches forward and back again, force felt through a sensor with noise, delay and a resolution
+of 0.05 N.  What the records show is put beside what the livers were drawn from.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import itertools
+import math
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from cutenv import cli
+from cutenv.measurement.scatter import Variogram, cv_of, fit_variances, mean_field_variance
+from cutenv.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.randomness import generator
+from cutenv.recording import save
+from cutenv.tissue import Specimen, TissueDescription, draw_liver, load_description, measured_liver
+from cutenv.tissue.specimen import SPACING
+from cutenv.tissue.tables import table
+from cutenv.trace import Trace
+
+INCH = 0.0254
+SPEEDS = tuple(float(v) / 100.0 for v in table("5.6")["speed_cm_s"])
+ANGLES_DEG = (90.0, 45.0)
+RETURN_SPEED = 0.0127  # at the least [m/s]: the way back tells friction at any speed, and takes no one's time
+DWELL = 0.2  # at either end [s]
+
+
+def session(tissue: TissueDescription, livers: int, seed: int) -> list[tuple[Trace, Specimen]]:
+    """Step 1: cut. Records as a rig would have made them, and beside each the truth, which stays here."""
+    cuts = []
+    protocol = list(itertools.product(range(livers), ANGLES_DEG, SPEEDS))
+    for number, (liver, angle_deg, speed) in enumerate(tqdm(protocol, desc="cutting", unit="cut", leave=False)):
+        factor = draw_liver(generator(seed, liver), tissue)
+        specimen = Specimen.draw(generator(seed, livers + number), tissue=tissue, liver_factor=factor)
+        angle = math.radians(angle_deg)
+        plant = SimulatedPlant(specimen, seed=seed, episode=number, angle=angle)
+        forward = Leg(position=4 * INCH, speed=speed, angle=angle, dwell=DWELL)
+        back = Leg(position=0.0, speed=max(speed, RETURN_SPEED), angle=angle, dwell=DWELL)
+        facts = {"name": f"cut {number + 1}", "specimen": f"liver {liver + 1}", "rig": "virtual"}
+        cuts.append((to_trace(plant, run(plant, [forward, back]), **facts), specimen))
+    return cuts
+
+
+def truth(tissue: TissueDescription, specimens: list[Specimen]) -> dict[str, float]:
+    """What was put in: the tissue's constants, and means and spreads of the very specimens that were cut."""
+    n = round(4 * INCH / SPACING)
+    places = np.arange(n) * SPACING
+    modulus, resistance = ([getattr(s, name)[:n] for s in specimens] for name in ("modulus", "fracture_resistance"))
+    along = [Variogram.of([places] * len(specimens), fields) for fields in (modulus, resistance)]
+    within, _ = fit_variances(along, np.ones(len(specimens)), tissue.correlation_length)
+    depths = [s.depth[:n] for s in specimens]
+    means = np.array([np.average(R, weights=B) for R, B in zip(resistance, depths, strict=True)])
+    between = np.log(means).var(ddof=1) - mean_field_variance(places, within[1], tissue.correlation_length)
+    stiffer = np.mean([E.mean() for E in modulus]) / tissue.intercept_90  # these livers, by chance
+    return {
+        "intercept_90": stiffer * tissue.intercept_90,
+        "slope_90": stiffer * tissue.slope_90,
+        "intercept_45": stiffer * tissue.intercept_45,
+        "slope_45": stiffer * tissue.slope_45,
+        "modulus_within_cut_cv": cv_of(within[0]),
+        "correlation_length": tissue.correlation_length,
+        "fracture_resistance": float(means.mean()),
+        "fracture_between_cut_cv": cv_of(between),
+        "fracture_within_cut_cv": cv_of(within[1]),
+        "friction_share": sum(s.friction_per_depth for s in specimens) / float(means.sum()),
+        "eta90": tissue.eta90,
+        "edge_depth": tissue.edge_depth,
+        "crown_depth": tissue.crown_depth,
+        "rise_length": tissue.rise_length,
+    }
+
+
+def compare(tissue: TissueDescription, put_in: dict[str, float]) -> tuple[str, int]:
+    """Step 4: what was found beside what was put in; how many intervals miss it."""
+    assert tissue.calibration is not None
+    units = {field.name: field.metadata.get("unit", "") for field in dataclasses.fields(tissue)}
+    lines = [f"{'':25s} {'':6s} {'put in':>11s} {'found':>11s}  95 % interval"]
+    missed = 0
+    for each in tissue.calibration.evidence:
+        if each.name not in put_in:
+            continue
+        mark, interval = "", ""
+        if each.low is not None and each.high is not None:
+            inside = each.low <= put_in[each.name] <= each.high
+            missed += not inside
+            mark, interval = "" if inside else "  MISS", f"{each.low:.4g} to {each.high:.4g}"
+        found = getattr(tissue, each.name)
+        unit = units[each.name].replace("1", "")
+        lines.append(f"{each.name:25s} {unit:6s} {put_in[each.name]:11.4g} {found:11.4g}  {interval}{mark}".rstrip())
+    return "\n".join(lines), missed
+
+
+def main() -> int:
+    """Cut, save, calibrate from the files alone, compare."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--livers", type=int, default=6, help="each is cut 14 times")
+    parser.add_argument("--seed", type=int, default=5, help="of livers and sensor noise")
+    parser.add_argument("--out", type=Path, help="keep records, tissue and card there; default a temporary folder")
+    parser.add_argument("--suffix", default=".parquet", choices=[".csv", ".parquet", ".h5"], help="of the records")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = arguments.out or Path(temporary)
+        (folder / "records").mkdir(parents=True, exist_ok=True)
+        liver = measured_liver()
+
+        print(f"1. {arguments.livers} livers, drawn from pig liver as measured, are cut 14 times each.")
+        cuts = session(liver, arguments.livers, arguments.seed)
+
+        print(f"2. The records go to {folder}/records; nothing else does.")
+        files = []
+        for trace, _ in tqdm(cuts, desc="saving", unit="file", leave=False):
+            files.append(folder / "records" / f"{trace.metadata['name'].replace(' ', '_')}{arguments.suffix}")
+            save(trace, files[-1])
+
+        print("3. cutenv calibrate reads them:\n")
+        start = time.perf_counter()
+        outputs = [
+            "--out",
+            str(folder / "tissue.json"),
+            "--report",
+            str(folder / "card.html"),
+            "--name",
+            "virtual liver",
+        ]
+        status = cli.main(["calibrate", *map(str, files), *outputs])
+        if status:
+            return status
+        print(f"  {time.perf_counter() - start:.1f} s for {len(files)} cuts, reading and the card included")
+
+        print("\n4. Beside what was put in:\n")
+        text, missed = compare(load_description(folder / "tissue.json"), truth(liver, [s for _, s in cuts]))
+        print(text)
+        print(f"\n{missed} of the intervals miss what was put in; of 95 % intervals one in twenty does.")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,167 @@
+"""How fast things are beside each other: bounds so wide that only a real loss breaks them, never a busy machine.
+
+Beside each bound stands what was measured on 2 cores; what is required of a quiet machine, ``cutenv bench`` says.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import VectorEnv
+
+import cutenv  # noqa: F401  registers the environment
+from cutenv.bench.factorisation import factorising_per_tip
+from cutenv.plant import SimulatedPlant
+from cutenv.tissue import CutModel, Specimen
+from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
+from cutenv.tissue.tip_response import stiffness_matrix, tip_responses
+from cutenv.viewer.slab import Slab
+
+pytestmark = pytest.mark.benchmark(group="ratios")
+
+Way = Callable[[], Any]
+Ratio = Callable[[Way, Way], float]
+FINE = (40, 75)
+TIP = 0.0713  # between two corners of either mesh [m]
+
+
+def steps(env: gymnasium.Env[Any, Any], count: int = 100) -> Way:
+    """Step slowly onwards, beginning anew where a cut ends."""
+    env.reset(seed=0)
+    action = np.full(env.action_space.shape or (), 0.15, np.float32)
+
+    def take() -> None:
+        for _ in range(count):
+            _, _, terminated, truncated, _ = env.step(action)
+            if terminated or truncated:
+                env.reset()
+
+    return take
+
+
+def batch(name: str, count: int, mode: str = "vector_entry_point") -> VectorEnv[Any, Any, Any]:
+    env = gymnasium.make_vec(name, num_envs=count, vectorization_mode=mode)
+    env.reset(seed=0)
+    return env
+
+
+def batch_steps(env: VectorEnv[Any, Any, Any]) -> Way:
+    actions = np.full(env.action_space.shape or (), 0.15, np.float32)
+    return lambda: env.step(actions)
+
+
+def check_step(ratio: Ratio, env: gymnasium.Env[Any, Any]) -> None:
+    """20 force updates cost no more than three steps of a pendulum; measured: 0.9."""
+    assert ratio(steps(env), steps(gymnasium.make("Pendulum-v1"))) < 3.0
+
+
+def test_a_step_is_about_a_step_of_pendulum(ratio):
+    check_step(ratio, gymnasium.make("cutenv/GentleCut-v0"))
+
+
+def test_a_slow_step_is_noticed(ratio):
+    class Slow(gymnasium.Wrapper[Any, Any, Any, Any]):
+        def step(self, action: Any) -> Any:
+            time.sleep(0.0005)
+            return super().step(action)
+
+    with pytest.raises(AssertionError):
+        check_step(ratio, Slow(gymnasium.make("cutenv/GentleCut-v0")))
+
+
+def check_batch(ratio: Ratio, env: VectorEnv[Any, Any, Any]) -> None:
+    """A batch of 256 takes less than half the time of as many pendulums in a loop; measured: 0.1."""
+    assert ratio(batch_steps(env), batch_steps(batch("Pendulum-v1", 256, "sync"))) < 0.5
+
+
+def test_a_batch_is_faster_than_a_loop(ratio):
+    check_batch(ratio, batch("cutenv/GentleCut-v0", 256))
+
+
+def test_a_batch_that_is_a_loop_is_noticed(ratio):
+    with pytest.raises(AssertionError):
+        check_batch(ratio, batch("cutenv/GentleCut-v0", 256, "sync"))
+
+
+def test_a_larger_batch_costs_no_more_for_each(ratio):
+    """Eight times as many take less than 24 times as long; measured: 6."""
+    assert ratio(*(batch_steps(batch("cutenv/GentleCut-v0", count)) for count in (2048, 256))) < 24.0
+
+
+def test_resetting_a_batch_is_so_many_steps_of_it(ratio):
+    """Measured: 7; 100 are allowed."""
+    env, other = (batch("cutenv/GentleCut-v0", 256) for _ in range(2))
+    assert ratio(env.reset, batch_steps(other)) < 60.0
+
+
+def test_a_force_update_is_a_fraction_of_a_pendulums_step(ratio):
+    """Measured: 0.08."""
+    plant = SimulatedPlant(Specimen.mean())
+
+    def updates() -> None:
+        for _ in range(100):
+            plant.advance(0.005, 1.0, 1)
+
+    assert ratio(updates, steps(gymnasium.make("Pendulum-v1"))) < 0.5
+
+
+def check_displacement(ratio: Ratio, model: CutModel, displacement: Way) -> None:
+    """A displacement takes less than a fifth of one factorisation with its solves; measured: 0.03."""
+    mesh = CutMesh(kind=ELEMENT_KINDS["quad8"], divisions=(8, 15), size=(model.width, model.length))
+    stiffness = stiffness_matrix(mesh, model.formulation, model.poisson)
+    assert ratio(displacement, lambda: tip_responses(mesh, stiffness, slipping=False)) < 0.2
+
+
+def test_a_displacement_is_not_solved_for(ratio):
+    model = CutModel()
+    check_displacement(ratio, model, lambda: model.displacement(TIP, 1.0, 1e4, 0.01))
+
+
+def test_a_displacement_that_is_solved_for_is_noticed(ratio):
+    def solved() -> None:
+        CutModel().displacement(TIP, 1.0, 1e4, 0.01)
+
+    with pytest.raises(AssertionError):
+        check_displacement(ratio, CutModel(), solved)
+
+
+def test_a_displacement_on_the_fine_mesh_grows_less_than_its_equations(ratio):
+    """21 times the equations; measured: 1.6 times as long."""
+    fine, coarse = CutModel(divisions=FINE), CutModel()
+    assert ratio(*(lambda m=model: m.displacement(TIP, 1.0, 1e4, 0.01) for model in (fine, coarse))) < 15.0
+
+
+def test_the_viewers_lattice_is_a_product_more(ratio):
+    """Measured: 3.4; when it picked the corners of each element for every picture, 20."""
+    model = CutModel(divisions=FINE)
+    slab = Slab(model)
+    assert ratio(lambda: slab.displacement(TIP, 0.01), lambda: model.displacement(TIP, 1.0, 1e4, 0.01)) < 10.0
+
+
+def test_one_factorisation_serves_all_tips(ratio):
+    """Measured: 0.08; an eighth is required of a quiet machine."""
+    model = CutModel()
+    mesh = CutMesh(kind=ELEMENT_KINDS["quad8"], divisions=(8, 15), size=(model.width, model.length))
+    stiffness = stiffness_matrix(mesh, model.formulation, model.poisson)
+    once, each = (
+        (lambda: tip_responses(mesh, stiffness, slipping=False)),
+        (lambda: factorising_per_tip(mesh, stiffness)),
+    )
+    assert ratio(once, each) < 0.35
+
+
+@pytest.mark.parametrize(("cheaper", "dearer"), [("quad4", "quad8"), ("quad8", "hex20")])
+def test_the_models_of_table_4_3_are_in_order_of_effort(ratio, cheaper, dearer):
+    """On a smaller mesh, for bricks take long; measured: 0.4 and 0.04."""
+
+    def whole(element: str) -> Way:
+        divisions = (4, 8, 2) if element == "hex20" else (4, 8)
+        formulation = "solid" if element == "hex20" else "plane_stress"
+        return lambda: CutModel(element, formulation, divisions=divisions).stiffness(TIP)
+
+    assert ratio(whole(cheaper), whole(dearer)) < 1.0
