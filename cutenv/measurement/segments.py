@@ -22,7 +22,7 @@ SMALLEST_DROP_SHARE = 0.1
 """The same without newtons, as a share of the record's range of force from its 5 % to its 95 % quantile."""
 
 SMOOTHING_TIME = 0.01
-"""Over which readings are averaged by default [s]: at 1 kHz noise of 0.025 N falls to 0.008 N; 0.25 mm at 2.54 cm/s."""
+"""Over which readings are averaged by default [s]: 0.25 mm at 2.54 cm/s; at 1 kHz noise of 0.025 N falls to 0.008."""
 
 FEWEST_SMOOTHED = 3
 """Readings averaged at the least by default, where position is known: a slower sensor has less time for noise to fall."""

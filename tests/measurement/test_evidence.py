@@ -168,7 +168,7 @@ def test_a_seed_gives_the_same_intervals_and_another_one_others() -> None:
 
 @pytest.mark.parametrize("resamples", [-1, 1_000_000, math.nan])
 def test_a_number_of_resamples_that_is_none_is_refused(resamples: float) -> None:
-    with pytest.raises(ValueError, match="resamples = .* Some hundreds give an interval"):
+    with pytest.raises(ValueError, match=r"resamples = .* Some hundreds give an interval"):
         tissue_from(resamples=resamples)
 
 
@@ -219,7 +219,7 @@ def test_a_damaged_calibration_is_refused(damage: str) -> None:
     content = json.loads(tissue_from(resamples=30).to_json())
     TissueDescription.from_json(json.dumps(content))
     DAMAGES[damage](content["calibration"])
-    with pytest.raises(ValueError, match="calibration|evidence|provenance"):
+    with pytest.raises(ValueError, match=r"calibration|evidence|provenance"):
         TissueDescription.from_json(json.dumps(content))
 
 
@@ -229,7 +229,7 @@ def test_a_tissue_without_calibration_is_read_as_before() -> None:
 
 def test_evidence_of_something_that_was_not_asked_for_is_refused_by_name() -> None:
     facts = Calibration(cuts=1, specimens=1, evidence=(Evidence(name="eta90", provenance="measured", how="so"),))
-    with pytest.raises(ValueError, match="field must be one of 'eta90', got 'eta'. Did you mean 'eta90'"):
+    with pytest.raises(ValueError, match=r"field must be one of 'eta90', got 'eta'. Did you mean 'eta90'"):
         facts.of("eta")
 
 

@@ -23,7 +23,7 @@ LENGTH, SD = 0.020, 0.2
 
 
 def drawn_fields(cuts: int = 400, places: int = 20, seed: int = 1) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Positions [m] and values of lognormal fields with a squared-exponential correlation; each cut has its own mean."""
+    """Positions [m] and values of lognormal fields, squared-exponentially correlated; each cut has its own mean."""
     rng = np.random.default_rng(seed)
     positions, values = [], []
     for _ in range(cuts):

@@ -104,6 +104,8 @@ def test_no_cut_is_refused() -> None:
         fit_speed_dependence([], [], [])
 
 
-@pytest.mark.parametrize(("angle_deg", "between"), [(44.6, True), (44.4, False), (90.4, True), (90.6, False), (60, True)])
+@pytest.mark.parametrize(
+    ("angle_deg", "between"), [(44.6, True), (44.4, False), (90.4, True), (90.6, False), (60, True)]
+)
 def test_angles_count_as_measured_to_half_a_degree(angle_deg: float, between: bool) -> None:
     assert is_between_the_measured(math.radians(angle_deg)) is between

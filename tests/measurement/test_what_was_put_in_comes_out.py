@@ -5,6 +5,7 @@ Sensor noise, delay and resolution are on everywhere. Where chance is to be kept
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -83,7 +84,12 @@ def test_the_range_of_speeds_is_that_of_the_cuts() -> None:
 
 def test_tissue_without_spread_is_given_none() -> None:
     found = calibrated()
-    for name in ("modulus_between_cut_cv", "modulus_within_cut_cv", "fracture_between_cut_cv", "fracture_within_cut_cv"):
+    for name in (
+        "modulus_between_cut_cv",
+        "modulus_within_cut_cv",
+        "fracture_between_cut_cv",
+        "fracture_within_cut_cv",
+    ):
         assert getattr(found, name) <= 0.03, name
 
 
@@ -145,7 +151,7 @@ def test_the_formula_that_takes_the_blade_for_the_tip_is_noticed() -> None:
 def test_the_friction_of_another_cut_is_noticed() -> None:
     cuts = measured()
     with pytest.raises(AssertionError):
-        check_friction([(cut, specimen) for (cut, _), (_, specimen) in zip(cuts, cuts[1:], strict=False)])
+        check_friction([(cut, specimen) for (cut, _), (_, specimen) in itertools.pairwise(cuts)])
 
 
 def test_moduli_come_out_of_every_cut_that_has_some() -> None:
