@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 from cutenv.measurement.cut import MeasuredCut, by_specimen, measure_cut, named
 from cutenv.measurement.loading_ratio import loading_ratio as liver_loading_ratio
 from cutenv.measurement.pooled_cuts import FEWEST_FOR_CORRELATION, NOT_RESAMPLED, PooledCuts, resampled
-from cutenv.measurement.speed_dependence import SpeedDependence, fit_speed_dependence, is_between_the_measured
+from cutenv.measurement.speed_dependence import (
+    BETWEEN,
+    LEAST_SPEED_RATIO,
+    SpeedDependence,
+    fit_speed_dependence,
+    is_between_the_measured,
+)
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.evidence import Calibration, Evidence
@@ -237,8 +243,8 @@ _HOW = {
     "slope_90": f"{_FIT}, at 90 degrees",
     "intercept_45": f"{_FIT}, for v -> 0 at 45 degrees",
     "slope_45": f"{_FIT}, at 45 degrees",
-    "speed_min": "slowest cut",
-    "speed_max": "fastest cut",
+    "speed_min": "slowest cut that shows a modulus",
+    "speed_max": "fastest cut that shows a modulus",
     "modulus_between_liver_cv": "nested analysis of variance of the cuts' mean moduli over the fit, by specimen",
     "modulus_between_cut_cv": "the same, between cuts of one specimen, less what the field within a cut adds",
     "modulus_within_cut_cv": "variogram of the segments' moduli along the cuts",
@@ -295,6 +301,7 @@ def _notes(
     silent = sum(not len(cut.moduli) for cut in cuts)
     if silent:
         notes.append(f"{silent} of {len(cuts)} cuts show no steady loading segment: they tell resistance, no modulus")
+    notes += _extrapolated(cuts)
     without = sum(cut.return_stroke is None for cut in cuts)
     if without:
         notes.append(f"{without} of {len(cuts)} cuts have no return stroke past the tip: less certain by about 5 %")
@@ -312,4 +319,19 @@ def _notes(
         for flag in cut.flags:
             flagged[flag] = flagged.get(flag, 0) + 1
     notes += [f"{n} of {len(cuts)} cuts: {flag}" for flag, n in flagged.items()]
+    return notes
+
+
+def _extrapolated(cuts: Sequence[MeasuredCut]) -> list[str]:
+    """Where one angle was cut over a shorter range of speeds than the other, so that its line is extrapolated."""
+    known = [cut for cut in cuts if len(cut.moduli)]
+    slowest, fastest = (100.0 * end([cut.speed for cut in known]) for end in (min, max))
+    notes = []
+    for angle_deg, steep in ((90, True), (45, False)):
+        own = [100.0 * cut.speed for cut in known if (cut.angle >= BETWEEN) is steep]
+        if own and (max(own) * LEAST_SPEED_RATIO < fastest or min(own) > LEAST_SPEED_RATIO * slowest):
+            notes.append(
+                f"the modulus near {angle_deg} degrees was measured from {min(own):.2g} to {max(own):.2g} cm/s only: "
+                f"from {slowest:.2g} to {fastest:.2g} cm/s, the range of the tissue, its line is extrapolated"
+            )
     return notes

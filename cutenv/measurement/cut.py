@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -163,13 +163,19 @@ def by_specimen(cuts: list[MeasuredCut]) -> dict[str, list[MeasuredCut]]:
 
 
 def named(traces: list[Trace]) -> list[tuple[str, Trace]]:
-    """Names for traces: what their metadata call them, or their number."""
+    """Names for traces, no two alike: what their metadata call them, or their number."""
     names = [str(trace.metadata.get("name") or f"trace {i}") for i, trace in enumerate(traces)]
-    taken = {name for name, n in itertools.groupby(sorted(names)) if len(list(n)) > 1}
-    return [
-        (f"{name} ({i})" if name in taken else name, trace)
-        for i, (name, trace) in enumerate(zip(names, traces, strict=True))
-    ]
+    times = Counter(names)
+    used = {name for name in names if times[name] == 1}
+    found = []
+    for i, (name, trace) in enumerate(zip(names, traces, strict=True)):
+        if times[name] > 1:
+            name = f"{name} ({i})"
+            while name in used:  # somebody wrote numbers behind names himself
+                name = f"{name} ({i})"
+            used.add(name)
+        found.append((name, trace))
+    return found
 
 
 def _speed(time: Array, position: Array) -> float:

@@ -19,7 +19,7 @@ from cutenv.measurement.scatter import (
     mean_field_variance,
     nested_variances,
 )
-from cutenv.measurement.speed_dependence import SpeedDependence, fit_speed_dependence
+from cutenv.measurement.speed_dependence import LEAST_FIT, SpeedDependence, fit_speed_dependence
 from cutenv.tissue.description import measured_liver
 
 Array = NDArray[np.float64]
@@ -94,6 +94,9 @@ class PooledCuts:
         if len(cuts) < FEWEST_FOR_CORRELATION:
             self.length = measured_liver().correlation_length
         self.has_modulus = np.isfinite(self.modulus)
+        speed = self.speed[self.has_modulus]  # the range in which the modulus is known
+        self.speed_min = float(speed.min())
+        self.speed_max = float(max(speed.max(), 1.01 * self.speed_min))
         free = self._line(np.flatnonzero(self.has_modulus)).measured
         self.measured = set(FIELDS) - ({"intercept_90", "slope_90", "intercept_45", "slope_45"} - free)
 
@@ -109,8 +112,8 @@ class PooledCuts:
             "slope_90": line.slope_90,
             "intercept_45": line.intercept_45,
             "slope_45": line.slope_45,
-            "speed_min": float(self.speed.min()),
-            "speed_max": float(max(self.speed.max(), 1.01 * self.speed.min())),
+            "speed_min": self.speed_min,
+            "speed_max": self.speed_max,
             "correlation_length": math.nan if self.length else length,
             **self._modulus_spread(line, counts, modulus_within, length),
             **self._fracture(counts, resistance_within, length),
@@ -125,7 +128,8 @@ class PooledCuts:
     def _modulus_spread(self, line: SpeedDependence, counts: Array, within: float, length: float) -> dict[str, float]:
         known = self.has_modulus
         fitted = np.array([line.modulus(v, angle) for v, angle in zip(self.speed, self.angle, strict=True)])[known]
-        ratio = np.log(self.modulus[known] / fitted)
+        # A resample of cuts at one end of the speeds may have a line that falls below zero at the other end.
+        ratio = np.log(self.modulus[known] / np.maximum(fitted, LEAST_FIT * self.modulus[known]))
         between_liver, between_cut = nested_variances(ratio, self.specimen[known], counts[known])
         enough = self.variograms[0].pairs.sum() >= 1.0
         along = self._added([cut.moduli.position for cut in self.cuts], within if enough else 0.0, length, counts)

@@ -17,6 +17,8 @@ BETWEEN = math.radians(67.5)
 """Steeper cuts are counted with the upright ones, flatter ones with the inclined [rad]."""
 LEAST_SPEED_RATIO = 1.5
 """Of the fastest over the slowest cut, from which on a fall with speed can be told."""
+LEAST_FIT = 0.1
+"""Of a cut's modulus: a line that gives less at its speed and angle counts as giving this."""
 _SLACK = math.radians(0.5)  # beyond 45 and 90 degrees, for angles set by hand and read from a scale
 _ROUNDS = 3  # of re-weighting: the scatter is proportional to the modulus
 
@@ -83,7 +85,7 @@ def fit_speed_dependence(speeds: ArrayLike, angles: ArrayLike, moduli: ArrayLike
     for _ in range(_ROUNDS):
         (q, *_) = np.linalg.lstsq(design / scale * weight[:, None], E * weight, rcond=None)
         fitted = design / scale @ q
-        weight = 1.0 / np.maximum(fitted, 0.1 * E)
+        weight = 1.0 / np.maximum(fitted, LEAST_FIT * E)
     values = [float(value) for value in tie @ (q / scale)]
     return SpeedDependence(
         intercept_90=values[0], slope_90=values[1], intercept_45=values[2], slope_45=values[3], measured=free
