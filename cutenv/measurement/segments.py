@@ -25,7 +25,7 @@ SMOOTHING_TIME = 0.01
 """Over which readings are averaged by default [s]: 0.25 mm at 2.54 cm/s; at 1 kHz noise of 0.025 N falls to 0.008."""
 
 FEWEST_SMOOTHED = 3
-"""Readings averaged at the least by default, where position is known: a slower sensor has less time for noise to fall."""
+"""Readings averaged at the least by default, where position is known: of a slow sensor, for the sake of its noise."""
 
 STRAIGHT = 0.75
 """Least R squared of a ramp that counts as straight: that of a rise of 0.15 N under noise of 0.025 N."""
