@@ -288,6 +288,6 @@ def _along_the_cut(in_time: Segment, t: Array, x: Array, F: Array) -> Segment:
 def _line(x: Array, F: Array) -> tuple[float, float]:
     """Slope of the least-squares line of F against x, and the share of the variance that it explains."""
     dx, dF = x - x.mean(), F - F.mean()
-    slope = float(dx @ dF / (dx @ dx))
-    variance = float(dF @ dF)
-    return slope, slope * float(dx @ dF) / variance if variance > 0.0 else 1.0
+    # Sums, not products of vectors: for those BLAS wakes its threads, which cost more than they give.
+    xx, xF, FF = float((dx * dx).sum()), float((dx * dF).sum()), float((dF * dF).sum())
+    return xF / xx, xF**2 / (xx * FF) if FF > 0.0 else 1.0
