@@ -88,6 +88,7 @@ def calibrate(
     -----
     Thesis, sections 3.3.2, 3.4, 5.1 and 6.2. See :func:`measure_cuts` and :func:`tissue_of` for the two halves.
     """
+    check_resamples(resamples)
     model = model or CutModel()
     cuts, refused = measure_cuts(traces, model, progress=progress)
     return tissue_of(cuts, model, name=name, resamples=resamples, seed=seed, refused=refused)
@@ -154,7 +155,7 @@ def tissue_of(
     refused: Sequence[Refused] = (),
 ) -> TissueDescription:
     """Put measured cuts together; see :func:`calibrate`."""
-    in_range("resamples", resamples, 0, 100_000, "1", "Some hundreds give an interval.")
+    check_resamples(resamples)
     pool = PooledCuts(list(cuts))
     found = pool.numbers(np.ones(len(cuts)))
     rng = np.random.default_rng(seed)
@@ -197,7 +198,20 @@ def tissue_of(
         ),
         **{field: _rounded(value) for field, value in values.items()},
     )
-    return scaled(tissue)
+    try:
+        return scaled(tissue)
+    except ValueError as error:
+        raise ValueError(
+            f"{len(cuts)} cuts with a modulus of {tissue.intercept_90 / 1e3:.3g} kPa (slow and upright), a resistance "
+            f"of {tissue.fracture_resistance:.3g} J/m2 and spreads of {tissue.modulus_within_cut_cv:.2g} and "
+            f"{tissue.fracture_within_cut_cv:.2g} within a cut are no tissue that can be cut: {error} Soft and tough "
+            "by chance, if the cuts are few: record more, slower, and with the way back."
+        ) from None
+
+
+def check_resamples(resamples: int) -> None:
+    """Refuse a number of resamples that is none, before any work."""
+    in_range("resamples", resamples, 0, 100_000, "1", "Some hundreds give an interval.")
 
 
 def scaled(tissue: TissueDescription) -> TissueDescription:

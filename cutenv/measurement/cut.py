@@ -14,7 +14,7 @@ from cutenv.measurement.fracture import FractureEstimate, estimate_fracture_resi
 from cutenv.measurement.initiation import Hilltop, InitiationEstimate, hilltops, initiation_at
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio
 from cutenv.measurement.modulus import ModulusEstimate, elastic_part, moduli_of
-from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
+from cutenv.measurement.return_stroke import ReturnStroke
 from cutenv.measurement.segments import Segment, loading_segments
 from cutenv.measurement.strokes import blade_speed, strokes
 from cutenv.tissue.cut_model import CutModel
@@ -125,9 +125,8 @@ def measure_cut(
     trace.require_newtons(by=by)
     position, _, _ = trace.require("position", "angle", "depth", by=by)
     fracture = estimate_fracture_resistance(trace, loading_ratio=ratio)
-    recorded = DepthProfile.recorded(trace, by=by)
-    back = fit_return_stroke(trace, recorded)
-    depth = _thinned(recorded)
+    back = fracture.return_stroke
+    depth = _thinned(DepthProfile.recorded(trace, by=by))
     friction = fracture.friction_per_depth
     elastic = elastic_part(trace, depth, friction)
     ramps = loading_segments(elastic)

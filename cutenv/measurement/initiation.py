@@ -199,21 +199,21 @@ def initiation_at(
     tops: list[Hilltop | None], depth: DepthProfile, model: CutModel, ratio: LoadingRatio
 ) -> InitiationEstimate:
     """Tips, forces and energies at hilltops, for a loading ratio."""
-    points: list[tuple[float, float, float, Hilltop] | None] = []
-    for top in tops:
-        points.append(None)
-        if top is None:
-            continue
-        K = top.slope / ratio(top.speed, top.angle)
-        middle = max(top.middle - top.middle_force / K, 0.0)
-        a = max(top.position - top.force / K, 0.0)
-        for _ in range(_STEPS):  # the ramp's stiffness belongs to its middle; depth and kappa carry it to its end
-            there = K * float(model.stiffness(a) * depth.at(a) / (model.stiffness(middle) * depth.at(middle)))
-            a = max(top.position - top.force / there, 0.0)
-        K = there
-        B = float(depth.at(a))
-        if B >= SHALLOWEST and top.force > 0.0:
-            points[-1] = a, top.force / B, 0.5 * top.force**2 / K, top
+    points: list[tuple[float, float, float, Hilltop] | None] = [None] * len(tops)
+    found = [(i, top) for i, top in enumerate(tops) if top is not None]
+    r = np.array([ratio(top.speed, top.angle) for _, top in found])
+    slope, x, F, x_middle, F_middle = np.array(
+        [(top.slope, top.position, top.force, top.middle, top.middle_force) for _, top in found]
+    ).reshape(-1, 5).T  # fmt: skip
+    K = slope / r
+    middle, a = np.maximum(x_middle - F_middle / K, 0.0), np.maximum(x - F / K, 0.0)
+    for _ in range(_STEPS):  # the ramp's stiffness belongs to its middle; depth and kappa carry it to its end
+        there = K * model.stiffness(a) * depth.at(a) / (model.stiffness(middle) * depth.at(middle))
+        a = np.maximum(x - F / there, 0.0)
+    B = depth.at(a)
+    for n, (i, top) in enumerate(found):
+        if B[n] >= SHALLOWEST and F[n] > 0.0:
+            points[i] = float(a[n]), float(F[n] / B[n]), float(0.5 * F[n] ** 2 / there[n]), top
     units = []
     for first, second in itertools.pairwise(points):
         if first is None or second is None or second[0] <= first[0]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +11,11 @@ from cutenv.measurement.cut import MeasuredCut, by_specimen
 from cutenv.measurement.depth import fit_bulge
 from cutenv.measurement.initiation import initiation_excess
 from cutenv.measurement.scatter import (
+    Places,
     Variogram,
     correlation_length,
     cv_of,
     fit_variances,
-    mean_field_variance,
     nested_variances,
 )
 from cutenv.measurement.speed_dependence import LEAST_FIT, SpeedDependence, fit_speed_dependence
@@ -88,6 +87,8 @@ class PooledCuts:
             ),
             Variogram.of([cut.initiation.position for cut in cuts], [cut.initiation.force_per_depth for cut in cuts]),
         ]
+        self.ramps = Places([cut.moduli.position for cut in cuts])
+        self.tops = Places([cut.initiation.position for cut in cuts])
         first = [float(cut.moduli.position.min()) if len(cut.moduli) else 0.0 for cut in cuts]
         self.depth = fit_bulge([cut.depth for cut in cuts], first)
         self.length: float | None = None
@@ -127,12 +128,12 @@ class PooledCuts:
 
     def _modulus_spread(self, line: SpeedDependence, counts: Array, within: float, length: float) -> dict[str, float]:
         known = self.has_modulus
-        fitted = np.array([line.modulus(v, angle) for v, angle in zip(self.speed, self.angle, strict=True)])[known]
+        fitted = line.moduli(self.speed[known], self.angle[known])
         # A resample of cuts at one end of the speeds may have a line that falls below zero at the other end.
         ratio = np.log(self.modulus[known] / np.maximum(fitted, LEAST_FIT * self.modulus[known]))
         between_liver, between_cut = nested_variances(ratio, self.specimen[known], counts[known])
         enough = self.variograms[0].pairs.sum() >= 1.0
-        along = self._added([cut.moduli.position for cut in self.cuts], within if enough else 0.0, length, counts)
+        along = self._added(self.ramps, within if enough else 0.0, length, counts)
         return {
             "modulus_between_liver_cv": _cv(between_liver),
             "modulus_between_cut_cv": _cv(between_cut - along),
@@ -147,17 +148,16 @@ class PooledCuts:
         if n > 1:
             between = float(counts @ (logs - counts @ logs / n) ** 2) / (n - 1.0)
         enough = self.variograms[1].pairs.sum() >= 1.0
-        along = self._added([cut.initiation.position for cut in self.cuts], within if enough else 0.0, length, counts)
+        along = self._added(self.tops, within if enough else 0.0, length, counts)
         return {
             "fracture_resistance": mean,
             "fracture_between_cut_cv": _cv(between - along),
             "fracture_within_cut_cv": cv_of(within) if enough else math.nan,
         }
 
-    def _added(self, positions: Sequence[Array], variance: float, length: float, counts: Array) -> float:
+    def _added(self, places: Places, variance: float, length: float, counts: Array) -> float:
         """What the field along the cuts adds to the variance of their means, on average."""
-        added = [mean_field_variance(x, variance, length) if len(x) else 0.0 for x in positions]
-        return float(counts @ np.array(added)) / float(counts.sum())
+        return float(counts @ places.mean_variances(variance, length)) / float(counts.sum())
 
     def _friction_share(self, counts: Array) -> float:
         known = np.isfinite(self.friction)

@@ -25,7 +25,7 @@ SMOOTHING_TIME = 0.01
 """Over which readings are averaged by default [s]: 0.25 mm at 2.54 cm/s; at 1 kHz noise of 0.025 N falls to 0.008."""
 
 FEWEST_SMOOTHED = 3
-"""Readings averaged at the least by default, where position is known: a slower sensor has less time for noise to fall."""
+"""Readings averaged at the least by default, where position is known: of a slow sensor, for the sake of its noise."""
 
 STRAIGHT = 0.75
 """Least R squared of a ramp that counts as straight: that of a rise of 0.15 N under noise of 0.025 N."""
@@ -288,6 +288,6 @@ def _along_the_cut(in_time: Segment, t: Array, x: Array, F: Array) -> Segment:
 def _line(x: Array, F: Array) -> tuple[float, float]:
     """Slope of the least-squares line of F against x, and the share of the variance that it explains."""
     dx, dF = x - x.mean(), F - F.mean()
-    slope = float(dx @ dF / (dx @ dx))
-    variance = float(dF @ dF)
-    return slope, slope * float(dx @ dF) / variance if variance > 0.0 else 1.0
+    # Sums, not products of vectors: for those BLAS wakes its threads, which cost more than they give.
+    xx, xF, FF = float((dx * dx).sum()), float((dx * dF).sum()), float((dF * dF).sum())
+    return xF / xx, xF**2 / (xx * FF) if FF > 0.0 else 1.0

@@ -45,9 +45,13 @@ class SpeedDependence:
 
     def modulus(self, speed: float, angle: float | None) -> float:
         """LEM [Pa] at a speed [m/s] and an angle [rad] between 45 and 90 degrees; upright for None."""
-        w = float(_uprightness(UPRIGHT if angle is None else angle))
-        upright = self.intercept_90 + self.slope_90 * speed
-        return (1.0 - w) * (self.intercept_45 + self.slope_45 * speed) + w * upright
+        return float(self.moduli(speed, UPRIGHT if angle is None else angle))
+
+    def moduli(self, speeds: ArrayLike, angles: ArrayLike) -> Array:
+        """LEM [Pa] of many cuts at once, shapes (n,)."""
+        v, w = np.asarray(speeds), _uprightness(angles)
+        upright, inclined = self.intercept_90 + self.slope_90 * v, self.intercept_45 + self.slope_45 * v
+        return np.asarray((1.0 - w) * inclined + w * upright)
 
     def loading_ratio(self, speed: float, angle: float | None) -> float:
         """R = min(1, LEM(v, theta)/E0) [1], no less than 0.01: E0 is the intercept at 90 degrees."""
@@ -92,7 +96,7 @@ def fit_speed_dependence(speeds: ArrayLike, angles: ArrayLike, moduli: ArrayLike
     )
 
 
-def _uprightness(angle: float | Array) -> Array:
+def _uprightness(angle: ArrayLike) -> Array:
     """0 at 45 degrees, 1 at 90."""
     return np.clip((np.asarray(angle) - INCLINED) / (UPRIGHT - INCLINED), 0.0, 1.0)
 

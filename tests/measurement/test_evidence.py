@@ -182,6 +182,16 @@ def test_moduli_belong_to_the_model_that_was_asked_for() -> None:
     assert abs(other.intercept_90 / plain.intercept_90 - 1.0) > 0.03
 
 
+def test_cuts_that_are_together_no_tissue_are_refused_with_their_numbers() -> None:
+    """As tough as ten livers, and as soft as one: the tip would be left behind by more than the bulge is long."""
+    tough = [
+        dataclasses.replace(cut, fracture=dataclasses.replace(cut.fracture, corrected=10.0 * cut.fracture.corrected))
+        for cut in cuts()
+    ]
+    with pytest.raises(ValueError, match=r"18 cuts with a modulus of 49 kPa .* a resistance of .* are no tissue"):
+        tissue_of(tough, MODEL, resamples=0)
+
+
 # What is written and read.
 
 
