@@ -8,6 +8,7 @@ from cutenv.recording.errors import RecordError
 from cutenv.recording.files import load, load_one, save
 from cutenv.recording.foreign import Imported, load_foreign
 from cutenv.recording.mapping import ColumnMap
+from cutenv.recording.operators import OperatorRow, load_operators
 from cutenv.recording.provenance import Provenance
 from cutenv.recording.record import read_record
 from cutenv.recording.schema import SCHEMA
@@ -19,12 +20,14 @@ __all__ = [
     "ColumnMap",
     "CutSearch",
     "Imported",
+    "OperatorRow",
     "Provenance",
     "RecordError",
     "header_of",
     "load",
     "load_foreign",
     "load_one",
+    "load_operators",
     "parse_header",
     "read_record",
     "save",
