@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 _MARKERS = ("o", "s", "D", "^", "v", "P")
-_MEAN, _TARGET = "0.15", "#6b6b6b"
+_TARGET = "#6b6b6b"
 _PHONE = 6.0  # width below which a picture is drawn for a phone [in]
 
 
@@ -35,14 +35,17 @@ def learning_figure(study: Study, found: Findings, width: float) -> Figure:
         name = (group or f"each {study.who}") if group not in told else None
         told.add(group)
         panels[0].plot(
-            number, values, ".-", color=colours[group], linewidth=0.8, markersize=4, alpha=0.5,
+            number, values, ".-", color=colours[group], linewidth=0.8, markersize=4, alpha=0.4,
             label=None if name is None else label(name),
         )  # fmt: skip
-    if isinstance(found.curve, LearningCurve):
-        curve = found.curve
-        panels[0].fill_between(curve.number, curve.low, curve.high, color=_MEAN, alpha=0.15, linewidth=0)
-        panels[0].plot(curve.number, curve.mean, color=_MEAN, linewidth=2.2, label="mean, 95 % interval")
-    panels[0].axhline(found.target, color=_TARGET, linestyle="--", linewidth=1.2, label=f"target: {found.target_is}")
+    for group, curve in found.curves.items():
+        if isinstance(curve, LearningCurve):
+            panels[0].fill_between(curve.number, curve.low, curve.high, color=colours[group], alpha=0.2, linewidth=0)
+            name = f"mean{label(f' of {group}') * bool(group)}, 95 % interval"
+            panels[0].plot(curve.number, curve.mean, color=colours[group], linewidth=2.4, label=name)
+    panels[0].axhline(
+        found.target, color=_TARGET, linestyle="--", linewidth=1.2, label=label(f"target: {found.target_is}")
+    )
     panels[0].set_ylabel(_quantity(found))
     if isinstance(found.cusums, Mapping):
         for operator, sums in found.cusums.items():
@@ -55,22 +58,22 @@ def learning_figure(study: Study, found: Findings, width: float) -> Figure:
         threshold = next(iter(found.cusums.values())).threshold
         panels[1].axhline(threshold, color=_TARGET, linestyle=":", linewidth=1.4)
         panels[1].annotate(
-            "target reached", (1.0, threshold), (-2, 3), ("axes fraction", "data"), textcoords="offset points",
-            ha="right", fontsize=8, color=_TARGET,
+            "target reached", (0.0, threshold), (4, 3), ("axes fraction", "data"), textcoords="offset points",
+            fontsize=8, color=_TARGET,
         )  # fmt: skip
         panels[1].set_ylabel("learning curve CUSUM [SD]")
     panels[-1].set_xlabel("number of the cut")
     panels[-1].xaxis.get_major_locator().set_params(integer=True)
     for axes in panels:
         _plain(axes, "y")
-    figure.legend(loc="outside upper left", ncols=1 if phone else 4, frameon=False, fontsize=9)
+    figure.legend(loc="outside upper left", ncols=1 if phone else 3, frameon=False, fontsize=9)
     return figure
 
 
 def groups_figure(study: Study, width: float) -> Figure:
     """Means of people by group, a panel for each metric, with the probability of superiority."""
     phone = width < _PHONE
-    across = 2 if phone else 4
+    across = 2 if phone else 3
     findings = study.findings
     down = math.ceil(len(findings) / across)
     figure = new_figure(width, 0.5 + 2.25 * down)
@@ -149,8 +152,13 @@ def _colours(study: Study) -> dict[str, str]:
 
 
 def _quantity(found: Findings) -> str:
-    unit = "" if found.unit == "1" else f" [{found.unit}]"
+    unit = "" if found.unit == "1" else f" [{typeset(found.unit)}]"
     return label(found.metric.replace("_", " ")) + unit
+
+
+def typeset(unit: str) -> str:
+    """A unit as print sets it."""
+    return unit.replace("s2", "s²")
 
 
 def _plain(axes: Axes, grid: str) -> None:

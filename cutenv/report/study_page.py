@@ -24,7 +24,7 @@ from cutenv.report.page import (
     table,
     write_page,
 )
-from cutenv.report.study_figures import groups_figure, learning_figure, reliability_figure
+from cutenv.report.study_figures import groups_figure, learning_figure, reliability_figure, typeset
 from cutenv.report.study_table import cuts_needed, spread, three_digits, write_cards
 from cutenv.scoring import METRICS
 from cutenv.scoring.card import DISCLAIMER
@@ -88,9 +88,10 @@ def headline(study: Study) -> str:
         apart = [each for each in separated if not _holds(each.separation, 0.5)]
         first, second = study.groups
         if apart:
-            names = "; ".join(_which_is_larger(each, first, second) for each in apart)
-            which = f"{len(apart)} of {len(separated)} metrics tell {first} from {second}"
-            said.append(f"{which} (95 % interval without 0.5): {names}.")
+            said.append(
+                f"{len(apart)} of {len(separated)} metrics tell {first} from {second} (95 % interval without 0.5). "
+                + " ".join(_larger(apart, group, group == first) for group in study.groups).strip()
+            )
         else:
             said.append(f"None of {len(separated)} metrics tells {first} from {second}: every interval holds 0.5.")
     reliable = [(each, each.reliability) for each in study.findings if isinstance(each.reliability, OneWay)]
@@ -98,7 +99,7 @@ def headline(study: Study) -> str:
         best, found = max(reliable, key=lambda pair: pair[1].single.value)
         said.append(
             f"The most reliable metric of a single cut is {_spoken(best.metric)}, "
-            f"ICC {_interval(found.single, 2)}; its mean over a {study.who}'s cuts {_interval(found.mean, 2)}."
+            f"ICC {_interval(found.single, 2)}; its mean over {_an(study.who)}'s cuts {_interval(found.mean, 2)}."
         )
     return " ".join(said) or "Too few people or cuts for any statement about people: there are metrics only."
 
@@ -112,7 +113,7 @@ def _lead(study: Study) -> Html:
 
 def _metrics(study: Study) -> Html:
     groups = [group for group in dict.fromkeys(study.group_of.values()) if group] if study.groups else []
-    heads = ["metric", "mean", *groups, f"SD between {study.who}s", f"SD within a {study.who}", "cuts"]
+    heads = ["metric", "mean", *groups, f"SD between {study.who}s", f"SD within {_an(study.who)}", "cuts"]
     rows = []
     for found in study.findings:
         mean, between, within = spread(found)
@@ -150,8 +151,8 @@ def _groups(study: Study) -> Html:
     return joined(
         paragraph(
             f"Each {study.who} is one value, the mean of the cuts: cuts of one {study.who} are alike, and intervals "
-            f"over cuts would be too narrow. P is the probability that one of {first} has a larger mean than one of "
-            f"{second}: 0.5 is no separation, 0 and 1 are full ones. Marked rows: the interval does not hold 0.5."
+            f"over cuts would be too narrow. P is the probability that one of group {first} has a larger mean than one "
+            f"of group {second}: 0.5 is none, 0 and 1 are full ones. In marked rows the interval is without 0.5."
         ),
         table(f"{first} against {second}, 95 % intervals", heads, rows),
         picture(
@@ -164,7 +165,7 @@ def _groups(study: Study) -> Html:
 
 def _reliability(study: Study) -> Html:
     retest = any(isinstance(found.retest, Intraclass) for found in study.findings)
-    heads = ["metric", "one cut", f"mean of a {study.who}'s cuts", "cuts for 0.8"]
+    heads = ["metric", "one cut", f"mean of {_an(study.who)}'s cuts", "cuts for 0.8"]
     heads += ["sessions, agreement", "sessions, consistency"] if retest else []
     rows = []
     for found in study.findings:
@@ -182,8 +183,10 @@ def _reliability(study: Study) -> Html:
     parts = [
         paragraph(
             f"Share of the variance that is between {study.who}s, by one-way analysis of variance: of one cut, and of "
-            f"a {study.who}'s mean. 1 is a metric that always says the same of the same {study.who}, 0 one that says "
-            "nothing; below 0 is chance. Beside it the number of cuts whose mean would reach 0.8."
+            f"{_an(study.who)}'s mean. 1 is a metric that always says the same of the same {study.who}, 0 one that "
+            "says nothing; below 0 is chance. Beside it the number of cuts whose mean would reach 0.8."
+            + " Groups that differ add to it: within one group it is less."
+            * (study.groups is not None)
         ),
         table("Intraclass correlations, 95 % intervals", [escaped(head) for head in heads], rows),
     ]
@@ -209,8 +212,9 @@ def _learning(study: Study) -> Html:
     ]
     for found in study.findings:
         about = METRICS[found.metric]
+        changes = " ".join(_change(group, curve, found) for group, curve in found.curves.items())
         parts.append(element("h3", Html(f"{_named(found)}")))
-        parts.append(paragraph(f"{about.meaning} ({about.formula}; {_BETTER[about.direction]}.) {_change(found)}"))
+        parts.append(paragraph(f"{about.meaning} ({about.formula}; {_BETTER[about.direction]}.) {changes}".rstrip()))
         parts.append(
             picture(
                 partial(learning_figure, study, found),
@@ -252,14 +256,13 @@ def _caption(found: Findings) -> str:
     return f"{target}; {deviation}. {reached} of {len(found.cusums)} reach it."
 
 
-def _change(found: Findings) -> str:
-    curve = found.curve
-    if not isinstance(curve, LearningCurve):
+def _change(group: str, curve: LearningCurve | Untold, found: Findings) -> str:
+    if isinstance(curve, Untold):
         return ""
     change = Estimate(value=float(curve.change[-1]), low=float(curve.change_low[-1]), high=float(curve.change_high[-1]))
     open_ = ", an interval that holds 0" if change.low <= 0.0 <= change.high else ""
     return (
-        f"From the first cut to number {curve.number[-1]} ({curve.people[-1]} of them, paired) it changes by "
+        f"{_of(group)} the first cut to number {curve.number[-1]} ({curve.people[-1]} of them, paired) it changes by "
         f"{three_digits(change.value)}{_unit(found)} "
         f"({three_digits(change.low)} to {three_digits(change.high)}){open_}."
     )
@@ -268,7 +271,11 @@ def _change(found: Findings) -> str:
 def _meaning(study: Study) -> Html:
     entries = [
         ("Metrics", "cutenv.scoring: functions of one cut. Without a reference set they make no claim of skill."),
-        ("ICC", "Intraclass correlation. McGraw & Wong 1996; Thomas & Hultquist 1978 for unequal numbers of cuts."),
+        (
+            "ICC",
+            "Intraclass correlation. McGraw & Wong 1996; Thomas & Hultquist 1978 for unequal numbers of cuts. The "
+            "spread within is taken to be alike for all, and about normal.",
+        ),
         (
             "Agreement, consistency",
             "Of session means: a shift of everybody between sessions (learning) counts against agreement, and not "
@@ -287,14 +294,26 @@ def _holds(told: Separation | Untold, value: float) -> bool:
     return isinstance(told, Separation) and told.superiority.low <= value <= told.superiority.high
 
 
-def _which_is_larger(found: Findings, first: str, second: str) -> str:
-    assert isinstance(found.separation, Separation)
-    more, less = (first, second) if found.separation.superiority.value > 0.5 else (second, first)
-    return f"{_spoken(found.metric)} (more in {more} than in {less}, P {_interval(found.separation.superiority, 2)})"
+def _larger(apart: list[Findings], group: str, is_first: bool) -> str:
+    """Which of the metrics are larger in a group, as a sentence; nothing if none is."""
+    names = [
+        _spoken(each.metric)
+        for each in apart
+        if isinstance(each.separation, Separation) and (each.separation.superiority.value > 0.5) is is_first
+    ]
+    return f"Larger in {group}: {', '.join(names)}." if names else ""
+
+
+def _of(group: str) -> str:
+    return f"In {group}, from" if group else "From"
+
+
+def _an(noun: str) -> str:
+    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
 
 
 def _named(found: Findings) -> Html:
-    unit = f' <span class="unit">[{escaped(found.unit)}]</span>' if found.unit != "1" else ""
+    unit = f' <span class="unit">[{escaped(typeset(found.unit))}]</span>' if found.unit != "1" else ""
     return Html(f"{escaped(_spoken(found.metric))}{unit}")
 
 
@@ -303,11 +322,11 @@ def _spoken(metric: str) -> str:
 
 
 def _unit(found: Findings) -> str:
-    return "" if found.unit == "1" else f" {found.unit}"
+    return "" if found.unit == "1" else f" {typeset(found.unit)}"
 
 
 def _in_unit(found: Findings) -> str:
-    return "" if found.unit == "1" else f" [{found.unit}]"
+    return "" if found.unit == "1" else f" [{typeset(found.unit)}]"
 
 
 def _cell(each: Estimate, digits: int) -> Html:

@@ -65,7 +65,7 @@ def write_cards(path: Path, study: Study) -> None:
 
 def _suffix(unit: str) -> str:
     """A unit as a part of a name: N/s is N_per_s, which N s is not."""
-    return unit.replace("/", "_per_").replace(" ", "_").strip("_")
+    return unit.removeprefix("1").replace("/", "_per_").replace(" ", "_").strip("_")
 
 
 def spread(found: Findings) -> tuple[float, str, str]:

@@ -68,8 +68,8 @@ class Findings:
         Of session means, over operators who were at every session.
     separation : Separation or Untold
         Of the study's two groups, the first above the second.
-    curve : LearningCurve or Untold
-        By number of the cut.
+    curves : mapping of str to LearningCurve or Untold
+        By group, by number of the cut; over operators with two cuts or more.
     cusums : mapping of str to Cusum, or Untold
         Of each operator with two cuts or more.
     target, scale : float
@@ -85,7 +85,7 @@ class Findings:
     reliability: OneWay | Untold
     retest: Intraclass | Untold
     separation: Separation | Untold
-    curve: LearningCurve | Untold
+    curves: Mapping[str, LearningCurve | Untold]
     cusums: Mapping[str, Cusum] | Untold
     target: float
     scale: float
@@ -223,7 +223,7 @@ class Study:
             reliability=reliability,
             retest=self._retest(kept),
             separation=self._separation(series),
-            curve=_told(learning_curve, list(several.values())) if enough else few,
+            curves=self._curves(several),
             cusums={
                 operator: cusum(values, target, within, sign=-1 if METRICS[metric].direction == "higher" else 1)
                 for operator, values in several.items()
@@ -243,6 +243,15 @@ class Study:
         if self.target_group is not None and of_group:
             return float(np.mean(of_group)), f"mean of group {self.target_group}"
         return float(np.mean([values.mean() for values in series.values()])), f"mean over all {self.who}s"
+
+    def _curves(self, several: Mapping[str, Array]) -> dict[str, LearningCurve | Untold]:
+        group_of = self.group_of
+        curves: dict[str, LearningCurve | Untold] = {}
+        for group in dict.fromkeys(group_of.values()):
+            own = [values for operator, values in several.items() if group_of[operator] == group]
+            few = Untold(f"fewer than {FEWEST} {self.who}s with two cuts or more")
+            curves[group] = few if len(own) < FEWEST else _told(learning_curve, own)
+        return curves
 
     def _separation(self, series: Mapping[str, Array]) -> Separation | Untold:
         if self.groups is None:
