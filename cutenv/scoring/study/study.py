@@ -224,12 +224,7 @@ class Study:
             retest=self._retest(kept),
             separation=self._separation(series),
             curves=self._curves(several),
-            cusums={
-                operator: cusum(values, target, within, sign=-1 if METRICS[metric].direction == "higher" else 1)
-                for operator, values in several.items()
-            }
-            if within > 0.0
-            else Untold(f"no {self.who}'s cuts differ"),
+            cusums=self._cusums(metric, several, target, within),
             target=target,
             scale=within,
             target_is=target_is,
@@ -243,6 +238,17 @@ class Study:
         if self.target_group is not None and of_group:
             return float(np.mean(of_group)), f"mean of group {self.target_group}"
         return float(np.mean([values.mean() for values in series.values()])), f"mean over all {self.who}s"
+
+    def _cusums(
+        self, metric: str, several: Mapping[str, Array], target: float, within: float
+    ) -> dict[str, Cusum] | Untold:
+        direction = METRICS[metric].direction
+        if direction == "none":
+            return Untold("neither way is better, so no target is reached")
+        if within <= 0.0:
+            return Untold(f"no {self.who}'s cuts differ")
+        sign = -1 if direction == "higher" else 1
+        return {operator: cusum(values, target, within, sign=sign) for operator, values in several.items()}
 
     def _curves(self, several: Mapping[str, Array]) -> dict[str, LearningCurve | Untold]:
         group_of = self.group_of
