@@ -25,7 +25,7 @@ from cutenv.report.page import (
     write_page,
 )
 from cutenv.report.study_figures import groups_figure, learning_figure, reliability_figure, typeset
-from cutenv.report.study_table import cuts_needed, spread, three_digits, write_cards
+from cutenv.report.study_table import correlation, cuts_needed, spread, three_digits, write_cards
 from cutenv.scoring import METRICS
 from cutenv.scoring.card import DISCLAIMER
 from cutenv.scoring.study import (
@@ -63,7 +63,7 @@ def write_study(path: Path, study: Study) -> Path:
         If matplotlib is not installed; names the command that installs it.
     """
     sections = [Section("metrics", f"Metrics of these {study.who}s", _metrics(study))]
-    if any(isinstance(found.separation, Separation) for found in study.findings):
+    if study.groups is not None:
         sections.append(Section("groups", "Separation of the groups", _groups(study)))
     sections += [
         Section("reliability", "Reliability", _reliability(study)),
@@ -142,7 +142,7 @@ def _groups(study: Study) -> Html:
     rows = []
     for found in study.findings:
         if isinstance(found.separation, Untold):
-            cells = [escaped(found.separation.reason), escaped("")]
+            cells = [_said(found.separation.reason), escaped("")]
         else:
             cells = [_cell(found.separation.superiority, 2), _cell(found.separation.difference, 2)]
         apart = isinstance(found.separation, Separation) and not _holds(found.separation, 0.5)
@@ -173,9 +173,9 @@ def _reliability(study: Study) -> Html:
             cells = [_said(found.reliability.reason), escaped(""), escaped("")]
         else:
             told = found.reliability
-            cells = [_cell(told.single, 2), _cell(told.mean, 2), escaped(cuts_needed(told))]
+            cells = [_correlation(told.single), _correlation(told.mean), escaped(cuts_needed(told))]
         if retest and isinstance(found.retest, Intraclass):
-            cells += [_cell(found.retest.agreement, 2), _cell(found.retest.consistency, 2)]
+            cells += [_correlation(found.retest.agreement), _correlation(found.retest.consistency)]
         elif retest:
             assert isinstance(found.retest, Untold)
             cells += [_said(found.retest.reason), escaped("")]
@@ -332,6 +332,11 @@ def _in_unit(found: Findings) -> str:
 def _cell(each: Estimate, digits: int) -> Html:
     interval = f"[{number(each.low, digits)}, {number(each.high, digits)}]"
     return Html(f'{number(each.value, digits)} <span class="interval">{interval}</span>')
+
+
+def _correlation(each: Estimate) -> Html:
+    interval = f"[{correlation(each.low)}, {correlation(each.high)}]"
+    return Html(f'{escaped(correlation(each.value))} <span class="interval">{escaped(interval)}</span>')
 
 
 def _said(reason: str) -> Html:

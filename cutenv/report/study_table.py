@@ -30,7 +30,7 @@ def table_lines(study: Study) -> list[str]:
         told = (
             reliability.reason
             if isinstance(reliability, Untold)
-            else f"{_plain_interval(reliability.single):21s} {_plain_interval(reliability.mean):21s} "
+            else f"{_correlation(reliability.single):21s} {_correlation(reliability.mean):21s} "
             f"{cuts_needed(reliability):>12s}"
         )
         lines.append(f"{found.metric:24s} {found.unit:6s} {mean:9.4g} {between:>11s} {within:>10s}  {told}".rstrip())
@@ -90,7 +90,17 @@ def _both(told: Separation | Intraclass | Untold, first: str, second: str) -> st
     """Two estimates beside each other, or why there are none."""
     if isinstance(told, Untold):
         return told.reason
-    return f"{_plain_interval(getattr(told, first)):21s} {_plain_interval(getattr(told, second))}"
+    shown = _correlation if isinstance(told, Intraclass) else _plain_interval
+    return f"{shown(getattr(told, first)):21s} {shown(getattr(told, second))}"
+
+
+def correlation(value: float) -> str:
+    """A correlation; those of means have no lower bound, and how far below -1 tells nothing."""
+    return f"< {number(-1.0, 0)}" if value < -1.0 else number(value, 2)
+
+
+def _correlation(each: Estimate) -> str:
+    return f"{correlation(each.value)} [{correlation(each.low)}, {correlation(each.high)}]"
 
 
 def _plain_interval(each: Estimate) -> str:

@@ -207,7 +207,7 @@ def test_a_learning_curve_ends_where_fewer_than_three_are_left() -> None:
     ]  # fmt: skip
 
 
-groups = st.lists(st.lists(st.integers(-9, 9), min_size=1, max_size=4), min_size=3, max_size=7)
+groups = st.lists(st.lists(st.integers(-9, 9), min_size=1, max_size=4), min_size=4, max_size=7)
 
 
 @given(groups, groups)
@@ -255,9 +255,9 @@ def test_cuts_taken_for_people_would_claim_too_much() -> None:
 
 
 def test_full_separation_of_few_people_still_has_a_width() -> None:
-    found = separation([[3.0], [4.0], [5.0]], [[0.0], [1.0], [2.0]])
+    found = separation([[4.0], [5.0], [6.0], [7.0]], [[0.0], [1.0], [2.0], [3.0]])
     assert found.superiority.value == found.superiority.high == 1.0
-    assert 0.4 < found.superiority.low < 0.6
+    assert 0.5 < found.superiority.low < 0.7
 
 
 @pytest.mark.parametrize(
@@ -272,8 +272,11 @@ def test_full_separation_of_few_people_still_has_a_width() -> None:
         (lambda: one_way_reliability([[1, 2], [2, 3]]), "series has 2 rows; give 3 or more"),
         (lambda: one_way_reliability([[1, 2], [2, 3], [1]]), r"series\[2\] has shape \(1,\); give 2 values or more"),
         (lambda: one_way_reliability([[1, 2], [2, 3], [1, math.inf]]), r"series\[2\] = inf"),
-        (lambda: separation([[1], [2]], [[1], [2], [3]]), "first has 2 rows; give 3 or more"),
-        (lambda: separation([[1], [2], [3]], [[1], [2], []]), r"second\[2\] has shape \(0,\)|second\[2\] must be"),
+        (lambda: separation([[1], [2], [3]], [[1], [2], [3], [4]]), "first has 3 rows; give 4 or more"),
+        (
+            lambda: separation([[1], [2], [3], [4]], [[1], [2], [], [3]]),
+            r"second\[2\] has shape \(0,\)|second\[2\] must be",
+        ),
         (lambda: cusum([1.0], 0.0, 1.0), r"values has shape \(1,\); give 2 values or more"),
         (lambda: cusum([1.0, 2.0], 0.0, 0.0), "scale = 0 is outside .*standard deviation of one person's cuts"),
         (lambda: cusum([1.0, 2.0], math.nan, 1.0), "target = nan"),
@@ -353,7 +356,7 @@ def test_too_few_people_get_metrics_reasons_and_no_nan() -> None:
     of = Study(name="two", cuts=cuts, metrics=("force_rate",))
     found = of.findings[0]
     assert found.reliability == Untold("fewer than 3 operators with two cuts or more")
-    assert found.separation == Untold("fewer than 3 operators in a group (1 and 1)")
+    assert found.separation == Untold("fewer than 4 operators in a group (1 and 1)")
     assert found.cusums == Untold("no operator's cuts differ")
     assert "nan" not in "\n".join(table_lines(of))
 

@@ -32,8 +32,8 @@ class Estimate:
         return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
 
 
-def series_of(name: str, series: Sequence[ArrayLike], *, fewest: int) -> tuple[Array, ...]:
-    """One array for each person, checked: enough people, each with ``fewest`` finite values or more.
+def series_of(name: str, series: Sequence[ArrayLike], *, fewest: int, people: int = FEWEST) -> tuple[Array, ...]:
+    """One array for each person, checked: ``people`` or more, each with ``fewest`` finite values or more.
 
     Raises
     ------
@@ -41,8 +41,8 @@ def series_of(name: str, series: Sequence[ArrayLike], *, fewest: int) -> tuple[A
         Naming the person by place, the value and the cure.
     """
     columns = tuple(array_in_range(f"{name}[{i}]", each, -_LARGEST, _LARGEST, "1") for i, each in enumerate(series))
-    if len(columns) < FEWEST:
-        raise ValueError(f"{name} has {len(columns)} rows; give {FEWEST} or more: fewer say nothing about people.")
+    if len(columns) < people:
+        raise ValueError(f"{name} has {len(columns)} rows; give {people} or more: fewer say nothing about people.")
     for i, column in enumerate(columns):
         if column.ndim != 1 or len(column) < fewest:
             raise ValueError(f"{name}[{i}] has shape {column.shape}; give {fewest} values or more, shape (n,).")

@@ -12,9 +12,11 @@ from scipy.optimize import brentq
 from scipy.special import gammaln, nctdtrinc
 from scipy.stats import norm
 
-from cutenv.scoring.study.estimate import CONFIDENCE, FEWEST, Array, Estimate, series_of, vanishes
+from cutenv.scoring.study.estimate import CONFIDENCE, Array, Estimate, series_of, vanishes
 from cutenv.validation import in_range
 
+FEWEST_IN_A_GROUP = 4
+"""People: of three against three, a full separation happens by chance in one of ten studies."""
 _EDGE = 1e-9  # beside 0 and 1, where Newcombe's variance vanishes
 
 
@@ -47,7 +49,7 @@ def separation(
     Parameters
     ----------
     first, second : sequence of array_like
-        The values of each person's cuts, one or more; 3 people or more in each group; one unit.
+        The values of each person's cuts, one or more; 4 people or more in each group; one unit.
     confidence : float
         Of the intervals, 0.5 to 0.999.
 
@@ -71,7 +73,7 @@ def separation(
     """
     level = in_range("confidence", confidence, 0.5, 0.999, "1")
     a, b = (
-        np.array([column.mean() for column in series_of(name, series, fewest=1)])
+        np.array([column.mean() for column in series_of(name, series, fewest=1, people=FEWEST_IN_A_GROUP)])
         for name, series in (("first", first), ("second", second))
     )
     return Separation(
@@ -102,7 +104,7 @@ def _difference(a: Array, b: Array, level: float) -> Estimate:
     if vanishes(variance, np.concatenate((a, b))):
         raise ValueError(
             f"nobody differs within the groups (first: {a[0]:g} for all, second: {b[0]:g}): a difference over their "
-            f"spread needs some; a metric that counts seldom events may have none. People needed: {FEWEST} or more."
+            "spread needs some. A metric that counts seldom events may have none; take another."
         )
     d = float((a.mean() - b.mean()) / math.sqrt(variance))
     scale = math.sqrt(1.0 / m + 1.0 / n)

@@ -13,7 +13,7 @@ from cutenv.scoring.metric import METRICS
 from cutenv.scoring.study.estimate import FEWEST, Array
 from cutenv.scoring.study.learning import Cusum, LearningCurve, cusum, learning_curve
 from cutenv.scoring.study.reliability import Intraclass, OneWay, intraclass_correlation, one_way_reliability
-from cutenv.scoring.study.separation import Separation, separation
+from cutenv.scoring.study.separation import FEWEST_IN_A_GROUP, Separation, separation
 from cutenv.scoring.weights import ForceOnlyWeights, Weights, as_mapping
 from cutenv.validation import in_range, one_of
 
@@ -159,6 +159,8 @@ class Study:
         if self.groups is None and len(known) == 2:
             object.__setattr__(self, "groups", known)
         notes: list[str] = []
+        if self.groups is None and len(known) > 2:
+            notes.append(f"of the groups {', '.join(known)} no two were named: their separation is not told")
         findings = [found for metric in self._chosen() if (found := self._find(metric, notes)) is not None]
         if not findings:
             raise ValueError(f"no metric could be had from these cuts: {'; '.join(notes)}.")
@@ -266,8 +268,8 @@ class Study:
         first, second = (
             [values for operator, values in series.items() if group_of[operator] == group] for group in self.groups
         )
-        if min(len(first), len(second)) < FEWEST:
-            return Untold(f"fewer than {FEWEST} {self.who}s in a group ({len(first)} and {len(second)})")
+        if min(len(first), len(second)) < FEWEST_IN_A_GROUP:
+            return Untold(f"fewer than {FEWEST_IN_A_GROUP} {self.who}s in a group ({len(first)} and {len(second)})")
         return _told(separation, first, second)
 
     def _retest(self, kept: Iterable[tuple[StudiedCut, float]]) -> Intraclass | Untold:
