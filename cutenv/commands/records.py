@@ -17,18 +17,26 @@ from cutenv.recording.mapping import MAP_FILE
 from cutenv.trace import Trace
 
 
+class Source(NamedTuple):
+    """Where a cut was read: the file, and its number there, from 1; None if it is the only one."""
+
+    path: Path
+    number: int | None
+
+
 class Records(NamedTuple):
-    """What was read: cuts, those left out with the reason, and what the reader should know."""
+    """What was read: cuts, those left out with the reason, what the reader should know, and whence each cut is."""
 
     traces: list[Trace]
     refused: list[Refused]
     notes: list[str]
+    sources: list[Source]
 
 
-def add_record_options(parser: argparse.ArgumentParser) -> None:
+def add_record_options(parser: argparse.ArgumentParser, *, metavar: str = "FILE", about: str = "") -> None:
     """Options of every sub-command that reads records."""
     parser.add_argument(
-        "records", nargs="+", type=Path, metavar="FILE", help="CSV, Parquet or HDF5, one cut or several"
+        "records", nargs="+", type=Path, metavar=metavar, help=about or "CSV, Parquet or HDF5, one cut or several"
     )
     foreign = parser.add_argument_group("files of other programs")
     foreign.add_argument(
@@ -75,6 +83,7 @@ def read_records(arguments: argparse.Namespace) -> Records:
     traces: list[Trace] = []
     refused: list[Refused] = []
     notes: list[str] = []
+    sources: list[Source] = []
     for path in _watched(arguments.records):
         try:
             imported = read_record(path, mapping)
@@ -85,20 +94,22 @@ def read_records(arguments: argparse.Namespace) -> Records:
         if arguments.confirm is not None:
             _draw(arguments.confirm, imported)
         for number, (trace, wrong) in enumerate(zip(imported.traces, imported.flaws, strict=True), 1):
-            named = _named(trace, path, number if len(imported.traces) > 1 else None, pattern)
+            source = Source(path, number if len(imported.traces) > 1 else None)
+            named = _named(trace, source.path, source.number, pattern)
             reasons = " ".join(flaw.message for flaw in wrong if flaw.refuse)
             if reasons:
                 refused.append(Refused(str(named.metadata["name"]), reasons))
                 continue
             notes += [f"{named.metadata['name']}: {flaw.message}" for flaw in wrong]
             traces.append(named)
+            sources.append(source)
     if refused and not arguments.skip_bad:
         listed = "\n".join(f"  {each.name}: {each.reason}" for each in refused)
         raise ValueError(f"{len(refused)} bad records; --skip-bad goes on without them:\n{listed}")
     if mapping is not None and traces:
         for folder in {path.parent for path in arguments.records}:
             mapping.save(folder)
-    return Records(traces, refused, notes)
+    return Records(traces, refused, notes, sources)
 
 
 def _mapping(arguments: argparse.Namespace) -> ColumnMap | None:

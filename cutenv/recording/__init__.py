@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from cutenv.recording.columns import UNITS, Column, header_of, parse_header
 from cutenv.recording.errors import RecordError
 from cutenv.recording.files import load, load_one, save
+from cutenv.recording.operators import OperatorRow, load_operators
 from cutenv.recording.provenance import Provenance
 from cutenv.recording.schema import SCHEMA
 
@@ -24,12 +25,14 @@ __all__ = [
     "ColumnMap",
     "CutSearch",
     "Imported",
+    "OperatorRow",
     "Provenance",
     "RecordError",
     "header_of",
     "load",
     "load_foreign",
     "load_one",
+    "load_operators",
     "parse_header",
     "read_record",
     "save",

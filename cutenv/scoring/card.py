@@ -82,7 +82,8 @@ class ScoreCard:
     def unit(self, name: str) -> str:
         """Unit of a metric on this card."""
         force = {"N": "N", "1": ""}[self.force_unit]
-        return METRICS[name].unit.replace("F", force).strip() or "1"
+        unit = METRICS[name].unit.replace("F", force).strip()
+        return f"1{unit}" if unit.startswith("/") else unit or "1"
 
     def to_json(self) -> str:
         """JSON text; values in SI, with the unit of each."""
