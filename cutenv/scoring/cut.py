@@ -7,12 +7,15 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.signal import butter, sosfiltfilt
 
 from cutenv.measurement import DepthProfile, ReturnStroke, fit_return_stroke
 from cutenv.measurement.depth import SHALLOWEST
 from cutenv.measurement.strokes import STANDSTILL, blade_speed
+from cutenv.scoring.doubts import LONGEST, cut_off, spoiled, two_cuts
 from cutenv.scoring.metric import Unavailable
+from cutenv.terms import RUN_WINDOW, SMALLEST_RUN
 from cutenv.tissue import CutModel, TissueDescription, measured_liver
 from cutenv.trace import Trace
 from cutenv.validation import array_in_range, in_range
@@ -23,8 +26,9 @@ RATE = 100.0
 """At which force and motion are compared [Hz]: a hand moves below 10 Hz."""
 BANDWIDTH = 5.0
 """Of the force whose rate and jerk are taken [Hz]: Butterworth of order 2, to and fro, so without delay."""
+_UNDER_FORCE = 0.1  # of the force's range above its least: from there on a record without position is a cut
 _FEWEST_HZ = 20.0  # readings a second below which nothing is known of 5 Hz
-_JUMP_WINDOW, _JUMP = 0.02, 0.3e-3  # [s], [m]: as the environment estimates jumps, see cutenv.task.estimate
+_SHORTEST = 30  # of instants at 100 Hz that tell a change of 5 Hz
 _ROUNDS = 4  # of a = x - F/K(a)
 
 
@@ -87,6 +91,8 @@ class ScoredCut:
     @property
     def force(self) -> Array:
         """In the trace's unit, shape (n,)."""
+        if self._spoiled:
+            raise Unavailable(self._spoiled)
         return self.trace.force
 
     @property
@@ -116,13 +122,37 @@ class ScoredCut:
         """Force [N], shape (n,)."""
         if self.trace.force_unit != "N":
             raise Unavailable("the force is normalised")
-        return self.trace.force
+        return self.force
+
+    @cached_property
+    def unfinished(self) -> str:
+        """Why the last instant is not the end of the cut; "" if it is. A simulator knows what it did."""
+        return "" if self.truth is not None else cut_off(self.trace)
+
+    @cached_property
+    def twofold(self) -> str:
+        """Why the record holds two cuts; "" if it holds one."""
+        return two_cuts(self.trace)
+
+    @property
+    def end(self) -> int:
+        """Index of the instant at which the cut had ended."""
+        if self.unfinished:
+            raise Unavailable(self.unfinished)
+        return len(self.trace) - 1
 
     @cached_property
     def advancing(self) -> NDArray[np.bool_]:
-        """Whether the blade moves forward over new ground, shape (n,); everywhere where position is not known."""
+        """Whether the blade moves forward over new ground, shape (n,).
+
+        Where position is not known, from the first force to the last.
+        """
         if self.trace.position is None:
-            return np.ones(len(self.trace), bool)
+            smooth, level = self._smooth, float(self._smooth.min()) + _UNDER_FORCE * float(np.ptp(self._smooth))
+            under = self.even_time[smooth > level]
+            if not len(under):
+                raise Unavailable("the force never rises")
+            return np.asarray((self.time >= under[0]) & (self.time <= under[-1]))
         x = self.position
         forward = blade_speed(self.time, x) > STANDSTILL
         chosen: NDArray[np.bool_] = forward & (x >= np.maximum.accumulate(x) - 1e-4)
@@ -163,32 +193,46 @@ class ScoredCut:
         if self.truth is not None:
             return self.truth.jump
         # The tip's advance beyond the blade's own, over a time longer than the sensor's noise.
-        start, end = float(self.time[0]), float(self.time[-1])
-        borders = np.arange(start, end, _JUMP_WINDOW)
+        borders = even_instants(self.time, 1.0 / RUN_WINDOW)
         a = np.interp(borders, self.time, self.tip)
         x = np.interp(borders, self.time, self.position)
         run = np.diff(a) - np.maximum(np.diff(x), 0.0)
-        return np.where(run > _JUMP, run, 0.0)
+        return np.where(run > SMALLEST_RUN, run, 0.0)
 
     @cached_property
     def even_time(self) -> Array:
-        """Instants at 100 Hz [s]."""
-        return np.arange(float(self.time[0]), float(self.time[-1]), 1.0 / RATE)
+        """Instants at 100 Hz [s]: the middles of windows of 10 ms."""
+        return even_instants(self.time, RATE)[:-1] + 0.5 / RATE
 
     @cached_property
     def smooth_force(self) -> Array:
-        """Force at 100 Hz below 5 Hz, while the blade advances."""
-        if self.trace.sample_rate < _FEWEST_HZ:
-            raise Unavailable(f"fewer than {_FEWEST_HZ:g} readings a second")
-        if len(self.even_time) < 30:
-            raise Unavailable("shorter than 0.3 s")
-        even = np.interp(self.even_time, self.time, self.force)
-        return np.asarray(sosfiltfilt(butter(2, BANDWIDTH, fs=RATE, output="sos"), even))
+        """Force at 100 Hz below 5 Hz, shape of :attr:`even_time`."""
+        if self._spoiled:
+            raise Unavailable(self._spoiled)
+        return self._smooth
 
     @cached_property
     def even_advancing(self) -> NDArray[np.bool_]:
         """:attr:`advancing` at 100 Hz."""
-        return np.asarray(np.interp(self.even_time, self.time, self.advancing.astype(float)) > 0.5)
+        chosen: NDArray[np.bool_] = np.interp(self.even_time, self.time, self.advancing.astype(float)) > 0.5
+        if not chosen.any():
+            raise Unavailable("the blade advances for less than 10 ms")
+        return chosen
+
+    @cached_property
+    def _spoiled(self) -> str:
+        return spoiled(self.trace)
+
+    @cached_property
+    def _smooth(self) -> Array:
+        if self.trace.sample_rate < _FEWEST_HZ:
+            raise Unavailable(f"fewer than {_FEWEST_HZ:g} readings a second")
+        if len(self.even_time) < _SHORTEST:
+            raise Unavailable("shorter than 0.3 s")
+        # Means over 10 ms, so that noise above 50 Hz does not come back as noise below.
+        impulse = cumulative_trapezoid(self.trace.force, self.time, initial=0)
+        even = np.diff(np.interp(even_instants(self.time, RATE), self.time, impulse)) * RATE
+        return np.asarray(sosfiltfilt(butter(2, BANDWIDTH, fs=RATE, output="sos"), even))
 
     def _field(self, name: str) -> Array:
         values: Array | None = getattr(self.trace, name)
@@ -229,3 +273,18 @@ class ScoredCut:
         a = np.where(moves & (elastic > 0.0), a, -np.inf)
         tip = np.maximum(np.maximum.accumulate(a), min(float(x[0]), 0.0))
         return np.minimum(tip, back.tip) if back is not None else tip
+
+
+def even_instants(time: Array, rate: float) -> Array:
+    """Instants at ``rate`` [Hz] from the first of ``time`` [s] on, as many as fit.
+
+    Raises
+    ------
+    Unavailable
+        If the time is longer than an hour.
+    """
+    span = float(time[-1] - time[0])
+    if span > LONGEST:
+        raise Unavailable(f"it lasts {span:.3g} s, more than an hour")
+    # Rounding must not decide about the last instant: a clock that starts elsewhere rounds otherwise.
+    return np.asarray(float(time[0]) + np.arange(int(span * rate + 1e-3) + 1) / rate)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cutenv.measurement.strokes import turning_points
 from cutenv.scoring.cut import BANDWIDTH, RATE, ScoredCut
 from cutenv.scoring.metric import Unavailable, metric
+from cutenv.terms import force_per_depth
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ def _advancing(cut: ScoredCut) -> Array:
 )  # fmt: skip
 def peak_force_per_depth(cut: ScoredCut) -> float:
     """Largest force per depth of cut: a bound of safety, no skill."""
-    return float((cut.newtons / cut.depth)[cut.advancing].max())
+    return float(force_per_depth(cut.newtons, cut.depth)[cut.advancing].max())
 
 
 @metric(
@@ -38,7 +39,7 @@ def peak_force_per_depth(cut: ScoredCut) -> float:
 )  # fmt: skip
 def mean_force_per_depth(cut: ScoredCut) -> float:
     """Mean force per depth of cut."""
-    return cut.mean(cut.newtons / cut.depth)
+    return cut.mean(force_per_depth(cut.newtons, cut.depth))
 
 
 @metric(
@@ -47,7 +48,7 @@ def mean_force_per_depth(cut: ScoredCut) -> float:
 )  # fmt: skip
 def rms_force_per_depth(cut: ScoredCut) -> float:
     """Root mean square of the force per depth of cut."""
-    return float(np.sqrt(cut.mean((cut.newtons / cut.depth) ** 2)))
+    return float(np.sqrt(cut.mean(force_per_depth(cut.newtons, cut.depth) ** 2)))
 
 
 @metric(

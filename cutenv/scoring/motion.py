@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.measurement.strokes import STANDSTILL, blade_speed, strokes
-from cutenv.scoring.cut import RATE, ScoredCut
+from cutenv.scoring.cut import RATE, ScoredCut, even_instants
 from cutenv.scoring.metric import Unavailable, metric
 
 Array = NDArray[np.float64]
@@ -20,13 +20,15 @@ _MOTION = ("position",)
 
 
 @metric(
-    "s", "lower", formula="from the first motion to the last", source="cost of the task",
-    validity="needs position; else the whole record", invariances=("time_shift", "resampling", "rest_after"),
+    "s", "lower", formula="from the first motion to the last, or from the first force", source="cost of the task",
+    validity="without position: while the force is above a tenth of its range",
+    invariances=("time_shift", "resampling", "rest_after"),
 )  # fmt: skip
 def duration(cut: ScoredCut) -> float:
     """Time that the cut took."""
     if cut.trace.position is None:
-        return cut.trace.duration
+        under = cut.time[cut.advancing]
+        return float(under[-1] - under[0])
     first, last, _ = moving_between(cut)
     return float(cut.time[last] - cut.time[first])
 
@@ -129,7 +131,7 @@ def _moving(cut: ScoredCut) -> NDArray[np.bool_]:
 def _rest_to_rest(cut: ScoredCut) -> Array:
     """Speed at 100 Hz [m/s] from the first motion to the last, with a little rest at either end."""
     first, last, _ = moving_between(cut)
-    instants = np.arange(float(cut.time[first]), float(cut.time[last]), 1.0 / RATE)
+    instants = even_instants(cut.time[first : last + 1], RATE)
     if len(instants) < 30:
         raise Unavailable("shorter than 0.3 s")
     speed = np.interp(instants, cut.time, blade_speed(cut.time, cut.position))

@@ -6,9 +6,11 @@ import math
 
 import numpy as np
 
+from cutenv import terms
 from cutenv.scoring.cut import ScoredCut
 from cutenv.scoring.metric import Unavailable, metric
 
+_FLAT = 0.1  # sine of the angle below which no blade cuts
 _TIP = ("position", "depth", "newtons", "tip")
 _VALID_TIP = "tip as far as it is known: truth, return stroke, or estimated with pig liver's modulus to about 2 mm"
 
@@ -19,7 +21,7 @@ _VALID_TIP = "tip as far as it is known: truth, return stroke, or estimated with
 )  # fmt: skip
 def tip_error(cut: ScoredCut) -> float:
     """How far from the target the crack tip ended."""
-    return abs(float(cut.tip[-1]) - cut.length)
+    return terms.tip_error(float(cut.tip[cut.end]), cut.length)
 
 
 @metric(
@@ -28,7 +30,7 @@ def tip_error(cut: ScoredCut) -> float:
 )  # fmt: skip
 def overshoot(cut: ScoredCut) -> float:
     """How far beyond the target the crack tip went."""
-    return max(float(cut.tip.max()) - cut.length, 0.0)
+    return float(terms.overshoot(float(cut.tip[: cut.end + 1].max()), cut.length))
 
 
 @metric(
@@ -37,7 +39,10 @@ def overshoot(cut: ScoredCut) -> float:
 )  # fmt: skip
 def wedge(cut: ScoredCut) -> float:
     """Width of the wedge that a blade leaning at the end leaves uncut, over its depth."""
-    return abs(1.0 / math.tan(float(cut.angle[-1])))
+    angle = float(cut.angle[cut.end])
+    if math.sin(angle) < _FLAT:
+        raise Unavailable(f"the blade lies flat, at {math.degrees(angle):.0f} degrees")
+    return abs(float(terms.wedge(angle, 1.0)))
 
 
 @metric(
@@ -67,7 +72,7 @@ def largest_jump(cut: ScoredCut) -> float:
 )  # fmt: skip
 def mean_lag(cut: ScoredCut) -> float:
     """How far the tip was behind the blade: tissue that is dragged along."""
-    return cut.mean(np.maximum(cut.position - cut.tip, 0.0))
+    return cut.mean(terms.lag(cut.position, cut.tip))
 
 
 @metric(
