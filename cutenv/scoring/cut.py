@@ -26,7 +26,8 @@ RATE = 100.0
 """At which force and motion are compared [Hz]: a hand moves below 10 Hz."""
 BANDWIDTH = 5.0
 """Of the force whose rate and jerk are taken [Hz]: Butterworth of order 2, to and fro, so without delay."""
-_UNDER_FORCE = 0.1  # of the force's range above its least: from there on a record without position is a cut
+_UNDER_FORCE = 0.1  # of the way from the force before or after it to its peak: there a cut without position begins
+_AT_ENDS = 5  # instants at 100 Hz at either end
 _FEWEST_HZ = 20.0  # readings a second below which nothing is known of 5 Hz
 _SHORTEST = 30  # of instants at 100 Hz that tell a change of 5 Hz
 _ROUNDS = 4  # of a = x - F/K(a)
@@ -148,8 +149,9 @@ class ScoredCut:
         Where position is not known, from the first force to the last.
         """
         if self.trace.position is None:
-            smooth, level = self._smooth, float(self._smooth.min()) + _UNDER_FORCE * float(np.ptp(self._smooth))
-            under = self.even_time[smooth > level]
+            smooth, ends = self._smooth, (self._smooth[:_AT_ENDS].mean(), self._smooth[-_AT_ENDS:].mean())
+            least = float(min(ends))
+            under = self.even_time[smooth > least + _UNDER_FORCE * (float(smooth.max()) - least)]
             if not len(under):
                 raise Unavailable("the force never rises")
             return np.asarray((self.time >= under[0]) & (self.time <= under[-1]))

@@ -22,7 +22,7 @@ _MOTION = ("position",)
 @metric(
     "s", "lower", formula="from the first motion to the last, or from the first force", source="cost of the task",
     validity="without position: while the force is above a tenth of its range",
-    invariances=("time_shift", "resampling", "rest_after"),
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def duration(cut: ScoredCut) -> float:
     """Time that the cut took."""
@@ -35,7 +35,8 @@ def duration(cut: ScoredCut) -> float:
 
 @metric(
     "s", "lower", formula="time below 0.5 mm/s between the first motion and the last", source="motion analysis",
-    validity="speed from position over 50 ms", needs=_MOTION, invariances=("time_shift", "resampling", "rest_after"),
+    validity="speed from position over 50 ms", needs=_MOTION,
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def idle_time(cut: ScoredCut) -> float:
     """Time in which the blade stood before it went on."""
@@ -45,7 +46,8 @@ def idle_time(cut: ScoredCut) -> float:
 
 @metric(
     "1", "lower", formula="strokes that go the other way than the one before", source="motion analysis",
-    validity="strokes of 0.2 mm and more", needs=_MOTION, invariances=("time_shift", "resampling", "rest_after"),
+    validity="strokes of 0.2 mm and more", needs=_MOTION,
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def reversals(cut: ScoredCut) -> float:
     """How often the blade turned back, or forward again."""
@@ -55,7 +57,8 @@ def reversals(cut: ScoredCut) -> float:
 
 @metric(
     "1", "none", formula="minus the arc length of the speed's normalised spectrum, to 10 Hz", validity="rest to rest",
-    source="Balasubramanian et al. 2015, doi 10.1186/s12984-015-0090-9", needs=_MOTION, invariances=("time_shift",),
+    source="Balasubramanian et al. 2015, doi 10.1186/s12984-015-0090-9", needs=_MOTION,
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def sparc(cut: ScoredCut) -> float:
     """Smoothness of the motion, by its spectral arc length."""
@@ -64,7 +67,8 @@ def sparc(cut: ScoredCut) -> float:
 
 @metric(
     "1", "none", formula="-ln(T^3 / v_peak^2 integral of (d2v/dt2)^2 dt)", validity="rest to rest",
-    source="Balasubramanian et al. 2015, doi 10.1186/s12984-015-0090-9", needs=_MOTION, invariances=("time_shift",),
+    source="Balasubramanian et al. 2015, doi 10.1186/s12984-015-0090-9", needs=_MOTION,
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def log_dimensionless_jerk(cut: ScoredCut) -> float:
     """Smoothness of the motion, by its jerk."""

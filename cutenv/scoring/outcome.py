@@ -17,7 +17,7 @@ _VALID_TIP = "tip as far as it is known: truth, return stroke, or estimated with
 
 @metric(
     "m", "lower", formula="|a_end - L|", source="terminal cost of the task", validity=_VALID_TIP,
-    needs=(*_TIP, "target_length"), invariances=("time_shift", "rest_after"),
+    needs=(*_TIP, "target_length"), invariances=("time_shift", "rest_after", "units"),
 )  # fmt: skip
 def tip_error(cut: ScoredCut) -> float:
     """How far from the target the crack tip ended."""
@@ -26,7 +26,7 @@ def tip_error(cut: ScoredCut) -> float:
 
 @metric(
     "m", "lower", formula="max(a - L, 0)", source="cost of the task", validity=_VALID_TIP,
-    needs=(*_TIP, "target_length"), invariances=("time_shift", "rest_after"),
+    needs=(*_TIP, "target_length"), invariances=("time_shift", "rest_after", "units"),
 )  # fmt: skip
 def overshoot(cut: ScoredCut) -> float:
     """How far beyond the target the crack tip went."""
@@ -47,7 +47,7 @@ def wedge(cut: ScoredCut) -> float:
 
 @metric(
     "1", "lower", formula="sum of jumps / advance of the tip", source="law of cutting, unstable growth",
-    validity=_VALID_TIP, needs=_TIP, invariances=("time_shift", "rest_after"),
+    validity=_VALID_TIP, needs=_TIP, invariances=("time_shift", "rest_after", "units"),
 )  # fmt: skip
 def uncontrolled_share(cut: ScoredCut) -> float:
     """Share of the cut that the crack ran by itself."""
@@ -59,7 +59,7 @@ def uncontrolled_share(cut: ScoredCut) -> float:
 
 @metric(
     "m", "lower", formula="max of jumps", source="law of cutting, unstable growth", validity=_VALID_TIP, needs=_TIP,
-    invariances=("time_shift", "rest_after"),
+    invariances=("time_shift", "rest_after", "units"),
 )  # fmt: skip
 def largest_jump(cut: ScoredCut) -> float:
     """Longest run of the crack by itself."""
@@ -68,7 +68,7 @@ def largest_jump(cut: ScoredCut) -> float:
 
 @metric(
     "m", "lower", formula="mean of x - a while the blade advances", source="law of cutting", validity=_VALID_TIP,
-    needs=_TIP, invariances=("time_shift", "rest_after"),
+    needs=_TIP, invariances=("time_shift", "rest_after", "units"),
 )  # fmt: skip
 def mean_lag(cut: ScoredCut) -> float:
     """How far the tip was behind the blade: tissue that is dragged along."""
@@ -77,7 +77,7 @@ def mean_lag(cut: ScoredCut) -> float:
 
 @metric(
     "1", "lower", formula="integral of F dx / (R integral of B da)", source="thesis, 6.1-6.4", validity=_VALID_TIP,
-    needs=_TIP, invariances=("time_shift", "rest_after"),
+    needs=_TIP, invariances=("time_shift", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def work_over_fracture(cut: ScoredCut) -> float:
     """Work of the blade over the least that the cut area takes; R is the truth, or else pig liver's mean."""

@@ -12,7 +12,6 @@ from recorded_cut import recorded_cut
 from cutenv.trace import Trace
 
 TARGET = 0.075  # [m]
-RNG = np.random.default_rng
 
 
 @functools.cache
@@ -24,11 +23,21 @@ def cut(kind: str) -> Trace:
         "upright, one way": lambda: recorded_cut("liver", speed=0.0127, angle_deg=90.0, turns=(0.08,)).trace,
         "slicing, and back": lambda: recorded_cut("liver", speed=0.0089, angle_deg=45.0, turns=(0.08, 0.0)).trace,
         "two cycles": lambda: recorded_cut("liver", speed=0.0165, angle_deg=60.0, turns=(0.04, 0.02, 0.08, 0.0)).trace,
+        "upright, encoder of 20 um": lambda: changed(
+            quick.trace, position=np.round(quick.trace.position / 20e-6) * 20e-6, speed=None
+        ),
         "force alone, 30 Hz": lambda: force_alone(rated(quick.trace, 30.0)),
     }[kind]()
 
 
-CUTS = ["upright, and back", "upright, one way", "slicing, and back", "two cycles", "force alone, 30 Hz"]
+CUTS = [
+    "upright, and back",
+    "upright, one way",
+    "slicing, and back",
+    "two cycles",
+    "upright, encoder of 20 um",
+    "force alone, 30 Hz",
+]
 
 
 def changed(trace: Trace, **changes: Any) -> Trace:
@@ -76,7 +85,7 @@ CHANGES: dict[str, Any] = {
 
 
 @functools.cache
-def no_return(kind: str) -> bool:
-    """Whether the cut ends under force, where no rest is in unloaded tissue."""
+def ends_under_force(kind: str) -> bool:
+    """Whether tissue is loaded at the end of the cut."""
     trace = cut(kind)
     return bool(trace.force[-50:].mean() > 0.2)
