@@ -235,10 +235,11 @@ def _notes(cut: ScoredCut, chosen: Mapping[str, float], known: Mapping[str, floa
     notes = [
         {
             "truth": "tip: the simulator's own",
-            "return stroke": "tip: from the return stroke, its way there estimated",
-            "estimated": "tip: estimated with the stiffness of mean tissue, to about 2 mm",
+            "return stroke": "tip: from the return stroke, to about 0.3 mm; its way there estimated",
+            "estimated": "tip: estimated, to about 1 mm and 4 mm at worst, by the cut's own loading",
+            "guessed": "tip: estimated with the stiffness of mean tissue; median error 2 mm, one in twenty above 5 mm",
             "unknown": "tip: unknown; force alone is judged",
-        }[cut.tip_source]
+        }["guessed" if cut.tip_source == "estimated" and cut.own_modulus is None else cut.tip_source]
     ]
     if not known:
         notes.append("metrics, and no claim of skill")

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import butter, sosfiltfilt
 
-from cutenv.measurement import DepthProfile, ReturnStroke, fit_return_stroke
+from cutenv.measurement import DepthProfile, ReturnStroke, estimate_local_effective_moduli, fit_return_stroke
 from cutenv.measurement.depth import SHALLOWEST
+from cutenv.measurement.loading_ratio import loading_ratio
 from cutenv.measurement.strokes import STANDSTILL, blade_speed
 from cutenv.scoring.doubts import LONGEST, cut_off, spoiled, two_cuts
 from cutenv.scoring.metric import Unavailable
@@ -30,6 +31,8 @@ _UNDER_FORCE = 0.1  # of the way from the force before or after it to its peak: 
 _AT_ENDS = 5  # instants at 100 Hz at either end
 _FEWEST_HZ = 20.0  # readings a second below which nothing is known of 5 Hz
 _SHORTEST = 30  # of instants at 100 Hz that tell a change of 5 Hz
+_DROP = 0.03  # of the peak force, that ends a ramp of loading
+_FEWEST_RAMPS = 3  # of loading, that tell a cut's own modulus
 _ROUNDS = 4  # of a = x - F/K(a)
 
 
@@ -252,6 +255,34 @@ class ScoredCut:
     def _return_stroke(self) -> ReturnStroke | None:
         return fit_return_stroke(self.trace, self.profile)
 
+    @property
+    def _usual_friction(self) -> float:
+        """Of the tissue, per depth of cut [N/m]."""
+        return self.tissue.friction_share * self.tissue.fracture_resistance
+
+    @cached_property
+    def own_modulus(self) -> float | None:
+        """Slow, upright modulus that the cut's own loading ramps show [Pa]; None if too few are steady.
+
+        Livers differ by a third: with the mean liver's modulus the tip is known half as well. Calibrated tissue
+        loads in its own way and is taken as it was calibrated.
+        """
+        known = self.trace.angle is not None and self.trace.depth is not None and self.tissue.calibration is None
+        if not known or self._return_stroke is not None:
+            return None
+        try:
+            found = estimate_local_effective_moduli(
+                self.trace,
+                self.tissue.cut_model(),
+                friction_per_depth=self._usual_friction,
+                smallest_drop=max(_DROP * float(self.force.max()), 1e-6),
+            )
+            ramps = zip(found.modulus, found.segments, strict=True)
+            slow = [E / loading_ratio(float(s.speed or 0.0), s.angle) for E, s in ramps]
+        except ValueError:
+            return None  # beyond what was measured of liver: other angles, say
+        return float(np.median(slow)) if len(slow) >= _FEWEST_RAMPS else None
+
     @cached_property
     def _estimated_tip(self) -> Array:
         """Blade less elastic force over stiffness; a cut never heals, so it never goes back."""
@@ -260,8 +291,8 @@ class ScoredCut:
         if float(x.max()) > model.length:
             raise Unavailable("the cut is longer than the model's specimen, 15 cm")
         back = self._return_stroke
-        modulus = self.tissue.intercept_90
-        friction = self.tissue.friction_share * self.tissue.fracture_resistance
+        modulus = self.tissue.intercept_90 if self.own_modulus is None else self.own_modulus
+        friction = self._usual_friction
         if back is not None:
             friction = back.friction_per_depth
             if back.stiffness > 0.0:

@@ -12,7 +12,7 @@ from cutenv.scoring.metric import Unavailable, metric
 
 _FLAT = 0.1  # sine of the angle below which no blade cuts
 _TIP = ("position", "depth", "newtons", "tip")
-_VALID_TIP = "tip as far as it is known: truth, return stroke, or estimated with pig liver's modulus to about 2 mm"
+_VALID_TIP = "tip as far as it is known: truth; return stroke, to 0.3 mm; or estimated, to 1 mm, 4 mm at worst"
 
 
 @metric(
