@@ -181,7 +181,9 @@ class ScoredCut:
         """Where the tip comes from: "truth", "return stroke", "estimated" or "unknown"."""
         if self.truth is not None:
             return "truth"
-        if self.trace.position is None or self.trace.depth is None or self.trace.force_unit != "N":
+        try:
+            _ = self.tip
+        except Unavailable:
             return "unknown"
         return "estimated" if self._return_stroke is None else "return stroke"
 
@@ -199,6 +201,8 @@ class ScoredCut:
             return self.truth.jump
         # The tip's advance beyond the blade's own, over a time longer than the sensor's noise.
         borders = even_instants(self.time, 1.0 / RUN_WINDOW)
+        if len(borders) < 2:
+            raise Unavailable(f"shorter than {RUN_WINDOW:g} s")
         a = np.interp(borders, self.time, self.tip)
         x = np.interp(borders, self.time, self.position)
         run = np.diff(a) - np.maximum(np.diff(x), 0.0)
@@ -249,7 +253,10 @@ class ScoredCut:
     def profile(self) -> DepthProfile:
         """Depth of cut by place."""
         _ = self.position, self.depth  # say which one is missing
-        return DepthProfile.recorded(self.trace, by="score")
+        found = DepthProfile.recorded(self.trace, by="score")
+        if float(found.depth.max()) < SHALLOWEST:
+            raise Unavailable(f"the depth of cut is nowhere {1e3 * SHALLOWEST:g} mm")
+        return DepthProfile(position=found.position, depth=np.maximum(found.depth, SHALLOWEST))
 
     @cached_property
     def _return_stroke(self) -> ReturnStroke | None:

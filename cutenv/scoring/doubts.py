@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 
 LONGEST = 3600.0
 """Of a record that is scored [s]: an hour is no cut."""
+_LAST, _MOVES = 0.1, 0.8e-3  # [s], [m/s]: the slowest cut of the thesis is led at 1 mm/s
 _OPEN = 0.015  # [m] behind the furthest point the crack is open: the tip is never so far behind the blade
 _AGAIN = 0.010  # [m] of such ground under force, from which on it is another cut
 _LOADED = 0.5  # of the force of the first time there: friction is a fifth, and no more than two fifths
@@ -34,8 +35,9 @@ def cut_off(trace: Trace) -> str:
     """Why the last instant is not the end of the cut; "" if it is, or if the metadata say how the cut ended."""
     if trace.position is None or trace.metadata.get("end") is not None:
         return ""
-    speed = float(blade_speed(trace.time, trace.position)[-1])
-    if abs(speed) <= STANDSTILL:
+    first = min(int(np.searchsorted(trace.time, trace.time[-1] - _LAST)), len(trace) - 2)
+    speed = float((trace.position[-1] - trace.position[first]) / (trace.time[-1] - trace.time[first]))
+    if abs(speed) < _MOVES:
         return ""
     return (
         f"the record ends while the blade moves with {1e3 * speed:.2g} mm/s: record until it stands, or say in the "
