@@ -14,6 +14,7 @@ import argparse
 import dataclasses
 import functools
 import math
+import re
 import sys
 import tempfile
 from collections import Counter
@@ -394,7 +395,7 @@ def main() -> int:
     reasons = refusals(arguments.records)
     share = 1.0 - len(reasons) / arguments.records
     print(f"\n{100.0 * share:.1f} % of {arguments.records} valid records with mild noise are accepted.")
-    for reason, times in Counter(reason.split(":")[0] for reason in reasons).most_common():
+    for reason, times in Counter(re.sub(r"\d+", "n", reason.split(":")[0]) for reason in reasons).most_common():
         print(f"  {times} refused: {reason}")
     return int(missed > 0 or share < ACCEPTED)
 

@@ -21,6 +21,7 @@ from cutenv.validation import in_range
 Array = NDArray[np.float64]
 
 _RESTLESS = 1.3  # times the usual scatter of a record's ramps
+_SMOOTH = 0.99  # R squared of a ramp without noise, whose bend is only that of the depth
 _SOFTEST, _STIFFEST = 1e-3, 1e12  # [Pa], between which a modulus is looked for
 
 
@@ -234,7 +235,11 @@ def telling(ramps: list[Segment]) -> list[Segment]:
     """
     steady = [ramp for ramp in ramps if ramp.is_steady]
     scatter = np.array([_scatter(ramp) for ramp in steady])
-    return [ramp for ramp, own in zip(steady, scatter, strict=True) if own <= _RESTLESS * np.median(scatter)]
+    return [
+        ramp
+        for ramp, own in zip(steady, scatter, strict=True)
+        if own <= _RESTLESS * np.median(scatter) and (ramp.restlessness <= _RESTLESS or ramp.r_squared >= _SMOOTH)
+    ]
 
 
 def _scatter(ramp: Segment) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -33,6 +34,7 @@ STRAIGHT = 0.75
 STEADY = 0.3
 """Largest change of speed over a ramp, as a share of its mean, that counts as none."""
 
+_AVERAGED = 10  # readings, whose means tell noise that lasts
 _FEWEST = 3  # bins that must remain of a ramp
 _INNER_QUANTILES = (0.05, 0.95)
 
@@ -62,6 +64,9 @@ class Segment:
         Share of the force's variance that the line explains [1].
     drop : float
         Fall of the smoothed force from hilltop to the next valley [N]; 0 if none of significance followed.
+    restlessness : float
+        Scatter of these readings about the line over their noise from one to the next, and from one mean of 10 to the
+        next [1]: 1 for a straight ramp, more for one that bends or hides a drop.
     after_standstill : bool
         Whether it is the first of its stroke: the blade had just met the tissue, turned or stood, and part of
         the ramp is elastic, without the growth that accompanies steady loading. Without position the whole
@@ -96,6 +101,7 @@ class Segment:
     speed_change: float | None = None
     angle: float | None = None
     depth: float | None = None
+    restlessness: float = 1.0
 
     @property
     def samples(self) -> slice:
@@ -280,9 +286,26 @@ def _along_the_cut(in_time: Segment, t: Array, x: Array, F: Array) -> Segment:
         position=float(x.mean()),
         displacement=displacement,
         slope=slope,
+        restlessness=_restlessness(F - slope * x),
         speed=speed,
         speed_change=float(second_half - first_half) / speed,
     )
+
+
+def _restlessness(residual: Array) -> float:
+    """Standard deviation of what is left of a ramp, over what its successive differences make of it.
+
+    Means of some readings see noise that lasts longer than one, as that of a filtered or interpolated record does.
+    """
+    means = bin_means(residual, bins_of_readings(len(residual), _AVERAGED))
+    noise = max(_from_differences(residual), math.sqrt(_AVERAGED) * _from_differences(means))
+    return float(residual.std()) / noise if noise > 0.0 else 1.0
+
+
+def _from_differences(values: Array) -> float:
+    """Standard deviation of white noise with such differences from value to value; 0 for a single value."""
+    change = np.diff(values)
+    return math.sqrt(float((change * change).mean()) / 2.0) if len(change) else 0.0
 
 
 def _line(x: Array, F: Array) -> tuple[float, float]:

@@ -27,7 +27,9 @@ MODULUS = 0.05
 FRICTION = 0.03
 """Difference of friction's shares of the resistance; measured: 0.009."""
 ETA = 0.03
-"""Difference of eta90; measured: 0.018 in homogeneous tissue."""
+"""Difference of eta90."""
+ETA_HOMOGENEOUS = 0.02
+"""The same of one cut in homogeneous tissue; measured: 0.007 at a depth of 2 cm, 0.018 with the bulge."""
 FEWEST = 3  # segments, of which a median is taken
 SIBLINGS: dict[str, dict[str, Any]] = {
     "pig liver": {},
@@ -170,7 +172,7 @@ ETA_PUT_IN = 0.28
 
 def check_initiation(cut: MeasuredCut) -> None:
     assert len(cut.initiation.unit_area) >= 4
-    assert initiation_excess([cut.initiation]) == pytest.approx(ETA_PUT_IN, abs=ETA)
+    assert initiation_excess([cut.initiation]) == pytest.approx(ETA_PUT_IN, abs=ETA_HOMOGENEOUS)
 
 
 @EVERY_SPEED
