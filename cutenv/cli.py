@@ -17,8 +17,10 @@ import cutenv
 _EXTRA_OF_MODULE = {
     "h5py": "data",
     "matplotlib": "view",
+    "meshcat": "view",
     "pyarrow": "data",
     "pygame": "view",
+    "pymunk": "play",
     "rich": "rl",
     "safetensors": "rl",
     "stable_baselines3": "rl",
@@ -37,6 +39,7 @@ class Command:
 
 COMMANDS = {
     "calibrate": Command(module="cutenv.commands.calibrate", summary="make a tissue of your own records of cuts"),
+    "score": Command(module="cutenv.commands.score", summary="score cuts by their force: a card and a page"),
     "study": Command(module="cutenv.commands.study", summary="reliability, separation and learning of several people"),
     "bench": Command(module="cutenv.bench", summary="measure the speed of the environment on this machine"),
 }

@@ -131,20 +131,10 @@ def _draw(folder: Path, imported: Imported) -> None:
     """A picture of each record of a file."""
     from cutenv.report import draw_record  # an extra, and slow to import
 
-    wrong = list(imported.flaws)
-    for number, (record, tared, cuts) in enumerate(
-        zip(imported.records, imported.tared, imported.cuts, strict=True), 1
-    ):
-        place = "" if len(imported.records) == 1 else f"_{number}"
-        own, wrong = wrong[: max(len(cuts), 1)], wrong[max(len(cuts), 1) :]
-        draw_record(
-            folder / f"{imported.path.stem}{place}.png",
-            record,
-            tared=None if tared is record else tared,
-            cuts=[cut.samples for cut in cuts],
-            flaws=own,
-            title=f"{imported.path.name}{place.replace('_', ', record ')}",
-        )
+    for k in range(len(imported.records)):
+        place = "" if len(imported.records) == 1 else f"_{k + 1}"
+        title = f"{imported.path.name}{place.replace('_', ', record ')}"
+        draw_record(folder / f"{imported.path.stem}{place}.png", **imported.picture(k), title=title)
 
 
 def _named(trace: Trace, path: Path, number: int | None, pattern: re.Pattern[str] | None) -> Trace:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cutenv.measurement.depth import SHALLOWEST, DepthProfile
 from cutenv.measurement.loading_ratio import LoadingRatio, in_measured_range, loading_ratio_of
 from cutenv.measurement.return_stroke import fit_return_stroke
-from cutenv.measurement.segments import SMALLEST_DROP, SMOOTHING_READINGS, Segment, loading_segments
+from cutenv.measurement.segments import SMALLEST_DROP, Segment, loading_segments
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
 from cutenv.validation import in_range
@@ -143,7 +143,7 @@ def estimate_local_effective_moduli(
     friction_per_depth: float | None = None,
     loading_ratio: float | LoadingRatio | None = None,
     smallest_drop: float = SMALLEST_DROP,
-    smoothing_readings: int = SMOOTHING_READINGS,
+    smoothing_readings: int | None = None,
 ) -> ModulusEstimate:
     """Find the local effective modulus of every loading segment of a cut.
 
@@ -172,7 +172,9 @@ def estimate_local_effective_moduli(
         r [1], 0 to 1, for other tissue, or a function of speed [m/s] and angle [rad]. By default that of pig
         liver at each segment's speed and angle. 0 takes the blade for the tip, as the thesis did, and reads
         several per cent high.
-    smallest_drop, smoothing_readings : float
+    smallest_drop : float
+        As in `loading_segments` [N].
+    smoothing_readings : int, optional
         As in `loading_segments`.
 
     Returns

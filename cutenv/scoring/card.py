@@ -18,6 +18,7 @@ from cutenv.tissue import TissueDescription, measured_liver
 from cutenv.trace import Trace
 
 SCHEMA = "cutenv-score/1"
+_WHOLE = 0.95  # of the way, from which on a cut counts as whole in words
 DISCLAIMER = "Training feedback for research; not validated for assessment or credentialing of people."
 
 
@@ -45,7 +46,11 @@ class ScoreCard:
     tip_source : str
         Where the tip comes from: "truth", "return stroke", "estimated" or "unknown".
     overall_score : float or None
-        Weighted mean of the percentiles of the leading metrics, 0 to 100; None without a reference set.
+        Weighted mean of the percentiles of the leading metrics, 0 to 100, times `completed`; None without a
+        reference set.
+    completed : float
+        Share of the target length that was cut, at most 1; 1 where target or tip are not known. A blade that hardly
+        cuts is steady, and that is no merit.
     weights : mapping of str to float
         Of that mean, over the metrics that were available; they sum to 1.
     reference : str
@@ -61,6 +66,7 @@ class ScoreCard:
     metrics: Mapping[str, Scored]
     tip_source: str
     overall_score: float | None
+    completed: float
     weights: Mapping[str, float]
     reference: str
     faults: tuple[Fault, ...]
@@ -86,6 +92,7 @@ class ScoreCard:
             "name": self.name,
             "force_unit": self.force_unit,
             "overall_score": self.overall_score,
+            "completed": self.completed,
             "weights": dict(self.weights),
             "reference": self.reference,
             "tip_source": self.tip_source,
@@ -118,7 +125,8 @@ class ScoreCard:
             return "no overall score: no reference set of such records" + (
                 f" ({self.reference})" * bool(self.reference)
             )
-        return f"overall score {self.overall_score:.0f} of 100 within {self.reference}"
+        part = "" if self.completed > _WHOLE else f", {100.0 * self.completed:.0f} % of the way being cut,"
+        return f"overall score {self.overall_score:.0f} of 100{part} within {self.reference}"
 
     def _repr_html_(self) -> str:
         rows = "".join(
@@ -198,18 +206,26 @@ def score(
     overall = None
     if total > 0.0:
         known = {metric: w / total for metric, w in known.items()}
-        overall = sum(w * float(metrics[metric].percentile or 0.0) for metric, w in known.items())
+        overall = _completed(cut) * sum(w * float(metrics[metric].percentile or 0.0) for metric, w in known.items())
     return ScoreCard(
         name=name or str(trace.metadata.get("name", "cut")),
         force_unit=trace.force_unit,
         metrics=metrics,
         tip_source=cut.tip_source,
         overall_score=overall,
+        completed=_completed(cut),
         weights=known,
         reference="" if reference is None else f"{reference.name} ({len(reference)} cuts: {reference.about})",
         faults=tuple(faults_of(cut)),
         notes=tuple(_notes(cut, chosen, known, reference)),
     )
+
+
+def _completed(cut: ScoredCut) -> float:
+    try:
+        return min(max(float(cut.tip[-1]) / cut.length, 0.0), 1.0)
+    except Unavailable:
+        return 1.0
 
 
 def _notes(

@@ -22,6 +22,7 @@ SHIPPED = {"baselines": "reference/baselines.csv"}
 """Reference sets that come with the package, by name."""
 FEWEST = 20
 """Cuts of a reference set below which a percentile says nothing."""
+_TIE = 1e-4  # of the value, or of the largest one: the files hold five digits
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,7 +66,8 @@ class ReferenceSet:
         if len(known) < FEWEST or metric.direction == "none":
             return None
         sign = 1.0 if metric.direction == "lower" else -1.0
-        worse = np.sum(sign * known > sign * value) + 0.5 * np.sum(known == value)
+        same = np.isclose(known, value, rtol=_TIE, atol=_TIE * float(np.abs(known).max()))
+        worse = np.sum((sign * known > sign * value) & ~same) + 0.5 * np.sum(same)
         return float(100.0 * worse / len(known))
 
     @classmethod

@@ -1,0 +1,120 @@
+"""A scored cut as a picture: force with its ramps, limit, target and faults; speed and angle below."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.measurement import loading_segments
+from cutenv.measurement.strokes import blade_speed
+from cutenv.report.page import label, new_figure
+from cutenv.scoring import ScoreCard
+from cutenv.scoring.faults import FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
+from cutenv.trace import Trace
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+_FORCE, _RAMP, _FAULT, _LIMIT, _TARGET, _SPEED, _ANGLE = (
+    "0.55", "#0072b2", "#d55e00", "#b00020", "#009e73", "#0072b2", "#8a3ffc",
+)  # fmt: skip
+_POINTS = 3000  # of a line: more than a picture is wide
+_PHONE = 6.0  # width below which a picture is drawn for a phone [in]
+
+
+def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, width: float) -> Figure:
+    """Draw one cut with what its card says of it, against position, or against time where that is not known.
+
+    Parameters
+    ----------
+    trace : Trace
+        The record.
+    card : ScoreCard
+        Of it.
+    target_length : float or None
+        Aimed at [m].
+    width : float
+        [in]
+    """
+    along = trace.position is not None
+    rows = 1 + along + (trace.angle is not None)
+    figure = new_figure(width, 3.4 + 1.1 * (rows - 1))
+    panels = np.atleast_1d(figure.subplots(rows, 1, sharex=True, height_ratios=[3.0, *[1.0] * (rows - 1)]))
+    step = max(1, len(trace) // _POINTS)
+    x = _places(trace)
+    force = panels[0]
+    force.plot(x[::step], trace.force[::step], color=_FORCE, linewidth=0.9, label="force")
+    _draw_ramps(force, trace, x)
+    _draw_limits(force, trace, x, target_length)
+    _draw_faults(force, trace, card, x)
+    unit = "N" if trace.force_unit == "N" else "normalised"
+    force.set_ylabel(f"force [{unit}]")
+    if trace.position is not None:
+        speed = 100.0 * blade_speed(trace.time, trace.position)
+        panels[1].plot(x[::step], speed[::step], color=_SPEED, linewidth=0.9)
+        panels[1].set_ylabel("speed\n[cm/s]")
+    if trace.angle is not None:
+        panels[-1].plot(x[::step], np.degrees(trace.angle[::step]), color=_ANGLE, linewidth=1.2)
+        panels[-1].set_ylabel("angle\n[°]")
+        panels[-1].set_ylim(min(40.0, math.degrees(trace.angle.min()) - 5.0), 95.0)
+    panels[-1].set_xlabel("blade [cm]" if along else "time [s]")
+    for axes in panels:
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(axis="y", color="0.92", linewidth=0.8)
+        axes.set_axisbelow(True)
+    columns = 2 if width < _PHONE else 5
+    figure.legend(loc="outside upper left", ncols=columns, frameon=False, fontsize=9)
+    return figure
+
+
+def _places(trace: Trace) -> Array:
+    """Where the force is drawn: blade [cm], or time [s]."""
+    return trace.time if trace.position is None else 100.0 * trace.position
+
+
+def _draw_ramps(axes: Axes, trace: Trace, x: Array) -> None:
+    """Loading segments; a drop hangs on the end of each."""
+    try:
+        segments = loading_segments(trace)
+    except ValueError:  # a record too short or too coarse for segments is still drawn
+        return
+    for i, segment in enumerate(segments):
+        ends = [segment.start, segment.stop - 1]
+        half = 0.5 * segment.force_rise
+        force = [segment.force - half, segment.force + half]
+        axes.plot(x[ends], force, color=_RAMP, linewidth=1.6, label=None if i else "loading")
+        if segment.drop > 0.0:
+            top = float(x[ends[1]])
+            axes.plot(
+                [top, top], [force[1], force[1] - segment.drop], ":", color=_RAMP, linewidth=1.2,
+                label=None if i else "drop",
+            )  # fmt: skip
+
+
+def _draw_limits(axes: Axes, trace: Trace, x: Array, target_length: float | None) -> None:
+    if trace.depth is not None and trace.force_unit == "N":
+        limit = FORCE_LIMIT_PER_DEPTH * trace.depth
+        if trace.force.max() > 0.5 * float(limit.max()):  # one that is far away would flatten the drawing
+            order = np.argsort(x)[:: max(1, len(x) // _POINTS)]
+            axes.plot(x[order], limit[order], color=_LIMIT, linewidth=1.0, linestyle="--", label="limit")
+    if target_length is not None and trace.position is not None:
+        low, high = 100.0 * (target_length - TIP_TOLERANCE), 100.0 * (target_length + TIP_TOLERANCE)
+        axes.axvspan(low, high, color=_TARGET, alpha=0.18, linewidth=0.0, label="target of the tip")
+
+
+def _draw_faults(axes: Axes, trace: Trace, card: ScoreCard, x: Array) -> None:
+    top = float(trace.force.max())
+    for i, fault in enumerate(card.faults):
+        place = float(np.interp(fault.time, trace.time, x))
+        force = float(np.interp(fault.time, trace.time, trace.force))
+        axes.plot(place, force, "v", color=_FAULT, markersize=8, label=None if i else "fault")
+        axes.annotate(
+            label(str(i + 1)), (place, force), (0, 9), textcoords="offset points", ha="center", fontsize=9, color=_FAULT
+        )
+    axes.set_ylim(top=max(1.12 * top, 0.1 * abs(top) + 1e-9))
