@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -60,6 +61,20 @@ def test_peaks_are_those_of_the_numbers(scored: Study) -> None:
     peaks = next(found for found in scored.findings if found.metric == "peak_force")
     for trace in score_real_records.read_cuts(score_real_records.DATA):
         assert trace.force[:120].max() in peaks.series[trace.metadata["trial"]]
+
+
+@recorded
+def test_the_readme_says_what_was_found(scored: Study) -> None:
+    readme = " ".join((SCRIPTS.parent / "README.md").read_text(encoding="utf-8").split())
+    found = {
+        each.metric: each.reliability.single.value for each in scored.findings if isinstance(each.reliability, OneWay)
+    }
+    least, *_, second, best = sorted(found, key=found.__getitem__)
+    assert (least, {second, best}) == ("force_variation", {"force_rate", "force_time_integral"})
+    said = re.search(r"tell trials apart best \(reliability of one cut ([\d.]+)\), .* least \(([\d.]+)\)", readme)
+    assert said is not None
+    assert said.groups() == (f"{found[best]:.2f}", f"{found[least]:.2f}")
+    assert said[1] == f"{found[second]:.2f}"
 
 
 def check_cuts_of_a_trial_are_alike(series: list[np.ndarray]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import chromium
@@ -24,6 +25,7 @@ from test_page_in_browser import (
 
 from cutenv.report.study_page import headline, write_study
 from cutenv.scoring.card import DISCLAIMER
+from cutenv.scoring.study import Study
 
 pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no chromium: apt-get install chromium")
 
@@ -77,11 +79,14 @@ def test_the_headline_counts_what_separates() -> None:
     assert "None of 1 metrics" in headline(study(metrics=("force_drops",)))
 
 
+def test_a_group_that_is_too_small_is_said_to_be(tmp_path: Path) -> None:
+    of = study()
+    few = Study(name="few", cuts=[cut for cut in of.cuts if cut.operator != "E04"])
+    write_study(tmp_path / "few.html", few)
+    assert "fewer than 4 operators in a group (5 and 3)" in (tmp_path / "few.html").read_text(encoding="utf-8")
+
+
 def test_without_groups_nothing_is_said_of_groups(tmp_path: Path) -> None:
-    from dataclasses import replace
-
-    from cutenv.scoring.study import Study
-
     alone = Study(name="alone", cuts=[replace(cut, group="", session="") for cut in study().cuts])
     write_study(tmp_path / "alone.html", alone)
     read = Page((tmp_path / "alone.html").read_text(encoding="utf-8"))

@@ -361,6 +361,16 @@ def test_too_few_people_get_metrics_reasons_and_no_nan() -> None:
     assert "nan" not in "\n".join(table_lines(of))
 
 
+def test_of_three_groups_two_must_be_named() -> None:
+    cuts = [cut(f"{g}{i}", {"force_rate": float(i)}, group=g) for g in "ABC" for i in (1, 2, 3, 5)]
+    unnamed = Study(name="three", cuts=cuts, metrics=("force_rate",))
+    assert unnamed.notes == ("of the groups A, B, C no two were named: their separation is not told",)
+    assert unnamed.findings[0].separation == Untold("the study has no two groups")
+    named = Study(name="three", cuts=cuts, metrics=("force_rate",), groups=("C", "A"))
+    assert isinstance(named.findings[0].separation, Separation)
+    assert named.notes == ()
+
+
 def card_in_numbers() -> ScoreCard:
     return score(Trace(time=np.arange(60) / 100.0, force=np.ones(60), force_unit="1"))
 
