@@ -47,7 +47,7 @@ class ReturnStroke:
 def fit_return_stroke(trace: Trace, depth: DepthProfile) -> ReturnStroke | None:
     """Fit the way back from the deepest point: F = K max(x - a, 0) - f B(x), by least squares in K, f and a.
 
-    Returns None if the blade did not come back, or not far enough past the tip.
+    Returns None if the blade did not come back, or not far enough past the tip, or cut no depth.
     """
     (position,) = trace.require("position", by="fit_return_stroke")
     way_back = _way_back(trace, position)
@@ -56,7 +56,7 @@ def fit_return_stroke(trace: Trace, depth: DepthProfile) -> ReturnStroke | None:
     x, F = (np.concatenate(parts) for parts in zip(*(_binned(trace, position, s) for s in way_back), strict=True))
     B = depth.at(x)
     lowest, highest = float(x.min()) + _PLAIN_LENGTH, float(x.max())
-    if highest <= lowest:
+    if highest <= lowest or not B.any():
         return None
 
     def misfit(a: float) -> float:

@@ -19,7 +19,8 @@ _AGAIN = 0.010  # [m] of such ground under force, from which on it is another cu
 _LOADED = 0.5  # of the force of the first time there: friction is a fifth, and no more than two fifths
 _NOTHING = 0.1  # [N], or the share 0.05 of the range of force, that a sensor shows without contact
 _PLACE = 1e-3  # [m] by which forces of two passages are compared
-_UNLOADED = 0.3  # of the largest force, below which a record without position may end
+_UNLOADED = 0.25  # of the largest force, below which a record without position is without load
+_LOADED_FOR = 0.3  # [s] on either side of such a pause
 _PAUSE = 1.5  # [s] without force between loads, as the reading of long records parts cuts
 
 
@@ -82,18 +83,21 @@ def remarks(trace: Trace) -> list[str]:
 
 
 def _remarks_on_force(trace: Trace) -> list[str]:
-    said = []
     F, time = trace.force, trace.time
-    span = float(np.ptp(F))
-    level = float(F.min()) + _UNLOADED * span
-    tail = F[time >= time[-1] - 0.05]
-    if float(tail.mean()) > level:
+    before, after = float(F[time <= time[0] + _LAST].mean()), float(F[time >= time[-1] - _LAST].mean())
+    zero = min(before, after)
+    level = zero + _UNLOADED * (float(F.max()) - zero)
+    said = []
+    if after > level:
         said.append("record: it ends under force; if it was cut off, the cut was longer than this")
-    loaded = np.flatnonzero(float(F.min()) + 0.1 * span < F)
+    loaded = np.flatnonzero(level < F)
     if len(loaded) > 1:
-        longest = float(np.diff(time[loaded]).max())
-        if longest > _PAUSE:
-            said.append(f"record: no force for {longest:.1f} s between loads; if these are two cuts, score each alone")
+        pauses = np.diff(time[loaded])
+        i = int(np.argmax(pauses))
+        if pauses[i] > _PAUSE and min(i + 1, len(loaded) - i - 1) >= _LOADED_FOR * trace.sample_rate:
+            said.append(
+                f"record: no force for {pauses[i]:.1f} s between loads; if these are two cuts, score each alone"
+            )
     return said
 
 

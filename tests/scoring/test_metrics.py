@@ -179,7 +179,8 @@ def test_published_values_of_smoothness() -> None:
 @pytest.mark.parametrize("submovements", [1, 2, 5])
 @pytest.mark.parametrize("rate", [50.0, 100.0, 250.0])
 def test_smoothness_is_that_of_monalysa(submovements: int, rate: float) -> None:
-    smoothness = pytest.importorskip("monalysa.quality.smoothness")
+    from monalysa.quality import smoothness
+
     t = np.arange(-1.0, 1.0 + submovements, 1.0 / rate)
     speed = sum(bell(t - k) for k in range(submovements)) + 0.02 * np.sin(17.0 * t) ** 2
     assert spectral_arc_length(speed, rate) == pytest.approx(smoothness.sparc(speed, rate)[0], rel=1e-9)
