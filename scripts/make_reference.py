@@ -41,7 +41,8 @@ def reference(names: list[str], cuts: int, specimen_class: str) -> ReferenceSet:
             scores, readings = run_cut(env, chosen.policy, seed)
             trace = to_trace(env.unwrapped.plant, readings, end=scores["end"])  # type: ignore[attr-defined]
             card = score(trace, target_length=scores["target_length_mm"] / 1e3)
-            rows.append((name, {metric: scored.value for metric, scored in card.metrics.items()}))
+            label = name if name in BASELINES else f"PPO ({Path(name).parent.name})"
+            rows.append((label, {metric: scored.value for metric, scored in card.metrics.items()}))
         env.close()
     about = f"{len(names)} scripts and agents, {cuts} {specimen_class} specimens each, tip estimated"
     return ReferenceSet.of(rows, name="baselines", about=about, force_unit="N")
