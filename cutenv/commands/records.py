@@ -8,7 +8,7 @@ import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from cutenv.measurement.calibration import Refused
 from cutenv.measurement.cut import SPECIMEN
@@ -25,10 +25,10 @@ class Records(NamedTuple):
     notes: list[str]
 
 
-def add_record_options(parser: argparse.ArgumentParser) -> None:
-    """Options of every sub-command that reads records."""
+def add_record_options(parser: argparse.ArgumentParser, *, files: int | Literal["+"] = "+") -> None:
+    """Options of every sub-command that reads records; ``files`` says how many, as argparse's ``nargs``."""
     parser.add_argument(
-        "records", nargs="+", type=Path, metavar="FILE", help="CSV, Parquet or HDF5, one cut or several"
+        "records", nargs=files, type=Path, metavar="FILE", help="CSV, Parquet or HDF5, one cut or several"
     )
     foreign = parser.add_argument_group("files of other programs")
     foreign.add_argument(

@@ -1,12 +1,12 @@
-"""The page of a cut in three dimensions: meshcat's viewer, the scene and every instant in one file that fetches nothing."""
+"""The page of a cut in 3-D: meshcat's viewer, the scene and every instant in one file that fetches nothing."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
 import html
+import itertools
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.atomic import replacing
+from cutenv.validation import one_of
 from cutenv.viewer import palette
 from cutenv.viewer.solid import scene
 from cutenv.viewer.solid.scalpel import HANDLE_LENGTH, pose
 from cutenv.viewer.solid.shown_cut import COLOURS, ShownCut
 from cutenv.viewer.solid.slab_solid import SlabSolid
-from cutenv.validation import one_of
 
 Array = NDArray[np.float64]
 
@@ -147,16 +147,28 @@ def _profile(lattice: Array) -> tuple[Array, Array]:
 
 def _body(cut: ShownCut, title: str, colour: str, greatest: float) -> str:
     tip = "tip (estimated)" if cut.tip_source == "estimated" else "tip (from return stroke)"
-    shown = [("time", "time"), ("force", "force"), ("speed", "speed"), ("angle", "angle"), ("blade", "blade at"), ("tip", tip)]
-    readout = "".join(
-        f'<div><dt>{label}</dt><dd id="shown-{name}">–</dd></div>' for name, label in shown
-    )
-    labels = {"target": _target_label(cut), "clamp": "clamp", "arrow": "", "tip-mark": tip, "opened": "cut drawn open: illustration"}
+    shown = [
+        ("time", "time"),
+        ("force", "force"),
+        ("speed", "speed"),
+        ("angle", "angle"),
+        ("blade", "blade at"),
+        ("tip", tip),
+    ]
+    readout = "".join(f'<div><dt>{label}</dt><dd id="shown-{name}">–</dd></div>' for name, label in shown)
+    labels = {
+        "target": _target_label(cut),
+        "clamp": "clamp",
+        "arrow": "",
+        "tip-mark": tip,
+        "opened": "cut drawn open: illustration",
+    }
     floating = "".join(f'<span class="label" id="label-{name}" hidden>{text}</span>' for name, text in labels.items())
     chart, high = _chart(cut)
     return f"""<header><h1>{title}</h1><dl id="readout">{readout}</dl></header>
 <main>
-<div id="stage"><div id="pane" role="img" aria-label="The specimen, the scalpel in it and the target; drag to turn"></div>
+<div id="stage">
+<div id="pane" role="img" aria-label="The specimen, the scalpel in it and the target; drag to turn"></div>
 <div id="labels">{floating}</div>
 {_legend(colour, greatest)}
 <p id="trouble" role="alert" hidden></p>
@@ -165,8 +177,9 @@ def _body(cut: ShownCut, title: str, colour: str, greatest: float) -> str:
 <div class="chart"><span class="scale">{html.escape(high)}</span>{chart}<i id="cursor"></i></div>
 <input id="slider" type="range" min="0" max="{len(cut) - 1}" step="1" value="0" aria-label="time">
 <div class="buttons"><button id="play" type="button">play</button>
-<label>speed <select id="pace"><option value="0.25">¼ ×</option><option value="1" selected>1 ×</option>
+<label>playback <select id="pace"><option value="0.25">¼ ×</option><option value="1" selected>1 ×</option>
 <option value="4">4 ×</option></select></label>
+<label><input id="see-through" type="checkbox"> see through the tissue</label>
 <button id="turn-back" type="button">reset view</button></div>
 </form>
 </main>
@@ -197,7 +210,7 @@ def _chart(cut: ShownCut) -> tuple[str, str]:
     low, high = min(float(cut.whole_force.min()), 0.0), max(float(cut.whole_force.max()), 0.1)
     borders = np.unique(np.linspace(0, len(cut.whole_force), _BINS + 1).astype(int))
     points = []
-    for start, stop in zip(borders[:-1], borders[1:], strict=True):
+    for start, stop in itertools.pairwise(borders.tolist()):
         part = cut.whole_force[start:stop]
         for k in sorted({int(part.argmin()), int(part.argmax())}):
             x = _CHART_WIDTH * cut.whole_time[start + k] / cut.whole_time[-1]
@@ -217,15 +230,15 @@ def _notes(cut: ShownCut, colour: str) -> list[str]:
         f"{len(cut)} instants of the record, every {1e3 * float(np.median(steps)):.0f} ms; the chart below the picture "
         "holds the whole record.",
         f"The tissue is displaced by the finite-element model's field for the tip and the elastic force at the instant "
-        f"(local effective modulus {1e-3 * cut.modulus:.1f} kPa), to scale, nothing exaggerated. Its faces slide along the "
-        "cut line and do not part: the open cut is drawn for the eye, and its front leans as the blade does.",
+        f"(local effective modulus {1e-3 * cut.modulus:.1f} kPa), to scale, nothing exaggerated. Its faces slide along "
+        "the cut line and do not part: the open cut is drawn for the eye, and its front leans as the blade does.",
         "The tip is estimated: blade less elastic force over stiffness, to about 2 mm."
         if cut.tip_source == "estimated"
         else "The tip is estimated with the stiffness and the friction that the return stroke told.",
-        "The depth of cut was recorded along the line; it is drawn the same across the specimen, and held beyond the last "
-        "place that the blade reached. The lower face is drawn flat.",
-        f"No. 10 blade of 42.5 mm by 7 mm and 0.4 mm in the lower {1e3 * HANDLE_LENGTH:.0f} mm of a No. 3 handle, to scale; "
-        "its edge meets the surface where the record has the blade.",
+        "The depth of cut was recorded along the line; it is drawn the same across the specimen, and held beyond the "
+        "last place that the blade reached. The lower face is drawn flat.",
+        f"No. 10 blade of 42.5 mm by 7 mm and 0.4 mm in the lower {1e3 * HANDLE_LENGTH:.0f} mm of a No. 3 handle, to "
+        "scale; its edge meets the surface where the record has the blade.",
         f"The arrow is the force on the blade along the cut, {1e3 * ARROW_PER_NEWTON:.0f} mm for 1 N.",
     ]
     if not cut.angle_known:
@@ -234,8 +247,8 @@ def _notes(cut: ShownCut, colour: str) -> list[str]:
         notes.append("The target is a mark on the tissue, so that its sheet goes with the tissue.")
     if colour == "energy":
         notes.append(
-            "Strain energy density: the mean of each element, averaged where elements meet; colours by its square root. "
-            "A point load's grows without bound as elements shrink: compare only pictures of one mesh."
+            "Strain energy density: the mean of each element, averaged where elements meet; colours by its square "
+            "root. A point load's grows without bound as elements shrink: compare only pictures of one mesh."
         )
     return notes
 

@@ -90,7 +90,7 @@
     const head = Math.min(1, size / 0.009), headLength = 0.006 * head, shaft = Math.max(size - headLength, 1e-5);
     node("arrow").visible = size > 5e-4;
     node("arrow").position.set(0, unit * start, unit * (told.surface_m[i] + above));
-    node("arrow/shaft").scale.set(1, shaft, 1);
+    node("arrow/shaft").scale.set(1, unit * shaft, 1);
     node("arrow/shaft").position.y = sign * unit * shaft / 2;
     node("arrow/head").scale.setScalar(head);
     node("arrow/head").rotation.z = sign < 0 ? Math.PI : 0;
@@ -109,8 +109,8 @@
     anchors["tip-mark"] = told.tip_m[i] > 0 ? [0, told.tip_shown_m[i], told.tip_height_m[i]] : null;
     anchors.opened = told.tip_m[i] > 0.02 ? [0, 0.4 * told.tip_m[i], told.tip_height_m[i]] : null;
     if (anchors.target) {
-      const sheet = geometry("target").attributes.position, last = sheet.count / 2 - 1;
-      anchors.target = [0, 1, 2].map(axis => sheet.array[3 * last + axis] / unit);
+      const corner = geometry("target").attributes.position.array; // its upper one on the far side
+      anchors.target = [0, 1, 2].map(axis => corner[axis] / unit);
     }
   }
 
@@ -148,22 +148,26 @@
     camera.fov = 28;
     camera.updateProjectionMatrix();
     const held = told.in_picture_m.map(toThree);
-    const centre = new THREE.Box3().setFromPoints(held).getCenter(new THREE.Vector3());
     const from = toThree(wide ? [1.0, -0.42, 0.62] : [0.72, -0.95, 0.95]).normalize();
-    viewer.controls.target.copy(centre);
-    for (let distance = 1.5; distance < 30; distance *= 1.03) {
+    const centre = new THREE.Box3().setFromPoints(held).getCenter(new THREE.Vector3());
+    const right = new THREE.Vector3(), up = new THREE.Vector3();
+    let distance = 6;
+    for (let round = 0; round < 8; ++round) { // perspective: the place in the middle and the distance depend on each other
+      viewer.controls.target.copy(centre);
       camera.position.copy(centre).addScaledVector(from, distance);
       viewer.controls.update();
       camera.updateMatrixWorld(true);
-      if (held.every(place => {
-        const seen = place.clone().project(camera);
-        return Math.abs(seen.x) < 0.93 && seen.y < 0.86 && seen.y > -0.86;
-      })) break;
+      const seen = new THREE.Box3().setFromPoints(held.map(place => place.clone().project(camera)));
+      const half = distance * Math.tan(camera.fov * Math.PI / 360);
+      camera.matrixWorld.extractBasis(right, up, new THREE.Vector3());
+      centre.addScaledVector(right, half * camera.aspect * (seen.min.x + seen.max.x) / 2);
+      centre.addScaledVector(up, half * (seen.min.y + seen.max.y) / 2);
+      distance *= Math.max((seen.max.x - seen.min.x) / 1.86, (seen.max.y - seen.min.y) / (wide ? 1.8 : 1.5));
     }
     viewer.set_dirty();
   }
 
-  const beside = { target: [0, -14], clamp: [0, 20], arrow: [0, -16], "tip-mark": [-26, 34], opened: [-30, 26] };
+  const beside = { target: [0, -14], clamp: [0, 20], arrow: [0, -16], "tip-mark": [74, 26], opened: [-70, -52] };
   function placeLabels() {
     const width = pane.clientWidth, height = pane.clientHeight;
     for (const name of Object.keys(beside)) {
@@ -200,6 +204,16 @@
   byId("play").addEventListener("click", () => setPlaying(!playing));
   byId("slider").addEventListener("input", event => { setPlaying(false); show(Number(event.target.value)); });
   byId("turn-back").addEventListener("click", resetView);
+  byId("see-through").addEventListener("change", event => {
+    for (const path of ["tissue/top", "tissue/rim", "tissue/bottom", "tissue/faces"]) {
+      const material = node(path + "/<object>").material;
+      material.transparent = event.target.checked;
+      material.opacity = event.target.checked ? 0.35 : 1;
+      material.depthWrite = !event.target.checked;
+      material.needsUpdate = true;
+    }
+    viewer.set_dirty();
+  });
   byId("controls").addEventListener("submit", event => event.preventDefault());
 
   window.cutView = { viewer, show, node, told }; // for whoever opens the browser's console

@@ -1,8 +1,8 @@
 """A No. 10 blade in a No. 3 handle, made of triangles, and where it stands in the tissue.
 
-In the scalpel's own frame z runs up along the straight part of the edge from the blade's point, y toward the edge (the way
-that it cuts, 0 at that straight part), x through the blade's thickness. The measures are of common make, rounded: that is
-what the blade looks like, and nothing is computed from it.
+In the scalpel's own frame z runs up along the straight part of the edge from the blade's point, y toward the edge (the
+way that it cuts, 0 at that straight part), x through the blade's thickness. The measures are of common make, rounded:
+that is what the blade looks like, and nothing is computed from it.
 """
 
 from __future__ import annotations

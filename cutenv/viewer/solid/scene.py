@@ -1,7 +1,7 @@
 """The scene as meshcat's commands, packed as its viewer takes them: no server is started and none is asked.
 
-Meshcat's ``Visualizer`` starts a web server that listens on every interface and outlives the program; only its descriptions
-of objects are used here. One unit of the scene is 10 cm, which suits the viewer's lights.
+Meshcat's ``Visualizer`` starts a web server that listens on every interface and outlives the program; only its
+descriptions of objects are used here. One unit of the scene is 10 cm, which suits the viewer's lights.
 """
 
 from __future__ import annotations
@@ -53,7 +53,12 @@ def commands(solid: SlabSolid) -> list[bytes]:
     for path in ("Grid", "Axes", "Background", "Lights/PointLightNegativeX"):
         stage.set(path, "visible", False)
     stage.set("Lights/SpotLight", "visible", True)
-    for path, intensity in (("SpotLight", 0.42), ("AmbientLight", 0.56), ("FillLight", 0.12)):
+    for path, intensity in (
+        ("SpotLight", 0.3),
+        ("AmbientLight", 0.7),
+        ("PointLightPositiveX", 0.0),
+        ("FillLight", 0.0),
+    ):
         stage.set(f"Lights/{path}/<object>", "intensity", intensity)
     stage.set("Lights/SpotLight/<object>", "castShadow", True)
     return stage.packed
@@ -63,8 +68,9 @@ def in_picture(solid: SlabSolid) -> Array:
     """Places that the first view holds, shape (n, 3) [m]: corners of the specimen, and of what the scalpel takes up."""
     cut = solid.cut
     low, high = solid.rest.min(axis=0), solid.rest.max(axis=0)
-    low[1] -= _CLAMP_LENGTH
-    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (0.0, high[2])])
+    low -= [_CLAMP_MARGIN, _CLAMP_LENGTH, _JAW]
+    high[0] += _CLAMP_MARGIN
+    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
     upper = float(np.max(cut.depth.depth)) + 0.7 * (scalpel.BLADE_LENGTH + scalpel.HANDLE_LENGTH)
     return np.concatenate([corners, [[0.0, float(cut.position.min()), upper], [0.0, float(cut.position.max()), upper]]])
 
@@ -86,7 +92,7 @@ def _clamp(solid: SlabSolid) -> Surface:
     hexagon = 0.0032 * np.stack([np.cos(t), np.sin(t)], axis=-1)
     bolts = []
     for x in (-0.7 * half, 0.7 * half):
-        outline = hexagon + [x, -0.5 * _CLAMP_LENGTH]
+        outline = hexagon + np.array([x, -0.5 * _CLAMP_LENGTH])
         levels = (edge + _JAW, edge + _JAW + 0.0025)
         points = [np.column_stack([outline, np.full(6, z)]) for z in levels]
         bolts.append(swept(np.stack(points)))
@@ -94,7 +100,7 @@ def _clamp(solid: SlabSolid) -> Surface:
 
 
 class _Stage:
-    """Objects by path, each packed as it comes; names instead of meshcat's random marks, so that a page is repeatable."""
+    """Objects by path, each packed as it comes; named instead of meshcat's random marks: a page is repeatable."""
 
     def __init__(self) -> None:
         from meshcat import commands, geometry  # an extra, and slow to import
@@ -119,7 +125,11 @@ class _Stage:
         colours = np.ones_like(surface.vertices) if coloured else None
         shape = self._geometry.TriangularMeshGeometry(UNITS_PER_METRE * surface.vertices, surface.faces, colours)
         material = self._geometry.MeshPhongMaterial(
-            color=_number(colour), opacity=opacity, vertexColors=coloured, shininess=shininess, depthWrite=opacity == 1.0
+            color=_number(colour),
+            opacity=opacity,
+            vertexColors=coloured,
+            shininess=shininess,
+            depthWrite=opacity == 1.0,
         )
         self._object(path, self._geometry.Mesh(shape, material))
 

@@ -154,6 +154,6 @@ def _check_angle(angle: Array) -> None:
     worst = float(angle[np.argmax(np.abs(angle - math.pi / 2))])
     if not _FLATTEST <= worst <= math.pi - _FLATTEST:
         raise ValueError(
-            f"angle = {math.degrees(worst):.0f} deg lies flat; a blade is drawn from 10 to 170 deg against the surface. "
-            "Upright is 90 deg: if the record counts from upright, map it anew."
+            f"angle = {math.degrees(worst):.0f} deg lies flat; a blade is drawn from 10 to 170 deg against the "
+            "surface. Upright is 90 deg: if the record counts from upright, map it anew."
         )

@@ -1,8 +1,8 @@
 """The specimen as a solid: the finite-element lattice extruded to the depth of cut, displaced instant by instant.
 
-The solid has points of its own, and surfaces whose vertices are such points: an upper and a lower lattice, the rim, the two
-faces of the cut, lines where elements meet, and the target's sheet. The field is plane, so that a point's height stays. That
-the cut opens is illustration, added to the field across the specimen; its front leans as the blade does.
+The solid has points of its own, and surfaces whose vertices are such points: an upper and a lower lattice, the rim, the
+two faces of the cut, lines where elements meet, and the target's sheet. The field is plane, so that a point's height
+stays. That the cut opens is illustration, added to the field across the specimen; its front leans as the blade does.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv.validation import one_of
 from cutenv.viewer.slab import Slab
 from cutenv.viewer.solid.shown_cut import COLOURS, ShownCut
 from cutenv.viewer.solid.solids import grid_faces
-from cutenv.validation import one_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -32,7 +32,7 @@ _UP, _DOWN = 0, 1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Skin:
-    """One surface or set of lines of the solid: its vertices as points of the solid, and 3 or 2 of them for each part."""
+    """A surface or lines of the solid: its vertices as numbers of points, and 3 or 2 vertices for each part."""
 
     points: Indices
     parts: Indices
@@ -71,7 +71,7 @@ class SlabSolid:
     def _sheet(self, target: float) -> list[Array]:
         line = self.slab.line_across(np.zeros_like(self.slab.rest), target)
         top = float(self._height(np.array(target))) + SHEET_HEIGHT
-        return [np.column_stack([line, np.full(len(line), z)]) for z in (top, -0.25 * SHEET_HEIGHT)]
+        return [np.column_stack([line, np.full(len(line), z)]) for z in (top, 0.0)]
 
     @cached_property
     def lattices(self) -> dict[str, Skin]:

@@ -59,7 +59,7 @@ def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> Su
     return swept(np.array([[(x, y, z) for x, y in outline] for z in (z0, z1)]))
 
 
-def _quads(corners: Array) -> Surface:
-    first = 4 * np.arange(len(corners))[:, None]
-    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
-    return Surface(vertices=corners.reshape(-1, 3), faces=faces)
+def _quads(quads: Array) -> Surface:
+    first = 4 * np.arange(len(quads))[:, None]
+    faces = np.concatenate([first + np.array(corners) for corners in ([0, 1, 2], [0, 2, 3])])
+    return Surface(vertices=quads.reshape(-1, 3), faces=faces)
