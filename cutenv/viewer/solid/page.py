@@ -89,7 +89,7 @@ def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
         "rest": _base64(solid.rest.astype("<f4").tobytes()),
         "displacements": _base64(np.rint(displacements / step).astype("<i2").tobytes()),
         "amounts": _base64(np.rint(255 * share).astype(np.uint8).tobytes()),
-        "licences": licences.replace("</", "<\\/"),
+        "licences": licences.replace("<", "&lt;"),
     }
     data = "\n".join(f'<script type="text/plain" id="{name}">{text}</script>' for name, text in blocks.items())
     hashes = " ".join(f"'sha256-{_base64(hashlib.sha256(code.encode()).digest())}'" for code in (viewer, player))
@@ -259,7 +259,7 @@ def _meshcat() -> tuple[str, str]:
 
     folder = Path(meshcat.viewer_assets_path())
     viewer = (folder / "dist" / "main.min.js").read_text(encoding="utf-8")
-    if "</script" in viewer.lower():
+    if "</script" in viewer.lower() or "<!--" in viewer:
         raise RuntimeError("this version of meshcat has a viewer that cannot stand in a page; install meshcat 0.3.2.")
     texts = ("LICENSE", "dist/main.min.js.LICENSE.txt", "dist/main.min.js.THIRD_PARTY_LICENSES.json")
     return viewer, "\n\n".join((folder / name).read_text(encoding="utf-8") for name in texts)

@@ -46,7 +46,7 @@
   spot.position.set(1.1, -0.6, 3.2);
   spot.angle = 0.5;
   spot.penumbra = 0.6;
-  spot.shadow.mapSize.set(2048, 2048);
+  spot.shadow.mapSize.set(1536, 1536);
   spot.shadow.camera.near = 1;
   spot.shadow.camera.far = 8;
   spot.shadow.radius = 4;

@@ -64,12 +64,9 @@ def pose(position: float, angle: float, depth: float) -> Pose:
     """
     outline = edge_outline(200)
     y, z = (outline @ _turn(angle)).T
-    lowest = float(z.min())
-    above = np.flatnonzero(z - lowest >= depth)
-    k = max(int(above[0]) if len(above) else len(z) - 1, 1)
-    w = float(np.clip((depth + lowest - z[k - 1]) / (z[k] - z[k - 1]), 0.0, 1.0))
-    meets = (1.0 - w) * float(y[k - 1]) + w * float(y[k])
-    return Pose(along=position - meets, height=-lowest, angle=angle)
+    low = int(z.argmin())  # of a blade that leans forward some way up the belly: from there on the edge only rises
+    meets = float(np.interp(depth, z[low:] - z[low], y[low:]))
+    return Pose(along=position - meets, height=-float(z[low]), angle=angle)
 
 
 def blade() -> Surface:
