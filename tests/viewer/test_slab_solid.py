@@ -117,6 +117,16 @@ def test_without_a_target_there_is_no_sheet(solid: SlabSolid) -> None:
     assert len(bare.rest) == 2 * bare.n_lattice == len(bare.displacement(3))
 
 
+def test_faces_are_seen_as_far_as_the_cut_and_no_farther(solid: SlabSolid) -> None:
+    faces = solid.cut_faces
+    assert np.abs(solid.rest[faces.points, 0]).max() == 0.0
+    along = solid.rest[faces.points[faces.parts], 1]
+    for i in (0, 25, 59):
+        seen = solid.cut_parts(i)
+        assert along[:seen].max(initial=0.0) <= solid.cut.tip[i] + 1.3e-3  # one cell
+        assert along[seen:].min() >= solid.cut.tip[i] - 1e-9
+
+
 def test_skins_use_every_point_and_lines_are_the_elements_edges(solid: SlabSolid) -> None:
     used = np.unique(np.concatenate([skin.points for skin in solid.lattices.values()]))
     np.testing.assert_array_equal(used, np.arange(2 * solid.n_lattice))

@@ -135,6 +135,7 @@ def _told(solid: SlabSolid) -> dict[str, Any]:
         "specimen_m": [cut.model.width, cut.model.length],
         "n_lattice": solid.n_lattice,
         "skins": {name: skin.points.tolist() for name, skin in skins.items()},
+        "cut_parts": [solid.cut_parts(i) for i in range(len(cut))],
         "lines": solid.lines.parts.ravel().tolist(),
     }
 

@@ -75,6 +75,7 @@
       }
       skin.geometry.computeVertexNormals();
     }
+    geometry("tissue/faces").setDrawRange(0, 3 * told.cut_parts[i]);
   }
 
   function moveScalpel(i) {
@@ -167,7 +168,7 @@
     viewer.set_dirty();
   }
 
-  const beside = { target: [0, -14], clamp: [0, 20], arrow: [0, -16], "tip-mark": [74, 26], opened: [-70, -52] };
+  const beside = { target: [0, -14], clamp: [0, 20], arrow: [0, -16], "tip-mark": [74, 26], opened: [44, 56] };
   function placeLabels() {
     const width = pane.clientWidth, height = pane.clientHeight;
     for (const name of Object.keys(beside)) {

@@ -89,8 +89,16 @@ class SlabSolid:
 
     @cached_property
     def cut_faces(self) -> Skin:
-        """Both sides of the cut line."""
-        return _walls([self._number[:, 0, -1, :], self._number[:, 1, 0, :]])
+        """Both sides of the cut line, the parts in order from the clamp on."""
+        walls = _walls([self._number[:, 0, -1, :], self._number[:, 1, 0, :]])
+        begin = self.rest[walls.points[walls.parts], 1].min(axis=1)
+        return Skin(points=walls.points, parts=walls.parts[np.argsort(begin, kind="stable")])
+
+    def cut_parts(self, i: int) -> int:
+        """How many parts of :attr:`cut_faces` are cut at an instant: ahead of the tip there is no face to be seen."""
+        faces = self.cut_faces
+        begin = self.rest[faces.points[faces.parts], 1].min(axis=1)
+        return int(np.count_nonzero(begin < self.cut.tip[i] - 1e-9))
 
     @cached_property
     def lines(self) -> Skin:
