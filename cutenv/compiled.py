@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+import numba.extending
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -73,6 +74,11 @@ def compiled(function: Function) -> Function:
 def compiled_for_cores(function: Function) -> Function:
     """Like :func:`compiled`, and other threads run meanwhile: for loops that are worth one; see :mod:`cutenv.cores`."""
     return _compiled(function, nogil=True)
+
+
+def shared_with_kernels(function: Function) -> Function:
+    """Let kernels call ``function``, with which it compiles; elsewhere it stays plain Python, for arrays as well."""
+    return numba.extending.register_jitable(function)
 
 
 def announce(*kernels: Callable[..., Any]) -> None:

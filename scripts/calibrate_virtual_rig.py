@@ -17,6 +17,7 @@ import math
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -39,10 +40,12 @@ RETURN_SPEED = 0.0127  # at the least [m/s]: the way back tells friction at any 
 DWELL = 0.2  # at either end [s]
 
 
-def session(tissue: TissueDescription, livers: int, seed: int) -> list[tuple[Trace, Specimen]]:
+def session(
+    tissue: TissueDescription, livers: int, seed: int, speeds: Sequence[float] = SPEEDS
+) -> list[tuple[Trace, Specimen]]:
     """Step 1: cut. Records as a rig would have made them, and beside each the truth, which stays here."""
     cuts = []
-    protocol = list(itertools.product(range(livers), ANGLES_DEG, SPEEDS))
+    protocol = list(itertools.product(range(livers), ANGLES_DEG, speeds))
     for number, (liver, angle_deg, speed) in enumerate(tqdm(protocol, desc="cutting", unit="cut", leave=False)):
         factor = draw_liver(generator(seed, liver), tissue)
         specimen = Specimen.draw(generator(seed, livers + number), tissue=tissue, liver_factor=factor)

@@ -39,7 +39,7 @@ def reference(names: list[str], cuts: int, specimen_class: str) -> ReferenceSet:
         env = gymnasium.make("cutenv/GentleCut-v0", specimen_class=specimen_class, **chosen.arguments)
         for seed in range(FIRST_SEED, FIRST_SEED + cuts):
             scores, readings = run_cut(env, chosen.policy, seed)
-            trace = to_trace(env.unwrapped.plant, readings)  # type: ignore[attr-defined]
+            trace = to_trace(env.unwrapped.plant, readings, end=scores["end"])  # type: ignore[attr-defined]
             card = score(trace, target_length=scores["target_length_mm"] / 1e3)
             rows.append((name, {metric: scored.value for metric, scored in card.metrics.items()}))
         env.close()

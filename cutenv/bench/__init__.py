@@ -24,6 +24,7 @@ BENCHMARKS = {
     "field": "field",
     "models": "models",
     "factorisation": "factorisation",
+    "calibration": "calibration",
     "ppo": "ppo",
     "reading": "reading",
 }

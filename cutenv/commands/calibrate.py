@@ -10,7 +10,7 @@ from pathlib import Path
 
 from cutenv.atomic import replacing
 from cutenv.commands.records import add_record_options, read_records
-from cutenv.measurement.calibration import RESAMPLES, measure_cuts, tissue_of
+from cutenv.measurement.calibration import RESAMPLES, check_resamples, measure_cuts, tissue_of
 from cutenv.tissue import CutModel, TissueDescription
 
 
@@ -20,6 +20,7 @@ def main(argv: Sequence[str]) -> int:
     arguments = parser.parse_args(argv)
     try:
         _check_outputs(arguments)
+        check_resamples(arguments.resamples)
         _calibrate(arguments)
     except (OSError, ValueError) as error:
         print(f"cutenv calibrate: {error}", file=sys.stderr)

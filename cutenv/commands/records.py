@@ -17,18 +17,28 @@ from cutenv.recording.mapping import MAP_FILE
 from cutenv.trace import Trace
 
 
+class Source(NamedTuple):
+    """Where a cut was read: the file, and its number there, from 1; None if it is the only one."""
+
+    path: Path
+    number: int | None
+
+
 class Records(NamedTuple):
-    """What was read: cuts, those left out with the reason, and what the reader should know."""
+    """What was read: cuts, those left out with the reason, what the reader should know, and whence each cut is."""
 
     traces: list[Trace]
     refused: list[Refused]
     notes: list[str]
+    sources: list[Source]
 
 
-def add_record_options(parser: argparse.ArgumentParser, *, files: int | Literal["+"] = "+") -> None:
+def add_record_options(
+    parser: argparse.ArgumentParser, *, files: int | Literal["+"] = "+", metavar: str = "FILE", about: str = ""
+) -> None:
     """Options of every sub-command that reads records; ``files`` says how many, as argparse's ``nargs``."""
     parser.add_argument(
-        "records", nargs=files, type=Path, metavar="FILE", help="CSV, Parquet or HDF5, one cut or several"
+        "records", nargs=files, type=Path, metavar=metavar, help=about or "CSV, Parquet or HDF5, one cut or several"
     )
     foreign = parser.add_argument_group("files of other programs")
     foreign.add_argument(
@@ -75,6 +85,7 @@ def read_records(arguments: argparse.Namespace) -> Records:
     traces: list[Trace] = []
     refused: list[Refused] = []
     notes: list[str] = []
+    sources: list[Source] = []
     for path in _watched(arguments.records):
         try:
             imported = read_record(path, mapping)
@@ -85,20 +96,22 @@ def read_records(arguments: argparse.Namespace) -> Records:
         if arguments.confirm is not None:
             _draw(arguments.confirm, imported)
         for number, (trace, wrong) in enumerate(zip(imported.traces, imported.flaws, strict=True), 1):
-            named = _named(trace, path, number if len(imported.traces) > 1 else None, pattern)
+            source = Source(path, number if len(imported.traces) > 1 else None)
+            named = _named(trace, source.path, source.number, pattern)
             reasons = " ".join(flaw.message for flaw in wrong if flaw.refuse)
             if reasons:
                 refused.append(Refused(str(named.metadata["name"]), reasons))
                 continue
             notes += [f"{named.metadata['name']}: {flaw.message}" for flaw in wrong]
             traces.append(named)
+            sources.append(source)
     if refused and not arguments.skip_bad:
         listed = "\n".join(f"  {each.name}: {each.reason}" for each in refused)
         raise ValueError(f"{len(refused)} bad records; --skip-bad goes on without them:\n{listed}")
     if mapping is not None and traces:
         for folder in {path.parent for path in arguments.records}:
             mapping.save(folder)
-    return Records(traces, refused, notes)
+    return Records(traces, refused, notes, sources)
 
 
 def _mapping(arguments: argparse.Namespace) -> ColumnMap | None:
@@ -120,20 +133,10 @@ def _draw(folder: Path, imported: Imported) -> None:
     """A picture of each record of a file."""
     from cutenv.report import draw_record  # an extra, and slow to import
 
-    wrong = list(imported.flaws)
-    for number, (record, tared, cuts) in enumerate(
-        zip(imported.records, imported.tared, imported.cuts, strict=True), 1
-    ):
-        place = "" if len(imported.records) == 1 else f"_{number}"
-        own, wrong = wrong[: max(len(cuts), 1)], wrong[max(len(cuts), 1) :]
-        draw_record(
-            folder / f"{imported.path.stem}{place}.png",
-            record,
-            tared=None if tared is record else tared,
-            cuts=[cut.samples for cut in cuts],
-            flaws=own,
-            title=f"{imported.path.name}{place.replace('_', ', record ')}",
-        )
+    for k in range(len(imported.records)):
+        place = "" if len(imported.records) == 1 else f"_{k + 1}"
+        title = f"{imported.path.name}{place.replace('_', ', record ')}"
+        draw_record(folder / f"{imported.path.stem}{place}.png", **imported.picture(k), title=title)
 
 
 def _named(trace: Trace, path: Path, number: int | None, pattern: re.Pattern[str] | None) -> Trace:

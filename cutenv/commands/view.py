@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv.commands.records import add_record_options, read_records
+from cutenv.commands.records import Records, add_record_options, read_records
 from cutenv.commands.score import parse_length
 from cutenv.trace import Trace
 from cutenv.viewer.solid import COLOURS, ShownCut, write_view
@@ -34,7 +34,7 @@ def _view(arguments: argparse.Namespace) -> None:
         print(f"note: {note}", file=sys.stderr)
     for each in records.refused:
         print(f"left out: {each.name}: {each.reason}", file=sys.stderr)
-    trace = _chosen(records.traces, arguments.cut)
+    trace = _chosen(records, arguments.cut)
     cut = ShownCut.of(trace, target=target)
     path = arguments.out or Path(re.sub(r"[^\w.-]+", "_", cut.name) + "_view.html")
     size = write_view(path, cut, colour=arguments.colour)
@@ -45,15 +45,18 @@ def _view(arguments: argparse.Namespace) -> None:
         webbrowser.open(path.resolve().as_uri())
 
 
-def _chosen(traces: list[Trace], number: int | None) -> Trace:
-    """The cut of a number from 1 on, by default the first; says so if there are others."""
-    if not traces:
+def _chosen(records: Records, number: int | None) -> Trace:
+    """The cut of a number from 1 on in its file, by default the first; says so if there are others."""
+    by_number = {source.number or 1: trace for source, trace in zip(records.sources, records.traces, strict=True)}
+    if not by_number:
         raise ValueError("no cut is left to be shown.")
-    if number is not None and not 1 <= number <= len(traces):
-        raise ValueError(f"--cut {number}: the file holds {len(traces)} cuts; give 1 to {len(traces)}.")
-    if number is None and len(traces) > 1:
-        print(f"note: the first of {len(traces)} cuts is shown; --cut 2 shows the next.", file=sys.stderr)
-    return traces[(number or 1) - 1]
+    first = min(by_number)
+    if number is None and len(by_number) > 1:
+        print(f"note: cut {first} of {len(by_number)} is shown; --cut chooses another.", file=sys.stderr)
+    chosen = first if number is None else number
+    if chosen not in by_number:
+        raise ValueError(f"--cut {chosen}: the file holds cuts {', '.join(map(str, by_number))}; give one of these.")
+    return by_number[chosen]
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 from cutenv.measurement.cut import MeasuredCut, by_specimen, measure_cut, named
 from cutenv.measurement.loading_ratio import loading_ratio as liver_loading_ratio
 from cutenv.measurement.pooled_cuts import FEWEST_FOR_CORRELATION, NOT_RESAMPLED, PooledCuts, resampled
-from cutenv.measurement.speed_dependence import SpeedDependence, fit_speed_dependence, is_between_the_measured
+from cutenv.measurement.speed_dependence import (
+    BETWEEN,
+    LEAST_SPEED_RATIO,
+    SpeedDependence,
+    fit_speed_dependence,
+    is_between_the_measured,
+)
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.evidence import Calibration, Evidence
@@ -82,6 +88,7 @@ def calibrate(
     -----
     Thesis, sections 3.3.2, 3.4, 5.1 and 6.2. See :func:`measure_cuts` and :func:`tissue_of` for the two halves.
     """
+    check_resamples(resamples)
     model = model or CutModel()
     cuts, refused = measure_cuts(traces, model, progress=progress)
     return tissue_of(cuts, model, name=name, resamples=resamples, seed=seed, refused=refused)
@@ -148,7 +155,7 @@ def tissue_of(
     refused: Sequence[Refused] = (),
 ) -> TissueDescription:
     """Put measured cuts together; see :func:`calibrate`."""
-    in_range("resamples", resamples, 0, 100_000, "1", "Some hundreds give an interval.")
+    check_resamples(resamples)
     pool = PooledCuts(list(cuts))
     found = pool.numbers(np.ones(len(cuts)))
     rng = np.random.default_rng(seed)
@@ -191,7 +198,20 @@ def tissue_of(
         ),
         **{field: _rounded(value) for field, value in values.items()},
     )
-    return scaled(tissue)
+    try:
+        return scaled(tissue)
+    except ValueError as error:
+        raise ValueError(
+            f"{len(cuts)} cuts with a modulus of {tissue.intercept_90 / 1e3:.3g} kPa (slow and upright), a resistance "
+            f"of {tissue.fracture_resistance:.3g} J/m2 and spreads of {tissue.modulus_within_cut_cv:.2g} and "
+            f"{tissue.fracture_within_cut_cv:.2g} within a cut are no tissue that can be cut: {error} Soft and tough "
+            "by chance, if the cuts are few: record more, slower, and with the way back."
+        ) from None
+
+
+def check_resamples(resamples: int) -> None:
+    """Refuse a number of resamples that is none, before any work."""
+    in_range("resamples", resamples, 0, 100_000, "1", "Some hundreds give an interval.")
 
 
 def scaled(tissue: TissueDescription) -> TissueDescription:
@@ -237,8 +257,8 @@ _HOW = {
     "slope_90": f"{_FIT}, at 90 degrees",
     "intercept_45": f"{_FIT}, for v -> 0 at 45 degrees",
     "slope_45": f"{_FIT}, at 45 degrees",
-    "speed_min": "slowest cut",
-    "speed_max": "fastest cut",
+    "speed_min": "slowest cut that shows a modulus",
+    "speed_max": "fastest cut that shows a modulus",
     "modulus_between_liver_cv": "nested analysis of variance of the cuts' mean moduli over the fit, by specimen",
     "modulus_between_cut_cv": "the same, between cuts of one specimen, less what the field within a cut adds",
     "modulus_within_cut_cv": "variogram of the segments' moduli along the cuts",
@@ -295,6 +315,7 @@ def _notes(
     silent = sum(not len(cut.moduli) for cut in cuts)
     if silent:
         notes.append(f"{silent} of {len(cuts)} cuts show no steady loading segment: they tell resistance, no modulus")
+    notes += _extrapolated(cuts)
     without = sum(cut.return_stroke is None for cut in cuts)
     if without:
         notes.append(f"{without} of {len(cuts)} cuts have no return stroke past the tip: less certain by about 5 %")
@@ -312,4 +333,19 @@ def _notes(
         for flag in cut.flags:
             flagged[flag] = flagged.get(flag, 0) + 1
     notes += [f"{n} of {len(cuts)} cuts: {flag}" for flag, n in flagged.items()]
+    return notes
+
+
+def _extrapolated(cuts: Sequence[MeasuredCut]) -> list[str]:
+    """Where one angle was cut over a shorter range of speeds than the other, so that its line is extrapolated."""
+    known = [cut for cut in cuts if len(cut.moduli)]
+    slowest, fastest = (100.0 * end([cut.speed for cut in known]) for end in (min, max))
+    notes = []
+    for angle_deg, steep in ((90, True), (45, False)):
+        own = [100.0 * cut.speed for cut in known if (cut.angle >= BETWEEN) is steep]
+        if own and (max(own) * LEAST_SPEED_RATIO < fastest or min(own) > LEAST_SPEED_RATIO * slowest):
+            notes.append(
+                f"the modulus near {angle_deg} degrees was measured from {min(own):.2g} to {max(own):.2g} cm/s only: "
+                f"from {slowest:.2g} to {fastest:.2g} cm/s, the range of the tissue, its line is extrapolated"
+            )
     return notes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ from cutenv.measurement.fracture import FractureEstimate, estimate_fracture_resi
 from cutenv.measurement.initiation import Hilltop, InitiationEstimate, hilltops, initiation_at
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio
 from cutenv.measurement.modulus import ModulusEstimate, elastic_part, moduli_of
-from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
+from cutenv.measurement.return_stroke import ReturnStroke
 from cutenv.measurement.segments import Segment, loading_segments
 from cutenv.measurement.strokes import blade_speed, strokes
 from cutenv.tissue.cut_model import CutModel
@@ -125,9 +125,8 @@ def measure_cut(
     trace.require_newtons(by=by)
     position, _, _ = trace.require("position", "angle", "depth", by=by)
     fracture = estimate_fracture_resistance(trace, loading_ratio=ratio)
-    recorded = DepthProfile.recorded(trace, by=by)
-    back = fit_return_stroke(trace, recorded)
-    depth = _thinned(recorded)
+    back = fracture.return_stroke
+    depth = _thinned(DepthProfile.recorded(trace, by=by))
     friction = fracture.friction_per_depth
     elastic = elastic_part(trace, depth, friction)
     ramps = loading_segments(elastic)
@@ -163,13 +162,19 @@ def by_specimen(cuts: list[MeasuredCut]) -> dict[str, list[MeasuredCut]]:
 
 
 def named(traces: list[Trace]) -> list[tuple[str, Trace]]:
-    """Names for traces: what their metadata call them, or their number."""
+    """Names for traces, no two alike: what their metadata call them, or their number."""
     names = [str(trace.metadata.get("name") or f"trace {i}") for i, trace in enumerate(traces)]
-    taken = {name for name, n in itertools.groupby(sorted(names)) if len(list(n)) > 1}
-    return [
-        (f"{name} ({i})" if name in taken else name, trace)
-        for i, (name, trace) in enumerate(zip(names, traces, strict=True))
-    ]
+    times = Counter(names)
+    used = {name for name in names if times[name] == 1}
+    found = []
+    for i, (name, trace) in enumerate(zip(names, traces, strict=True)):
+        if times[name] > 1:
+            name = f"{name} ({i})"
+            while name in used:  # somebody wrote numbers behind names himself
+                name = f"{name} ({i})"
+            used.add(name)
+        found.append((name, trace))
+    return found
 
 
 def _speed(time: Array, position: Array) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import trapezoid
 from scipy.optimize import least_squares
 
 from cutenv.tissue.specimen import LENGTH
@@ -53,8 +54,7 @@ class DepthProfile:
         """Return the integral of B from ``start`` to ``end`` [m2]."""
         inside = self.position[(self.position > start) & (self.position < end)]
         x = np.concatenate(([start], inside, [end]))
-        B = self.at(x)
-        return float(0.5 * (B[1:] + B[:-1]) @ np.diff(x))
+        return float(trapezoid(self.at(x), x))
 
 
 def fit_bulge(profiles: Sequence[DepthProfile], first: Sequence[float]) -> dict[str, float]:

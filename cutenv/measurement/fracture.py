@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import trapezoid
 
 from cutenv.measurement.depth import SHALLOWEST, DepthProfile
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio_of
@@ -49,6 +50,8 @@ class FractureEstimate:
         Friction on the blade per depth of cut [N/m], as used in `corrected`.
     flags : tuple of str
         What weakens the estimate, in words; empty if nothing does.
+    return_stroke : ReturnStroke or None
+        The way back that closed the loop; None without one past the tip.
     """
 
     apparent: float
@@ -56,6 +59,7 @@ class FractureEstimate:
     cut_length: float
     friction_per_depth: float
     flags: tuple[str, ...]
+    return_stroke: ReturnStroke | None = None
 
 
 def estimate_fracture_resistance(
@@ -135,6 +139,7 @@ def estimate_fracture_resistance(
             cut_length=way_back.tip - start,
             friction_per_depth=phi,
             flags=tuple(flags),
+            return_stroke=way_back,
         )
     flags.append("no return stroke past the tip: stored energy and lag estimated")
     ramp = next((s for s in reversed(loading_segments(trace)) if s.is_steady), None)
@@ -171,13 +176,12 @@ def _work_per_depth(trace: Trace, position: Array, depth: DepthProfile) -> float
     """W* [J/m]: integral of F/B dU (equation 6.2) over ground that the blade had not reached before."""
     reached = np.maximum.accumulate(position)
     F_per_B = trace.force / np.maximum(depth.at(position), SHALLOWEST)
-    return float(0.5 * (F_per_B[1:] + F_per_B[:-1]) @ np.diff(reached))
+    return float(trapezoid(F_per_B, reached))
 
 
 def _work(trace: Trace, position: Array, stop: int) -> float:
     """Work of the blade over the first ``stop`` readings, to and fro [J]."""
-    F = trace.force[:stop]
-    return float(0.5 * (F[1:] + F[:-1]) @ np.diff(position[:stop]))
+    return float(trapezoid(trace.force[:stop], position[:stop]))
 
 
 def _rubbed_area(trace: Trace, position: Array, depth: DepthProfile, stop: int) -> float:

@@ -20,13 +20,14 @@ from cutenv.measurement.depth import SHALLOWEST, DepthProfile
 from cutenv.measurement.fracture import estimate_fracture_resistance
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio_of
 from cutenv.measurement.modulus import elastic_part, telling
-from cutenv.measurement.segments import SMOOTHING_READINGS, Segment, loading_segments
+from cutenv.measurement.segments import Segment, loading_segments, smoothing_readings_of
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
 
 Array = NDArray[np.float64]
 
 _FEWEST, _PARTS = 30, 4  # readings, or a quarter of the ramp, that give the force at its end
+_BEYOND = 3  # bins behind a ramp's end, within which the force has fallen
 _STEPS = 3  # of the fixed point for the tip at a hilltop
 
 
@@ -142,23 +143,24 @@ def hilltops(elastic: Trace, ramps: list[Segment]) -> list[Hilltop | None]:
     (position,) = elastic.require("position", by="hilltops")
     F = elastic.force
     work = np.concatenate(([0.0], np.cumsum(0.5 * (F[1:] + F[:-1]) * np.diff(position))))
-    # A ramp leaves out the bin that holds the drop: the crack ran, on average, in the middle of it.
-    beyond = 0.5 * SMOOTHING_READINGS / elastic.sample_rate
     found: list[Hilltop | None] = []
     told = {ramp.start for ramp in telling(ramps)}
+    within = _BEYOND * smoothing_readings_of(elastic)
     for ramp in ramps:
         if ramp.start not in told:
             found.append(None)
             continue
         middle, slope, speed = ramp.require("position", "slope", "speed", by="hilltops")
         end = ramp.stop - 1
-        dx = speed * beyond
-        x = float(position[end]) + dx
         # The ramp of an uneven tissue is bent: its last part tells where it ends.
-        last = slice(ramp.stop - max(_FEWEST, (ramp.stop - ramp.start) // _PARTS), ramp.stop)
-        from_here, F_last = position[last] - x, F[last]
+        last = slice(max(ramp.start, ramp.stop - max(_FEWEST, (ramp.stop - ramp.start) // _PARTS)), ramp.stop)
+        from_here, F_last = position[last] - position[end], F[last]
         rise = float((from_here - from_here.mean()) @ F_last / ((from_here - from_here.mean()) @ from_here))
         force = float(F_last.mean()) - rise * float(from_here.mean())
+        ran = _run_after(ramp, position, F, force, rise, within)
+        x = 0.5 * float(position[ran - 1] + position[ran])
+        dx = x - float(position[end])
+        force += rise * dx
         found.append(
             Hilltop(
                 speed=speed,
@@ -174,25 +176,44 @@ def hilltops(elastic: Trace, ramps: list[Segment]) -> list[Hilltop | None]:
     return found
 
 
+def _run_after(ramp: Segment, position: Array, F: Array, force: float, rise: float, within: int) -> int:
+    """The first reading after the crack ran that ends ``ramp``: where the force is half a drop below the ramp's line.
+
+    A ramp leaves out its last bin, and the next holds the drop: the crack runs up to two bins behind its end.
+
+    Parameters
+    ----------
+    force, rise : float
+        Of the line at the ramp's last reading [N], and its slope [N/m].
+    within : int
+        Readings after the ramp in which it is looked for.
+    """
+    end = ramp.stop - 1
+    after = slice(ramp.stop, ramp.stop + within)
+    line = force + rise * (position[after] - position[end])
+    fallen = F[after] < line - 0.5 * ramp.drop
+    return ramp.stop + int(np.argmax(fallen)) if fallen.any() else min(after.stop, len(F)) - 1
+
+
 def initiation_at(
     tops: list[Hilltop | None], depth: DepthProfile, model: CutModel, ratio: LoadingRatio
 ) -> InitiationEstimate:
     """Tips, forces and energies at hilltops, for a loading ratio."""
-    points: list[tuple[float, float, float, Hilltop] | None] = []
-    for top in tops:
-        points.append(None)
-        if top is None:
-            continue
-        K = top.slope / ratio(top.speed, top.angle)
-        middle = max(top.middle - top.middle_force / K, 0.0)
-        a = max(top.position - top.force / K, 0.0)
-        for _ in range(_STEPS):  # the ramp's stiffness belongs to its middle; depth and kappa carry it to its end
-            there = K * float(model.stiffness(a) * depth.at(a) / (model.stiffness(middle) * depth.at(middle)))
-            a = max(top.position - top.force / there, 0.0)
-        K = there
-        B = float(depth.at(a))
-        if B >= SHALLOWEST and top.force > 0.0:
-            points[-1] = a, top.force / B, 0.5 * top.force**2 / K, top
+    points: list[tuple[float, float, float, Hilltop] | None] = [None] * len(tops)
+    found = [(i, top) for i, top in enumerate(tops) if top is not None]
+    r = np.array([ratio(top.speed, top.angle) for _, top in found])
+    slope, x, F, x_middle, F_middle = np.array(
+        [(top.slope, top.position, top.force, top.middle, top.middle_force) for _, top in found]
+    ).reshape(-1, 5).T  # fmt: skip
+    K = slope / r
+    middle, a = np.maximum(x_middle - F_middle / K, 0.0), np.maximum(x - F / K, 0.0)
+    for _ in range(_STEPS):  # the ramp's stiffness belongs to its middle; depth and kappa carry it to its end
+        there = K * model.stiffness(a) * depth.at(a) / (model.stiffness(middle) * depth.at(middle))
+        a = np.maximum(x - F / there, 0.0)
+    B = depth.at(a)
+    for n, (i, top) in enumerate(found):
+        if B[n] >= SHALLOWEST and F[n] > 0.0:
+            points[i] = float(a[n]), float(F[n] / B[n]), float(0.5 * F[n] ** 2 / there[n]), top
     units = []
     for first, second in itertools.pairwise(points):
         if first is None or second is None or second[0] <= first[0]:

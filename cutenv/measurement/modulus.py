@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cutenv.measurement.depth import SHALLOWEST, DepthProfile
 from cutenv.measurement.loading_ratio import LoadingRatio, in_measured_range, loading_ratio_of
 from cutenv.measurement.return_stroke import fit_return_stroke
-from cutenv.measurement.segments import SMALLEST_DROP, SMOOTHING_READINGS, Segment, loading_segments
+from cutenv.measurement.segments import SMALLEST_DROP, Segment, loading_segments
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
 from cutenv.validation import in_range
@@ -21,6 +21,7 @@ from cutenv.validation import in_range
 Array = NDArray[np.float64]
 
 _RESTLESS = 1.3  # times the usual scatter of a record's ramps
+_SMOOTH = 0.99  # R squared of a ramp without noise, whose bend is only that of the depth
 _SOFTEST, _STIFFEST = 1e-3, 1e12  # [Pa], between which a modulus is looked for
 
 
@@ -143,7 +144,7 @@ def estimate_local_effective_moduli(
     friction_per_depth: float | None = None,
     loading_ratio: float | LoadingRatio | None = None,
     smallest_drop: float = SMALLEST_DROP,
-    smoothing_readings: int = SMOOTHING_READINGS,
+    smoothing_readings: int | None = None,
 ) -> ModulusEstimate:
     """Find the local effective modulus of every loading segment of a cut.
 
@@ -172,7 +173,9 @@ def estimate_local_effective_moduli(
         r [1], 0 to 1, for other tissue, or a function of speed [m/s] and angle [rad]. By default that of pig
         liver at each segment's speed and angle. 0 takes the blade for the tip, as the thesis did, and reads
         several per cent high.
-    smallest_drop, smoothing_readings : float
+    smallest_drop : float
+        As in `loading_segments` [N].
+    smoothing_readings : int, optional
         As in `loading_segments`.
 
     Returns
@@ -232,7 +235,11 @@ def telling(ramps: list[Segment]) -> list[Segment]:
     """
     steady = [ramp for ramp in ramps if ramp.is_steady]
     scatter = np.array([_scatter(ramp) for ramp in steady])
-    return [ramp for ramp, own in zip(steady, scatter, strict=True) if own <= _RESTLESS * np.median(scatter)]
+    return [
+        ramp
+        for ramp, own in zip(steady, scatter, strict=True)
+        if own <= _RESTLESS * np.median(scatter) and (ramp.restlessness <= _RESTLESS or ramp.r_squared >= _SMOOTH)
+    ]
 
 
 def _scatter(ramp: Segment) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +11,14 @@ from cutenv.measurement.cut import MeasuredCut, by_specimen
 from cutenv.measurement.depth import fit_bulge
 from cutenv.measurement.initiation import initiation_excess
 from cutenv.measurement.scatter import (
+    Places,
     Variogram,
     correlation_length,
     cv_of,
     fit_variances,
-    mean_field_variance,
     nested_variances,
 )
-from cutenv.measurement.speed_dependence import SpeedDependence, fit_speed_dependence
+from cutenv.measurement.speed_dependence import LEAST_FIT, SpeedDependence, fit_speed_dependence
 from cutenv.tissue.description import measured_liver
 
 Array = NDArray[np.float64]
@@ -88,12 +87,17 @@ class PooledCuts:
             ),
             Variogram.of([cut.initiation.position for cut in cuts], [cut.initiation.force_per_depth for cut in cuts]),
         ]
+        self.ramps = Places([cut.moduli.position for cut in cuts])
+        self.tops = Places([cut.initiation.position for cut in cuts])
         first = [float(cut.moduli.position.min()) if len(cut.moduli) else 0.0 for cut in cuts]
         self.depth = fit_bulge([cut.depth for cut in cuts], first)
         self.length: float | None = None
         if len(cuts) < FEWEST_FOR_CORRELATION:
             self.length = measured_liver().correlation_length
         self.has_modulus = np.isfinite(self.modulus)
+        speed = self.speed[self.has_modulus]  # the range in which the modulus is known
+        self.speed_min = float(speed.min())
+        self.speed_max = float(max(speed.max(), 1.01 * self.speed_min))
         free = self._line(np.flatnonzero(self.has_modulus)).measured
         self.measured = set(FIELDS) - ({"intercept_90", "slope_90", "intercept_45", "slope_45"} - free)
 
@@ -109,8 +113,8 @@ class PooledCuts:
             "slope_90": line.slope_90,
             "intercept_45": line.intercept_45,
             "slope_45": line.slope_45,
-            "speed_min": float(self.speed.min()),
-            "speed_max": float(max(self.speed.max(), 1.01 * self.speed.min())),
+            "speed_min": self.speed_min,
+            "speed_max": self.speed_max,
             "correlation_length": math.nan if self.length else length,
             **self._modulus_spread(line, counts, modulus_within, length),
             **self._fracture(counts, resistance_within, length),
@@ -124,11 +128,12 @@ class PooledCuts:
 
     def _modulus_spread(self, line: SpeedDependence, counts: Array, within: float, length: float) -> dict[str, float]:
         known = self.has_modulus
-        fitted = np.array([line.modulus(v, angle) for v, angle in zip(self.speed, self.angle, strict=True)])[known]
-        ratio = np.log(self.modulus[known] / fitted)
+        fitted = line.moduli(self.speed[known], self.angle[known])
+        # A resample of cuts at one end of the speeds may have a line that falls below zero at the other end.
+        ratio = np.log(self.modulus[known] / np.maximum(fitted, LEAST_FIT * self.modulus[known]))
         between_liver, between_cut = nested_variances(ratio, self.specimen[known], counts[known])
         enough = self.variograms[0].pairs.sum() >= 1.0
-        along = self._added([cut.moduli.position for cut in self.cuts], within if enough else 0.0, length, counts)
+        along = self._added(self.ramps, within if enough else 0.0, length, counts)
         return {
             "modulus_between_liver_cv": _cv(between_liver),
             "modulus_between_cut_cv": _cv(between_cut - along),
@@ -143,17 +148,16 @@ class PooledCuts:
         if n > 1:
             between = float(counts @ (logs - counts @ logs / n) ** 2) / (n - 1.0)
         enough = self.variograms[1].pairs.sum() >= 1.0
-        along = self._added([cut.initiation.position for cut in self.cuts], within if enough else 0.0, length, counts)
+        along = self._added(self.tops, within if enough else 0.0, length, counts)
         return {
             "fracture_resistance": mean,
             "fracture_between_cut_cv": _cv(between - along),
             "fracture_within_cut_cv": cv_of(within) if enough else math.nan,
         }
 
-    def _added(self, positions: Sequence[Array], variance: float, length: float, counts: Array) -> float:
+    def _added(self, places: Places, variance: float, length: float, counts: Array) -> float:
         """What the field along the cuts adds to the variance of their means, on average."""
-        added = [mean_field_variance(x, variance, length) if len(x) else 0.0 for x in positions]
-        return float(counts @ np.array(added)) / float(counts.sum())
+        return float(counts @ places.mean_variances(variance, length)) / float(counts.sum())
 
     def _friction_share(self, counts: Array) -> float:
         known = np.isfinite(self.friction)

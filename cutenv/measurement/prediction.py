@@ -12,11 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.measurement.calibration import speed_dependence_of
 from cutenv.measurement.cut import MeasuredCut, by_specimen
+from cutenv.measurement.speed_dependence import LEAST_FIT, SpeedDependence, fit_speed_dependence
 from cutenv.tissue.cut_model import CutModel
 
 Array = NDArray[np.float64]
+
+_ROUNDS = 10  # of line and specimens' factors in turn: each halves what they still owe each other, or better
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,8 +94,8 @@ def predicted_ramps(cut: MeasuredCut, model: CutModel, modulus: float | None = N
 def leave_one_out(cuts: Sequence[MeasuredCut], model: CutModel) -> list[LeftOutCut]:
     """Predict every cut from the others of its specimen and from every other specimen.
 
-    A specimen counts by how much stiffer than the fit over speed and angle its cuts are; the fit, too, is made
-    without the cut that is predicted.
+    A specimen counts by how much stiffer than the fit over speed and angle its cuts are. Both are found together, so
+    that it does not matter which specimen was cut at which speed, and without the cut that is predicted.
 
     Parameters
     ----------
@@ -112,13 +114,9 @@ def leave_one_out(cuts: Sequence[MeasuredCut], model: CutModel) -> list[LeftOutC
     for cut in known:
         others = [each for each in known if each is not cut]
         same = other = next_modulus = None
-        if others:
-            line = speed_dependence_of(others)
-            here = line.modulus(cut.speed, cut.angle)
-            factors = {
-                specimen: float(np.mean([each.moduli.mean / line.modulus(each.speed, each.angle) for each in group]))
-                for specimen, group in by_specimen(others).items()
-            }
+        line, factors = _line_and_factors(others)
+        # A line of others far off in speed may end below zero here: it predicts nothing.
+        if line is not None and (here := line.modulus(cut.speed, cut.angle)) > 0.0:
             own = factors.pop(cut.specimen, None)
             same = None if own is None else own * here
             if factors:
@@ -142,6 +140,28 @@ def leave_one_out(cuts: Sequence[MeasuredCut], model: CutModel) -> list[LeftOutC
             )
         )
     return found
+
+
+def _line_and_factors(cuts: list[MeasuredCut]) -> tuple[SpeedDependence | None, dict[str, float]]:
+    """Line over speed and angle, and by how much stiffer every specimen is: alternating least squares."""
+    factors = dict.fromkeys(by_specimen(cuts), 1.0)
+    line = None
+    for _ in range(_ROUNDS if cuts else 0):
+        line = fit_speed_dependence(
+            [cut.speed for cut in cuts],
+            [cut.angle for cut in cuts],
+            [cut.moduli.mean / factors[cut.specimen] for cut in cuts],
+        )
+        factors = {
+            specimen: float(np.mean([_stiffer(cut, line) for cut in group]))
+            for specimen, group in by_specimen(cuts).items()
+        }
+    return line, factors
+
+
+def _stiffer(cut: MeasuredCut, line: SpeedDependence) -> float:
+    E = cut.moduli.mean
+    return E / max(line.modulus(cut.speed, cut.angle), LEAST_FIT * E)
 
 
 def _rmse(ramps: list[PredictedRamp]) -> float:

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 _BIN = 0.2e-3  # [m] of travel: equal weight to every place, whatever the speed
 _PLAIN_LENGTH = 2e-3  # [m] of plain friction behind the tip: with less, tip and friction are not told apart
 _PUSHED_BACK = 0.1  # of the largest force: more than a sensor's zero is off
+_SINGULAR = 1e-12  # determinant of the normal equations over the product of their diagonal
 _UNLOADED = 3.0  # residual standard deviations: a smaller elastic force at the turn is none
 
 
@@ -46,7 +47,7 @@ class ReturnStroke:
 def fit_return_stroke(trace: Trace, depth: DepthProfile) -> ReturnStroke | None:
     """Fit the way back from the deepest point: F = K max(x - a, 0) - f B(x), by least squares in K, f and a.
 
-    Returns None if the blade did not come back, or not far enough past the tip.
+    Returns None if the blade did not come back, or not far enough past the tip, or cut no depth.
     """
     (position,) = trace.require("position", by="fit_return_stroke")
     way_back = _way_back(trace, position)
@@ -55,7 +56,7 @@ def fit_return_stroke(trace: Trace, depth: DepthProfile) -> ReturnStroke | None:
     x, F = (np.concatenate(parts) for parts in zip(*(_binned(trace, position, s) for s in way_back), strict=True))
     B = depth.at(x)
     lowest, highest = float(x.min()) + _PLAIN_LENGTH, float(x.max())
-    if highest <= lowest:
+    if highest <= lowest or not B.any():
         return None
 
     def misfit(a: float) -> float:
@@ -95,7 +96,11 @@ def _binned(trace: Trace, position: Array, stroke: Stroke) -> tuple[Array, Array
 
 def _hinge(x: Array, F: Array, B: Array, a: float) -> tuple[float, float, float]:
     """Return K [N/m], f [N/m] and the sum of squares [N2] of the best F = K max(x - a, 0) - f B for a tip."""
-    columns = np.stack([np.maximum(x - a, 0.0), -B], axis=1)
-    (K, f), *_ = np.linalg.lstsq(columns, F, rcond=None)
-    residual = F - columns @ (K, f)
-    return float(K), float(f), float(residual @ residual)
+    h = np.maximum(x - a, 0.0)
+    hh, hB, BB, hF, BF = float(h @ h), float(h @ B), float(B @ B), float(h @ F), float(B @ F)
+    determinant = hh * BB - hB**2
+    # With no reading before the tip, or one, only friction can be told.
+    K = (hF * BB - BF * hB) / determinant if determinant > _SINGULAR * hh * BB else 0.0
+    f = (K * hB - BF) / BB
+    residual = F - K * h + f * B
+    return K, f, float(residual @ residual)

@@ -99,10 +99,24 @@ def cv_of(log_variance: float) -> float:
     return math.sqrt(math.expm1(max(log_variance, 0.0)))
 
 
+class Places:
+    """Places along several cuts [m], ready to be asked often how much a field adds to the means over them."""
+
+    def __init__(self, positions: Sequence[Array]) -> None:
+        squares = [((x[:, None] - x[None, :]) ** 2).ravel() for x in positions]
+        self._squares = np.concatenate([np.zeros(0), *squares])
+        self._cut = np.repeat(np.arange(len(positions)), [len(each) for each in squares])
+        self._pairs = np.array([max(len(each), 1) for each in squares])
+
+    def mean_variances(self, variance: float, length: float) -> Array:
+        """Variance of the mean of a field over each cut's places, shape (n_cuts,); 0 without a place."""
+        correlation = np.exp(-0.5 * self._squares / length**2)
+        return np.asarray(variance * np.bincount(self._cut, correlation, len(self._pairs)) / self._pairs)
+
+
 def mean_field_variance(positions: Array, variance: float, length: float) -> float:
     """Variance of the mean of a field over ``positions`` [m] of one cut: it adds to that between cuts."""
-    distance = positions[:, None] - positions[None, :]
-    return variance * float(np.exp(-0.5 * (distance / length) ** 2).mean())
+    return float(Places([positions]).mean_variances(variance, length)[0])
 
 
 def nested_variances(values: Array, groups: NDArray[np.intp], counts: Array) -> tuple[float, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -21,11 +22,11 @@ SMALLEST_DROP = 0.1
 SMALLEST_DROP_SHARE = 0.1
 """The same without newtons, as a share of the record's range of force from its 5 % to its 95 % quantile."""
 
-SMOOTHING_READINGS = 10
-"""Default number of readings averaged: noise of 0.025 N falls to 0.008 N; 0.25 mm at 2.54 cm/s and 1 kHz."""
-
 SMOOTHING_TIME = 0.01
-"""The same without position [s]: 10 readings at 1 kHz, a single one at the 30 Hz of a camera."""
+"""Over which readings are averaged by default [s]: 0.25 mm at 2.54 cm/s; at 1 kHz noise of 0.025 N falls to 0.008."""
+
+FEWEST_SMOOTHED = 3
+"""Readings averaged at the least by default, where position is known: of a slow sensor, for the sake of its noise."""
 
 STRAIGHT = 0.75
 """Least R squared of a ramp that counts as straight: that of a rise of 0.15 N under noise of 0.025 N."""
@@ -33,6 +34,7 @@ STRAIGHT = 0.75
 STEADY = 0.3
 """Largest change of speed over a ramp, as a share of its mean, that counts as none."""
 
+_AVERAGED = 10  # readings, whose means tell noise that lasts
 _FEWEST = 3  # bins that must remain of a ramp
 _INNER_QUANTILES = (0.05, 0.95)
 
@@ -62,6 +64,9 @@ class Segment:
         Share of the force's variance that the line explains [1].
     drop : float
         Fall of the smoothed force from hilltop to the next valley [N]; 0 if none of significance followed.
+    restlessness : float
+        Scatter of these readings about the line over their noise from one to the next, and from one mean of 10 to the
+        next [1]: 1 for a straight ramp, more for one that bends or hides a drop.
     after_standstill : bool
         Whether it is the first of its stroke: the blade had just met the tissue, turned or stood, and part of
         the ramp is elastic, without the growth that accompanies steady loading. Without position the whole
@@ -96,6 +101,7 @@ class Segment:
     speed_change: float | None = None
     angle: float | None = None
     depth: float | None = None
+    restlessness: float = 1.0
 
     @property
     def samples(self) -> slice:
@@ -162,8 +168,8 @@ def loading_segments(
         of its own range of force (5 % to 95 % quantile): give it, the same for all, where such records are to
         be compared.
     smoothing_readings : int, optional
-        1 to 10000. By default 10; without position as many as 10 ms hold, but 1 at least. A ramp of fewer than
-        5 times as many readings is not found.
+        1 to 10000. By default as many as 10 ms hold, 10 at 1 kHz, but 3 at least, or 1 without position. A ramp of
+        fewer than 5 times as many readings is not found.
 
     Returns
     -------
@@ -189,7 +195,7 @@ def loading_segments(
     [(2.0, 0.7, None), (2.0, 0.0, None)]
     """
     drop = _smallest_drop(trace) if smallest_drop is None else _checked_drop(trace, smallest_drop)
-    readings = _smoothing_readings(trace) if smoothing_readings is None else smoothing_readings
+    readings = smoothing_readings_of(trace) if smoothing_readings is None else smoothing_readings
     in_range("smoothing_readings", readings, 1, 10_000, "1", "It is a number of readings.")
     if trace.position is None:
         ways = [Stroke(start=0, stop=len(trace), forward=True)]
@@ -217,10 +223,10 @@ def _checked_drop(trace: Trace, smallest_drop: float) -> float:
     return in_range("smallest_drop", smallest_drop, 1e-12, 1e9, "1", cure)
 
 
-def _smoothing_readings(trace: Trace) -> int:
-    if trace.position is not None:
-        return SMOOTHING_READINGS
-    return max(1, round(SMOOTHING_TIME * trace.sample_rate))
+def smoothing_readings_of(trace: Trace) -> int:
+    """How many readings of a record are averaged by default."""
+    fewest = 1 if trace.position is None else FEWEST_SMOOTHED
+    return max(fewest, min(round(SMOOTHING_TIME * trace.sample_rate), 10_000))
 
 
 def _segments_of(trace: Trace, stroke: Stroke, smallest_drop: float, smoothing_readings: int) -> list[Segment]:
@@ -280,14 +286,31 @@ def _along_the_cut(in_time: Segment, t: Array, x: Array, F: Array) -> Segment:
         position=float(x.mean()),
         displacement=displacement,
         slope=slope,
+        restlessness=_restlessness(F - slope * x),
         speed=speed,
         speed_change=float(second_half - first_half) / speed,
     )
 
 
+def _restlessness(residual: Array) -> float:
+    """Standard deviation of what is left of a ramp, over what its successive differences make of it.
+
+    Means of some readings see noise that lasts longer than one, as that of a filtered or interpolated record does.
+    """
+    means = bin_means(residual, bins_of_readings(len(residual), _AVERAGED))
+    noise = max(_from_differences(residual), math.sqrt(_AVERAGED) * _from_differences(means))
+    return float(residual.std()) / noise if noise > 0.0 else 1.0
+
+
+def _from_differences(values: Array) -> float:
+    """Standard deviation of white noise with such differences from value to value; 0 for a single value."""
+    change = np.diff(values)
+    return math.sqrt(float((change * change).mean()) / 2.0) if len(change) else 0.0
+
+
 def _line(x: Array, F: Array) -> tuple[float, float]:
     """Slope of the least-squares line of F against x, and the share of the variance that it explains."""
     dx, dF = x - x.mean(), F - F.mean()
-    slope = float(dx @ dF / (dx @ dx))
-    variance = float(dF @ dF)
-    return slope, slope * float(dx @ dF) / variance if variance > 0.0 else 1.0
+    # Sums, not products of vectors: for those BLAS wakes its threads, which cost more than they give.
+    xx, xF, FF = float((dx * dx).sum()), float((dx * dF).sum()), float((dF * dF).sum())
+    return xF / xx, xF**2 / (xx * FF) if FF > 0.0 else 1.0

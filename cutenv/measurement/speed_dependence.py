@@ -17,6 +17,8 @@ BETWEEN = math.radians(67.5)
 """Steeper cuts are counted with the upright ones, flatter ones with the inclined [rad]."""
 LEAST_SPEED_RATIO = 1.5
 """Of the fastest over the slowest cut, from which on a fall with speed can be told."""
+LEAST_FIT = 0.1
+"""Of a cut's modulus: a line that gives less at its speed and angle counts as giving this."""
 _SLACK = math.radians(0.5)  # beyond 45 and 90 degrees, for angles set by hand and read from a scale
 _ROUNDS = 3  # of re-weighting: the scatter is proportional to the modulus
 
@@ -43,9 +45,13 @@ class SpeedDependence:
 
     def modulus(self, speed: float, angle: float | None) -> float:
         """LEM [Pa] at a speed [m/s] and an angle [rad] between 45 and 90 degrees; upright for None."""
-        w = float(_uprightness(UPRIGHT if angle is None else angle))
-        upright = self.intercept_90 + self.slope_90 * speed
-        return (1.0 - w) * (self.intercept_45 + self.slope_45 * speed) + w * upright
+        return float(self.moduli(speed, UPRIGHT if angle is None else angle))
+
+    def moduli(self, speeds: ArrayLike, angles: ArrayLike) -> Array:
+        """LEM [Pa] of many cuts at once, shapes (n,)."""
+        v, w = np.asarray(speeds), _uprightness(angles)
+        upright, inclined = self.intercept_90 + self.slope_90 * v, self.intercept_45 + self.slope_45 * v
+        return np.asarray((1.0 - w) * inclined + w * upright)
 
     def loading_ratio(self, speed: float, angle: float | None) -> float:
         """R = min(1, LEM(v, theta)/E0) [1], no less than 0.01: E0 is the intercept at 90 degrees."""
@@ -83,14 +89,14 @@ def fit_speed_dependence(speeds: ArrayLike, angles: ArrayLike, moduli: ArrayLike
     for _ in range(_ROUNDS):
         (q, *_) = np.linalg.lstsq(design / scale * weight[:, None], E * weight, rcond=None)
         fitted = design / scale @ q
-        weight = 1.0 / np.maximum(fitted, 0.1 * E)
+        weight = 1.0 / np.maximum(fitted, LEAST_FIT * E)
     values = [float(value) for value in tie @ (q / scale)]
     return SpeedDependence(
         intercept_90=values[0], slope_90=values[1], intercept_45=values[2], slope_45=values[3], measured=free
     )
 
 
-def _uprightness(angle: float | Array) -> Array:
+def _uprightness(angle: ArrayLike) -> Array:
     """0 at 45 degrees, 1 at 90."""
     return np.clip((np.asarray(angle) - INCLINED) / (UPRIGHT - INCLINED), 0.0, 1.0)
 

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from cutenv.recording.columns import UNITS, Column, header_of, parse_header
-from cutenv.recording.cuts import CutSearch
 from cutenv.recording.errors import RecordError
 from cutenv.recording.files import load, load_one, save
-from cutenv.recording.foreign import Imported, load_foreign
-from cutenv.recording.mapping import ColumnMap
+from cutenv.recording.operators import OperatorRow, load_operators
 from cutenv.recording.provenance import Provenance
-from cutenv.recording.record import read_record
 from cutenv.recording.schema import SCHEMA
+
+if TYPE_CHECKING:
+    from cutenv.recording.cuts import CutSearch
+    from cutenv.recording.foreign import Imported, load_foreign
+    from cutenv.recording.mapping import ColumnMap
+    from cutenv.recording.record import read_record
 
 __all__ = [
     "SCHEMA",
@@ -19,13 +25,30 @@ __all__ = [
     "ColumnMap",
     "CutSearch",
     "Imported",
+    "OperatorRow",
     "Provenance",
     "RecordError",
     "header_of",
     "load",
     "load_foreign",
     "load_one",
+    "load_operators",
     "parse_header",
     "read_record",
     "save",
 ]
+
+# These judge what they read, by measurement and with it the tissue's model; who loads a record does not wait for that.
+_WHEN_USED = {
+    "ColumnMap": "mapping",
+    "CutSearch": "cuts",
+    "Imported": "foreign",
+    "load_foreign": "foreign",
+    "read_record": "record",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHEN_USED:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_WHEN_USED[name]}"), name)

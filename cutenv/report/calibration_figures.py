@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 _STEEP, _FLAT = "#0072b2", "#d55e00"
 _MEASURED, _SAME, _OTHER = "0.65", "#0072b2", "#d55e00"
 _PHONE = 6.0  # width below which a picture is drawn for a phone [in]
+_LETTERS = 24  # of a name in a title: a longer one would leave no room for the drawing on a phone
 _POINTS = 2500  # of a line: more than a picture is wide
 
 
@@ -93,8 +94,8 @@ def overlay_figure(shown: Sequence[tuple[MeasuredCut, LeftOutCut]], model: CutMo
                     100.0 * ramp.position[ends], ramp.predicted[ends], style, color=colour, linewidth=1.8,
                     label=None if i else name,
                 )  # fmt: skip
-        angle = f"{math.degrees(cut.angle):.0f}°"
-        title = f"{cut.name}, {cut.specimen or 'specimen not named'}, {100.0 * cut.speed:.2g} cm/s, {angle}"
+        name, specimen = (_shortened(text, _LETTERS) for text in (cut.name, cut.specimen or "specimen not named"))
+        title = f"{name}, {specimen}, {100.0 * cut.speed:.2g} cm/s, {math.degrees(cut.angle):.0f}°"
         axes.set_title(label(title), fontsize=10, loc="left")
         axes.set_ylabel("force [N]")
         axes.set_ylim(bottom=min(0.0, float(F.min())))
@@ -103,6 +104,11 @@ def overlay_figure(shown: Sequence[tuple[MeasuredCut, LeftOutCut]], model: CutMo
     handles, names = panels[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper left", ncols=1 if width < _PHONE else 3, frameon=False, fontsize=9)
     return figure
+
+
+def _shortened(text: str, letters: int) -> str:
+    """Text of so many letters at the most; what is left out is an ellipsis."""
+    return text if len(text) <= letters else f"{text[: letters - 1]}…"
 
 
 def _plain(axes: Axes) -> None:

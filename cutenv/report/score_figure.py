@@ -12,7 +12,7 @@ from cutenv.measurement import loading_segments
 from cutenv.measurement.strokes import blade_speed
 from cutenv.report.page import label, new_figure
 from cutenv.scoring import ScoreCard
-from cutenv.scoring.faults import FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
+from cutenv.terms import FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
 from cutenv.trace import Trace
 
 if TYPE_CHECKING:

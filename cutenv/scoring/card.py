@@ -10,8 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cutenv.scoring.cut import ScoredCut, Truth
+from cutenv.scoring.doubts import remarks, spoiled
 from cutenv.scoring.faults import Fault, faults_of
-from cutenv.scoring.metric import METRICS, Unavailable
+from cutenv.scoring.metric import METRICS, Metric, Unavailable
 from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.weights import ForceOnlyWeights, Weights, as_mapping
 from cutenv.tissue import TissueDescription, measured_liver
@@ -19,6 +20,8 @@ from cutenv.trace import Trace
 
 SCHEMA = "cutenv-score/1"
 _WHOLE = 0.95  # of the way, from which on a cut counts as whole in words
+FEWEST_WEIGHT = 0.5
+"""Of the leading metrics that must be known for an overall score: less would be a score of something else."""
 DISCLAIMER = "Training feedback for research; not validated for assessment or credentialing of people."
 
 
@@ -53,6 +56,8 @@ class ScoreCard:
         cuts is steady, and that is no merit.
     weights : mapping of str to float
         Of that mean, over the metrics that were available; they sum to 1.
+    no_score : str
+        Why there is no overall score; "" if there is one.
     reference : str
         Name and origin of the reference set; "" if there was none.
     faults : tuple of Fault
@@ -67,6 +72,7 @@ class ScoreCard:
     tip_source: str
     overall_score: float | None
     completed: float
+    no_score: str
     weights: Mapping[str, float]
     reference: str
     faults: tuple[Fault, ...]
@@ -82,7 +88,8 @@ class ScoreCard:
     def unit(self, name: str) -> str:
         """Unit of a metric on this card."""
         force = {"N": "N", "1": ""}[self.force_unit]
-        return METRICS[name].unit.replace("F", force).strip() or "1"
+        unit = METRICS[name].unit.replace("F", force).strip()
+        return f"1{unit}" if unit.startswith("/") else unit or "1"
 
     def to_json(self) -> str:
         """JSON text; values in SI, with the unit of each."""
@@ -92,6 +99,7 @@ class ScoreCard:
             "force_unit": self.force_unit,
             "overall_score": self.overall_score,
             "completed": self.completed,
+            "no_score": self.no_score,
             "weights": dict(self.weights),
             "reference": self.reference,
             "tip_source": self.tip_source,
@@ -121,9 +129,7 @@ class ScoreCard:
     def headline(self) -> str:
         """The overall score, or why there is none."""
         if self.overall_score is None:
-            return "no overall score: no reference set of such records" + (
-                f" ({self.reference})" * bool(self.reference)
-            )
+            return f"no overall score: {self.no_score}"
         part = "" if self.completed > _WHOLE else f", {100.0 * self.completed:.0f} % of the way being cut,"
         return f"overall score {self.overall_score:.0f} of 100{part} within {self.reference}"
 
@@ -188,35 +194,23 @@ def score(
     cut = ScoredCut(trace=trace, target_length=target_length, truth=truth, tissue=tissue or measured_liver())
     chosen = as_mapping(weights or (Weights() if trace.position is not None else ForceOnlyWeights()))
     fits = reference is not None and reference.force_unit == trace.force_unit
-    metrics: dict[str, Scored] = {}
-    for each in METRICS.values():
-        try:
-            value = each.function(cut)
-        except Unavailable as error:
-            metrics[each.name] = Scored(value=None, unavailable=str(error))
-            continue
-        if not math.isfinite(value):
-            metrics[each.name] = Scored(value=None, unavailable="it is not finite for this record")
-            continue
-        place = reference.percentile(each.name, value) if reference is not None and fits else None
-        metrics[each.name] = Scored(value=value, percentile=place)
+    metrics = {each.name: _scored(each, cut, reference if fits else None) for each in METRICS.values()}
     known = {metric: w for metric, w in chosen.items() if metrics[metric].percentile is not None and w > 0.0}
-    total = sum(known.values())
-    overall = None
-    if total > 0.0:
-        known = {metric: w / total for metric, w in known.items()}
-        overall = _completed(cut) * sum(w * float(metrics[metric].percentile or 0.0) for metric, w in known.items())
+    no_score = _no_score(trace, cut, reference, sum(known.values()))
+    known = {} if no_score else {metric: w / sum(known.values()) for metric, w in known.items()}
+    mean = sum(w * float(metrics[metric].percentile or 0.0) for metric, w in known.items())
     return ScoreCard(
         name=name or str(trace.metadata.get("name", "cut")),
         force_unit=trace.force_unit,
         metrics=metrics,
         tip_source=cut.tip_source,
-        overall_score=overall,
+        overall_score=None if no_score else _completed(cut) * mean,
         completed=_completed(cut),
+        no_score=no_score,
         weights=known,
         reference="" if reference is None else f"{reference.name} ({len(reference)} cuts: {reference.about})",
-        faults=tuple(faults_of(cut)),
-        notes=tuple(_notes(cut, chosen, known, reference)),
+        faults=() if cut.twofold else tuple(faults_of(cut)),
+        notes=tuple(_notes(cut, chosen, known)),
     )
 
 
@@ -227,25 +221,50 @@ def _completed(cut: ScoredCut) -> float:
         return 1.0
 
 
-def _notes(
-    cut: ScoredCut, chosen: Mapping[str, float], known: Mapping[str, float], reference: ReferenceSet | None
-) -> list[str]:
+def _scored(each: Metric, cut: ScoredCut, reference: ReferenceSet | None) -> Scored:
+    if cut.twofold:
+        return Scored(value=None, unavailable=cut.twofold)
+    try:
+        value = each.function(cut)
+    except Unavailable as error:
+        return Scored(value=None, unavailable=str(error))
+    if not math.isfinite(value):
+        return Scored(value=None, unavailable="it is not finite for this record")
+    return Scored(value=value, percentile=None if reference is None else reference.percentile(each.name, value))
+
+
+def _no_score(trace: Trace, cut: ScoredCut, reference: ReferenceSet | None, weight: float) -> str:
+    """Why there is no overall score; "" if leading metrics of that much weight make one."""
+    doubt = cut.twofold or spoiled(trace) or cut.unfinished
+    if doubt:
+        return doubt
+    if reference is None:
+        return "no reference set of such records"
+    if reference.force_unit != trace.force_unit:
+        return (
+            f"the force of {reference.name} is in unit {reference.force_unit!r}, this record's in {trace.force_unit!r}"
+        )
+    if weight < FEWEST_WEIGHT:
+        return f"leading metrics of {weight:.0%} of the weight are known, and {FEWEST_WEIGHT:.0%} are needed"
+    return ""
+
+
+def _notes(cut: ScoredCut, chosen: Mapping[str, float], known: Mapping[str, float]) -> list[str]:
     notes = [
         {
             "truth": "tip: the simulator's own",
-            "return stroke": "tip: from the return stroke, its way there estimated",
-            "estimated": "tip: estimated with the stiffness of mean tissue, to about 2 mm",
+            "return stroke": "tip: from the return stroke, to about 0.3 mm; its way there estimated",
+            "estimated": "tip: estimated, to about 1 mm and 4 mm at worst, by the cut's own loading",
+            "guessed": "tip: estimated with the stiffness of mean tissue; median error 2 mm, one in twenty above 5 mm",
             "unknown": "tip: unknown; force alone is judged",
-        }[cut.tip_source]
+        }["guessed" if cut.tip_source == "estimated" and cut.own_modulus is None else cut.tip_source]
     ]
-    if reference is None:
-        notes.append("no reference set: metrics and no claim of skill")
-    elif reference.force_unit != cut.trace.force_unit:
-        notes.append(f"the reference set's force is in unit {reference.force_unit!r}, this one's in another")
+    if not known:
+        notes.append("metrics, and no claim of skill")
     left = sorted(set(chosen) - set(known)) if known else []
     if left:
         notes.append(f"not counted, for want of a value or of a reference: {', '.join(left)}")
-    return notes
+    return notes + remarks(cut.trace)
 
 
 def _shown(scored: Scored) -> str:

@@ -7,12 +7,16 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.signal import butter, sosfiltfilt
 
-from cutenv.measurement import DepthProfile, ReturnStroke, fit_return_stroke
+from cutenv.measurement import DepthProfile, ReturnStroke, estimate_local_effective_moduli, fit_return_stroke
 from cutenv.measurement.depth import SHALLOWEST
+from cutenv.measurement.loading_ratio import loading_ratio
 from cutenv.measurement.strokes import STANDSTILL, blade_speed
+from cutenv.scoring.doubts import LONGEST, cut_off, spoiled, two_cuts
 from cutenv.scoring.metric import Unavailable
+from cutenv.terms import RUN_WINDOW, SMALLEST_RUN
 from cutenv.tissue import CutModel, TissueDescription, measured_liver
 from cutenv.trace import Trace
 from cutenv.validation import array_in_range, in_range
@@ -23,8 +27,12 @@ RATE = 100.0
 """At which force and motion are compared [Hz]: a hand moves below 10 Hz."""
 BANDWIDTH = 5.0
 """Of the force whose rate and jerk are taken [Hz]: Butterworth of order 2, to and fro, so without delay."""
+_UNDER_FORCE = 0.1  # of the way from the force before or after it to its peak: there a cut without position begins
+_AT_ENDS = 5  # instants at 100 Hz at either end
 _FEWEST_HZ = 20.0  # readings a second below which nothing is known of 5 Hz
-_JUMP_WINDOW, _JUMP = 0.02, 0.3e-3  # [s], [m]: as the environment estimates jumps, see cutenv.task.estimate
+_SHORTEST = 30  # of instants at 100 Hz that tell a change of 5 Hz
+_DROP = 0.03  # of the peak force, that ends a ramp of loading
+_FEWEST_RAMPS = 3  # of loading, that tell a cut's own modulus
 _ROUNDS = 4  # of a = x - F/K(a)
 
 
@@ -87,6 +95,8 @@ class ScoredCut:
     @property
     def force(self) -> Array:
         """In the trace's unit, shape (n,)."""
+        if self._spoiled:
+            raise Unavailable(self._spoiled)
         return self.trace.force
 
     @property
@@ -116,13 +126,38 @@ class ScoredCut:
         """Force [N], shape (n,)."""
         if self.trace.force_unit != "N":
             raise Unavailable("the force is normalised")
-        return self.trace.force
+        return self.force
+
+    @cached_property
+    def unfinished(self) -> str:
+        """Why the last instant is not the end of the cut; "" if it is. A simulator knows what it did."""
+        return "" if self.truth is not None else cut_off(self.trace)
+
+    @cached_property
+    def twofold(self) -> str:
+        """Why the record holds two cuts; "" if it holds one."""
+        return two_cuts(self.trace)
+
+    @property
+    def end(self) -> int:
+        """Index of the instant at which the cut had ended."""
+        if self.unfinished:
+            raise Unavailable(self.unfinished)
+        return len(self.trace) - 1
 
     @cached_property
     def advancing(self) -> NDArray[np.bool_]:
-        """Whether the blade moves forward over new ground, shape (n,); everywhere where position is not known."""
+        """Whether the blade moves forward over new ground, shape (n,).
+
+        Where position is not known, from the first force to the last.
+        """
         if self.trace.position is None:
-            return np.ones(len(self.trace), bool)
+            smooth, ends = self._smooth, (self._smooth[:_AT_ENDS].mean(), self._smooth[-_AT_ENDS:].mean())
+            least = float(min(ends))
+            under = self.even_time[smooth > least + _UNDER_FORCE * (float(smooth.max()) - least)]
+            if not len(under):
+                raise Unavailable("the force never rises")
+            return np.asarray((self.time >= under[0]) & (self.time <= under[-1]))
         x = self.position
         forward = blade_speed(self.time, x) > STANDSTILL
         chosen: NDArray[np.bool_] = forward & (x >= np.maximum.accumulate(x) - 1e-4)
@@ -146,7 +181,9 @@ class ScoredCut:
         """Where the tip comes from: "truth", "return stroke", "estimated" or "unknown"."""
         if self.truth is not None:
             return "truth"
-        if self.trace.position is None or self.trace.depth is None or self.trace.force_unit != "N":
+        try:
+            _ = self.tip
+        except Unavailable:
             return "unknown"
         return "estimated" if self._return_stroke is None else "return stroke"
 
@@ -163,32 +200,48 @@ class ScoredCut:
         if self.truth is not None:
             return self.truth.jump
         # The tip's advance beyond the blade's own, over a time longer than the sensor's noise.
-        start, end = float(self.time[0]), float(self.time[-1])
-        borders = np.arange(start, end, _JUMP_WINDOW)
+        borders = even_instants(self.time, 1.0 / RUN_WINDOW)
+        if len(borders) < 2:
+            raise Unavailable(f"shorter than {RUN_WINDOW:g} s")
         a = np.interp(borders, self.time, self.tip)
         x = np.interp(borders, self.time, self.position)
         run = np.diff(a) - np.maximum(np.diff(x), 0.0)
-        return np.where(run > _JUMP, run, 0.0)
+        return np.where(run > SMALLEST_RUN, run, 0.0)
 
     @cached_property
     def even_time(self) -> Array:
-        """Instants at 100 Hz [s]."""
-        return np.arange(float(self.time[0]), float(self.time[-1]), 1.0 / RATE)
+        """Instants at 100 Hz [s]: the middles of windows of 10 ms."""
+        return even_instants(self.time, RATE)[:-1] + 0.5 / RATE
 
     @cached_property
     def smooth_force(self) -> Array:
-        """Force at 100 Hz below 5 Hz, while the blade advances."""
-        if self.trace.sample_rate < _FEWEST_HZ:
-            raise Unavailable(f"fewer than {_FEWEST_HZ:g} readings a second")
-        if len(self.even_time) < 30:
-            raise Unavailable("shorter than 0.3 s")
-        even = np.interp(self.even_time, self.time, self.force)
-        return np.asarray(sosfiltfilt(butter(2, BANDWIDTH, fs=RATE, output="sos"), even))
+        """Force at 100 Hz below 5 Hz, shape of :attr:`even_time`."""
+        if self._spoiled:
+            raise Unavailable(self._spoiled)
+        return self._smooth
 
     @cached_property
     def even_advancing(self) -> NDArray[np.bool_]:
         """:attr:`advancing` at 100 Hz."""
-        return np.asarray(np.interp(self.even_time, self.time, self.advancing.astype(float)) > 0.5)
+        chosen: NDArray[np.bool_] = np.interp(self.even_time, self.time, self.advancing.astype(float)) > 0.5
+        if not chosen.any():
+            raise Unavailable("the blade advances for less than 10 ms")
+        return chosen
+
+    @cached_property
+    def _spoiled(self) -> str:
+        return spoiled(self.trace)
+
+    @cached_property
+    def _smooth(self) -> Array:
+        if self.trace.sample_rate < _FEWEST_HZ:
+            raise Unavailable(f"fewer than {_FEWEST_HZ:g} readings a second")
+        if len(self.even_time) < _SHORTEST:
+            raise Unavailable("shorter than 0.3 s")
+        # Means over 10 ms, so that noise above 50 Hz does not come back as noise below.
+        impulse = cumulative_trapezoid(self.trace.force, self.time, initial=0)
+        even = np.diff(np.interp(even_instants(self.time, RATE), self.time, impulse)) * RATE
+        return np.asarray(sosfiltfilt(butter(2, BANDWIDTH, fs=RATE, output="sos"), even))
 
     def _field(self, name: str) -> Array:
         values: Array | None = getattr(self.trace, name)
@@ -200,7 +253,10 @@ class ScoredCut:
     def profile(self) -> DepthProfile:
         """Depth of cut by place."""
         _ = self.position, self.depth  # say which one is missing
-        return DepthProfile.recorded(self.trace, by="score")
+        found = DepthProfile.recorded(self.trace, by="score")
+        if float(found.depth.max()) < SHALLOWEST:
+            raise Unavailable(f"the depth of cut is nowhere {1e3 * SHALLOWEST:g} mm")
+        return DepthProfile(position=found.position, depth=np.maximum(found.depth, SHALLOWEST))
 
     @cached_property
     def model(self) -> CutModel:
@@ -212,24 +268,50 @@ class ScoredCut:
 
     @cached_property
     def modulus(self) -> float:
-        """Local effective modulus that the tip is estimated with [Pa]: the return stroke's, or else the tissue's."""
+        """Local effective modulus that the tip is estimated with [Pa]: the cut's own if it shows, or else the tissue's."""
         back, model = self._return_stroke, self.model
         if back is None or back.stiffness <= 0.0:
-            return self.tissue.intercept_90
+            return self.tissue.intercept_90 if self.own_modulus is None else self.own_modulus
         return back.stiffness / float(model.stiffness(back.tip) * self.profile.at(back.tip))
 
     @cached_property
     def elastic_force(self) -> Array:
         """Force less friction, and no less than zero [N], shape (n,)."""
         back = self._return_stroke
-        friction = self.tissue.friction_share * self.tissue.fracture_resistance
-        if back is not None:
-            friction = back.friction_per_depth
+        friction = self._usual_friction if back is None else back.friction_per_depth
         return np.maximum(self.newtons - friction * self.profile.at(self.position), 0.0)
 
     @cached_property
     def _return_stroke(self) -> ReturnStroke | None:
         return fit_return_stroke(self.trace, self.profile)
+
+    @property
+    def _usual_friction(self) -> float:
+        """Of the tissue, per depth of cut [N/m]."""
+        return self.tissue.friction_share * self.tissue.fracture_resistance
+
+    @cached_property
+    def own_modulus(self) -> float | None:
+        """Slow, upright modulus that the cut's own loading ramps show [Pa]; None if too few are steady.
+
+        Livers differ by a third: with the mean liver's modulus the tip is known half as well. Calibrated tissue
+        loads in its own way and is taken as it was calibrated.
+        """
+        known = self.trace.angle is not None and self.trace.depth is not None and self.tissue.calibration is None
+        if not known or self._return_stroke is not None:
+            return None
+        try:
+            found = estimate_local_effective_moduli(
+                self.trace,
+                self.tissue.cut_model(),
+                friction_per_depth=self._usual_friction,
+                smallest_drop=max(_DROP * float(self.force.max()), 1e-6),
+            )
+            ramps = zip(found.modulus, found.segments, strict=True)
+            slow = [E / loading_ratio(float(s.speed or 0.0), s.angle) for E, s in ramps]
+        except ValueError:
+            return None  # beyond what was measured of liver: other angles, say
+        return float(np.median(slow)) if len(slow) >= _FEWEST_RAMPS else None
 
     @cached_property
     def _estimated_tip(self) -> Array:
@@ -244,3 +326,18 @@ class ScoredCut:
         a = np.where(moves & (elastic > 0.0), a, -np.inf)
         tip = np.maximum(np.maximum.accumulate(a), min(float(x[0]), 0.0))
         return np.minimum(tip, back.tip) if back is not None else tip
+
+
+def even_instants(time: Array, rate: float) -> Array:
+    """Instants at ``rate`` [Hz] from the first of ``time`` [s] on, as many as fit.
+
+    Raises
+    ------
+    Unavailable
+        If the time is longer than an hour.
+    """
+    span = float(time[-1] - time[0])
+    if span > LONGEST:
+        raise Unavailable(f"it lasts {span:.3g} s, more than an hour")
+    # Rounding must not decide about the last instant: a clock that starts elsewhere rounds otherwise.
+    return np.asarray(float(time[0]) + np.arange(int(span * rate + 1e-3) + 1) / rate)

@@ -10,16 +10,12 @@ import numpy as np
 from cutenv.scoring.cut import ScoredCut
 from cutenv.scoring.metric import Unavailable
 from cutenv.scoring.motion import moving_between
+from cutenv.terms import ANGLE_TOLERANCE, FORCE_LIMIT_PER_DEPTH, RUN_WINDOW, TIP_TOLERANCE, force_per_depth
 
-LURCH = 3e-3
-"""Run of the crack that is told [m]: the tolerance of the tip."""
-FORCE_LIMIT_PER_DEPTH = 1000.0
-"""[N/m], of the task."""
-TIP_TOLERANCE = 3e-3
-"""[m], of a success."""
+LURCH = TIP_TOLERANCE
+"""Run of the crack that is told [m]."""
 _MOST = 3  # lurches that are told one by one
 _PAUSE = 0.5  # [s]
-_STEEP = math.radians(80.0)  # a blade within 10 degrees of upright leaves no wedge that counts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +57,7 @@ def faults_of(cut: ScoredCut) -> list[Fault]:
 def _lurches(cut: ScoredCut) -> list[Fault]:
     jumps = cut.jumps
     n = len(jumps)
-    times = cut.time if n == len(cut.time) else float(cut.time[0]) + 0.02 * np.arange(n)
+    times = cut.time if n == len(cut.time) else float(cut.time[0]) + RUN_WINDOW * np.arange(n)
     worst = [int(i) for i in np.argsort(jumps)[::-1][:_MOST] if jumps[i] >= LURCH]
     positions = np.interp(times, cut.time, cut.position)
     return [
@@ -78,7 +74,7 @@ def _lurches(cut: ScoredCut) -> list[Fault]:
 
 
 def _force(cut: ScoredCut) -> list[Fault]:
-    per_depth = cut.newtons / cut.depth
+    per_depth = force_per_depth(cut.newtons, cut.depth)
     i = int(np.argmax(per_depth))
     if per_depth[i] <= FORCE_LIMIT_PER_DEPTH:
         return []
@@ -95,7 +91,7 @@ def _force(cut: ScoredCut) -> list[Fault]:
 
 
 def _end(cut: ScoredCut) -> list[Fault]:
-    off = float(cut.tip[-1]) - cut.length
+    off = float(cut.tip[cut.end]) - cut.length
     beyond = float(cut.tip.max()) - cut.length
     at = float(cut.time[-1]), float(cut.position[-1])
     if beyond > TIP_TOLERANCE:
@@ -109,8 +105,8 @@ def _end(cut: ScoredCut) -> list[Fault]:
 
 
 def _wedge(cut: ScoredCut) -> list[Fault]:
-    angle = float(cut.angle[-1])
-    if angle >= _STEEP:
+    angle = float(cut.angle[cut.end])
+    if abs(0.5 * math.pi - angle) <= ANGLE_TOLERANCE:
         return []
     return [
         Fault(

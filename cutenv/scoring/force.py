@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cutenv.measurement.strokes import turning_points
 from cutenv.scoring.cut import BANDWIDTH, RATE, ScoredCut
 from cutenv.scoring.metric import Unavailable, metric
+from cutenv.terms import force_per_depth
 
 Array = NDArray[np.float64]
 
@@ -25,11 +26,11 @@ def _advancing(cut: ScoredCut) -> Array:
 
 @metric(
     "N/m", "lower", formula="max F/B", source="limit of the task", validity=_ALL, needs=_PER_DEPTH,
-    invariances=("time_shift", "rest_after", "units"),
+    invariances=("time_shift", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def peak_force_per_depth(cut: ScoredCut) -> float:
     """Largest force per depth of cut: a bound of safety, no skill."""
-    return float((cut.newtons / cut.depth)[cut.advancing].max())
+    return float(force_per_depth(cut.newtons, cut.depth)[cut.advancing].max())
 
 
 @metric(
@@ -38,7 +39,7 @@ def peak_force_per_depth(cut: ScoredCut) -> float:
 )  # fmt: skip
 def mean_force_per_depth(cut: ScoredCut) -> float:
     """Mean force per depth of cut."""
-    return cut.mean(cut.newtons / cut.depth)
+    return cut.mean(force_per_depth(cut.newtons, cut.depth))
 
 
 @metric(
@@ -47,12 +48,13 @@ def mean_force_per_depth(cut: ScoredCut) -> float:
 )  # fmt: skip
 def rms_force_per_depth(cut: ScoredCut) -> float:
     """Root mean square of the force per depth of cut."""
-    return float(np.sqrt(cut.mean((cut.newtons / cut.depth) ** 2)))
+    return float(np.sqrt(cut.mean(force_per_depth(cut.newtons, cut.depth) ** 2)))
 
 
 @metric(
-    "F", "lower", formula="max F", source="limit of the task", validity=_ALL, invariances=("time_shift", "rest_after")
-)
+    "F", "lower", formula="max F", source="limit of the task", validity=_ALL,
+    invariances=("time_shift", "resampling", "rest_after"),
+)  # fmt: skip
 def peak_force(cut: ScoredCut) -> float:
     """Largest force: a bound of safety, no skill."""
     return float(_advancing(cut).max())
@@ -71,7 +73,7 @@ def force_time_integral(cut: ScoredCut) -> float:
 @metric(
     "1", "lower", formula="SD / mean over time of F below 5 Hz", source="force-based assessment",
     validity="mean force well above the sensor's zero",
-    invariances=("time_shift", "force_scale", "resampling", "rest_after"),
+    invariances=("time_shift", "force_scale", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def force_variation(cut: ScoredCut) -> float:
     """Coefficient of variation of the force."""
@@ -81,7 +83,8 @@ def force_variation(cut: ScoredCut) -> float:
 
 @metric(
     "1", "lower", formula="falls of F of 10 % of its peak or more", source="thesis, section 3.3.2",
-    validity="noise below 5 % of the peak", invariances=("time_shift", "force_scale", "force_offset", "rest_after"),
+    validity="noise below 5 % of the peak",
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def force_drops(cut: ScoredCut) -> float:
     """How often the force dropped: each drop is a piece of tissue that tore or let go."""
@@ -90,7 +93,7 @@ def force_drops(cut: ScoredCut) -> float:
 
 @metric(
     "F", "lower", formula="mean of these falls, 0 without any", source="thesis, section 3.3.2",
-    validity="noise below 5 % of the peak", invariances=("time_shift", "force_offset", "rest_after"),
+    validity="noise below 5 % of the peak", invariances=("time_shift", "force_offset", "resampling", "rest_after"),
 )  # fmt: skip
 def mean_force_drop(cut: ScoredCut) -> float:
     """How deep the drops of the force were on average."""
@@ -119,7 +122,7 @@ def force_jerk(cut: ScoredCut) -> float:
 
 @metric(
     "1", "none", formula="max F / RMS F, below 5 Hz", source="signal analysis", validity=_ALL,
-    invariances=("time_shift", "force_scale", "resampling", "rest_after"),
+    invariances=("time_shift", "force_scale", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def crest_factor(cut: ScoredCut) -> float:
     """How far the peak stands out of the force."""

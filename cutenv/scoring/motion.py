@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.measurement.strokes import STANDSTILL, blade_speed, strokes
-from cutenv.scoring.cut import RATE, ScoredCut
+from cutenv.scoring.cut import RATE, ScoredCut, even_instants
 from cutenv.scoring.metric import Unavailable, metric
 
 Array = NDArray[np.float64]
@@ -20,20 +20,23 @@ _MOTION = ("position",)
 
 
 @metric(
-    "s", "lower", formula="from the first motion to the last", source="cost of the task",
-    validity="needs position; else the whole record", invariances=("time_shift", "resampling", "rest_after"),
+    "s", "lower", formula="from the first motion to the last, or from the first force", source="cost of the task",
+    validity="without position: while the force is above a tenth of its range",
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def duration(cut: ScoredCut) -> float:
     """Time that the cut took."""
     if cut.trace.position is None:
-        return cut.trace.duration
+        under = cut.time[cut.advancing]
+        return float(under[-1] - under[0])
     first, last, _ = moving_between(cut)
     return float(cut.time[last] - cut.time[first])
 
 
 @metric(
     "s", "lower", formula="time below 0.5 mm/s between the first motion and the last", source="motion analysis",
-    validity="speed from position over 50 ms", needs=_MOTION, invariances=("time_shift", "resampling", "rest_after"),
+    validity="speed from position over 50 ms", needs=_MOTION,
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def idle_time(cut: ScoredCut) -> float:
     """Time in which the blade stood before it went on."""
@@ -43,7 +46,8 @@ def idle_time(cut: ScoredCut) -> float:
 
 @metric(
     "1", "lower", formula="strokes that go the other way than the one before", source="motion analysis",
-    validity="strokes of 0.2 mm and more", needs=_MOTION, invariances=("time_shift", "resampling", "rest_after"),
+    validity="strokes of 0.2 mm and more", needs=_MOTION,
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def reversals(cut: ScoredCut) -> float:
     """How often the blade turned back, or forward again."""
@@ -53,7 +57,8 @@ def reversals(cut: ScoredCut) -> float:
 
 @metric(
     "1", "none", formula="minus the arc length of the speed's normalised spectrum, to 10 Hz", validity="rest to rest",
-    source="Balasubramanian et al. 2015, doi 10.1186/s12984-015-0090-9", needs=_MOTION, invariances=("time_shift",),
+    source="Balasubramanian et al. 2015, doi 10.1186/s12984-015-0090-9", needs=_MOTION,
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def sparc(cut: ScoredCut) -> float:
     """Smoothness of the motion, by its spectral arc length."""
@@ -62,7 +67,8 @@ def sparc(cut: ScoredCut) -> float:
 
 @metric(
     "1", "none", formula="-ln(T^3 / v_peak^2 integral of (d2v/dt2)^2 dt)", validity="rest to rest",
-    source="Balasubramanian et al. 2015, doi 10.1186/s12984-015-0090-9", needs=_MOTION, invariances=("time_shift",),
+    source="Balasubramanian et al. 2015, doi 10.1186/s12984-015-0090-9", needs=_MOTION,
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def log_dimensionless_jerk(cut: ScoredCut) -> float:
     """Smoothness of the motion, by its jerk."""
@@ -129,7 +135,7 @@ def _moving(cut: ScoredCut) -> NDArray[np.bool_]:
 def _rest_to_rest(cut: ScoredCut) -> Array:
     """Speed at 100 Hz [m/s] from the first motion to the last, with a little rest at either end."""
     first, last, _ = moving_between(cut)
-    instants = np.arange(float(cut.time[first]), float(cut.time[last]), 1.0 / RATE)
+    instants = even_instants(cut.time[first : last + 1], RATE)
     if len(instants) < 30:
         raise Unavailable("shorter than 0.3 s")
     speed = np.interp(instants, cut.time, blade_speed(cut.time, cut.position))

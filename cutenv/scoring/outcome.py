@@ -6,29 +6,31 @@ import math
 
 import numpy as np
 
+from cutenv import terms
 from cutenv.scoring.cut import ScoredCut
 from cutenv.scoring.metric import Unavailable, metric
 
+_FLAT = 0.1  # sine of the angle below which no blade cuts
 _TIP = ("position", "depth", "newtons", "tip")
-_VALID_TIP = "tip as far as it is known: truth, return stroke, or estimated with pig liver's modulus to about 2 mm"
+_VALID_TIP = "tip as far as it is known: truth; return stroke, to 0.3 mm; or estimated, to 1 mm, 4 mm at worst"
 
 
 @metric(
     "m", "lower", formula="|a_end - L|", source="terminal cost of the task", validity=_VALID_TIP,
-    needs=(*_TIP, "target_length"), invariances=("time_shift", "rest_after"),
+    needs=(*_TIP, "target_length"), invariances=("time_shift", "rest_after", "units"),
 )  # fmt: skip
 def tip_error(cut: ScoredCut) -> float:
     """How far from the target the crack tip ended."""
-    return abs(float(cut.tip[-1]) - cut.length)
+    return terms.tip_error(float(cut.tip[cut.end]), cut.length)
 
 
 @metric(
     "m", "lower", formula="max(a - L, 0)", source="cost of the task", validity=_VALID_TIP,
-    needs=(*_TIP, "target_length"), invariances=("time_shift", "rest_after"),
+    needs=(*_TIP, "target_length"), invariances=("time_shift", "rest_after", "units"),
 )  # fmt: skip
 def overshoot(cut: ScoredCut) -> float:
     """How far beyond the target the crack tip went."""
-    return max(float(cut.tip.max()) - cut.length, 0.0)
+    return float(terms.overshoot(float(cut.tip[: cut.end + 1].max()), cut.length))
 
 
 @metric(
@@ -37,12 +39,15 @@ def overshoot(cut: ScoredCut) -> float:
 )  # fmt: skip
 def wedge(cut: ScoredCut) -> float:
     """Width of the wedge that a blade leaning at the end leaves uncut, over its depth."""
-    return abs(1.0 / math.tan(float(cut.angle[-1])))
+    angle = float(cut.angle[cut.end])
+    if math.sin(angle) < _FLAT:
+        raise Unavailable(f"the blade lies flat, at {math.degrees(angle):.0f} degrees")
+    return abs(float(terms.wedge(angle, 1.0)))
 
 
 @metric(
     "1", "lower", formula="sum of jumps / advance of the tip", source="law of cutting, unstable growth",
-    validity=_VALID_TIP, needs=_TIP, invariances=("time_shift", "rest_after"),
+    validity=_VALID_TIP, needs=_TIP, invariances=("time_shift", "rest_after", "units"),
 )  # fmt: skip
 def uncontrolled_share(cut: ScoredCut) -> float:
     """Share of the cut that the crack ran by itself."""
@@ -54,7 +59,7 @@ def uncontrolled_share(cut: ScoredCut) -> float:
 
 @metric(
     "m", "lower", formula="max of jumps", source="law of cutting, unstable growth", validity=_VALID_TIP, needs=_TIP,
-    invariances=("time_shift", "rest_after"),
+    invariances=("time_shift", "rest_after", "units"),
 )  # fmt: skip
 def largest_jump(cut: ScoredCut) -> float:
     """Longest run of the crack by itself."""
@@ -63,16 +68,16 @@ def largest_jump(cut: ScoredCut) -> float:
 
 @metric(
     "m", "lower", formula="mean of x - a while the blade advances", source="law of cutting", validity=_VALID_TIP,
-    needs=_TIP, invariances=("time_shift", "rest_after"),
+    needs=_TIP, invariances=("time_shift", "rest_after", "units"),
 )  # fmt: skip
 def mean_lag(cut: ScoredCut) -> float:
     """How far the tip was behind the blade: tissue that is dragged along."""
-    return cut.mean(np.maximum(cut.position - cut.tip, 0.0))
+    return cut.mean(terms.lag(cut.position, cut.tip))
 
 
 @metric(
     "1", "lower", formula="integral of F dx / (R integral of B da)", source="thesis, 6.1-6.4", validity=_VALID_TIP,
-    needs=_TIP, invariances=("time_shift", "rest_after"),
+    needs=_TIP, invariances=("time_shift", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def work_over_fracture(cut: ScoredCut) -> float:
     """Work of the blade over the least that the cut area takes; R is the truth, or else pig liver's mean."""

@@ -19,6 +19,7 @@ import numpy as np
 from cutenv.compiled import compiled
 from cutenv.cutting.law import depth_at, stiffness_at, toughness_at
 from cutenv.cutting.records import TICK, Record, Records
+from cutenv.terms import ANGLE_TOLERANCE, TIP_TOLERANCE, force_per_depth, lag, overshoot, tip_error, wedge
 
 FORCE_ALLOWED = 400.0
 """Force per depth of cut that costs nothing [N/m]."""
@@ -26,10 +27,6 @@ LAG_ALLOWED = 0.010
 """Lag of the tip behind the blade that costs nothing [m]."""
 OVERSHOOT_ALLOWED = 0.005
 """Tip beyond the target, above which the task ends [m]."""
-TIP_TOLERANCE = 0.003
-"""Tip error of a success, and scale of its cost [m]."""
-ANGLE_TOLERANCE = math.radians(10.0)
-"""From upright, of a success [rad]."""
 TIP_ERROR_CAP = 3.0
 """Largest tip error that is charged, in tolerances."""
 TRAVEL_TO_FINISH = 0.010
@@ -105,8 +102,8 @@ def assess(
             uncontrolled += jump
             jumped += jump**2
         if force > FORCE_ALLOWED * depth:
-            over_force += force / depth - FORCE_ALLOWED
-        over_lag += max(x - a - LAG_ALLOWED, 0.0)
+            over_force += force_per_depth(force, depth) - FORCE_ALLOWED
+        over_lag += max(lag(x, a) - LAG_ALLOWED, 0.0)
         if touched == 1:
             backward += max(-moved, 0.0)
         haste += speed**2 * abs(moved)
@@ -137,7 +134,7 @@ def assess(
     progress.time, progress.quiet, progress.end = time, quiet, end
     progress.tip, progress.angle = a, readings[updates - 1].angle
     progress.over_limit, progress.out_of_range, progress.updates = over_limit, out_of_range, updates
-    progress.overshoot = max(a - L, 0.0)
+    progress.overshoot = overshoot(a, L)
 
     terms[:] = 0.0
     terms[_PROGRESS] = (min(a, L) - min(tip_before, L)) / L
@@ -157,9 +154,9 @@ def charge_end(task: Record, progress: Record, profile: Record, terms: Records) 
     """The terminal cost, the same for every end, and what an end for safety pays besides."""
     x = progress.position
     a = progress.tip
-    stored = 0.5 * stiffness_at(profile, a)[0] * max(x - a, 0.0) ** 2
-    terms[_TIP] -= task.tip_error * min(abs(a - task.target) / TIP_TOLERANCE, TIP_ERROR_CAP)
-    terms[_WEDGE] -= task.wedge / math.tan(progress.angle)
+    stored = 0.5 * stiffness_at(profile, a)[0] * lag(x, a) ** 2
+    terms[_TIP] -= task.tip_error * min(tip_error(a, task.target) / TIP_TOLERANCE, TIP_ERROR_CAP)
+    terms[_WEDGE] -= wedge(progress.angle, task.wedge)  # as deep as the weight: costs as much as it is wide
     terms[_STORED] -= task.stored * stored / (toughness_at(profile, a) * 0.003)
     if progress.end in (_FORCE_LIMIT, _OVERSHOOT):
         time_left = max(task.deadline - progress.time, 0.0)
@@ -170,7 +167,7 @@ def charge_end(task: Record, progress: Record, profile: Record, terms: Records) 
 @compiled
 def succeeded(task: Record, progress: Record) -> bool:
     """Finished, tip within 3 mm of the target, blade within 10 degrees of upright."""
-    near = abs(progress.tip - task.target) <= TIP_TOLERANCE
+    near = tip_error(progress.tip, task.target) <= TIP_TOLERANCE
     upright = abs(0.5 * math.pi - progress.angle) <= ANGLE_TOLERANCE
     success: bool = progress.end == _FINISHED and near and upright
     return success

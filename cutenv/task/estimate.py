@@ -5,10 +5,10 @@ from __future__ import annotations
 from cutenv.compiled import compiled
 from cutenv.cutting.law import depth_at, stiffness_at
 from cutenv.cutting.records import TICK, Record, Records
+from cutenv.terms import RUN_WINDOW, SMALLEST_RUN
 
-_RUN = 0.3e-3  # [m] of tip advance beyond the blade's own, below which it is noise and not an unstable run
 _SETTLE = 50  # updates for which the blade must keep its direction: a delayed force holds the friction of before
-_WINDOW = 20  # updates over which a run is looked for, longer than the sensor's noise and whatever the decision rate
+_WINDOW = round(RUN_WINDOW / TICK)  # updates, whatever the decision rate
 _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
 
 
@@ -38,7 +38,7 @@ def estimate(task: Record, progress: Record, nominal: Record, readings: Records,
         tick += 1
         if tick % _WINDOW == 0:
             run = a - progress.window_tip - max(reading.position - progress.window_position, 0.0)
-            if run > _RUN:
+            if run > SMALLEST_RUN:
                 jumps[i] = run
             progress.window_tip = a
             progress.window_position = reading.position

@@ -14,6 +14,7 @@ import numpy as np
 
 from cutenv.parameter import check_parameters, parameter
 from cutenv.task.records import TASK, Records
+from cutenv.terms import FORCE_LIMIT_PER_DEPTH
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +73,7 @@ class Limits:
     """Where the task ends for safety."""
 
     force_limit_per_depth: float = parameter(
-        1000.0, unit="N/m", low=1.0, high=1e5, provenance="assumed",
+        FORCE_LIMIT_PER_DEPTH, unit="N/m", low=1.0, high=1e5, provenance="assumed",
         why="a planner that knows the tissue never meets it", sweep=(600.0, 1500.0),
     )  # fmt: skip
 

@@ -136,6 +136,9 @@ class TissueDescription:
 
     def __post_init__(self) -> None:
         check_parameters(self)
+        fields = [field.name for field in dataclasses.fields(self)]
+        for each in self.calibration.evidence if self.calibration else ():
+            one_of("evidence of", each.name, fields)
         one_of("element", self.element, ("quad4", "quad8", "hex20"))
         one_of("formulation", self.formulation, ("plane_stress", "plane_strain", "solid"))
         if not self.speed_min < self.speed_max:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, get_args
 
@@ -33,6 +34,14 @@ class Evidence:
 
     def __post_init__(self) -> None:
         one_of("provenance", self.provenance, get_args(Provenance))
+        for what, text in (("name", self.name), ("how", self.how)):
+            if not isinstance(text, str) or not text:
+                raise ValueError(f"evidence's {what} = {text!r} must be text.")
+        ends = [end for end in (self.low, self.high) if end is not None]
+        if len(ends) == 1 or not all(isinstance(end, (int, float)) and math.isfinite(end) for end in ends):
+            raise ValueError(f"evidence of {self.name}: low = {self.low!r} and high = {self.high!r} are no interval.")
+        if ends and ends[0] > ends[1]:
+            raise ValueError(f"evidence of {self.name}: low = {self.low:g} is above high = {self.high:g}.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +62,19 @@ class Calibration:
     specimens: int
     evidence: tuple[Evidence, ...]
     notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for what, number in (("cuts", self.cuts), ("specimens", self.specimens)):
+            if isinstance(number, bool) or not isinstance(number, int) or number < 1:
+                raise ValueError(f"calibration: {what} = {number!r} must be a whole number, 1 or more.")
+        if self.specimens > self.cuts:
+            raise ValueError(f"calibration: {self.specimens} specimens cannot come of {self.cuts} cuts.")
+        names = [each.name for each in self.evidence]
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise ValueError(f"calibration: evidence of {twice} stands there twice.")
+        if not all(isinstance(note, str) for note in self.notes):
+            raise ValueError(f"calibration: notes = {self.notes!r} must be texts.")
 
     @property
     def not_measured(self) -> tuple[str, ...]:
@@ -77,11 +99,13 @@ class Calibration:
         Raises
         ------
         ValueError
-            If a field is missing or unknown.
+            If a field is missing or unknown, or its value is none.
         """
         try:
             evidence = tuple(Evidence(**each) for each in content["evidence"])
             rest = {name: value for name, value in content.items() if name not in ("evidence", "notes")}
+            if not isinstance(content["notes"], list):
+                raise TypeError(f"notes = {content['notes']!r} is no list")
             return cls(evidence=evidence, notes=tuple(content["notes"]), **rest)
         except (TypeError, KeyError, AttributeError) as error:
             raise ValueError(f"calibration is not what cutenv calibrate writes ({error}); make it anew.") from None

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from cutenv.cutting.records import Records
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.task.assessment import FORCE_ALLOWED, TIP_TOLERANCE
+from cutenv.task.assessment import FORCE_ALLOWED
 from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.terms import TIP_TOLERANCE
 from cutenv.tissue.specimen import SPACING
 
 Array = NDArray[np.float64]

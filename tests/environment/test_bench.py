@@ -11,7 +11,19 @@ import numpy as np
 import pytest
 
 from cutenv import bench
-from cutenv.bench import batch, environment, factorisation, field, gymnasium_vectors, limits, models, ppo, reading, tick
+from cutenv.bench import (
+    batch,
+    calibration,
+    environment,
+    factorisation,
+    field,
+    gymnasium_vectors,
+    limits,
+    models,
+    ppo,
+    reading,
+    tick,
+)
 from cutenv.bench.measured import Measured, Number
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue import Specimen
@@ -24,6 +36,7 @@ MODULES: dict[str, ModuleType] = {
     "field": field,
     "models": models,
     "factorisation": factorisation,
+    "calibration": calibration,
     "ppo": ppo,
 }
 
@@ -93,6 +106,14 @@ def test_the_sizes_are_the_printed_ones():
     assert models.printed_sizes() == {"quad4": 0.04, "quad8": 0.1, "hex20": 1.0}
 
 
+def test_a_session_is_read_from_files_and_calibrated():
+    records = calibration.session(livers=2, speeds=(0.0127, 0.0254))
+    assert [record.metadata["specimen"] for record in records] == ["liver 0"] * 4 + ["liver 1"] * 4
+    found = calibration.session_times(records)
+    assert (found.cuts, found.readings) == (8, sum(len(record) for record in records))
+    assert min(found.reading, found.measuring, found.together) > 0.0
+
+
 def factorising(divisions: tuple[int, int], repeats: int) -> factorisation.FactorisationSpeedup:
     return {
         "divisions": divisions, "n_tips": 15, "n_equations": 876, "per_tip_s": 0.1, "one_factorisation_s": 0.01,
@@ -116,6 +137,10 @@ def made_up(monkeypatch):
     levels = {name: models.LevelTimes(100 * n, 3.0 * n, 1.0 * n) for n, name in enumerate(models.LEVELS, 1)}
     monkeypatch.setattr(models, "level_times", lambda: levels)
     monkeypatch.setattr(factorisation, "factorisation_speedup", factorising)
+    monkeypatch.setattr(calibration, "session", lambda: [])
+    monkeypatch.setattr(
+        calibration, "session_times", lambda records: calibration.SessionTimes(84, 2_680_000, 4.0, 5.0, 1.0)
+    )
     monkeypatch.setattr(ppo, "missing", lambda checkout: None)
     read = {"numpy.loadtxt": 0.1, ".csv": 0.31, ".parquet": 0.01, ".h5": 0.25}
     monkeypatch.setattr(reading, "reading_times", lambda traces: read)
@@ -138,6 +163,8 @@ def made_up(monkeypatch):
         ("factorisation", 1, "10.0 times faster (MISSED: required 15)"),
         ("factorisation", 1, "10.0 times faster (required 8)"),
         ("reading", 1, ".csv: 310 ms, 3.10 of it; MISSED: the 3 allowed"),
+        ("calibration", 1, "84 cuts of 2.7 million readings, 400 resamples: reading their CSV files 4.0 s"),
+        ("calibration", 1, "calibrating takes 1.50 times as long as reading; MISSED: the time of reading allowed"),
         ("ppo", 1, "12345 decisions a second over 65536"),
         ("ppo", 1, "the environments take 25 % of the time; MISSED: the 10 % allowed"),
     ],

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from cutenv.recording import UNITS, load
+from cutenv.recording import UNITS, load, load_operators
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
@@ -42,7 +42,7 @@ def test_the_measuring_example_prints_what_its_comments_say(tmp_path):
 
 
 def test_the_record_that_is_shown_loads_as_the_text_above_it_says(tmp_path):
-    (shown,) = re.findall(r"```csv\n(.*?)```", README, re.DOTALL)
+    shown, _ = re.findall(r"```csv\n(.*?)```", README, re.DOTALL)
     (tmp_path / "rig.csv").write_text(shown)
     first, second = load(tmp_path / "rig.csv")
     assert list(first.force) == [0.05, 0.31]
@@ -53,6 +53,17 @@ def test_the_record_that_is_shown_loads_as_the_text_above_it_says(tmp_path):
     assert load(tmp_path / "rig.csv", force="-x")[1].force == pytest.approx(second.force)
 
 
+def test_the_table_of_operators_that_is_shown_loads(tmp_path):
+    _, shown = re.findall(r"```csv\n(.*?)```", README, re.DOTALL)
+    (tmp_path / "operators.csv").write_text(shown)
+    rows = load_operators(tmp_path / "operators.csv")
+    assert [(row.record, row.group, row.order) for row in rows] == [
+        ("N01_01.csv", "novice", 1.0),
+        ("N01_02.csv", "novice", 2.0),
+        ("E01_01.csv", "expert", 1.0),
+    ]
+
+
 def test_the_units_that_are_listed_are_those_that_are_understood():
     listed = dict(re.findall(r"^\| (`(?:time|force|position|speed|angle)`.*?) \| (.*) \|$", README, re.MULTILINE))
     found = {re.findall(r"`(\w+)`", fields)[0]: re.findall(r"`(\w+)`", units) for fields, units in listed.items()}
@@ -61,7 +72,7 @@ def test_the_units_that_are_listed_are_those_that_are_understood():
 
 
 def test_there_is_an_example_of_each_use():
-    assert len(EXAMPLES) == 6
+    assert len(EXAMPLES) == 7
 
 
 def update(*arguments: str) -> subprocess.CompletedProcess[str]:

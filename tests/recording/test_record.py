@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from recorded_cut import recorded_cut
 
+from cutenv import recording
 from cutenv.recording import RecordError, save
 from cutenv.recording.mapping import ColumnMap
 from cutenv.recording.record import read_record
@@ -69,3 +70,10 @@ def test_a_mapping_is_for_text_files(tmp_path: Path) -> None:
 def test_a_missing_file_is_an_os_error(name: str, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         read_record(tmp_path / name, None if name.endswith("5") else MAPPING)
+
+
+def test_every_public_name_is_there_and_no_other() -> None:
+    for name in recording.__all__:
+        assert getattr(recording, name) is not None
+    with pytest.raises(AttributeError, match="has no attribute 'load_foregin'"):
+        _ = recording.load_foregin

@@ -55,7 +55,7 @@ def test_the_first_of_several_is_shown_and_the_others_are_told_of(
     save([trace(name="first"), trace(name="second")], here / "two.csv")
     assert cli.main(["view", "two.csv"]) == 0
     assert (here / "first_view.html").exists()
-    assert "the first of 2 cuts" in capsys.readouterr().err
+    assert "cut 1 of 2 is shown" in capsys.readouterr().err
 
 
 def test_open_opens_the_page_from_disk(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,7 +78,7 @@ def test_a_foreign_table_is_mapped(here: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["cut.csv", "--cut", "3"], "the file holds 1 cuts"),
+        (["cut.csv", "--cut", "3"], "the file holds cuts 1;"),
         (["cut.csv", "--target", "80"], "no length with a unit"),
         (["cut.csv", "--out", "nowhere/page.html"], "no such folder"),
         (["none.csv"], "no such file"),

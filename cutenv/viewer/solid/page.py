@@ -233,7 +233,7 @@ def _notes(cut: ShownCut, colour: str) -> list[str]:
         f"The tissue is displaced by the finite-element model's field for the tip and the elastic force at the instant "
         f"(local effective modulus {1e-3 * cut.modulus:.1f} kPa), to scale, nothing exaggerated. Its faces slide along "
         "the cut line and do not part: the open cut is drawn for the eye, and its front leans as the blade does.",
-        "The tip is estimated: blade less elastic force over stiffness, to about 2 mm."
+        "The tip is estimated: blade less elastic force over stiffness, to 1 mm, 4 mm at worst."
         if cut.tip_source == "estimated"
         else "The tip is estimated with the stiffness and the friction that the return stroke told.",
         "The depth of cut was recorded along the line; it is drawn the same across the specimen, and held beyond the "

@@ -1,0 +1,163 @@
+"""From records of several people to a study: reliability of metrics, separation of groups, learning by CUSUM."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cutenv.commands.records import Records, Source, add_record_options, read_records
+from cutenv.recording import OperatorRow, load_operators
+from cutenv.scoring import METRICS, score
+from cutenv.scoring.card import DISCLAIMER
+from cutenv.scoring.study import StudiedCut, Study
+
+SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
+
+
+def main(argv: Sequence[str]) -> int:
+    """Study; 2 if the records, the table or the options are bad."""
+    parser = _parser()
+    arguments = parser.parse_args(argv)
+    try:
+        _study(arguments)
+    except (ImportError, OSError, ValueError) as error:
+        if isinstance(error, ModuleNotFoundError):
+            raise  # the command line names the extra
+        print(f"cutenv study: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _study(arguments: argparse.Namespace) -> None:
+    from cutenv.report.study_page import write_study
+    from cutenv.report.study_table import table_lines
+
+    _check_out(arguments.out)
+    rows = load_operators(arguments.operators)
+    arguments.records = _files(arguments)
+    records = read_records(arguments)
+    for note in records.notes:
+        print(f"note: {note}", file=sys.stderr)
+    length = None if arguments.target_length_cm is None else 0.01 * arguments.target_length_cm
+    cuts = [
+        StudiedCut(
+            card=score(records.traces[i], target_length=length),
+            operator=row.operator,
+            group=row.group,
+            session=row.session,
+        )
+        for row, i in assigned(rows, records, arguments.operators)
+    ]
+    study = Study(
+        name=arguments.name or arguments.operators.stem,
+        cuts=cuts,
+        metrics=tuple(arguments.metric or ()),
+        groups=None if arguments.groups is None else tuple(arguments.groups),
+        target_group=arguments.target_group,
+        target=arguments.target,
+    )
+    print("\n".join(table_lines(study)))
+    for each in records.refused:
+        print(f"note: left out: {each.name}: {each.reason}")
+    if arguments.out is not None:
+        cards = write_study(arguments.out, study)
+        print(f"\npage: {arguments.out}\ncards: {cards}")
+
+
+def assigned(rows: Sequence[OperatorRow], records: Records, table: Path) -> list[tuple[OperatorRow, int]]:
+    """Every cut's row and its place in ``records.traces``, in the order in which each operator made them.
+
+    Raises
+    ------
+    ValueError
+        If a cut has no row or two, or a row no cut; names them all.
+    """
+    found: list[tuple[OperatorRow, int]] = []
+    used: dict[str, set[Path]] = {}
+    unknown = []
+    by_name = {row.record: row for row in rows}
+    for i, source in enumerate(records.sources):
+        names = [name for name in _names(source) if name in by_name]
+        if len(names) > 1:
+            raise ValueError(f"{table}: records {' and '.join(map(repr, names))} are one cut; keep one row.")
+        if not names:
+            unknown.append(_names(source)[0])
+            continue
+        used.setdefault(names[0], set()).add(source.path)
+        found.append((by_name[names[0]], i))
+    twice = [name for name, paths in used.items() if len(paths) > 1]
+    # A record that was left out as bad keeps its row.
+    bad = {Path(each.name).stem for each in records.refused} | {each.name for each in records.refused}
+    missing = [row.record for row in rows if row.record not in used and not {row.record, Path(row.record).stem} & bad]
+    wrong = [f"no row for {', '.join(unknown)}"] * bool(unknown)
+    wrong += [f"no record for {', '.join(missing)}"] * bool(missing)
+    wrong += [f"several files are called {', '.join(twice)}; give their suffixes"] * bool(twice)
+    if wrong:
+        raise ValueError(f"{table} and the records do not fit: {'; '.join(wrong)}.")
+    return sorted(found, key=lambda pair: (pair[0].order, pair[0].line, pair[1]))
+
+
+def _names(source: Source) -> list[str]:
+    """What a row may call a cut."""
+    names = [source.path.name, source.path.stem]
+    if source.number is not None:
+        names += [f"{name} {source.number}" for name in names]
+    return names
+
+
+def _files(arguments: argparse.Namespace) -> list[Path]:
+    """The records that are meant: folders stand for the record files in them, less the table and our own output."""
+    ours = {arguments.operators.resolve()}
+    if arguments.out is not None:
+        ours.add(arguments.out.with_suffix(".csv").resolve())
+    files: list[Path] = []
+    for path in arguments.records:
+        if not path.is_dir():
+            files.append(path)
+            continue
+        inside = [each for each in sorted(path.iterdir()) if each.suffix.lower() in SUFFIXES and each.is_file()]
+        inside = [each for each in inside if each.resolve() not in ours]
+        if not inside:
+            raise FileNotFoundError(f"no records in {path}; they end in {', '.join(SUFFIXES)}.")
+        files += inside
+    return files
+
+
+def _check_out(out: Path | None) -> None:
+    """Refuse what could not be written, before any work."""
+    if out is None:
+        return
+    if out.suffix != ".html":
+        raise ValueError(f"--out {out} must end in .html; the cards go beside it as .csv.")
+    if not out.parent.is_dir():
+        raise FileNotFoundError(f"no such folder: {out.parent}; make it first.")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="cutenv study",
+        description=__doc__,
+        epilog=f"Metrics: {', '.join(METRICS)}. {DISCLAIMER}",
+    )
+    add_record_options(parser, metavar="FOLDER", about="of records (CSV, Parquet or HDF5), or the records themselves")
+    parser.add_argument(
+        "--operators",
+        type=Path,
+        required=True,
+        metavar="TABLE.csv",
+        help="columns record, operator (an anonymous code, P07), and where there are group, session, order",
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE.html", help="page; every card beside it as .csv")
+    parser.add_argument(
+        "--metric", action="append", choices=list(METRICS), metavar="NAME", help="again for more; default the leading"
+    )
+    parser.add_argument(
+        "--groups", nargs=2, metavar="NAME", help="whose separation is told, if there are more than two"
+    )
+    parser.add_argument("--target-group", metavar="NAME", help="whose mean is the target of the cumulative sums")
+    parser.add_argument("--target", type=float, metavar="VALUE", help="the target itself, in SI, of the one --metric")
+    parser.add_argument("--target-length-cm", type=float, metavar="CM", help="aimed at, where records do not say")
+    parser.add_argument("--name", help="of the study; default the table's")
+    return parser

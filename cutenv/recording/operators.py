@@ -1,0 +1,148 @@
+"""The table of a study: which record is whose cut, from which group, in which session, in which order."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from cutenv.recording.errors import RecordError
+from cutenv.recording.provenance import check_operator
+
+NEEDED = ("record", "operator")
+OPTIONAL = ("group", "session", "order")
+_CURE = f"Give {' and '.join(NEEDED)}, and where the study has them {', '.join(OPTIONAL)}."
+
+
+@dataclass(frozen=True, kw_only=True)
+class OperatorRow:
+    """One row: whose cut a record is.
+
+    Attributes
+    ----------
+    record : str
+        Name of the file, with its suffix or without; a file of several cuts is one row, or a row for each as
+        ``name 1``, ``name 2``.
+    operator : str
+        Anonymous code, such as "P07".
+    group, session : str
+        "" where the table has no such column.
+    order : float
+        Of the cut among all of its operator's, over all sessions; the row's place where the table has no such column.
+    line : int
+        In the file, from 1.
+    """
+
+    record: str
+    operator: str
+    group: str
+    session: str
+    order: float
+    line: int
+
+
+def load_operators(path: str | os.PathLike[str]) -> list[OperatorRow]:
+    """Read a table of operators: CSV with a row of headers, in UTF-8.
+
+    Parameters
+    ----------
+    path : path
+        With the columns ``record`` and ``operator``, and where the study has them ``group``, ``session``, ``order``
+        (a number).
+
+    Returns
+    -------
+    list of OperatorRow
+        In the order of the file.
+
+    Raises
+    ------
+    RecordError
+        If columns are missing, unknown or twice there, a cell is empty or no code, or a record or an
+        operator's order stands there twice; names line and cure.
+    FileNotFoundError
+        If there is no such file.
+    """
+    path = Path(path)
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            first = file.readline()
+            # A spreadsheet whose decimal sign is the comma parts cells by semicolons.
+            separator = ";" if ";" in first and "," not in first else ","
+            file.seek(0)
+            reader = csv.reader(file, delimiter=separator)
+            headers = [cell.strip().lower() for cell in next(reader, [])]
+            _check_headers(path, headers)
+            rows = [
+                _row(path, reader.line_num, headers, [cell.strip() for cell in cells])
+                for cells in reader
+                if any(cell.strip() for cell in cells)
+            ]
+    except UnicodeDecodeError:
+        raise RecordError(path, "it is not text in UTF-8. Save it as CSV in UTF-8.") from None
+    except csv.Error as error:
+        raise RecordError(path, f"it is no table ({error}). Save it as CSV in UTF-8.") from None
+    if not rows:
+        raise RecordError(path, f"it has no rows below its headers. {_CURE}")
+    _check_unique(path, rows)
+    return rows
+
+
+def _check_unique(path: Path, rows: list[OperatorRow]) -> None:
+    records: dict[str, int] = {}
+    places: dict[tuple[str, float], int] = {}
+    for row in rows:
+        if records.setdefault(row.record, row.line) != row.line:
+            raise RecordError(
+                path, f"record {row.record!r} stands in line {records[row.record]} and in line {row.line}; keep one."
+            )
+        other = places.setdefault((row.operator, row.order), row.line)
+        if other != row.line:
+            raise RecordError(
+                path,
+                f"operator {row.operator} has order {row.order:g} in line {other} and in line {row.line}. Number all "
+                "of an operator's cuts on, from session to session.",
+            )
+
+
+def _check_headers(path: Path, headers: list[str]) -> None:
+    missing = [name for name in NEEDED if name not in headers]
+    unknown = [name for name in headers if name not in (*NEEDED, *OPTIONAL)]
+    if missing or unknown or len(set(headers)) < len(headers):
+        wrong = [f"lacks {', '.join(missing)}"] * bool(missing)
+        wrong += [f"has unknown columns {', '.join(map(repr, unknown))}"] * bool(unknown)
+        wrong += ["has a column twice"] * (not wrong)
+        raise RecordError(path, f"its header {','.join(headers)!r} {' and '.join(wrong)}. {_CURE}")
+
+
+def _row(path: Path, line: int, headers: list[str], cells: list[str]) -> OperatorRow:
+    if len(cells) != len(headers):
+        raise RecordError(path, f"line {line} has {len(cells)} cells for {len(headers)} columns.")
+    cell = dict(zip(headers, cells, strict=True))
+    for name, text in cell.items():
+        if not text:
+            raise RecordError(path, f"line {line} has no {name}. Fill it in, or leave the column out for all.")
+    try:
+        check_operator(cell["operator"])
+    except ValueError as error:
+        raise RecordError(path, f"line {line}: {error}") from None
+    return OperatorRow(
+        record=cell["record"],
+        operator=cell["operator"],
+        group=cell.get("group", ""),
+        session=cell.get("session", ""),
+        order=_order(path, line, cell.get("order", str(line))),
+        line=line,
+    )
+
+
+def _order(path: Path, line: int, text: str) -> float:
+    try:
+        order = float(text)
+    except ValueError:
+        order = math.nan
+    if not math.isfinite(order):
+        raise RecordError(path, f"line {line}: order {text!r} is no number. Give the cut's place: 1, 2, 3, ...")
+    return order

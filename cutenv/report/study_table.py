@@ -1,0 +1,114 @@
+"""A study's numbers as text, and its cards as a file."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+
+from cutenv.atomic import replacing
+from cutenv.report.page import number
+from cutenv.scoring.card import DISCLAIMER
+from cutenv.scoring.study import Estimate, Findings, Intraclass, OneWay, Separation, Study, Untold, numbered
+
+_LONGEST = 1e4  # number of cuts beyond which "how many" is no answer
+
+
+def table_lines(study: Study) -> list[str]:
+    """The study's numbers as aligned text: metrics by person, reliability, separation, notes."""
+    lines = [
+        f"{study.name}: {len(study.cuts)} cuts of {len(study.operators)} {study.who}s",
+        "",
+        f"{'metric':24s} {'unit':6s} {'mean':>9s} {'SD between':>11s} {'SD within':>10s}  "
+        f"{'ICC of one cut':21s} {'ICC of the mean':21s} {'cuts for 0.8':>12s}",
+    ]
+    for found in study.findings:
+        mean, between, within = spread(found)
+        reliability = found.reliability
+        told = (
+            reliability.reason
+            if isinstance(reliability, Untold)
+            else f"{_correlation(reliability.single):21s} {_correlation(reliability.mean):21s} "
+            f"{cuts_needed(reliability):>12s}"
+        )
+        lines.append(f"{found.metric:24s} {found.unit:6s} {mean:9.4g} {between:>11s} {within:>10s}  {told}".rstrip())
+    if study.groups is not None:
+        first, second = study.groups
+        lines += ["", f"{'metric':24s} P({first} > {second}){'':4s} Hedges' g"]
+        for found in study.findings:
+            lines.append(f"{found.metric:24s} {_both(found.separation, 'superiority', 'difference')}")
+    if len(study.sessions) > 1:
+        lines += ["", f"{'metric':24s} {'ICC(A,1) of sessions':21s} ICC(C,1)"]
+        for found in study.findings:
+            lines.append(f"{found.metric:24s} {_both(found.retest, 'agreement', 'consistency')}")
+    return [*lines, "", *(f"note: {note}" for note in (*study.notes, DISCLAIMER))]
+
+
+def write_cards(path: Path, study: Study) -> None:
+    """A row for each cut: who made it, and every metric; empty where a cut has none."""
+    names = list(study.cuts[0].card.metrics)
+    units = {name: study.cuts[0].card.unit(name) for name in names}
+    heads = [name if unit == "1" else f"{name}_{_suffix(unit)}" for name, unit in units.items()]
+    with replacing(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["record", study.who, "group", "session", "number", "force_unit", "tip_source", *heads])
+        for place, cut in numbered(study.cuts):
+            card = cut.card
+            values = [card.metrics[name].value for name in names]
+            writer.writerow(
+                [card.name, cut.operator, cut.group, cut.session, place, card.force_unit, card.tip_source]
+                + ["" if value is None else f"{value:.6g}" for value in values]
+            )
+
+
+def _suffix(unit: str) -> str:
+    """A unit as a part of a name: N/s is N_per_s, which N s is not."""
+    return unit.removeprefix("1").replace("/", "_per_").replace(" ", "_").strip("_")
+
+
+def spread(found: Findings) -> tuple[float, str, str]:
+    """Mean over people, and standard deviations between and within them as text, "" where not known."""
+    means = [float(values.mean()) for values in found.series.values()]
+    if isinstance(found.reliability, OneWay):
+        return (
+            float(np.mean(means)),
+            three_digits(found.reliability.between_sd),
+            three_digits(found.reliability.within_sd),
+        )
+    return float(np.mean(means)), "", three_digits(found.scale) if found.scale > 0.0 else ""
+
+
+def cuts_needed(told: OneWay) -> str:
+    """Cuts whose mean would reach a reliability of 0.8, in words where none would."""
+    cuts = told.cuts_for(0.8)
+    return "none will do" if math.isinf(cuts) or cuts > _LONGEST else str(max(1, math.ceil(cuts)))
+
+
+def _both(told: Separation | Intraclass | Untold, first: str, second: str) -> str:
+    """Two estimates beside each other, or why there are none."""
+    if isinstance(told, Untold):
+        return told.reason
+    shown = _correlation if isinstance(told, Intraclass) else _plain_interval
+    return f"{shown(getattr(told, first)):21s} {shown(getattr(told, second))}"
+
+
+def correlation(value: float) -> str:
+    """A correlation; those of means have no lower bound, and how far below -1 tells nothing."""
+    return f"< {number(-1.0, 0)}" if value < -1.0 else number(value, 2)
+
+
+def _correlation(each: Estimate) -> str:
+    return f"{correlation(each.value)} [{correlation(each.low)}, {correlation(each.high)}]"
+
+
+def _plain_interval(each: Estimate) -> str:
+    return f"{each.value:.2f} [{each.low:.2f}, {each.high:.2f}]"
+
+
+def three_digits(value: float) -> str:
+    """Three significant digits as print sets them."""
+    if value == 0.0:
+        return "0"
+    return number(value, max(0, 2 - math.floor(math.log10(abs(value)))))

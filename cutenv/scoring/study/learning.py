@@ -1,0 +1,187 @@
+"""Learning: how a metric changes from cut to cut, and when a person's cuts are as good as a target."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import t as student
+
+from cutenv.scoring.study.estimate import CONFIDENCE, FEWEST, Array, series_of, values_of
+from cutenv.validation import in_range
+
+SLACK, THRESHOLD = 0.5, 4.0
+"""Of :func:`cusum`, in standard deviations of single cuts."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cusum:
+    """Cumulative sums of one person's cuts against a target, in standard deviations; every array of shape (n,).
+
+    Attributes
+    ----------
+    total : ndarray
+        Plain sum of the deviations from the target; it falls while cuts lie below.
+    reaching : ndarray
+        Learning curve CUSUM: begins at 0 with the person taken to be beyond the target, and grows while cuts are not.
+    leaving : ndarray
+        Page's CUSUM: grows while cuts lie beyond the target by more than the slack.
+    threshold : float
+        From which either signals.
+    """
+
+    total: Array
+    reaching: Array
+    leaving: Array
+    threshold: float
+
+    @property
+    def reached_at(self) -> int | None:
+        """Number of the first cut, from 1, at which the target counts as reached; None if it does not."""
+        return _first(self.reaching > self.threshold)
+
+    @property
+    def left_at(self) -> int | None:
+        """Number of the first cut, from 1, at which cuts count as beyond the target; None if they do not."""
+        return _first(self.leaving > self.threshold)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LearningCurve:
+    """A metric by the number of the cut, over people; every array of shape (n,).
+
+    Attributes
+    ----------
+    number : ndarray of int
+        Of the cut, from 1.
+    people : ndarray of int
+        Who made it.
+    mean, low, high : ndarray
+        Over these people; interval by Student's t.
+    change, change_low, change_high : ndarray
+        From each person's own first cut, paired; 0 at the first.
+    """
+
+    number: NDArray[np.int_]
+    people: NDArray[np.int_]
+    mean: Array
+    low: Array
+    high: Array
+    change: Array
+    change_low: Array
+    change_high: Array
+
+
+def cusum(
+    values: ArrayLike, target: float, scale: float, *, slack: float = SLACK, threshold: float = THRESHOLD, sign: int = 1
+) -> Cusum:
+    """Cumulative sums of values against a target.
+
+    Parameters
+    ----------
+    values : array_like of shape (n,)
+        Of one person's cuts in their order; n is 2 or more.
+    target : float
+        The level that a learner is to reach; in the unit of the values.
+    scale : float
+        Standard deviation of single cuts of one person, above 0; in the unit of the values.
+    slack : float
+        Half the distance, in standard deviations, between the target and what is to be told from it; 0.05 to 3.
+    threshold : float
+        Beyond which a sum signals, in standard deviations, 1 to 20.
+    sign : {1, -1}
+        1 if small values are good ("beyond" is above the target), -1 if large ones are.
+
+    Returns
+    -------
+    Cusum
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is out of range.
+
+    Notes
+    -----
+    With z = sign (value - target)/scale and slack k: ``leaving`` is Page's max(0, C + z - k) in the tabular form of
+    Montgomery, Introduction to Statistical Quality Control, section 9.1 (equation 9.2). ``reaching`` is the
+    learning curve CUSUM max(0, C - z + k): the person is taken to be at the target + 2k until the sum passes the
+    threshold (Biau & Porcher, Statistics in Medicine 29 (2010) 1900-1909, doi 10.1002/sim.3947, one-sided). Sums are
+    not set back after a signal. With the defaults a person at the target is told after 8.4 cuts on average, and one
+    who stays one standard deviation beyond it after 335 (average run lengths, for normal values that do not depend on
+    one another).
+    """
+    column = values_of("values", values, fewest=2)
+    at = in_range("target", target, -1e12, 1e12, "1")
+    spread = in_range("scale", scale, 1e-12, 1e12, "1", "Give the standard deviation of one person's cuts.")
+    k = in_range("slack", slack, 0.05, 3.0, "1", "In standard deviations; 0.5 is usual.")
+    h = in_range("threshold", threshold, 1.0, 20.0, "1", "In standard deviations; 4 or 5 is usual.")
+    if sign not in (1, -1):
+        raise ValueError(f"sign must be 1 (small values are good) or -1, got {sign!r}.")
+    z = sign * (column - at) / spread
+    return Cusum(total=np.cumsum(z), reaching=_summed(-z + k), leaving=_summed(z - k), threshold=h)
+
+
+def learning_curve(series: Sequence[ArrayLike], *, confidence: float = CONFIDENCE) -> LearningCurve:
+    """Mean over people by the number of the cut, and the paired change since each person's first.
+
+    Parameters
+    ----------
+    series : sequence of array_like
+        The values of each person's cuts in their order: 3 people or more, 2 cuts each or more. People may differ in
+        number of cuts; the curve ends where fewer than 3 are left.
+    confidence : float
+        Of the intervals at each number by itself, 0.5 to 0.999.
+
+    Returns
+    -------
+    LearningCurve
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there are too few people or cuts.
+    """
+    columns = series_of("series", series, fewest=2)
+    level = in_range("confidence", confidence, 0.5, 0.999, "1")
+    last = sorted((len(column) for column in columns), reverse=True)[FEWEST - 1]
+    rows = []
+    for i in range(last):
+        here = [column for column in columns if len(column) > i]
+        values = np.array([column[i] for column in here])
+        change = values - np.array([column[0] for column in here])
+        rows.append((i + 1, len(here), *_interval(values, level), *_interval(change, level)))
+    number, people, mean, low, high, change, change_low, change_high = np.array(rows).T
+    return LearningCurve(
+        number=number.astype(int),
+        people=people.astype(int),
+        mean=mean,
+        low=low,
+        high=high,
+        change=change,
+        change_low=change_low,
+        change_high=change_high,
+    )
+
+
+def _interval(values: Array, level: float) -> tuple[float, float, float]:
+    half = float(student.ppf(0.5 * (1.0 + level), len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values)))
+    mean = float(values.mean())
+    return mean, mean - half, mean + half
+
+
+def _summed(steps: Array) -> Array:
+    """Sums that start at 0 and never fall below it."""
+    sums = np.zeros(len(steps))
+    level = 0.0
+    for i, step in enumerate(steps):
+        level = max(0.0, level + float(step))
+        sums[i] = level
+    return sums
+
+
+def _first(signals: NDArray[np.bool_]) -> int | None:
+    found = np.flatnonzero(signals)
+    return int(found[0]) + 1 if len(found) else None

@@ -1,0 +1,232 @@
+"""Reliability: how much of the spread of a metric is between people, and how much between the cuts of one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import f as fisher
+
+from cutenv.scoring.study.estimate import CONFIDENCE, FEWEST, Array, Estimate, series_of, vanishes
+from cutenv.validation import array_in_range, in_range
+
+
+@dataclass(frozen=True, kw_only=True)
+class Intraclass:
+    """Intraclass correlations of a full table, each with its interval.
+
+    In the words of McGraw & Wong (1996), with Shrout & Fleiss's (1979) names: ``one_way`` is ICC(1), or ICC(1,1);
+    ``agreement`` ICC(A,1), or ICC(2,1); ``consistency`` ICC(C,1), or ICC(3,1). Those of means over the k columns
+    have ``_of_means`` behind: ICC(k), ICC(A,k), ICC(C,k), or ICC(1,k), ICC(2,k), ICC(3,k).
+
+    Attributes
+    ----------
+    one_way : Estimate
+        Each row's measurements are of its own sort: columns mean nothing.
+    agreement : Estimate
+        Columns are a sample (sessions, raters); a shift between them counts as disagreement.
+    consistency : Estimate
+        A shift between columns, such as learning from one session to the next, does not count.
+    one_way_of_means, agreement_of_means, consistency_of_means : Estimate
+        Of the mean over all k columns.
+    rows, columns : int
+        n and k.
+    """
+
+    one_way: Estimate
+    agreement: Estimate
+    consistency: Estimate
+    one_way_of_means: Estimate
+    agreement_of_means: Estimate
+    consistency_of_means: Estimate
+    rows: int
+    columns: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class OneWay:
+    """Reliability by one-way analysis of variance, from people with different numbers of cuts.
+
+    Attributes
+    ----------
+    single : Estimate
+        Of one cut: share of the variance that is between people; may be negative, which means none.
+    mean : Estimate
+        Of a person's mean over ``cuts`` cuts.
+    cuts : float
+        Harmonic mean of the numbers of cuts.
+    people, total : int
+        Number of people, and of cuts in all.
+    between_sd, within_sd : float
+        Standard deviation of people's own levels, and of one person's cuts; in the metric's unit.
+    """
+
+    single: Estimate
+    mean: Estimate
+    cuts: float
+    people: int
+    total: int
+    between_sd: float
+    within_sd: float
+
+    def cuts_for(self, reliability: float = 0.8) -> float:
+        """Cuts of which the mean would reach a reliability, by Spearman and Brown; infinite if single cuts have none.
+
+        Raises
+        ------
+        ValueError
+            If ``reliability`` is not 0.01 to 0.99.
+        """
+        wanted = in_range("reliability", reliability, 0.01, 0.99, "1")
+        rho = self.single.value
+        return float("inf") if rho <= 0.0 else wanted * (1.0 - rho) / ((1.0 - wanted) * rho)
+
+
+def intraclass_correlation(ratings: ArrayLike, *, confidence: float = CONFIDENCE) -> Intraclass:
+    """Intraclass correlations of a table without gaps, with intervals by the F distribution.
+
+    Parameters
+    ----------
+    ratings : array_like of shape (n, k)
+        A row for each person (3 or more), a column for each session or rater (2 or more); any one unit.
+    confidence : float
+        Of the intervals, 0.5 to 0.999.
+
+    Returns
+    -------
+    Intraclass
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the table is too small, has gaps, or its rows do not differ.
+
+    Notes
+    -----
+    McGraw & Wong, Psychological Methods 1 (1996) 30-46, Tables 4 and 7, doi 10.1037/1082-989X.1.1.30; Shrout &
+    Fleiss, Psychological Bulletin 86 (1979) 420-428. In the degrees of freedom of ICC(A,1)'s interval (Satterthwaite)
+    a negative estimate is taken for 0.
+    """
+    table = array_in_range("ratings", ratings, -1e12, 1e12, "1", "Leave out rows with gaps.")
+    if table.ndim != 2 or table.shape[0] < FEWEST or table.shape[1] < 2:
+        raise ValueError(
+            f"ratings has shape {table.shape}; give {FEWEST} rows (people) or more and 2 columns (sessions) or more."
+        )
+    n, k = table.shape
+    rows, columns, grand = table.mean(axis=1), table.mean(axis=0), float(table.mean())
+    # The paper's mean squares: rows, within rows, columns, error.
+    MSR = k * float(np.sum((rows - grand) ** 2)) / (n - 1)
+    MSW = float(np.sum((table - rows[:, None]) ** 2)) / (n * (k - 1))
+    MSC = n * float(np.sum((columns - grand) ** 2)) / (k - 1)
+    residual = table - rows[:, None] - columns + grand
+    MSE = float(np.sum(residual**2)) / ((n - 1) * (k - 1))
+    _check_rows_differ("ratings", MSR, table)
+    p = 0.5 * (1.0 + in_range("confidence", confidence, 0.5, 0.999, "1"))
+    error = (n - 1) * (k - 1)
+    one, one_mean = _of_ratio(MSR, MSW, k, _quantile(p, n - 1, n * (k - 1)), _quantile(p, n * (k - 1), n - 1))
+    consistent, consistent_mean = _of_ratio(MSR, MSE, k, _quantile(p, n - 1, error), _quantile(p, error, n - 1))
+    agreement = _agreement(MSR, MSC, MSE, n, k, p)
+    return Intraclass(
+        one_way=one,
+        agreement=agreement,
+        consistency=consistent,
+        one_way_of_means=one_mean,
+        agreement_of_means=Estimate(
+            value=(MSR - MSE) / (MSR + (MSC - MSE) / n),
+            low=_of_mean(agreement.low, k),
+            high=_of_mean(agreement.high, k),
+        ),
+        consistency_of_means=consistent_mean,
+        rows=n,
+        columns=k,
+    )
+
+
+def one_way_reliability(series: Sequence[ArrayLike], *, confidence: float = CONFIDENCE) -> OneWay:
+    """Reliability of single cuts and of means, from people with different numbers of cuts.
+
+    Parameters
+    ----------
+    series : sequence of array_like
+        The values of each person's cuts: 3 people or more, 2 cuts each or more; any one unit.
+    confidence : float
+        Of the intervals, 0.5 to 0.999.
+
+    Returns
+    -------
+    OneWay
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there are too few people or cuts, or people's means do not differ at all.
+
+    Notes
+    -----
+    Analysis of variance by unweighted means, so that each person counts the same: with equal numbers it is ICC(1) and
+    its exact interval; else the interval is approximate. Thomas & Hultquist, Annals of Statistics 6 (1978) 582-587,
+    doi 10.1214/aos/1176344202.
+    """
+    columns = series_of("series", series, fewest=2)
+    p = 0.5 * (1.0 + in_range("confidence", confidence, 0.5, 0.999, "1"))
+    sizes = np.array([len(column) for column in columns])
+    n, total = len(columns), int(sizes.sum())
+    means = np.array([column.mean() for column in columns])
+    k = n / float(np.sum(1.0 / sizes))
+    MSB = k * float(means.var(ddof=1))
+    MSW = sum(float(np.sum((column - column.mean()) ** 2)) for column in columns) / (total - n)
+    _check_rows_differ("series", MSB, np.concatenate(columns))
+    single, mean = _of_ratio(MSB, MSW, k, _quantile(p, n - 1, total - n), _quantile(p, total - n, n - 1))
+    return OneWay(
+        single=single,
+        mean=mean,
+        cuts=k,
+        people=n,
+        total=total,
+        between_sd=float(np.sqrt(max(MSB - MSW, 0.0) / k)),
+        within_sd=float(np.sqrt(MSW)),
+    )
+
+
+def _of_ratio(MSR: float, MSE: float, k: float, F_low: float, F_high: float) -> tuple[Estimate, Estimate]:
+    """Correlation of single values and of means from F = MSR/MSE, whose quantiles bound it."""
+    single = Estimate(
+        value=(MSR - MSE) / (MSR + (k - 1.0) * MSE),
+        low=(MSR - F_low * MSE) / (MSR + (k - 1.0) * F_low * MSE),
+        high=(F_high * MSR - MSE) / (F_high * MSR + (k - 1.0) * MSE),
+    )
+    mean = Estimate(value=1.0 - MSE / MSR, low=1.0 - F_low * MSE / MSR, high=1.0 - MSE / (F_high * MSR))
+    return single, mean
+
+
+def _agreement(MSR: float, MSC: float, MSE: float, n: int, k: int, p: float) -> Estimate:
+    rho = (MSR - MSE) / (MSR + (k - 1) * MSE + k / n * (MSC - MSE))
+    if MSE <= 0.0 and MSC <= 0.0:
+        return Estimate(value=1.0, low=1.0, high=1.0)
+    known = max(rho, 0.0)
+    a = k * known / (n * (1.0 - known))
+    b = 1.0 + k * known * (n - 1) / (n * (1.0 - known))
+    v = (a * MSC + b * MSE) ** 2 / ((a * MSC) ** 2 / (k - 1) + (b * MSE) ** 2 / ((n - 1) * (k - 1)))
+    F_low, F_high = _quantile(p, n - 1, v), _quantile(p, v, n - 1)
+    rest = k * MSC + (k * n - k - n) * MSE
+    return Estimate(
+        value=rho,
+        low=n * (MSR - F_low * MSE) / (F_low * rest + n * MSR),
+        high=n * (F_high * MSR - MSE) / (rest + n * F_high * MSR),
+    )
+
+
+def _quantile(p: float, numerator: float, denominator: float) -> float:
+    return float(fisher.ppf(p, numerator, denominator))
+
+
+def _of_mean(rho: float, k: float) -> float:
+    """Spearman and Brown: the correlation of means over k from that of single values."""
+    return k * rho / (1.0 + (k - 1.0) * rho)
+
+
+def _check_rows_differ(name: str, MSR: float, values: Array) -> None:
+    if vanishes(MSR, values):
+        raise ValueError(f"{name}: the means of the rows do not differ at all; a correlation needs people who differ.")

@@ -1,0 +1,312 @@
+"""A study of people: the score cards of many cuts, who made them, and what each metric tells about these people."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import ParamSpec, TypeVar
+
+import numpy as np
+
+from cutenv.scoring.card import ScoreCard
+from cutenv.scoring.metric import METRICS
+from cutenv.scoring.study.estimate import FEWEST, Array
+from cutenv.scoring.study.learning import Cusum, LearningCurve, cusum, learning_curve
+from cutenv.scoring.study.reliability import Intraclass, OneWay, intraclass_correlation, one_way_reliability
+from cutenv.scoring.study.separation import FEWEST_IN_A_GROUP, Separation, separation
+from cutenv.scoring.weights import ForceOnlyWeights, Weights, as_mapping
+from cutenv.validation import in_range, one_of
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StudiedCut:
+    """One cut of a study.
+
+    Attributes
+    ----------
+    card : ScoreCard
+        What it comes to.
+    operator : str
+        Code of who made it.
+    group : str
+        To which the operator belongs; "" if the study has none.
+    session : str
+        In which it was made; "" if the study has none.
+    """
+
+    card: ScoreCard
+    operator: str
+    group: str = ""
+    session: str = ""
+
+
+@dataclass(frozen=True)
+class Untold:
+    """Why a statistic cannot be told from this study."""
+
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Findings:
+    """What one metric tells about the people of a study.
+
+    Attributes
+    ----------
+    metric, unit : str
+        Its name, and its unit on the cards.
+    series : mapping of str to ndarray
+        Values of each operator's cuts, in their order; cuts without a value are left out.
+    missing : int
+        Cuts without a value.
+    reliability : OneWay or Untold
+        Of single cuts and of means, over operators with two cuts or more.
+    retest : Intraclass or Untold
+        Of session means, over operators who were at every session.
+    separation : Separation or Untold
+        Of the study's two groups, the first above the second.
+    curves : mapping of str to LearningCurve or Untold
+        By group, by number of the cut; over operators with two cuts or more.
+    cusums : mapping of str to Cusum, or Untold
+        Of each operator with two cuts or more.
+    target, scale : float
+        Against which, and in what, the cumulative sums are taken; in the metric's unit.
+    target_is : str
+        Whence the target.
+    """
+
+    metric: str
+    unit: str
+    series: Mapping[str, Array]
+    missing: int
+    reliability: OneWay | Untold
+    retest: Intraclass | Untold
+    separation: Separation | Untold
+    curves: Mapping[str, LearningCurve | Untold]
+    cusums: Mapping[str, Cusum] | Untold
+    target: float
+    scale: float
+    target_is: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Study:
+    """Cuts of several people, scored.
+
+    Parameters
+    ----------
+    name : str
+        How pages call it.
+    cuts : sequence of StudiedCut
+        Each operator's in the order in which they were made.
+    metrics : sequence of str, optional
+        Of :data:`~cutenv.scoring.METRICS`; by default those that lead the overall score.
+    groups : pair of str, optional
+        Whose separation is told; by default the two groups, if there are two.
+    target_group : str, optional
+        Whose mean is the target of the cumulative sums; by default the mean over all operators is.
+    target : float, optional
+        The target itself, in the unit of the one metric.
+    who : str
+        What an operator is called, if not that: "trial", say.
+
+    Attributes
+    ----------
+    findings : tuple of Findings
+        One for each metric that any cut has.
+    notes : tuple of str
+        What a reader must know.
+
+    Raises
+    ------
+    ValueError
+        If there are no cuts, an operator is in two groups, force is in two units, or a name is not known.
+    """
+
+    name: str
+    cuts: Sequence[StudiedCut]
+    metrics: Sequence[str] = ()
+    groups: tuple[str, str] | None = None
+    target_group: str | None = None
+    target: float | None = None
+    who: str = "operator"
+    findings: tuple[Findings, ...] = field(init=False)
+    notes: tuple[str, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        if not self.cuts:
+            raise ValueError("a study needs cuts; there is none.")
+        units = sorted({cut.card.force_unit for cut in self.cuts})
+        if len(units) > 1:
+            raise ValueError(f"force is in {' and in '.join(units)}; study cuts of one unit by themselves.")
+        for metric in self.metrics:
+            one_of("metric", metric, METRICS)
+        known = tuple(dict.fromkeys(cut.group for cut in self.cuts))
+        for name, group in (("group", self.groups or ()), ("target group", (self.target_group,))):
+            for each in group:
+                if each is not None:
+                    one_of(name, each, known)
+        if self.target is not None:
+            if len(self.metrics) != 1:
+                raise ValueError(f"target = {self.target:g} needs exactly one metric: name the one that it is of.")
+            in_range("target", self.target, -1e12, 1e12, "1")
+        if self.target is not None and self.target_group is not None:
+            raise ValueError("give a target or a target group, not both.")
+        _ = self.group_of
+        if self.groups is None and len(known) == 2:
+            object.__setattr__(self, "groups", known)
+        notes: list[str] = []
+        if self.groups is None and len(known) > 2:
+            notes.append(f"of the groups {', '.join(known)} no two were named: their separation is not told")
+        findings = [found for metric in self._chosen() if (found := self._find(metric, notes)) is not None]
+        if not findings:
+            raise ValueError(f"no metric could be had from these cuts: {'; '.join(notes)}.")
+        object.__setattr__(self, "findings", tuple(findings))
+        object.__setattr__(self, "notes", tuple(notes))
+
+    @property
+    def operators(self) -> tuple[str, ...]:
+        """Codes, in order of appearance."""
+        return tuple(dict.fromkeys(cut.operator for cut in self.cuts))
+
+    @property
+    def sessions(self) -> tuple[str, ...]:
+        """Names, in order of appearance."""
+        return tuple(dict.fromkeys(cut.session for cut in self.cuts))
+
+    @property
+    def group_of(self) -> dict[str, str]:
+        """Group by operator; ValueError if an operator is in two."""
+        groups: dict[str, str] = {}
+        for cut in self.cuts:
+            if groups.setdefault(cut.operator, cut.group) != cut.group:
+                raise ValueError(
+                    f"{self.who} {cut.operator} is in groups {groups[cut.operator]!r} and {cut.group!r}; give one. "
+                    "What changes from cut to cut is a session."
+                )
+        return groups
+
+    def _chosen(self) -> Sequence[str]:
+        if self.metrics:
+            return tuple(dict.fromkeys(self.metrics))
+        moved = any(cut.card.metrics["idle_time"].value is not None for cut in self.cuts)
+        return tuple(as_mapping(Weights() if moved else ForceOnlyWeights()))
+
+    def _find(self, metric: str, notes: list[str]) -> Findings | None:
+        scored = [(cut, cut.card.metrics[metric]) for cut in self.cuts]
+        silent = [each for _, each in scored if each.value is None]
+        kept = [(cut, float(each.value)) for cut, each in scored if each.value is not None]
+        if silent:
+            reason = f"{metric} is missing in {len(silent)} of {len(scored)} cuts: {silent[0].unavailable}"
+            if not kept and self.metrics:
+                raise ValueError(f"{reason}.")
+            notes.append(reason)
+        if not kept:
+            return None
+        series = {
+            operator: np.array([value for cut, value in kept if cut.operator == operator])
+            for operator in self.operators
+            if any(cut.operator == operator for cut, _ in kept)
+        }
+        several = {operator: values for operator, values in series.items() if len(values) >= 2}
+        few = Untold(f"fewer than {FEWEST} {self.who}s with two cuts or more")
+        enough = len(several) >= FEWEST
+        reliability = _told(one_way_reliability, list(several.values())) if enough else few
+        target, target_is = self._target(series)
+        within = _pooled(several)
+        return Findings(
+            metric=metric,
+            unit=self.cuts[0].card.unit(metric),
+            series=series,
+            missing=len(silent),
+            reliability=reliability,
+            retest=self._retest(kept),
+            separation=self._separation(series),
+            curves=self._curves(several),
+            cusums=self._cusums(metric, several, target, within),
+            target=target,
+            scale=within,
+            target_is=target_is,
+        )
+
+    def _target(self, series: Mapping[str, Array]) -> tuple[float, str]:
+        if self.target is not None:
+            return self.target, "as given"
+        group_of = self.group_of
+        of_group = [values.mean() for operator, values in series.items() if group_of[operator] == self.target_group]
+        if self.target_group is not None and of_group:
+            return float(np.mean(of_group)), f"mean of group {self.target_group}"
+        return float(np.mean([values.mean() for values in series.values()])), f"mean over all {self.who}s"
+
+    def _cusums(
+        self, metric: str, several: Mapping[str, Array], target: float, within: float
+    ) -> dict[str, Cusum] | Untold:
+        direction = METRICS[metric].direction
+        if direction == "none":
+            return Untold("neither way is better, so no target is reached")
+        if within <= 0.0:
+            return Untold(f"no {self.who}'s cuts differ")
+        sign = -1 if direction == "higher" else 1
+        return {operator: cusum(values, target, within, sign=sign) for operator, values in several.items()}
+
+    def _curves(self, several: Mapping[str, Array]) -> dict[str, LearningCurve | Untold]:
+        group_of = self.group_of
+        curves: dict[str, LearningCurve | Untold] = {}
+        for group in dict.fromkeys(group_of.values()):
+            own = [values for operator, values in several.items() if group_of[operator] == group]
+            few = Untold(f"fewer than {FEWEST} {self.who}s with two cuts or more")
+            curves[group] = few if len(own) < FEWEST else _told(learning_curve, own)
+        return curves
+
+    def _separation(self, series: Mapping[str, Array]) -> Separation | Untold:
+        if self.groups is None:
+            return Untold("the study has no two groups")
+        group_of = self.group_of
+        first, second = (
+            [values for operator, values in series.items() if group_of[operator] == group] for group in self.groups
+        )
+        if min(len(first), len(second)) < FEWEST_IN_A_GROUP:
+            return Untold(f"fewer than {FEWEST_IN_A_GROUP} {self.who}s in a group ({len(first)} and {len(second)})")
+        return _told(separation, first, second)
+
+    def _retest(self, kept: Iterable[tuple[StudiedCut, float]]) -> Intraclass | Untold:
+        if len(self.sessions) < 2:
+            return Untold("the study has one session")
+        cells: dict[tuple[str, str], list[float]] = {}
+        for cut, value in kept:
+            cells.setdefault((cut.operator, cut.session), []).append(value)
+        rows = [
+            [float(np.mean(cells[operator, session])) for session in self.sessions]
+            for operator in self.operators
+            if all((operator, session) in cells for session in self.sessions)
+        ]
+        if len(rows) < FEWEST:
+            return Untold(f"fewer than {FEWEST} {self.who}s were at every session")
+        return _told(intraclass_correlation, rows)
+
+
+def numbered(cuts: Sequence[StudiedCut]) -> list[tuple[int, StudiedCut]]:
+    """Every cut with its number among its operator's, from 1."""
+    made: dict[str, int] = {}
+    rows = []
+    for cut in cuts:
+        made[cut.operator] = made.get(cut.operator, 0) + 1
+        rows.append((made[cut.operator], cut))
+    return rows
+
+
+def _told(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | Untold:
+    try:
+        return function(*args, **kwargs)
+    except ValueError as error:
+        return Untold(str(error).rstrip("."))
+
+
+def _pooled(series: Mapping[str, Array]) -> float:
+    """Standard deviation of one person's cuts, pooled over people; 0 if there is none."""
+    degrees = sum(len(values) - 1 for values in series.values())
+    squares = sum(float(np.sum((values - values.mean()) ** 2)) for values in series.values())
+    return float(np.sqrt(squares / degrees)) if degrees else 0.0

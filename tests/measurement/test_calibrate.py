@@ -1,0 +1,143 @@
+"""``calibrate``: neither order nor names of records matter, and one that cannot be measured is left out and listed."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from virtual_session import MODEL, traces
+
+from cutenv.measurement import calibrate, measure_cut, measure_cuts
+from cutenv.measurement.cut import named
+from cutenv.tissue import TissueDescription
+from cutenv.trace import Trace
+
+
+def few() -> list[Trace]:
+    """One liver: both angles, three speeds."""
+    return traces()[:6]
+
+
+@functools.cache
+def tissue_of_few() -> TissueDescription:
+    """What the six tell."""
+    return calibrate(few(), resamples=0)
+
+
+def changed(trace: Trace, **fields: Any) -> Trace:
+    return dataclasses.replace(trace, **fields)
+
+
+def called(trace: Trace, **facts: Any) -> Trace:
+    """The same record with other metadata."""
+    return changed(trace, metadata={name: value for name, value in facts.items() if value is not None})
+
+
+def test_the_order_of_the_records_does_not_matter() -> None:
+    records = traces()
+    order = np.random.default_rng(1).permutation(len(records))
+    plain, mixed = (calibrate(each, resamples=0) for each in (records, [records[i] for i in order]))
+    for field in dataclasses.fields(plain):
+        if isinstance(value := getattr(plain, field.name), float):
+            assert getattr(mixed, field.name) == pytest.approx(value, rel=1e-3), field.name
+
+
+def test_the_fields_of_a_record_that_nobody_asked_for_do_not_matter() -> None:
+    bare = [changed(trace, speed=None) for trace in few()]
+    assert calibrate(bare, resamples=0) == tissue_of_few()
+
+
+def test_a_step_by_step_calibration_is_watched_record_by_record() -> None:
+    seen: list[str] = []
+
+    def watch(records: Any) -> Any:
+        for label, trace in records:
+            seen.append(label)
+            yield label, trace
+
+    calibrate(few(), resamples=0, progress=watch)
+    assert seen == [f"cut {n}" for n in range(1, 7)]
+
+
+def test_the_tissue_has_the_name_that_it_was_given() -> None:
+    assert calibrate(few(), resamples=0, name="my liver").name == "my liver"
+
+
+def test_records_are_called_by_their_names_and_others_by_their_numbers() -> None:
+    (trace, *_) = few()
+    records = [called(trace, name=name) for name in ("a", None, "b", "a", "")]
+    assert [name for name, _ in named(records)] == ["a (0)", "trace 1", "b", "a (3)", "trace 4"]
+
+
+def test_a_number_in_brackets_that_is_taken_is_not_given_twice() -> None:
+    (trace, *_) = few()
+    names = [
+        name for name, _ in named([called(trace, name=name) for name in ("a", "a", "a (1)", "trace 5", None, None)])
+    ]
+    assert len(set(names)) == len(names)
+
+
+BAD: list[tuple[str, dict[str, Any] | None, str]] = [
+    ("no newtons", {"force_unit": "1"}, "needs force in newtons"),
+    ("no position", {"position": None}, "needs position"),
+    ("no angle", {"angle": None}, "needs angle"),
+    ("no depth", {"depth": None}, "needs depth"),
+    ("nothing but friction", None, "none of its 0 loading segments is steady|no return stroke"),
+]
+
+
+@pytest.mark.parametrize(("what", "fields", "reason"), BAD, ids=[each[0] for each in BAD])
+def test_a_record_that_cannot_be_measured_is_left_out_and_listed(
+    what: str, fields: dict[str, Any] | None, reason: str
+) -> None:
+    good = few()
+    bad = called(good[0], name=what)
+    if fields is None:
+        forward = bad.select(slice(int(np.argmax(bad.position)) + 1))
+        bad = changed(forward, force=np.full(len(forward), 0.5))
+    else:
+        bad = changed(bad, **fields)
+    tissue = calibrate([*good, bad], resamples=0)
+    assert tissue == tissue_of_few()
+    assert tissue.calibration is not None
+    (note,) = [note for note in tissue.calibration.notes if note.startswith("left out")]
+    assert note.startswith(f"left out: {what}: ")
+    assert any(part in note for part in reason.split("|"))
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "taken"), [(45.0, True), (90.0, True), (44.0, False), (30.0, False), (120.0, False)]
+)
+def test_an_angle_outside_of_45_to_90_degrees_is_refused_with_the_cure(angle_deg: float, taken: bool) -> None:
+    good = few()
+    turned = called(changed(good[0], angle=np.full(len(good[0]), math.radians(angle_deg))), name="turned")
+    _, refused = measure_cuts([*good, turned], MODEL)
+    assert [each.name for each in refused] == ([] if taken else ["turned"])
+    for each in refused:
+        assert f"stands at {angle_deg:.0f} degrees" in each.reason
+        assert "180 less it" in each.reason
+
+
+def test_if_every_record_is_refused_all_reasons_are_told() -> None:
+    bad = [changed(few()[0], depth=None), changed(few()[1], position=None)]
+    with pytest.raises(ValueError, match=r"no record can be measured:\n  cut 1: .*depth.*\n  cut 2: .*position"):
+        calibrate(bad)
+
+
+def test_no_record_at_all_is_said() -> None:
+    with pytest.raises(ValueError, match=r"no record can be measured:\n  there is no record"):
+        calibrate([])
+
+
+def test_cuts_that_show_no_modulus_are_no_tissue() -> None:
+    silent = [trace for trace in traces() if trace.metadata["name"] == "cut 12"]
+    with pytest.raises(ValueError, match="none of 1 cuts has a steady loading segment"):
+        calibrate(silent)
+
+
+def test_a_cut_measured_by_itself_is_called_trace() -> None:
+    assert measure_cut(few()[0], MODEL).name == "trace"

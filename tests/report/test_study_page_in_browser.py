@@ -1,0 +1,98 @@
+"""The page of a study as a browser shows it, on a desk and a phone; needs Debian's ``chromium``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import chromium
+import pytest
+from chromium import Browser
+
+pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
+
+from made_up_study import study
+from reading import Page
+from test_page_in_browser import (
+    DESK,
+    PHONE,
+    SCREENS,
+    check_can_be_read,
+    check_fetches_nothing,
+    check_fits,
+)
+
+from cutenv.report.study_page import headline, write_study
+from cutenv.scoring.card import DISCLAIMER
+from cutenv.scoring.study import Study
+
+pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no chromium: apt-get install chromium")
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of the made-up study."""
+    path = tmp_path_factory.mktemp("study") / "study.html"
+    write_study(path, study(target_group="expert"))
+    return path
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """One browser for all of these tests."""
+    with chromium.browser(tmp_path_factory.mktemp("profile")) as opened:
+        yield opened
+
+
+@SCREENS
+def test_the_page_fits_shows_its_pictures_and_can_be_read(browser: Browser, page: Path, width: int, dark: bool) -> None:
+    browser.open(page, width, dark=dark)
+    assert browser.value("document.title") == "Study: made up"
+    check_fits(browser, width)
+    check_fetches_nothing(browser, page)
+    check_can_be_read(browser)
+    shown = browser.value("[...document.images].map(i => [i.complete, i.clientWidth / i.naturalWidth])")
+    assert len(shown) == 2 + 5  # groups, reliability, and five metrics cut by cut
+    assert all(complete and 0.85 <= scale <= 1.25 for complete, scale in shown)
+
+
+@pytest.mark.parametrize("width", [DESK, PHONE])
+def test_what_is_folded_fits_too(browser: Browser, page: Path, width: int) -> None:
+    browser.open(page, width)
+    browser.value("document.querySelectorAll('details').forEach(part => part.open = true)")
+    check_fits(browser, width)
+
+
+def test_the_page_says_what_it_is_not(page: Path) -> None:
+    read = Page(page.read_text(encoding="utf-8"))
+    assert read.text.count(DISCLAIMER) >= 3
+    assert headline(study()) in " ".join(read.text.split())
+    assert "nan" not in read.text.lower().split()
+
+
+def test_the_headline_counts_what_separates() -> None:
+    said = headline(study(metrics=("force_rate", "force_drops")))
+    assert said.startswith(
+        "1 of 2 metrics tell novice from expert (95 % interval without 0.5). Larger in novice: force rate."
+    )
+    assert "None of 1 metrics" in headline(study(metrics=("force_drops",)))
+
+
+def test_a_group_that_is_too_small_is_said_to_be(tmp_path: Path) -> None:
+    of = study()
+    few = Study(name="few", cuts=[cut for cut in of.cuts if cut.operator != "E04"])
+    write_study(tmp_path / "few.html", few)
+    assert "fewer than 4 operators in a group (5 and 3)" in (tmp_path / "few.html").read_text(encoding="utf-8")
+
+
+def test_without_groups_nothing_is_said_of_groups(tmp_path: Path) -> None:
+    alone = Study(name="alone", cuts=[replace(cut, group="", session="") for cut in study().cuts])
+    write_study(tmp_path / "alone.html", alone)
+    read = Page((tmp_path / "alone.html").read_text(encoding="utf-8"))
+    assert [text for level, text in read.headings if level == 2] == [
+        "Metrics of these operators",
+        "Reliability",
+        "Cut by cut, operator by operator",
+        "What the numbers mean",
+    ]

@@ -1,0 +1,249 @@
+"""The score card: what it shows, what it does not claim, and where the faults are."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+from scored_cuts import CUTS, TARGET, changed, cut
+
+from cutenv.scoring import METRICS, ForceOnlyWeights, ReferenceSet, ScoreCard, Truth, Weights, score
+from cutenv.scoring.card import FEWEST_WEIGHT
+from cutenv.scoring.reference import FEWEST
+from cutenv.scoring.weights import as_mapping
+
+UPRIGHT = "upright, and back"
+ALONE = "force alone, 30 Hz"
+
+
+FAR = 0.149  # [m], nearly twice the target
+
+
+def reference(force_unit: str = "N", cuts: int = 40, **columns: object) -> ReferenceSet:
+    """Cuts whose every metric runs from 0 to 1 times what is given, by default twice that of the upright cut."""
+    card = score(cut(UPRIGHT) if force_unit == "N" else cut(ALONE), target_length=TARGET)
+    share = (np.arange(cuts) + 0.5) / cuts
+    values = {
+        name: 2.0 * max(scored.value, 1e-9) * share for name, scored in card.metrics.items() if scored.value is not None
+    }
+    values |= columns  # type: ignore[arg-type]
+    return ReferenceSet(
+        name="made up", about="even spread", force_unit=force_unit, groups=("someone",) * cuts, values=values
+    )
+
+
+def cards() -> dict[str, ScoreCard]:
+    """Of every cut, with a reference set of its unit."""
+    return {kind: score(cut(kind), target_length=TARGET, reference=reference(cut(kind).force_unit)) for kind in CUTS}
+
+
+def check_no_nan(card: ScoreCard) -> None:
+    """Every metric has a finite value or a reason, and JSON says so, too."""
+    for name, scored in card.metrics.items():
+        assert (scored.value is None) == bool(scored.unavailable), name
+        assert scored.value is None or math.isfinite(scored.value), name
+    told = json.loads(card.to_json(), parse_constant=lambda constant: pytest.fail(constant))
+    assert list(told["metrics"]) == list(METRICS)
+
+
+@pytest.mark.parametrize("kind", CUTS)
+def test_what_is_not_known_is_unavailable_and_never_nan(kind: str) -> None:
+    check_no_nan(cards()[kind])
+    check_no_nan(score(cut(kind)))
+
+
+def test_a_nan_is_noticed() -> None:
+    card = score(cut(UPRIGHT))
+    broken = {**card.metrics, "tip_error": dataclasses.replace(card.metrics["duration"], value=math.nan)}
+    with pytest.raises((AssertionError, ValueError)):
+        check_no_nan(dataclasses.replace(card, metrics=broken))
+
+
+def test_without_a_reference_there_are_metrics_and_no_claim() -> None:
+    card = score(cut(UPRIGHT), target_length=TARGET)
+    assert card.overall_score is None
+    assert not card.weights
+    assert all(scored.percentile is None for scored in card.metrics.values())
+    assert "no reference set" in card.headline()
+    assert card["force_rate"] > 0.0
+
+
+@pytest.mark.parametrize("kind", CUTS)
+def test_the_overall_score_is_the_weighted_mean_of_percentiles(kind: str) -> None:
+    card = cards()[kind]
+    assert card.overall_score is not None
+    assert sum(card.weights.values()) == pytest.approx(1.0)
+    by_hand = sum(weight * float(card.metrics[name].percentile or 0.0) for name, weight in card.weights.items())
+    assert card.overall_score == pytest.approx(card.completed * by_hand)
+    for name, weight in card.weights.items():
+        (line,) = (line for line in str(card).splitlines() if line.split()[0] == name)
+        assert line.endswith(f"weight {weight:.2f}")
+
+
+def test_a_blade_that_hardly_cuts_is_steady_and_scores_little() -> None:
+    whole = cards()[UPRIGHT]
+    half = score(cut(UPRIGHT), target_length=FAR, reference=reference())
+    assert whole.overall_score is not None
+    assert half.overall_score is not None
+    assert half.completed == pytest.approx(TARGET / FAR, abs=0.1)
+    assert half.overall_score < 0.75 * whole.overall_score
+    assert "% of the way being cut" in half.headline()
+
+
+@pytest.mark.parametrize("weights", [Weights(), ForceOnlyWeights()])
+def test_weights_are_of_metrics_that_have_a_direction_and_sum_to_one(weights: Weights | ForceOnlyWeights) -> None:
+    named = as_mapping(weights)
+    assert sum(named.values()) == pytest.approx(1.0)
+    assert all(METRICS[name].direction != "none" for name in named)
+    assert not {"peak_force", "peak_force_per_depth"} & set(named)
+    steadiness = ("force_rate", "force_jerk", "force_drops", "mean_force_drop")
+    assert sum(named[name] for name in steadiness) >= 0.5
+
+
+def test_weights_that_do_not_sum_to_one_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"weights sum to 1\.1; they must sum to 1"):
+        Weights(force_rate=0.3)
+    with pytest.raises(TypeError, match="smoothness"):
+        Weights(smoothness=0.1)  # type: ignore[call-arg]
+
+
+def test_force_alone_is_scored_by_its_own_weights_and_says_so() -> None:
+    card = cards()[ALONE]
+    assert set(card.weights) == set(as_mapping(ForceOnlyWeights()))
+    assert card.tip_source == "unknown"
+    assert "tip: unknown; force alone is judged" in card.notes
+    assert "position was not recorded" in card.metrics["idle_time"].unavailable
+    assert card.unit("force_rate") == "1/s"
+    assert cards()[UPRIGHT].unit("force_rate") == "N/s"
+
+
+@pytest.mark.parametrize(("kind", "unit"), [(UPRIGHT, "1"), (ALONE, "N")])
+def test_a_reference_of_another_force_unit_gives_no_percentile(kind: str, unit: str) -> None:
+    card = score(cut(kind), target_length=TARGET, reference=reference(unit))
+    assert card.overall_score is None
+    assert f"in unit '{unit}'" in card.no_score
+    assert all(scored.percentile is None for scored in card.metrics.values())
+
+
+def test_percentiles_are_the_share_that_is_worse() -> None:
+    ladder = reference(duration=np.arange(20.0, 60.0), sparc=-np.arange(1.0, 41.0))
+    assert ladder.percentile("duration", 10.0) == 100.0
+    assert ladder.percentile("duration", 60.0) == 0.0
+    assert ladder.percentile("duration", 29.5) == 75.0  # 10 of 40 are shorter
+    assert ladder.percentile("duration", 30.0) == 100.0 * 29.5 / 40.0  # a tie counts half
+    assert ladder.percentile("sparc", -3.0) is None  # smoothness is not ranked
+
+
+def test_a_percentile_within_few_cuts_says_nothing() -> None:
+    assert reference(cuts=FEWEST).percentile("duration", 0.0) == 100.0
+    assert reference(cuts=FEWEST - 1).percentile("duration", 0.0) is None
+
+
+def test_little_known_is_no_score_of_the_whole() -> None:
+    """A reference set that knows only the time ranks nobody."""
+    only_time = dataclasses.replace(reference(), values={"duration": np.arange(1.0, 41.0)})
+    card = score(cut(UPRIGHT), target_length=TARGET, reference=only_time)
+    assert card.overall_score is None
+    assert f"{FEWEST_WEIGHT:.0%} are needed" in card.no_score
+    assert card.metrics["duration"].percentile is not None
+
+
+def test_html_shows_markup_in_names_as_text() -> None:
+    nasty = "<script>alert('cut')</script>"
+    trace = changed(cut(UPRIGHT), metadata={"name": nasty})
+    named = dataclasses.replace(reference(), name=nasty)
+    page = score(trace, target_length=TARGET, reference=named)._repr_html_()
+    assert "<script" not in page
+    assert page.count("&lt;script&gt;") == 2
+
+
+def test_a_reference_set_survives_its_file(tmp_path: object) -> None:
+    path = tmp_path / "set.csv"  # type: ignore[operator]
+    before = reference(tip_error=np.where(np.arange(40) < 3, np.nan, 0.001))
+    before.save(path)
+    after = ReferenceSet.load(path)
+    assert (after.name, after.about, after.force_unit, after.groups) == ("made up", "even spread", "N", before.groups)
+    for name, values in before.values.items():
+        np.testing.assert_allclose(after.values[name], values, rtol=1e-4)
+    path.write_text("time,force\n0,1\n")
+    with pytest.raises(ValueError, match="is no reference set"):
+        ReferenceSet.load(path)
+
+
+def faults(card: ScoreCard, kind: str) -> list[tuple[float, str]]:
+    return [(fault.position or 0.0, fault.says) for fault in card.faults if fault.kind == kind]
+
+
+def jumped(size: float, place: float) -> tuple[object, Truth]:
+    """The upright cut, as if its crack had run once, by ``size`` with the blade at ``place`` [m]."""
+    trace = cut("upright, one way")
+    jump = np.zeros(len(trace))
+    jump[int(np.argmax(trace.position >= place))] = size  # type: ignore[operator]
+    tip = np.maximum(trace.position - 0.006, 0.0)  # type: ignore[operator]
+    return trace, Truth(tip=tip, jump=jump, resistance=200.0)
+
+
+@pytest.mark.parametrize(("size", "place"), [(0.004, 0.03), (0.009, 0.055)])
+def test_a_lurch_is_told_with_its_place_and_size(size: float, place: float) -> None:
+    trace, truth = jumped(size, place)
+    ((position, says),) = faults(score(trace, target_length=TARGET, truth=truth), "lurch")  # type: ignore[arg-type]
+    assert position == pytest.approx(place, abs=1e-4)
+    assert says == f"lurched {1e3 * size:.0f} mm at {1e2 * place:.1f} cm"
+
+
+def test_a_small_run_is_no_lurch() -> None:
+    trace, truth = jumped(0.0025, 0.03)
+    assert not faults(score(trace, target_length=TARGET, truth=truth), "lurch")  # type: ignore[arg-type]
+
+
+def test_a_lurch_in_the_force_is_found_where_it_was() -> None:
+    """The tip is estimated from the force: a sudden fall by what 5 mm of stiffness hold."""
+    trace = cut("upright, one way")
+    x = trace.position
+    assert x is not None
+    falls = x >= 0.05
+    force = np.where(falls, trace.force * 0.3, trace.force)
+    found = faults(score(changed(trace, force=force), target_length=TARGET), "lurch")
+    assert any(position == pytest.approx(0.05, abs=0.5e-3) for position, _ in found)
+    assert not faults(score(trace, target_length=TARGET), "lurch")
+
+
+def test_ends_are_told_with_their_distance() -> None:
+    trace, truth = jumped(0.0, 0.03)
+    end = float(truth.tip[-1])
+    for target, kind, says in (
+        (end - 0.005, "overshoot", "cut 5 mm too far"),
+        (end + 0.007, "short", "ended 7 mm short of the target"),
+    ):
+        card = score(trace, target_length=target, truth=truth)  # type: ignore[arg-type]
+        assert [said for _, said in faults(card, kind)] == [says]
+    card = score(trace, target_length=end, truth=truth)  # type: ignore[arg-type]
+    assert not faults(card, "overshoot") + faults(card, "short")
+
+
+def test_a_leaning_blade_and_too_much_force_are_told() -> None:
+    assert [says for _, says in faults(score(cut("slicing, and back")), "wedge")] == [
+        "ended with the blade at 45 degrees: a wedge stays uncut"
+    ]
+    hard = changed(cut(UPRIGHT), force=4.0 * cut(UPRIGHT).force)
+    ((position, says),) = faults(score(hard), "force")
+    per_depth = hard.force / np.maximum(hard.depth, 0.5e-3)  # type: ignore[arg-type]
+    assert position == pytest.approx(hard.position[np.argmax(per_depth)])  # type: ignore[index]
+    assert f"{per_depth.max():.0f} N per metre" in says
+    assert not faults(score(cut(UPRIGHT)), "force") + faults(score(cut(UPRIGHT)), "wedge")
+
+
+def test_a_pause_is_told_where_it_was() -> None:
+    trace = cut("upright, one way")
+    at = int(np.argmax(trace.position >= 0.04))  # type: ignore[operator]
+    still = np.repeat(np.arange(len(trace)), np.where(np.arange(len(trace)) == at, 1201, 1))
+    columns = {name: getattr(trace, name)[still] for name in trace.known if name != "speed"}
+    columns["time"] = np.arange(len(still)) * 1e-3
+    columns["force"] = columns["force"] + np.random.default_rng(1).normal(0.0, 0.02, len(still))
+    paused = type(trace)(**columns)
+    ((position, says),) = faults(score(paused), "pause")
+    assert position == pytest.approx(0.04, abs=1e-3)
+    assert says == "stood for 1.2 s at 4.0 cm"

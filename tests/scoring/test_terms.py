@@ -1,0 +1,79 @@
+"""Reward and score share names and code: of one cut both say the same."""
+
+from __future__ import annotations
+
+import functools
+
+import gymnasium
+import numpy as np
+import pytest
+
+import cutenv  # noqa: F401  registers the environment
+from cutenv import terms
+from cutenv.compiled import compiled
+from cutenv.plant import to_trace
+from cutenv.policy import BASELINES
+from cutenv.scoring import ScoreCard, Truth, score
+from cutenv.scoring.faults import FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
+from cutenv.task.weights import Limits, RewardWeights
+
+
+@functools.cache
+def charged_and_scored(seed: int) -> tuple[dict[str, float], ScoreCard, float]:
+    """Terms of the reward of a slicing cut that ends leaning, its score with the truth, and its target [m]."""
+    env = gymnasium.make("cutenv/GentleCut-v0")
+    policy = BASELINES["constant 1.65 cm/s 45 deg"]()
+    observation, _ = env.reset(seed=seed)
+    policy.reset(np.random.default_rng(seed))
+    cutting, parts, ended = env.unwrapped.cutting, [], False  # type: ignore[attr-defined]
+    while not ended:
+        observation, _, ended, _, info = env.step(policy(observation))
+        parts.append(cutting.readings.copy())
+    readings = np.concatenate(parts)
+    truth = Truth(tip=readings["tip"].copy(), jump=readings["jump"].copy(), resistance=200.0)
+    trace = to_trace(env.unwrapped.plant, readings, end=info["end"])  # type: ignore[attr-defined]
+    target = float(info["truth"]["target_length_m"])
+    return dict(cutting.reward_totals), score(trace, target_length=target, truth=truth), target
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_what_is_charged_is_what_is_scored(seed: int) -> None:
+    charged, card, target = charged_and_scored(seed)
+    weights = RewardWeights()
+    assert charged["tip_error"] == -weights.tip_error * min(card["tip_error"] / TIP_TOLERANCE, 3.0)
+    assert charged["wedge"] == pytest.approx(-weights.wedge * card["wedge"], rel=1e-12)
+    cut_length = card["uncontrolled_share"] * _advance(card, target)
+    assert charged["uncontrolled"] == pytest.approx(-weights.uncontrolled * cut_length / target, rel=1e-9)
+
+
+def _advance(card: ScoreCard, target: float) -> float:
+    """How far the tip came [m], from how far it was from the target at last."""
+    return target + (card["tip_error"] if card["overshoot"] > 0.0 else -card["tip_error"])
+
+
+def test_limits_are_stated_once() -> None:
+    assert Limits().force_limit_per_depth == FORCE_LIMIT_PER_DEPTH == terms.FORCE_LIMIT_PER_DEPTH
+
+
+@compiled
+def _in_a_kernel(tip: float, target: float, blade: float, angle: float) -> tuple[float, float, float, float, float]:
+    return (
+        terms.tip_error(tip, target),
+        terms.overshoot(tip, target),
+        terms.lag(blade, tip),
+        terms.wedge(angle, 0.02),
+        terms.force_per_depth(tip, blade),
+    )
+
+
+@pytest.mark.parametrize("tip", [0.05, 0.06, 0.0713])
+def test_a_term_is_the_same_in_a_kernel_and_for_arrays(tip: float) -> None:
+    target, blade, angle = 0.06, 0.065, 0.9
+    for_arrays = (
+        terms.tip_error(np.array([tip]), target),
+        terms.overshoot(np.array([tip]), target),
+        terms.lag(np.array([blade]), np.array([tip])),
+        terms.wedge(np.array([angle]), 0.02),
+        terms.force_per_depth(np.array([tip]), np.array([blade])),
+    )
+    assert _in_a_kernel(tip, target, blade, angle) == tuple(float(value[0]) for value in for_arrays)

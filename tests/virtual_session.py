@@ -1,0 +1,83 @@
+"""Sessions on the virtual rig of ``scripts/calibrate_virtual_rig.py``: small, of tissue that is known, cut once."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import importlib.util
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from cutenv.measurement import MeasuredCut, measure_cuts
+from cutenv.tissue import CutModel, Specimen, TissueDescription, measured_liver
+from cutenv.trace import Trace
+
+MODEL = CutModel()
+SPEEDS = (0.0064, 0.0127, 0.0254)
+"""Of the small sessions [m/s]: the slow ones take most of the readings."""
+EVEN = {
+    "modulus_between_liver_cv": 0.0, "modulus_between_cut_cv": 0.0, "modulus_within_cut_cv": 0.0,
+    "fracture_between_cut_cv": 0.0, "fracture_within_cut_cv": 0.0, "modulus_scale": 1.0, "fracture_scale": 1.0,
+}  # fmt: skip
+"""Changes to a tissue that leave it no spread: what comes out then owes nothing to chance."""
+
+
+def _script() -> ModuleType:
+    path = Path(__file__).parents[1] / "scripts" / "calibrate_virtual_rig.py"
+    spec = importlib.util.spec_from_file_location("calibrate_virtual_rig", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+rig = _script()
+
+
+def tissue_with(**changes: Any) -> TissueDescription:
+    """Pig liver with some fields replaced."""
+    return dataclasses.replace(measured_liver(), **changes)
+
+
+def session(
+    livers: int = 3, seed: int = 5, speeds: Sequence[float] = SPEEDS, **changes: Any
+) -> list[tuple[Trace, Specimen]]:
+    """Records of ``livers`` at both angles and some speeds, with the way back, and what was cut."""
+    return list(_session(livers, seed, tuple(speeds), tuple(sorted(changes.items()))))
+
+
+def measured(
+    livers: int = 3, seed: int = 5, speeds: Sequence[float] = SPEEDS, **changes: Any
+) -> list[tuple[MeasuredCut, Specimen]]:
+    """The same, measured together; a cut keeps its specimen."""
+    return list(_measured(livers, seed, tuple(speeds), tuple(sorted(changes.items()))))
+
+
+def cuts(**options: Any) -> list[MeasuredCut]:
+    """Only what was measured."""
+    return [cut for cut, _ in measured(**options)]
+
+
+def traces(**options: Any) -> list[Trace]:
+    """Only the records."""
+    return [trace for trace, _ in session(**options)]
+
+
+@functools.cache
+def _session(
+    livers: int, seed: int, speeds: tuple[float, ...], changes: tuple[tuple[str, Any], ...]
+) -> tuple[tuple[Trace, Specimen], ...]:
+    return tuple(rig.session(tissue_with(**dict(changes)), livers, seed, speeds))
+
+
+@functools.cache
+def _measured(
+    livers: int, seed: int, speeds: tuple[float, ...], changes: tuple[tuple[str, Any], ...]
+) -> tuple[tuple[MeasuredCut, Specimen], ...]:
+    made = _session(livers, seed, speeds, changes)
+    found, refused = measure_cuts([trace for trace, _ in made], MODEL)
+    assert refused == []
+    return tuple(zip(found, (specimen for _, specimen in made), strict=True))
