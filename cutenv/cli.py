@@ -26,6 +26,7 @@ _EXTRA_OF_MODULE = {
     "stable_baselines3": "rl",
     "torch": "rl",
     "tqdm": "data",
+    "umsgpack": "view",
 }
 
 
@@ -41,6 +42,7 @@ COMMANDS = {
     "calibrate": Command(module="cutenv.commands.calibrate", summary="make a tissue of your own records of cuts"),
     "score": Command(module="cutenv.commands.score", summary="score cuts by their force: a card and a page"),
     "study": Command(module="cutenv.commands.study", summary="reliability, separation and learning of several people"),
+    "view": Command(module="cutenv.commands.view", summary="show a recorded cut in 3-D: a page that opens from disk"),
     "bench": Command(module="cutenv.bench", summary="measure the speed of the environment on this machine"),
 }
 

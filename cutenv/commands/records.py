@@ -8,7 +8,7 @@ import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from cutenv.measurement.calibration import Refused
 from cutenv.measurement.cut import SPECIMEN
@@ -33,10 +33,12 @@ class Records(NamedTuple):
     sources: list[Source]
 
 
-def add_record_options(parser: argparse.ArgumentParser, *, metavar: str = "FILE", about: str = "") -> None:
-    """Options of every sub-command that reads records."""
+def add_record_options(
+    parser: argparse.ArgumentParser, *, files: int | Literal["+"] = "+", metavar: str = "FILE", about: str = ""
+) -> None:
+    """Options of every sub-command that reads records; ``files`` says how many, as argparse's ``nargs``."""
     parser.add_argument(
-        "records", nargs="+", type=Path, metavar=metavar, help=about or "CSV, Parquet or HDF5, one cut or several"
+        "records", nargs=files, type=Path, metavar=metavar, help=about or "CSV, Parquet or HDF5, one cut or several"
     )
     foreign = parser.add_argument_group("files of other programs")
     foreign.add_argument(

@@ -259,6 +259,29 @@ class ScoredCut:
         return DepthProfile(position=found.position, depth=np.maximum(found.depth, SHALLOWEST))
 
     @cached_property
+    def model(self) -> CutModel:
+        """The finite-element model that the modulus belongs to; the cut lies within it."""
+        model = self.tissue.cut_model()
+        if float(self.position.max()) > model.length:
+            raise Unavailable("the cut is longer than the model's specimen, 15 cm")
+        return model
+
+    @cached_property
+    def modulus(self) -> float:
+        """Local effective modulus that the tip is estimated with [Pa]: the cut's own if it shows, or else the tissue's."""
+        back, model = self._return_stroke, self.model
+        if back is None or back.stiffness <= 0.0:
+            return self.tissue.intercept_90 if self.own_modulus is None else self.own_modulus
+        return back.stiffness / float(model.stiffness(back.tip) * self.profile.at(back.tip))
+
+    @cached_property
+    def elastic_force(self) -> Array:
+        """Force less friction, and no less than zero [N], shape (n,)."""
+        back = self._return_stroke
+        friction = self._usual_friction if back is None else back.friction_per_depth
+        return np.maximum(self.newtons - friction * self.profile.at(self.position), 0.0)
+
+    @cached_property
     def _return_stroke(self) -> ReturnStroke | None:
         return fit_return_stroke(self.trace, self.profile)
 
@@ -293,23 +316,13 @@ class ScoredCut:
     @cached_property
     def _estimated_tip(self) -> Array:
         """Blade less elastic force over stiffness; a cut never heals, so it never goes back."""
-        F, x, B = self.newtons, self.position, self.profile
-        model: CutModel = self.tissue.cut_model()
-        if float(x.max()) > model.length:
-            raise Unavailable("the cut is longer than the model's specimen, 15 cm")
+        x, B, model, elastic = self.position, self.profile, self.model, self.elastic_force
         back = self._return_stroke
-        modulus = self.tissue.intercept_90 if self.own_modulus is None else self.own_modulus
-        friction = self._usual_friction
-        if back is not None:
-            friction = back.friction_per_depth
-            if back.stiffness > 0.0:
-                modulus = back.stiffness / float(model.stiffness(back.tip) * B.at(back.tip))
         moves = self.advancing
-        elastic = np.maximum(F - friction * B.at(x), 0.0)
         a = x.copy()
         for _ in range(_ROUNDS):
-            K = modulus * np.asarray(model.stiffness(np.clip(a, 0.0, model.length))) * np.maximum(B.at(a), SHALLOWEST)
-            a = x - elastic / K
+            K = self.modulus * np.asarray(model.stiffness(np.clip(a, 0.0, model.length)))
+            a = x - elastic / (K * np.maximum(B.at(a), SHALLOWEST))
         a = np.where(moves & (elastic > 0.0), a, -np.inf)
         tip = np.maximum(np.maximum.accumulate(a), min(float(x[0]), 0.0))
         return np.minimum(tip, back.tip) if back is not None else tip

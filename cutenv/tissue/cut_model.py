@@ -10,7 +10,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cutenv.tissue.elasticity import FORMULATIONS, lame_parameters
+from cutenv.tissue.elasticity import FORMULATIONS, lame_parameters, strain_energy_density
 from cutenv.tissue.mesh import ACROSS, ALONG, ELEMENT_KINDS, CutMesh, checked_divisions, read_only
 from cutenv.tissue.tip_interpolation import TipInterpolation
 from cutenv.tissue.tip_response import TipResponse, stiffness_matrix, tip_responses
@@ -295,6 +295,35 @@ class CutModel:
         e = in_range("modulus", modulus, 1e-6, 1e12, "Pa", _POSITIVE_MODULUS)
         b = in_range("thickness", thickness, 1e-6, 1.0, "m", _METRES)
         return f / (self.stiffness(a) * e * b) * self._interpolation.shape(a)
+
+    def strain_energy_density(self, displacement: NDArray[np.float64], modulus: float) -> NDArray[np.float64]:
+        """Return the mean strain energy per volume of each element.
+
+        Times the elements' volumes it adds up to half the blade's force times the displacement of the tip, with the
+        tip on element corners.
+
+        Parameters
+        ----------
+        displacement : ndarray of shape (n_nodes, dim)
+            Of the nodes [m], as `displacement` returns it.
+        modulus : float
+            Young's modulus [Pa] where `relative_modulus` is 1, up to 1e12.
+
+        Returns
+        -------
+        ndarray of shape (n_elements,)
+            [J/m3], in the order of `element_centres`.
+
+        Raises
+        ------
+        ValueError
+            If the modulus is out of range or the displacement has another shape.
+        """
+        e = in_range("modulus", modulus, 1e-6, 1e12, "Pa", _POSITIVE_MODULUS)
+        if displacement.shape != self.nodes.shape:
+            raise ValueError(f"displacement has shape {displacement.shape}; give one of each node, {self.nodes.shape}.")
+        unit = strain_energy_density(self._mesh.basis, displacement.ravel(), self.formulation, self.poisson)
+        return e * unit * (1.0 if self.relative_modulus is None else self.relative_modulus)
 
     @overload
     def convert_modulus(self, modulus: float, to: CutModel, cut_length: float) -> float: ...

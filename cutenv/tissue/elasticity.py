@@ -15,6 +15,7 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from skfem import Basis
 from skfem.assembly import BilinearForm
 from skfem.models.elasticity import lame_parameters as solid_lame_parameters
 from skfem.models.elasticity import linear_elasticity
@@ -103,3 +104,27 @@ def elastic_form(formulation: str, poisson: float, modulus: NDArray[np.float64])
     lam, mu = lame_parameters(formulation, poisson)
     per_element: Any = modulus[:, np.newaxis]  # against scikit-fem's (n_elements, n_quadrature_points)
     return cast(BilinearForm, linear_elasticity(lam * per_element, mu * per_element))
+
+
+def strain_energy_density(
+    basis: Basis, displacement: NDArray[np.float64], formulation: str, poisson: float
+) -> NDArray[np.float64]:
+    """Mean strain energy per volume of each element at unit modulus, shape (n_elements,) [1].
+
+    Parameters
+    ----------
+    basis : skfem.Basis
+        Of vector elements.
+    displacement : ndarray of shape (n_unknowns,)
+        [m].
+    formulation : {"plane_stress", "plane_strain", "solid"}
+    poisson : float
+        Poisson's ratio [1], 0 to 0.499.
+    """
+    lam, mu = lame_parameters(formulation, poisson)
+    gradient = np.asarray(basis.interpolate(displacement).grad)  # (dim, dim, n_elements, n_quadrature_points)
+    strain = 0.5 * (gradient + gradient.swapaxes(0, 1))
+    dilation = np.einsum("ii...", strain)
+    density = 0.5 * lam * dilation**2 + mu * np.einsum("ij...,ij...", strain, strain)
+    mean: NDArray[np.float64] = (density * basis.dx).sum(axis=1) / basis.dx.sum(axis=1)
+    return mean

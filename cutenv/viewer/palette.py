@@ -31,8 +31,20 @@ STEEL_LIGHT = (222, 228, 234)
 TIP = (255, 255, 255)
 MESH = (176, 134, 116)
 TISSUE_EDGE = (120, 78, 64)
+_ENERGY_STOPS = ((246, 232, 222), (247, 190, 110), (226, 110, 74), (158, 44, 96), (66, 10, 84))
 TISSUE = [
     (red, green, blue)
     for red, green, blue in np.linspace((245, 226, 214), (176, 96, 78), 64).round().astype(int).tolist()
 ]
 """Of the tissue, from rest to the largest displacement; darker is more."""
+ENERGY = [
+    (red, green, blue)
+    for red, green, blue in np.stack(
+        [np.interp(np.linspace(0, 4, 64), range(5), stops) for stops in zip(*_ENERGY_STOPS, strict=True)], axis=-1
+    )
+    .round()
+    .astype(int)
+    .tolist()
+]
+"""Of the tissue by strain energy density, from none to the most; darker is more."""
+ARROW = (213, 94, 0)

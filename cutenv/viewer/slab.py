@@ -14,7 +14,6 @@ Array = NDArray[np.float64]
 
 _WIDEST = 0.0025  # half the gap of the widest cut [m]: illustration
 _GAP_PER_LENGTH = 0.05  # half the gap over the cut's length, while it is short [1]: illustration
-_SUBDIVISIONS = 3  # cells of the lattice on the side of an element
 _FACE_STEP = 0.5e-3  # between the points of a drawn cut face [m]
 
 
@@ -29,6 +28,8 @@ class Slab:
     ----------
     model : CutModel
         Of the specimen; its fields are computed once and kept by it.
+    subdivisions : tuple of int
+        Cells of the lattice on the side of an element, across and along.
 
     Attributes
     ----------
@@ -36,33 +37,33 @@ class Slab:
         Places of the lattice without load [m], the left side first.
     """
 
-    subdivisions = _SUBDIVISIONS
-
-    def __init__(self, model: CutModel) -> None:
+    def __init__(self, model: CutModel, subdivisions: tuple[int, int] = (3, 3)) -> None:
         assert model.divisions is not None  # settled by the model
         self.model = model
+        self.subdivisions = subdivisions
         across, along = model.divisions[:2]
         # Of bricks, only the upper face is seen: the last layer, of its 8 corners the last 4.
         corners = model.elements.reshape(across, along, -1)[:, :, -4:]
         sides = []
         weights = []
         for first in (0, across // 2):
-            i, s = _lattice(first, across // 2, _SUBDIVISIONS)
-            j, t = _lattice(0, along, _SUBDIVISIONS)
+            i, s = _lattice(first, across // 2, subdivisions[0])
+            j, t = _lattice(0, along, subdivisions[1])
             sides.append(corners[i[:, None], j[None, :]])
             s, t = s[:, None], t[None, :]
             weights.append(np.stack([(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t], axis=-1))
         nodes, shares = np.stack(sides), np.stack(weights)
-        self._shape = (*nodes.shape[:-1], 2)
+        self._shape = nodes.shape[:-1]
         starts = np.arange(0, nodes.size + 1, nodes.shape[-1])
         # From nodes to lattice is one product, ten times faster than picking corners for every picture.
         self._from_nodes = csr_array((shares.ravel(), nodes.ravel(), starts), shape=(len(starts) - 1, model.n_nodes))
-        self.rest: Array = self._interpolate(model.nodes[:, :2])
+        self.rest: Array = self.on_lattice(model.nodes[:, :2])
         self._along: Array = self.rest[0, -1, :, 1].copy()
 
-    def _interpolate(self, nodal: Array) -> Array:
+    def on_lattice(self, nodal: Array) -> Array:
+        """Values at the lattice of values at the nodes, from (n_nodes, k) to (2, n_across, n_along, k)."""
         values: Array = np.asarray(self._from_nodes @ nodal)
-        return values.reshape(self._shape)
+        return values.reshape(*self._shape, nodal.shape[1])
 
     def displacement(self, tip: float, lag: float) -> Array:
         """Displacement of the lattice when the blade holds the tip, at ``tip`` when at rest, ``lag`` ahead.
@@ -74,7 +75,7 @@ class Slab:
         """
         # The tip moves by F/(kappa E B), which the law calls x - a; only that product matters here.
         field = self.model.displacement(tip, self.model.stiffness(tip) * lag, modulus=1.0, thickness=1.0)
-        return self._interpolate(field[:, :2])
+        return self.on_lattice(field[:, :2])
 
     def opened(self, places: Array, tip: float) -> Array:
         """``places`` of the lattice with the cut drawn open, which the model does not do: illustration."""

@@ -96,8 +96,9 @@ def _draw_tissue(canvas: Canvas, layout: Layout, moment: Moment, slab: Slab, dis
     shades = len(palette.TISSUE) * mean / LARGEST_DISPLACEMENT
     shades = np.clip(shades, 0, len(palette.TISSUE) - 1).astype(np.int64)
     canvas.cells(cells.reshape(-1, 4, 2), [palette.TISSUE[k] for k in shades.ravel().tolist()])
+    across, along = slab.subdivisions
     for side in lattice:
-        for line in (*side[:: slab.subdivisions], *side[:, :: slab.subdivisions].swapaxes(0, 1)):
+        for line in (*side[::across], *side[:, ::along].swapaxes(0, 1)):
             canvas.line(line, palette.MESH)
 
 

@@ -12,7 +12,8 @@ import pytest
 ROOT = Path(__file__).parents[2]
 DATA = [ROOT / "assets" / folder for folder in ("derived", "reference", "tables")]  # pictures are for the README
 ASSETS = {path.relative_to(ROOT).as_posix() for folder in DATA for path in folder.rglob("*") if path.is_file()}
-MODULES = {path.relative_to(ROOT).as_posix() for path in (ROOT / "cutenv").rglob("*.py")}
+CODE = (".py", ".js", ".css")
+MODULES = {path.relative_to(ROOT).as_posix() for path in (ROOT / "cutenv").rglob("*") if path.suffix in CODE}
 
 READ_A_TABLE = """
 import cutenv, cutenv.resources

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import chromium
 import pytest
-from chromium import Browser
+from chromium import LEAST_CONTRAST, Browser
 
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
 
@@ -22,27 +22,6 @@ DESK, PHONE = 1400, 390
 SCREENS = pytest.mark.parametrize(
     ("width", "dark"), [(DESK, False), (DESK, True), (PHONE, False), (PHONE, True)], ids=lambda value: str(value)
 )
-
-# Of every element with text of its own, the contrast (WCAG 2.2) with the first background below it.
-LEAST_CONTRAST = """(() => {
-  const parts = colour => colour.match(/[\\d.]+/g).map(Number);
-  const luminance = colour => parts(colour).slice(0, 3).map(v => v / 255)
-    .map(v => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
-    .reduce((sum, v, k) => sum + v * [0.2126, 0.7152, 0.0722][k], 0);
-  const below = element => {
-    for (let at = element; at; at = at.parentElement) {
-      const colour = getComputedStyle(at).backgroundColor;
-      if (parts(colour)[3] !== 0) return colour;
-    }
-  };
-  let least = 21;
-  for (const element of document.body.querySelectorAll("*")) {
-    if (![...element.childNodes].some(node => node.nodeType === 3 && node.data.trim())) continue;
-    const pair = [luminance(getComputedStyle(element).color), luminance(below(element))].sort((a, b) => a - b);
-    least = Math.min(least, (pair[1] + 0.05) / (pair[0] + 0.05));
-  }
-  return least;
-})()"""
 
 
 @pytest.fixture(scope="module")

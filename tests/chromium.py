@@ -19,13 +19,36 @@ PATIENCE_S = 120.0  # a browser that says nothing for so long is stuck
 _OPTIONS = (
     "--headless=new",
     "--no-sandbox",
-    "--disable-gpu",
     "--no-first-run",
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
     "--remote-debugging-pipe",
 )
+
+_WITHOUT_GRAPHICS = ("--disable-gpu",)
+_SOFTWARE_GRAPHICS = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+
+# Of every element with text of its own, the contrast (WCAG 2.2) with the first background below it.
+LEAST_CONTRAST = """(() => {
+  const parts = colour => colour.match(/[\\d.]+/g).map(Number);
+  const luminance = colour => parts(colour).slice(0, 3).map(v => v / 255)
+    .map(v => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, v, k) => sum + v * [0.2126, 0.7152, 0.0722][k], 0);
+  const below = element => {
+    for (let at = element; at; at = at.parentElement) {
+      const colour = getComputedStyle(at).backgroundColor;
+      if (parts(colour)[3] !== 0) return colour;
+    }
+  };
+  let least = 21;
+  for (const element of document.body.querySelectorAll("*")) {
+    if (![...element.childNodes].some(node => node.nodeType === 3 && node.data.trim())) continue;
+    const pair = [luminance(getComputedStyle(element).color), luminance(below(element))].sort((a, b) => a - b);
+    least = Math.min(least, (pair[1] + 0.05) / (pair[0] + 0.05));
+  }
+  return least;
+})()"""
 
 _AS_3_AND_4 = """
 import fcntl, os, sys
@@ -98,6 +121,16 @@ class Browser:
         logged = (event for event in self.events if event.get("method") == "Log.entryAdded")
         return [event["params"]["entry"]["text"] for event in logged]
 
+    def errors(self) -> list[str]:
+        """What scripts threw, and what they wrote to the console as an error, since the page was opened."""
+        thrown = [
+            event["params"]["exceptionDetails"].get("exception", {}).get("description", "an exception")
+            for event in self.events
+            if event.get("method") == "Runtime.exceptionThrown"
+        ]
+        written = (event["params"] for event in self.events if event.get("method") == "Runtime.consoleAPICalled")
+        return thrown + [str(each["args"]) for each in written if each["type"] in ("error", "warning", "assert")]
+
     def _hear(self) -> dict[str, Any]:
         while b"\0" not in self._unread:
             ready, _, _ = select.select([self._from], [], [], PATIENCE_S)
@@ -111,12 +144,13 @@ class Browser:
 
 
 @contextlib.contextmanager
-def browser(profile: Path) -> Iterator[Browser]:
-    """A browser with a fresh profile folder, ended when it is left."""
+def browser(profile: Path, *, graphics: bool = False) -> Iterator[Browser]:
+    """A browser with a fresh profile folder, ended when it is left; with ``graphics`` WebGL, drawn in software."""
     assert PROGRAM is not None
     read_here, write_there = os.pipe()
     read_there, write_here = os.pipe()
     command = [sys.executable, "-c", _AS_3_AND_4, str(read_there), str(write_there), PROGRAM, *_OPTIONS]
+    command += _SOFTWARE_GRAPHICS if graphics else _WITHOUT_GRAPHICS
     process = subprocess.Popen(
         [*command, f"--user-data-dir={profile}", "about:blank"],
         pass_fds=(read_there, write_there),

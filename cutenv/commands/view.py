@@ -1,0 +1,76 @@
+"""Show a recorded cut in three dimensions: a page of one file that opens from disk and fetches nothing."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cutenv.commands.records import Records, add_record_options, read_records
+from cutenv.commands.score import parse_length
+from cutenv.trace import Trace
+from cutenv.viewer.solid import COLOURS, ShownCut, write_view
+
+
+def main(argv: Sequence[str]) -> int:
+    """Write the page; 2 if the record or the options are bad."""
+    arguments = _parser().parse_args(argv)
+    try:
+        _view(arguments)
+    except (OSError, ValueError) as error:
+        print(f"cutenv view: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _view(arguments: argparse.Namespace) -> None:
+    target = None if arguments.target is None else parse_length(arguments.target)
+    if arguments.out is not None and not arguments.out.parent.is_dir():
+        raise FileNotFoundError(f"--out {arguments.out}: no such folder; make it first.")
+    records = read_records(arguments)
+    for note in records.notes:
+        print(f"note: {note}", file=sys.stderr)
+    for each in records.refused:
+        print(f"left out: {each.name}: {each.reason}", file=sys.stderr)
+    trace = _chosen(records, arguments.cut)
+    cut = ShownCut.of(trace, target=target)
+    path = arguments.out or Path(re.sub(r"[^\w.-]+", "_", cut.name) + "_view.html")
+    size = write_view(path, cut, colour=arguments.colour)
+    print(f"page: {path} ({size / 1e6:.1f} MB, {len(cut)} instants)")
+    if arguments.open:
+        import webbrowser
+
+        webbrowser.open(path.resolve().as_uri())
+
+
+def _chosen(records: Records, number: int | None) -> Trace:
+    """The cut of a number from 1 on in its file, by default the first; says so if there are others."""
+    by_number = {source.number or 1: trace for source, trace in zip(records.sources, records.traces, strict=True)}
+    if not by_number:
+        raise ValueError("no cut is left to be shown.")
+    first = min(by_number)
+    if number is None and len(by_number) > 1:
+        print(f"note: cut {first} of {len(by_number)} is shown; --cut chooses another.", file=sys.stderr)
+    chosen = first if number is None else number
+    if chosen not in by_number:
+        raise ValueError(f"--cut {chosen}: the file holds cuts {', '.join(map(str, by_number))}; give one of these.")
+    return by_number[chosen]
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="cutenv view",
+        description=__doc__,
+        epilog="A record needs position and depth of cut beside force in newtons; without angle the blade is upright.",
+    )
+    add_record_options(parser, files=1)
+    parser.add_argument(
+        "--cut", type=int, metavar="N", help="which one of several in the file, from 1; default the first"
+    )
+    parser.add_argument("--target", metavar="LENGTH", help="aimed at, from the clamp: 80mm; default the record's own")
+    parser.add_argument("--colour", choices=COLOURS, default=COLOURS[0], help="of the tissue; default displacement")
+    parser.add_argument("--out", type=Path, metavar="PAGE", help="the page to write; default NAME_view.html, here")
+    parser.add_argument("--open", action="store_true", help="open the page in the browser")
+    return parser

@@ -1,0 +1,159 @@
+"""What is to be seen of a recorded cut: blade, force, tip and elastic field at evenly spaced instants."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.measurement import DepthProfile
+from cutenv.measurement.depth import SHALLOWEST
+from cutenv.measurement.strokes import blade_speed
+from cutenv.scoring.cut import ScoredCut
+from cutenv.tissue import CutModel
+from cutenv.trace import Trace
+from cutenv.validation import in_range
+
+Array = NDArray[np.float64]
+
+COLOURS = ("displacement", "energy")
+"""What the tissue's colour may show."""
+INSTANTS = 160
+"""Shown of a record; a page grows with them."""
+
+_FLATTEST = math.radians(10.0)  # a blade that can be drawn
+_CURE = (
+    "A cut is drawn where the blade was: give the columns, or what was constant, as in "
+    "--map time=t force=Fx position=x[mm] angle=90deg depth=20mm --unit N."
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ShownCut:
+    """A cut at the instants that are shown; SI and radians, arrays of shape (n,).
+
+    Attributes
+    ----------
+    name : str
+        Of the record.
+    time : ndarray
+        Since the record's first instant [s].
+    force, position, speed, angle : ndarray
+        As recorded [N], [m], [m/s], [rad].
+    tip : ndarray
+        Of the crack, in tissue at rest [m]; estimated, 0 to the specimen's length.
+    shift : ndarray
+        How far the elastic force carries the tip along the line [m].
+    depth : DepthProfile
+        Depth of cut by place.
+    modulus : float
+        Local effective modulus that tip and field rest on [Pa].
+    tip_source : str
+        "return stroke" or "estimated".
+    angle_known : bool
+        Whether the record holds the angle; else the blade is drawn upright.
+    target : float or None
+        Aimed at, from the clamp [m].
+    model : CutModel
+        Whose field displaces the tissue.
+    whole_time, whole_force : ndarray of shape (m,)
+        The record's own instants [s] and force [N].
+    """
+
+    name: str
+    time: Array
+    force: Array
+    position: Array
+    speed: Array
+    angle: Array
+    tip: Array
+    shift: Array
+    depth: DepthProfile
+    modulus: float
+    tip_source: str
+    angle_known: bool
+    target: float | None
+    model: CutModel
+    whole_time: Array
+    whole_force: Array
+
+    @classmethod
+    def of(cls, trace: Trace, *, target: float | None = None, instants: int = INSTANTS) -> ShownCut:
+        """Work out what is shown of a record.
+
+        Parameters
+        ----------
+        trace : Trace
+            With position and depth, and force in newtons.
+        target : float, optional
+            Aimed at, from the clamp [m], 0.005 to 0.15; by default the record's own ``target_length_m``, if any.
+        instants : int
+            How many are shown, 2 to 2000, evenly spaced in time; no more than the record has.
+
+        Raises
+        ------
+        ValueError
+            If the record lacks what is to be drawn, or the blade lies flat or leaves the specimen.
+        """
+        count = int(in_range("instants", instants, 2, 2000, "1", "A page with 160 has about 6 MB."))
+        try:
+            trace.require("position", "depth", by="view")
+        except ValueError as error:
+            raise ValueError(f"{error} {_CURE}") from None
+        trace.require_newtons(by="view")
+        position = np.asarray(trace.position)
+        angle = np.full(len(trace), math.pi / 2) if trace.angle is None else trace.angle
+        _check_angle(angle)
+        cut = ScoredCut(trace=trace, target_length=_target(trace, target))
+        model, depth = cut.model, cut.profile
+        # Of every evenly spaced instant the reading that is nearest.
+        even = np.linspace(trace.time[0], trace.time[-1], min(count, len(trace)))
+        shown = np.unique(np.searchsorted(0.5 * (trace.time[1:] + trace.time[:-1]), even))
+        tip = np.clip(cut.tip[shown], 0.0, model.length)
+        stiffness = cut.modulus * np.asarray(model.stiffness(tip)) * np.maximum(depth.at(tip), SHALLOWEST)
+        speed = blade_speed(trace.time, position) if trace.speed is None else trace.speed
+        return cls(
+            name=str(trace.metadata.get("name", "cut")),
+            time=trace.time[shown] - trace.time[0],
+            force=trace.force[shown],
+            position=position[shown],
+            speed=speed[shown],
+            angle=angle[shown],
+            tip=tip,
+            shift=cut.elastic_force[shown] / stiffness,
+            depth=depth,
+            modulus=cut.modulus,
+            tip_source=cut.tip_source,
+            angle_known=trace.angle is not None,
+            target=cut.target_length,
+            model=model,
+            whole_time=trace.time - trace.time[0],
+            whole_force=trace.force,
+        )
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def field(self, i: int) -> Array:
+        """Displacement of the nodes at an instant [m], shape (n_nodes, dim)."""
+        a = float(self.tip[i])
+        # The tip moves by F/(kappa E B); with E = B = 1 that force is kappa times the shift.
+        return self.model.displacement(a, float(self.model.stiffness(a) * self.shift[i]), modulus=1.0, thickness=1.0)
+
+
+def _target(trace: Trace, given: float | None) -> float | None:
+    if given is not None:
+        return given
+    own = trace.metadata.get("target_length_m")
+    return None if own is None else in_range("target_length_m", own, 0.005, 0.15, "m", "Give --target 80mm instead.")
+
+
+def _check_angle(angle: Array) -> None:
+    worst = float(angle[np.argmax(np.abs(angle - math.pi / 2))])
+    if not _FLATTEST <= worst <= math.pi - _FLATTEST:
+        raise ValueError(
+            f"angle = {math.degrees(worst):.0f} deg lies flat; a blade is drawn from 10 to 170 deg against the "
+            "surface. Upright is 90 deg: if the record counts from upright, map it anew."
+        )
