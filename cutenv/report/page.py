@@ -158,7 +158,8 @@ def new_figure(width: float, height: float) -> Figure:
     try:
         from matplotlib.figure import Figure  # an extra, and slow to import
     except ImportError as error:
-        raise ImportError("Pictures need matplotlib. Install it with: pip install 'cutenv[view]'") from error
+        cure = "Pictures need matplotlib. Install it with: pip install 'cutenv[view]'"
+        raise ModuleNotFoundError(cure, name="matplotlib") from error
     return Figure(figsize=(width, height), layout="constrained")
 
 

@@ -251,7 +251,7 @@ def test_files_of_another_program_are_mapped_tared_and_the_mapping_kept(
         as_foreign(trace, tmp_path / f"versuch{number}.csv")
     out, given = tmp_path / "tissue.json", sorted(tmp_path.glob("*.csv"))
     mapping = ["time=Zeit[ms]", "force=Kraft[mN]", "position=Weg[mm]", "depth=Tiefe[mm]", "angle=90deg"]
-    status, _, err = run(capsys, *given, "--out", out, "--resamples", 0, "--map", *mapping)
+    status, _, err = run(capsys, *given, "--out", out, "--resamples", 0, "--verbose", "--map", *mapping)
     assert status == 0, err
     assert "taken off the force" in err
     found, expected = load_description(out), calibrate(upright, resamples=0)
