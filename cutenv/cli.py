@@ -39,6 +39,7 @@ class Command:
 
 COMMANDS = {
     "calibrate": Command(module="cutenv.commands.calibrate", summary="make a tissue of your own records of cuts"),
+    "play": Command(module="cutenv.commands.play", summary="cut by mouse or gamepad in a window"),
     "score": Command(module="cutenv.commands.score", summary="score cuts by their force: a card and a page"),
     "bench": Command(module="cutenv.bench", summary="measure the speed of the environment on this machine"),
 }
