@@ -31,7 +31,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _play(arguments: argparse.Namespace) -> None:
     from cutenv.play.devices import MouseDevice
-    from cutenv.play.session import Session
+    from cutenv.play.session import COUNTDOWN, Session
     from cutenv.play.window import PlayWindow
 
     if arguments.picture is not None and not arguments.picture.absolute().parent.is_dir():
@@ -43,6 +43,7 @@ def _play(arguments: argparse.Namespace) -> None:
         folder=arguments.out,
         operator=arguments.operator,
         practice=arguments.practice,
+        countdown=0.0 if arguments.scripted else COUNTDOWN,
         cuts=1 if arguments.scripted and arguments.cuts is None else arguments.cuts,
         handle=True,
     )

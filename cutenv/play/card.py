@@ -19,7 +19,7 @@ _EDGE = 26.0
 _VEIL = 0.55
 _MOST_FAULTS = 3
 _SHOWN = (
-    ("tip_error", "tip off target", 1e3, "mm", 1),
+    ("tip_error", "tip off target, estimated", 1e3, "mm", 1),
     ("peak_force", "peak force", 1.0, "N", 2),
     ("largest_jump", "longest run of the crack", 1e3, "mm", 1),
     ("uncontrolled_share", "share cut by runs", 100.0, "%", 0),
@@ -109,7 +109,7 @@ def _draw_score(canvas: Canvas, card: ScoreCard, x: float, right: float) -> None
     part = "" if card.completed > 0.95 else f"{100 * card.completed:.0f} % of the way was cut; "
     words = f"{part}score within {card.reference.partition(':')[0].replace('(', 'of ')} by scripts"
     canvas.text(words, (x, _TOP + 72), size=17, colour=palette.QUIET)
-    canvas.text("the same as of: cutenv score RECORD", (x, _TOP + 92), size=15, colour=palette.QUIET)
+    canvas.text("from what a rig could measure, as: cutenv score RECORD", (x, _TOP + 92), size=15, colour=palette.QUIET)
 
 
 def _draw_metrics(canvas: Canvas, card: ScoreCard, x: float, right: float, top: float) -> None:

@@ -166,7 +166,7 @@ def simple_hand(
     in_range("speed", speed, 1e-4, FASTEST, "m/s", "Speeds are in m/s: 1.27 cm/s is 0.0127.")
     farthest = min(target + lead, TRAVEL)
     there = farthest / speed
-    back = 0.035
+    back = 0.050
 
     def script(time: float) -> Motion:
         if time < there:

@@ -126,9 +126,6 @@ class Session:
         self._target_length, self._deadline = target_length, deadline
         self._countdown = in_range("countdown", countdown, 0.0, 60.0, "s", "Give seconds.")
         self._hand, self._with_handle, self._now = hand, handle, now
-        if folder is not None:
-            folder.mkdir(parents=True, exist_ok=True)
-
         self.number = 0
         """Of the present specimen, counted from 0."""
         self.finished = 0
@@ -147,6 +144,8 @@ class Session:
         """Its record, if there is a folder."""
         self._felt: FeltForce | None = None
         self._prepare()
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
 
     # What a person asks for
 
