@@ -75,7 +75,7 @@ def draw_countdown(canvas: Canvas, layout: Layout, sight: Sight) -> None:
 def draw_end_card(canvas: Canvas, layout: Layout, sight: Sight) -> None:
     """Score, numbers, what went wrong and what to try next."""
     card, moment = sight.card, sight.moment
-    faults = _fault_lines(card)
+    faults = fault_lines(card)
     foot = _TOP + 340 + sum(step for _, step, _ in faults)  # where what stands below the faults begins
     _panel(canvas, layout, foot + 64)
     x, right = _LEFT + _EDGE, _RIGHT - _EDGE
@@ -93,7 +93,8 @@ def draw_end_card(canvas: Canvas, layout: Layout, sight: Sight) -> None:
             canvas.text(words, (x if fault else x + 14, y), size=20 if fault else 17, colour=colour)
             y += step
     if sight.saved is not None:
-        canvas.text(f"record: {sight.saved.name}", (x, foot), size=15, colour=palette.QUIET)
+        words = f"record: {sight.saved.name}" + ", marked as practice" * sight.practised
+        canvas.text(words, (x, foot), size=15, colour=palette.QUIET)
     canvas.text(DISCLAIMER, (x, foot + 19), size=15, colour=palette.QUIET)
     done = sight.count is not None and sight.finished >= sight.count
     keys = "space: end" if done else "space: next specimen     r: again     c: class     p: practice"
@@ -126,16 +127,20 @@ def _draw_metrics(canvas: Canvas, card: ScoreCard, x: float, right: float, top: 
             canvas.text(words, (right, y), size=16, colour=palette.QUIET, anchor="midright")
 
 
-def _fault_lines(card: ScoreCard | None) -> list[tuple[str, int, bool]]:
+def fault_lines(card: ScoreCard | None) -> list[tuple[str, int, bool]]:
     """What went wrong and what to try next: words, way to the next line [px], whether they name a fault."""
     if card is None:
         return []
     if not card.faults:
         return [("No fault was found.", 30, False)]
+    # How a cut ended comes first: runs and pauses are many, an end is one. The same advice is given once.
+    said: dict[str, list[str]] = {}
+    for fault in sorted(card.faults, key=lambda fault: fault.kind in ("lurch", "pause")):
+        said.setdefault(fault.try_next, []).append(fault.says)
     lines = []
-    # How a cut ended comes first: runs and pauses are many, an end is one.
-    for fault in sorted(card.faults, key=lambda fault: fault.kind in ("lurch", "pause"))[:_MOST_FAULTS]:
-        lines.append((fault.says[:1].upper() + fault.says[1:], 21, True))
-        lines += [(line, 21, False) for line in textwrap.wrap(f"Next time: {fault.try_next}.", 100)]
+    for advice, faults in list(said.items())[:_MOST_FAULTS]:
+        words = "; ".join(faults)
+        lines += [(line, 21, True) for line in textwrap.wrap(words[:1].upper() + words[1:], 80)]
+        lines += [(line, 21, False) for line in textwrap.wrap(f"Next time: {advice}.", 100)]
         lines[-1] = (lines[-1][0], 32, False)
     return lines

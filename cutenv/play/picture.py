@@ -23,7 +23,7 @@ from cutenv.viewer.slab import Slab, slab_of
 LAYOUT = Layout(
     scale=3200.0, cut_line=214.0, blade_end=572.0, chart_top=612.0, chart_bottom=692.0, column=600.0
 )  # fmt: skip
-HELP = "space: next   r: again   c: class   p: practice   esc: end        mouse: hand   wheel: tilt"
+HELP = "space: next   r: again   c: class   p: practice   esc: end        mouse: hand   wheel, arrows: tilt"
 
 _SMALL, _NORMAL = 16, 19
 _MARGIN = 16

@@ -47,6 +47,7 @@ class Sight:
     hand: float
     pose: Pose | None
     practice: bool
+    practised: bool
     truth: dict[str, Any]
     specimen_class: str
     chosen_class: str
@@ -143,6 +144,9 @@ class Session:
         self.saved: Path | None = None
         """Its record, if there is a folder."""
         self._felt: FeltForce | None = None
+        self._prepare()
+        # Compiled now, on a cut that is thrown away, and not when the clock of the first one runs.
+        self.cut.tick(self._stylus)
         self._prepare()
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
@@ -323,6 +327,7 @@ class Session:
             hand=float(self.cut.plant.states["hand"][0]),
             pose=self.cut.pose,
             practice=self.practice,
+            practised=self._practised,
             truth=self.cut.truth,
             specimen_class=self.cut.specimen_class,
             chosen_class=self.chosen_class,

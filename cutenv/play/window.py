@@ -131,6 +131,8 @@ class PlayWindow:
             session.choose_class()
         elif key == pygame.K_p:
             session.show_hidden()
+        elif key in (pygame.K_UP, pygame.K_DOWN) and session.phase == "cutting":
+            self.mouse.turn(1 if key == pygame.K_UP else -1)
         elif key == pygame.K_ESCAPE:
             self._window.close()
 

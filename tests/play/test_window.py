@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,11 +13,13 @@ import pytest
 from played import TARGET, run, session
 
 from cutenv import cli
+from cutenv.play.card import fault_lines
 from cutenv.play.devices import GamepadDevice, Motion, MouseDevice, ScriptedDevice
 from cutenv.play.picture import LAYOUT, PlayPicture, force_colour
 from cutenv.play.session import GIVEN_UP, Session
 from cutenv.play.window import PlayWindow
 from cutenv.recording import load_one
+from cutenv.scoring import Fault
 from cutenv.viewer import palette
 from cutenv.viewer.canvas import Canvas
 
@@ -75,7 +78,9 @@ def test_space_begins_the_mouse_leads_the_hand_and_the_wheel_leans_the_blade(win
     for _ in range(20):
         post(pygame.MOUSEMOTION, rel=(4, 7), pos=(0, 0), buttons=(0, 0, 0))
         show(window)
-    post(pygame.MOUSEWHEEL, x=0, y=-4)
+    post(pygame.MOUSEWHEEL, x=0, y=-6)
+    press(pygame.K_UP)
+    press(pygame.K_UP)
     show(window, 60)
     sight = window.session.sight()
     assert sight.stylus.position == pytest.approx(80 / LAYOUT.scale)
@@ -228,6 +233,27 @@ def test_the_head_of_the_picture_tells_success_by_its_colour() -> None:
     run(played)
     colour = palette.SUCCESS if played.cut.cutting.success else palette.FAILURE
     assert picture_of(played)[2, 2].tolist() == list(colour)
+
+
+def test_the_same_advice_is_given_once() -> None:
+    played = session(handle=True)
+    played.begin()
+    run(played)
+    lurches = [
+        Fault(kind="lurch", time=t, position=0.05, says=f"lurched at {t:.0f} s", try_next="lean more")
+        for t in (1.0, 2.0)
+    ]
+    short = Fault(kind="short", time=3.0, position=0.07, says="ended short", try_next="lead farther")
+    lines = fault_lines(dataclasses.replace(played.card, faults=(*lurches, short)))
+    assert [words for words, _, _ in lines] == [
+        "Ended short",
+        "Next time: lead farther.",
+        "Lurched at 1 s; lurched at 2 s",
+        "Next time: lean more.",
+    ]
+    assert [words for words, _, _ in fault_lines(dataclasses.replace(played.card, faults=()))] == [
+        "No fault was found."
+    ]
 
 
 def test_the_colour_of_the_force_goes_from_steel_over_amber_to_vermilion() -> None:
