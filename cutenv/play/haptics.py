@@ -70,7 +70,7 @@ class HapticDevice(Protocol):
         ...
 
     def open(self) -> None:
-        """Begin a cut: the hand is at the clamp, the blade upright; called again for every cut."""
+        """Connect, if that is not done; the hand is at the clamp now. Called at the start and for every cut."""
         ...
 
     def read(self) -> Stylus:

@@ -150,6 +150,7 @@ class Session:
         self._prepare()
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
+        device.open()
 
     # What a person asks for
 

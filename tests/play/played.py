@@ -6,9 +6,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from cutenv.play.devices import simple_hand
+from cutenv.play.devices import ScriptedDevice, simple_hand
+from cutenv.play.haptics import Stylus, VirtualCoupling
 from cutenv.play.session import Session
 
+COUPLING = VirtualCoupling()
 TARGET = 0.07
 DATE = datetime(2026, 3, 1, 14, 5, tzinfo=UTC)
 
@@ -27,3 +29,30 @@ def run(played: Session, *, until: str = "ended", frame: float = 1.0 / 60.0, clo
         played.advance(clock)
         clock += frame
     raise AssertionError(f"still {played.phase!r} after a minute")
+
+
+class Pushing(ScriptedDevice):
+    """A scripted hand on a device that pushes, and that has to be opened."""
+
+    coupling = COUPLING
+
+    def __init__(self) -> None:
+        super().__init__(simple_hand(TARGET)._script)
+        self.forces: list[float] = []
+        self.held: frozenset[str] = frozenset()
+        self.is_open = False
+
+    def open(self) -> None:
+        super().open()
+        self.is_open = True
+
+    def push(self, force: float) -> None:
+        self.forces.append(force)
+
+    def read(self) -> Stylus:
+        if not self.is_open:
+            raise OSError("the device is not open")
+        return super().read()._replace(buttons=self.held)
+
+    def close(self) -> None:
+        self.is_open = False

@@ -10,14 +10,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from played import TARGET, run
+from played import COUPLING, TARGET, Pushing, run
 
-from cutenv.play.devices import GamepadDevice, MouseDevice, ScriptedDevice, simple_hand
+from cutenv.play.devices import GamepadDevice, MouseDevice, simple_hand
 from cutenv.play.haptics import FeltForce, HapticDevice, Stylus, VirtualCoupling
 from cutenv.play.servo import Servo
 from cutenv.play.session import Session
-
-COUPLING = VirtualCoupling()
 
 
 def energy_made(felt: FeltForce, positions: list[float], blades: list[float]) -> float:
@@ -184,23 +182,6 @@ def test_every_device_keeps_the_protocol(device: HapticDevice) -> None:
     device.close()
 
 
-class Pushing(ScriptedDevice):
-    """A scripted hand on a device that pushes."""
-
-    coupling = COUPLING
-
-    def __init__(self) -> None:
-        super().__init__(simple_hand(TARGET)._script)
-        self.forces: list[float] = []
-        self.held: frozenset[str] = frozenset()
-
-    def push(self, force: float) -> None:
-        self.forces.append(force)
-
-    def read(self) -> Stylus:
-        return super().read()._replace(buttons=self.held)
-
-
 def test_a_device_that_pushes_is_pushed_every_millisecond_and_let_go_at_the_end() -> None:
     device = Pushing()
     played = Session(device, seed=6, target_length=TARGET, countdown=0.0)
@@ -262,6 +243,18 @@ def test_what_goes_wrong_in_the_servo_is_told_and_nothing_pushes_on() -> None:
     with pytest.raises(OSError, match="the cable is out"):
         servo.stop()
     assert device.forces == [0.0]
+
+
+def test_a_device_is_opened_before_it_is_read_and_closed_at_the_end() -> None:
+    device = Pushing()
+    with pytest.raises(OSError, match="not open"):
+        device.read()
+    played = Session(device)
+    played.advance(0.0)
+    played.advance(0.01)
+    played.close()
+    with pytest.raises(OSError, match="not open"):
+        device.read()
 
 
 def test_the_coupling_is_a_value() -> None:

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from played import TARGET, run, session
+from played import TARGET, Pushing, run, session
 
 from cutenv import cli
 from cutenv.play.card import fault_lines
 from cutenv.play.devices import GamepadDevice, Motion, MouseDevice, ScriptedDevice
 from cutenv.play.picture import LAYOUT, PlayPicture, force_colour
-from cutenv.play.session import GIVEN_UP, Session
+from cutenv.play.session import GIVEN_UP, Session, Sight
 from cutenv.play.window import PlayWindow
 from cutenv.recording import load_one
 from cutenv.scoring import Fault
@@ -178,6 +178,31 @@ def test_slow_pictures_take_nothing_from_the_physics(tmp_path: Path, monkeypatch
             window.show_next()
         ends.append(played.cut.readings)
     assert np.array_equal(*ends)
+
+
+def test_a_device_that_pushes_is_served_beside_the_pictures_and_let_go_with_the_window(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device = Pushing()
+    played = Session(device, folder=tmp_path, seed=6, target_length=TARGET, countdown=0.0, handle=True)
+    window = PlayWindow(played)
+    draw, pictures = PlayPicture.draw, []
+
+    def draw_some(self: PlayPicture, sight: Sight) -> Canvas:
+        pictures.append(len(sight.readings))
+        if window._window.open and (pictures[-1] > 300 or len(pictures) > 2000):
+            press(pygame.K_ESCAPE)
+        return draw(self, sight)
+
+    monkeypatch.setattr(PlayPicture, "draw", draw_some)
+    press(pygame.K_SPACE)
+    window.run()
+    assert pictures[-1] > 300
+    assert len(device.forces) >= pictures[-1]
+    assert device.forces[-1] == 0.0
+    assert not device.is_open
+    (record,) = tmp_path.iterdir()
+    assert load_one(record).metadata["device"] == "Pushing"
 
 
 # Pictures
