@@ -268,7 +268,7 @@ class ScoredCut:
 
     @cached_property
     def modulus(self) -> float:
-        """Local effective modulus that the tip is estimated with [Pa]: the cut's own if it shows, or else the tissue's."""
+        """Local effective modulus that the tip is estimated with [Pa]: the cut's own if it shows, else the tissue's."""
         back, model = self._return_stroke, self.model
         if back is None or back.stiffness <= 0.0:
             return self.tissue.intercept_90 if self.own_modulus is None else self.own_modulus

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from cutenv.viewer import palette
-from cutenv.viewer.canvas import Canvas, Points
+from cutenv.viewer.canvas import Canvas, Colour, Points
 from cutenv.viewer.scene import (
     Layout,
     Moment,
@@ -60,6 +60,13 @@ def draw_ruler(canvas: Canvas, layout: Layout, length: float) -> None:
 
 def draw_from_above(canvas: Canvas, layout: Layout, moment: Moment, slab: Slab) -> None:
     """The displaced slab, the target marked on it, the cut drawn open, blade and tip."""
+    draw_slab(canvas, layout, moment, slab)
+    draw_blade_from_above(canvas, layout, moment)
+    draw_tip_from_above(canvas, layout, moment, "tip (hidden from the agent)")
+
+
+def draw_slab(canvas: Canvas, layout: Layout, moment: Moment, slab: Slab) -> None:
+    """The displaced slab, the target marked on it, the cut drawn open."""
     displacement = slab.displacement(moment.tip, moment.lag)
     _draw_tissue(canvas, layout, moment, slab, displacement)
 
@@ -74,16 +81,22 @@ def draw_from_above(canvas: Canvas, layout: Layout, moment: Moment, slab: Slab) 
     canvas.text(words, above, size=_TARGET_LETTERS, colour=palette.TARGET, anchor="midbottom")
 
     canvas.area(layout.from_above(slab.cut_outline(displacement, moment.tip)), palette.GAP)
+
+
+def draw_blade_from_above(canvas: Canvas, layout: Layout, moment: Moment, colour: Colour = palette.STEEL) -> None:
+    """The blade's section at the surface, and what stands above it."""
     depth = depth_at(moment.depth, moment.blade)
     section, overhang = blade_from_above(moment.blade, moment.angle, depth)
-    canvas.area(layout.from_above(section), palette.STEEL, palette.INK)
+    canvas.area(layout.from_above(section), colour, palette.INK)
     canvas.area(layout.from_above(overhang), palette.STEEL_LIGHT, palette.INK, opacity=0.5)
 
+
+def draw_tip_from_above(canvas: Canvas, layout: Layout, moment: Moment, words: str) -> None:
+    """The tip where the blade has carried it, and what it is called."""
     tip = layout.from_above(np.array([0.0, moment.tip + moment.lag]))
     beside = np.array([min(float(tip[0]) + 16, 470.0), float(tip[1]) - 38])
     canvas.line(np.stack([tip, beside + np.array([4.0, 8.0])]), palette.INK)
     draw_tip(canvas, tip)
-    words = "tip (hidden from the agent)"
     canvas.text(words, (beside[0], beside[1]), size=_LETTERS, ground=palette.PAPER)
 
 

@@ -15,7 +15,7 @@ class Window:
     width, height : int
         [px].
     fps : float
-        Pictures per second; showing one waits until it is due.
+        Pictures per second; showing one waits until it is due; 0: it never waits.
 
     Attributes
     ----------
@@ -33,10 +33,20 @@ class Window:
         self.open = True
 
     def show(self, canvas: Canvas) -> None:
-        """Show a canvas; do nothing if the window is closed."""
+        """Show a canvas, whatever keys were pressed since; do nothing if the window is closed."""
         # All events are taken, lest a full queue hide the one that closes the window.
-        if self.open and any(event.type == self._pygame.QUIT for event in self._pygame.event.get()):
+        self.take_events()
+        self.present(canvas)
+
+    def take_events(self) -> list[Any]:
+        """What happened since the last call, pygame's events; one that closes the window closes it."""
+        events: list[Any] = self._pygame.event.get() if self.open else []
+        if any(event.type == self._pygame.QUIT for event in events):
             self.close()
+        return events
+
+    def present(self, canvas: Canvas) -> None:
+        """Show a canvas and wait until the next is due; do nothing if the window is closed."""
         if not self.open:
             return
         self._screen.blit(canvas.surface, (0, 0))

@@ -1,0 +1,13 @@
+"""A person cuts: mouse, gamepad or haptic device lead the hand; law, task and score are those of an agent.
+
+The window needs pygame-ce and pymunk, which the extra ``cutenv[play]`` installs; a cut without a window needs neither.
+"""
+
+from __future__ import annotations
+
+from cutenv.play.cut import PlayedCut
+from cutenv.play.hand import PLAYED_HAND
+from cutenv.play.haptics import HapticDevice, Stylus, VirtualCoupling
+from cutenv.play.session import Session
+
+__all__ = ["PLAYED_HAND", "HapticDevice", "PlayedCut", "Session", "Stylus", "VirtualCoupling"]

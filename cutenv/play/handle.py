@@ -1,0 +1,92 @@
+"""Handle and hand in the plane around the cut line, by pymunk: what is drawn of them.
+
+The cut itself runs on the hand of :mod:`cutenv.cutting.drive`, which moves along the line alone. Here the same spring
+and damper pull a rigid handle that can also turn: it slides in a groove along the line, a spring holds it at the angle
+that is asked for, between 45 and 90 degrees, and the force of the tissue on the blade below the surface tips it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from cutenv.cutting.drive import Hand
+from cutenv.cutting.records import TICK
+from cutenv.play.hand import PLAYED_HAND
+from cutenv.tissue.specimen import LENGTH
+
+MOMENT = 4e-4
+"""Of inertia about the point on the line [kg m2]: a handle of 0.15 kg, half of it 7 cm away (assumed)."""
+GRIP_STIFFNESS, GRIP_DAMPING = 2.0, 0.03
+"""Of the fingers against tipping [N m/rad], [N m s/rad]: 5 N, 1 cm below the line, tip it by 1.4 degrees (assumed)."""
+_REST_LENGTH = 0.10  # between the spring's anchors [m]: pymunk pulls along their line, which needs a length
+
+
+class Pose(NamedTuple):
+    """Where the handle meets the line [m], how fast it goes along it [m/s], and its angle [rad]; pi/2 is upright."""
+
+    position: float
+    speed: float
+    angle: float
+
+
+class Handle:
+    """A rigid handle in a groove along the cut line, held by a hand.
+
+    Parameters
+    ----------
+    hand : Hand
+        Mass, stiffness and damping of the coupling.
+    angle : float
+        At the start [rad].
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If pymunk is not installed.
+    """
+
+    def __init__(self, hand: Hand = PLAYED_HAND, *, angle: float = math.pi / 2) -> None:
+        import pymunk  # an extra
+
+        self._space: Any = pymunk.Space()  # without gravity: a hand carries the handle
+        # Pymunk turns anticlockwise from the line; the blade leans forward, so its angle is the body's.
+        self._handle: Any = pymunk.Body(hand.mass, MOMENT)
+        self._handle.angle = angle
+        self._hand: Any = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+        self._fingers: Any = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+        ground = self._space.static_body
+        groove = pymunk.GrooveJoint(ground, self._handle, (-LENGTH, 0.0), (2.0 * LENGTH, 0.0), (0.0, 0.0))
+        coupling = pymunk.DampedSpring(
+            self._hand, self._handle, (-_REST_LENGTH, 0.0), (0.0, 0.0), _REST_LENGTH,
+            hand.coupling_stiffness, hand.coupling_damping,
+        )  # fmt: skip
+        grip = pymunk.DampedRotarySpring(self._handle, self._fingers, 0.0, GRIP_STIFFNESS, GRIP_DAMPING)
+        stops = pymunk.RotaryLimitJoint(ground, self._handle, math.pi / 4, math.pi / 2)
+        self._space.add(self._handle, groove, coupling, grip, stops)
+
+    @property
+    def pose(self) -> Pose:
+        """Where it is."""
+        return Pose(float(self._handle.position.x), float(self._handle.velocity.x), float(self._handle.angle))
+
+    def step(self, *, hand: float, hand_speed: float, angle: float, force: float, depth: float) -> None:
+        """A millisecond.
+
+        Parameters
+        ----------
+        hand, hand_speed : float
+            Where the hand is [m], and how fast it goes [m/s].
+        angle : float
+            Asked for [rad].
+        force : float
+            Of the tissue on the blade, against forward motion [N]; it acts in the middle of the depth.
+        depth : float
+            Of the cut at the blade [m].
+        """
+        # Pymunk moves first and finds forces then: the hand is put to where it was before this millisecond.
+        self._hand.position = (hand - hand_speed * TICK, 0.0)
+        self._hand.velocity = (hand_speed, 0.0)
+        self._fingers.angle = angle
+        self._handle.apply_force_at_world_point((-force, 0.0), (self._handle.position.x, -0.5 * depth))
+        self._space.step(TICK)

@@ -1,0 +1,238 @@
+"""Devices that a hand holds: place in, force out, and a coupling that cannot give back more energy than it got.
+
+A driver has the five parts of :class:`HapticDevice` and may live in your own code: ``Session(device)`` and
+``PlayWindow(session)`` take it as it is. None of these was at hand when this was written: the table says which calls
+belong where, the tests run the protocol with a scripted device.
+
+============= =========================== =============================== ==============================
+part          Force Dimension (DHD;       Haply Inverse3                  3D Systems (OpenHaptics HDAPI)
+              ``forcedimension_core``)    (``inverse3`` service, JSON     through ctypes
+                                          over a websocket)
+============= =========================== =============================== ==============================
+``open``      ``dhd.open()``,             connect to                      ``hdInitDevice``,
+              ``dhd.enableForce(True)``   ``ws://localhost:10001``        ``hdEnable(HD_FORCE_OUTPUT)``,
+                                                                          ``hdStartScheduler``
+``read``      ``dhd.getPosition`` [m],    ``cursor_position`` [m]; the    ``hdGetDoublev(``
+              ``dhd.getButton``;          VerseGrip's ``orientation``     ``HD_CURRENT_POSITION)`` [mm!],
+              ``dhd.getOrientationRad``   and ``buttons``                 ``HD_CURRENT_BUTTONS``
+``push``      ``dhd.setForce([f, 0, 0])`` ``set_cursor_force``            ``hdSetDoublev(``
+              [N]                         ``{"x": f, ...}`` [N]           ``HD_CURRENT_FORCE, ...)`` [N]
+``close``     ``dhd.setForce([0, 0, 0])`` force 0, then close the socket  ``hdStopScheduler``,
+              ``dhd.close()``                                             ``hdDisableDevice``
+``coupling``  damping and mass of the     the same                        the same
+              data sheet, or measured
+============= =========================== =============================== ==============================
+
+Take one axis of the device along the cut line, count it from where it is held when the cut begins, and put it to
+SI. DHD works in the calling thread; OpenHaptics calls back at 1 kHz in a thread of its own: there, keep the newest
+place and send the newest force, and let ``read`` and ``push`` pass them on. A mouse or a gamepad pushes nothing.
+:class:`~cutenv.play.servo.Servo` runs a session in a thread, a millisecond at a time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from cutenv.cutting.records import TICK
+from cutenv.parameter import check_parameters, parameter
+from cutenv.validation import in_range
+
+
+class Stylus(NamedTuple):
+    """What a person does at one instant.
+
+    Attributes
+    ----------
+    position : float
+        Where the hand is meant to be, from the clamp [m].
+    angle : float
+        Where the blade is meant to be turned [rad]; pi/2 is upright.
+    buttons : frozenset of str
+        Those held down, among "next", "repeat".
+    """
+
+    position: float
+    angle: float
+    buttons: frozenset[str] = frozenset()
+
+
+@runtime_checkable
+class HapticDevice(Protocol):
+    """Something that a hand holds; read and pushed once a millisecond."""
+
+    @property
+    def coupling(self) -> VirtualCoupling | None:
+        """How its force is made safe; None for a device that cannot push."""
+        ...
+
+    def open(self) -> None:
+        """Connect, if that is not done; the hand is at the clamp now. Called at the start and for every cut."""
+        ...
+
+    def read(self) -> Stylus:
+        """What the person does now; never waits."""
+        ...
+
+    def push(self, force: float) -> None:
+        """Let the person feel ``force`` [N], positive against forward motion, until the next call; never waits."""
+        ...
+
+    def close(self) -> None:
+        """Push no more and let go; a second time does nothing."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class VirtualCoupling:
+    """Spring and damper between a device and the blade, no stiffer than the device's own damping can answer for.
+
+    A force that is held for a period T makes energy: a spring K that is left by d during T gives back K d^2/2 more
+    than it took. The device's friction b takes at least b d^2/T in that time. Hence
+
+        K T/2 + B <= b        (Colgate and Schenkel 1997)
+
+    and with it the device is passive in any hand, and stable, whatever its mass. For B = 0 that is K < 2 b/T.
+
+    Parameters
+    ----------
+    stiffness : float
+        K [N/m].
+    damping : float
+        B, of the virtual damper [N s/m].
+    device_damping : float
+        b, physical, of the device alone, without the hand [N s/m].
+    device_mass : float
+        Moving mass [kg].
+    period : float
+        T: the longest time for which a force is held [s]. A millisecond takes a real-time thread; Python's is
+        better believed at 5 ms, which allows a fifth of the stiffness.
+    force_limit : float
+        No more is pushed [N].
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range, or the bound is broken; says which stiffness would do.
+
+    Notes
+    -----
+    J. E. Colgate and G. G. Schenkel, Passivity of a class of sampled-data systems: application to haptic
+    interfaces, J. Robotic Systems 14 (1997) 37-47. The defaults are those of a light desktop device: assumed, not
+    measured.
+    """
+
+    stiffness: float = parameter(
+        300.0, unit="N/m", low=0.0, high=1e6, provenance="choice", why="softer than the hand's own 400 N/m"
+    )
+    damping: float = parameter(0.1, unit="N s/m", low=0.0, high=1e3, provenance="choice", why="a little, for the feel")
+    device_damping: float = parameter(
+        0.5, unit="N s/m", low=1e-6, high=1e3, provenance="assumed",
+        why="order of a desktop device's; measure yours", sweep=(0.1, 2.0),
+    )  # fmt: skip
+    device_mass: float = parameter(
+        0.1, unit="kg", low=1e-3, high=10.0, provenance="assumed",
+        why="order of a desktop device's apparent mass", sweep=(0.04, 0.3),
+    )  # fmt: skip
+    period: float = parameter(TICK, unit="s", low=1e-4, high=0.1, provenance="choice", why="a servo at 1 kHz")
+    force_limit: float = parameter(3.3, unit="N", low=0.01, high=100.0, provenance="choice", why="of a Touch, at peak")
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        room = self.device_damping - self.damping
+        if self.stiffness * self.period / 2.0 > room:
+            cure = f"take a stiffness of {max(2.0 * room / self.period, 0.0):.4g} N/m at most"
+            if room <= 0.0:
+                cure = f"take a damping below {self.device_damping:g} N s/m, the device's own"
+            raise ValueError(
+                f"stiffness = {self.stiffness:g} N/m with damping = {self.damping:g} N s/m makes energy with a device "
+                f"of {self.device_damping:g} N s/m whose force is held for {1e3 * self.period:g} ms: {cure}."
+            )
+
+    @property
+    def growth(self) -> float:
+        """How much a motion of the device in nobody's hand grows from one period to the next [1]; below 1: stable.
+
+        The largest eigenvalue of the device (mass and damping, its force held for a period) under spring and damper.
+        """
+        m, b, T = self.device_mass, self.device_damping, self.period
+        left = math.exp(-b * T / m)
+        slide = m / b * (1.0 - left)  # way on for a speed of 1
+        fall = (T - slide) / b  # way for a force of 1
+        gain = (1.0 - left) / b  # speed for a force of 1
+        K, B = self.stiffness, self.damping / T
+        # Place, speed, and the place before, for the damper takes differences of places.
+        step = np.array(
+            [
+                [1.0 - fall * (K + B), slide, fall * B],
+                [-gain * (K + B), left, gain * B],
+                [1.0, 0.0, 0.0],
+            ]
+        )
+        return float(np.abs(np.linalg.eigvals(step)).max())
+
+    def felt(self) -> FeltForce:
+        """The coupling at work, at rest."""
+        return FeltForce(self)
+
+
+class FeltForce:
+    """A virtual coupling between device and blade, and the account that keeps it passive.
+
+    The bound holds for a blade that stands. One that the simulation moves could still put energy into the hand; so an
+    account is kept of what the person put in, and the force stays within what can be paid, whatever happens:
+
+        E + F d + (b/T) d^2 >= 0 for every d        if and only if        |F| <= 2 sqrt(b E/T).
+
+    For a spring within the bound, below its largest force, and a blade that stands, this never acts. The account holds
+    no more than such a spring at that force: work that went into the tissue is not saved up.
+
+    Parameters
+    ----------
+    coupling : VirtualCoupling
+        Its values.
+    """
+
+    def __init__(self, coupling: VirtualCoupling) -> None:
+        self.coupling = coupling
+        self.force = 0.0
+        """Held now, against forward motion [N]."""
+        self.energy = 0.0
+        """The account: what can be paid back [J]."""
+        self._position: float | None = None
+        self._lead = 0.0
+        # What the spring holds at the largest force: by the bound, no less than that force must have behind it.
+        softest = max(coupling.stiffness, 1e-3 * coupling.device_damping / coupling.period)
+        self._full = 0.5 * coupling.force_limit**2 / softest
+
+    def update(self, position: float, blade: float) -> float:
+        """The force to hold for the next period [N].
+
+        Parameters
+        ----------
+        position, blade : float
+            Where device and blade are, from the clamp [m]; -1 to 1.
+
+        Raises
+        ------
+        ValueError
+            If a place is not finite, or is none of a desktop's.
+        """
+        for name, place in (("position", position), ("blade", blade)):
+            if not -1.0 <= place <= 1.0:
+                in_range(name, place, -1.0, 1.0, "m", "Give metres from the clamp; 80 mm is 0.08.")
+        c = self.coupling
+        lead = position - blade
+        if self._position is None:
+            self._position, self._lead = position, lead
+        moved = position - self._position
+        self.energy += self.force * moved + c.device_damping / c.period * moved**2
+        self.energy = min(max(self.energy, 0.0), self._full)  # below 0 by rounding only
+        wanted = c.stiffness * lead + c.damping / c.period * (lead - self._lead)
+        allowed = min(2.0 * math.sqrt(c.device_damping * self.energy / c.period), c.force_limit)
+        self.force = min(max(wanted, -allowed), allowed)
+        self._position, self._lead = position, lead
+        return self.force

@@ -1,0 +1,301 @@
+"""The picture of a cut by a person: tissue from above, handle from the side, force as colour, bar and trace."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cutenv.play.card import draw_countdown, draw_end_card, draw_ready_card
+from cutenv.play.session import Sight
+from cutenv.viewer import chart, palette, views
+from cutenv.viewer.canvas import Canvas, Colour, Points
+from cutenv.viewer.scene import (
+    ForceTrace,
+    Layout,
+    Moment,
+    blade_from_the_side,
+    depth_at,
+    front_from_the_side,
+)
+from cutenv.viewer.slab import Slab, slab_of
+
+LAYOUT = Layout(
+    scale=3200.0, cut_line=214.0, blade_end=572.0, chart_top=612.0, chart_bottom=692.0, column=600.0
+)  # fmt: skip
+HELP = "space: next   r: again   c: class   p: practice   esc: end        mouse: hand   wheel, arrows: tilt"
+
+_SMALL, _NORMAL = 16, 19
+_MARGIN = 16
+_SIDE_TOP = 358.0  # of the view from the side [px]
+_GRIP = 0.058  # height of the fingers above the blade's lower end [m]
+_HANDLE_LENGTH, _HANDLE_WIDTH = 0.11, 0.011  # [m]
+_RECENT = 6.0  # of the trace over time [s]
+_HAND = (0, 158, 115)
+_CALM, _WARM, _HOT = palette.STEEL, palette.COST, palette.LIMIT
+
+
+def force_colour(force: float, allowed: float, limit: float) -> Colour:
+    """Steel without force, amber where it begins to cost, vermilion at the limit; all in the force's unit."""
+    stops = (0.0, allowed, limit)
+    red, green, blue = (
+        round(float(np.interp(abs(force), stops, channel))) for channel in zip(_CALM, _WARM, _HOT, strict=True)
+    )
+    return red, green, blue
+
+
+class PlayPicture:
+    """Draws what is to be seen of a session; needs no display.
+
+    Without practice the tip is nowhere marked: it is seen as a surgeon would see it, by how the tissue moves.
+    """
+
+    def __init__(self) -> None:
+        self.layout = LAYOUT
+        self._canvas = Canvas(self.layout.width, self.layout.height, palette.PAPER)
+        self._serial = 0
+        self._drawn = 0
+        self._slab: Slab
+        self._trace: ForceTrace
+        self._standing: Canvas
+
+    def draw(self, sight: Sight) -> Canvas:
+        """The picture of this moment; the canvas is drawn anew at the next call."""
+        moment, canvas, layout = sight.moment, self._canvas, self.layout
+        self._keep_up(sight)
+        canvas.paste(self._standing)
+        depth = depth_at(moment.depth, moment.blade)
+        allowed, limit = moment.force_allowed_per_depth * depth, moment.force_limit_per_depth * depth
+        tint = force_colour(moment.force, allowed, limit)
+        views.draw_slab(canvas, layout, moment, self._slab)
+        _draw_aim(canvas, layout, sight)
+        views.draw_blade_from_above(canvas, layout, moment, tint)
+        if sight.practice:
+            views.draw_tip_from_above(canvas, layout, moment, "tip")
+        _draw_side(canvas, layout, sight, depth, tint)
+        chart.draw_present(canvas, layout, moment, self._trace)
+        _draw_header(canvas, layout, sight)
+        _draw_force(canvas, layout, sight, allowed, limit, tint)
+        _draw_recent(canvas, layout, sight, self._trace.high)
+        _draw_numbers(canvas, layout, sight)
+        if sight.practice:
+            _draw_hidden(canvas, layout, sight)
+        else:
+            _draw_advice(canvas, layout)
+        if sight.phase == "ready":
+            draw_ready_card(canvas, layout, sight)
+        elif sight.phase == "countdown":
+            draw_countdown(canvas, layout, sight)
+        elif sight.phase == "ended":
+            draw_end_card(canvas, layout, sight)
+        return canvas
+
+    def _keep_up(self, sight: Sight) -> None:
+        """What stands still during a cut, to which the force is added as it comes."""
+        fresh = sight.serial != self._serial
+        if fresh:
+            self._serial, self._drawn = sight.serial, 0
+            self._trace = ForceTrace()
+            self._slab = slab_of(sight.model)
+        scale = self._trace.low, self._trace.high
+        new = sight.readings[self._drawn :]
+        felt = self._trace.add(new if len(new) else None)
+        self._drawn = len(sight.readings)
+        if fresh or (self._trace.low, self._trace.high) != scale:
+            self._standing = self._draw_standing(sight.moment)
+            chart.draw_force(self._standing, self.layout, self._trace, self._trace.whole())
+        elif felt:
+            chart.draw_force(self._standing, self.layout, self._trace, self._trace.latest())
+
+    def _draw_standing(self, moment: Moment) -> Canvas:
+        layout, model = self.layout, self._slab.model
+        canvas = Canvas(layout.width, layout.height, palette.PAPER)
+        views.draw_clamp(canvas, layout, model.width)
+        views.draw_section_at_rest(canvas, layout, moment)
+        views.draw_ruler(canvas, layout, model.length)
+        chart.draw_axes(canvas, layout, moment, self._trace)
+        canvas.text(HELP, (layout.clamp - 20, layout.height - 13), size=_SMALL, colour=palette.QUIET)
+        return canvas
+
+
+def _draw_header(canvas: Canvas, layout: Layout, sight: Sight) -> None:
+    moment = sight.moment
+    ground, words = palette.HEADER, f"Cut gently, until the tip stands at {moment.target * 1e3:.1f} mm"
+    if sight.phase == "ended":
+        ground = palette.SUCCESS if moment.success else palette.FAILURE
+        words = moment.verdict or "given up"
+    canvas.bar(0, 0, layout.width, layout.header, ground)
+    middle = layout.header / 2 + 1
+    canvas.text(words[:1].upper() + words[1:], (_MARGIN, middle), size=25, colour=palette.PAPER)
+    clock = f"{moment.time:.1f} s of {moment.deadline:.0f} s"
+    canvas.text(clock, (layout.width - _MARGIN, middle), size=20, colour=palette.PAPER, anchor="midright")
+    if sight.practice:
+        badge = (layout.width - _MARGIN - 150, middle)
+        canvas.text("PRACTICE", badge, size=18, colour=palette.HEADER, anchor="midright", ground=palette.COST)
+
+
+def _draw_aim(canvas: Canvas, layout: Layout, sight: Sight) -> None:
+    """Where the hand is meant to be, on the cut line from above."""
+    at = layout.from_above(np.array([0.0, sight.stylus.position]))
+    for side in (-1.0, 1.0):
+        outline = at + side * np.array([[0.0, 9.0], [-6.0, 20.0], [6.0, 20.0]])
+        canvas.area(outline, _HAND, palette.INK)
+
+
+def _draw_side(canvas: Canvas, layout: Layout, sight: Sight, depth: float, tint: Colour) -> None:
+    """Blade and handle at their angle, the hand that leads them; in practice the front of the cut and the lag."""
+    moment = sight.moment
+    canvas.clip(0, _SIDE_TOP, layout.column - 16, layout.blade_end + 1)
+    views.draw_target(canvas, layout, moment, layout.blade_end - 84, layout.blade_end)
+    if sight.practice:
+        front = front_from_the_side(moment.tip, moment.angle, moment.depth)
+        canvas.area(layout.from_the_side(front), palette.CUT_FACE)
+    angle = moment.angle if sight.pose is None else sight.pose.angle
+    outline = _handle_from_the_side(moment.blade, angle, depth)
+    blade = blade_from_the_side(moment.blade, angle, depth)
+    canvas.area(layout.from_the_side(blade), tint, palette.INK)
+    canvas.area(layout.from_the_side(outline), palette.HEADER, palette.INK)
+    # The spring at the height of the fingers: from where the hand is to where the handle is.
+    reach = (_GRIP - depth) / math.tan(angle)
+    handle = layout.from_the_side(np.array([moment.blade + reach - 0.0035, _GRIP]))
+    hand = layout.from_the_side(np.array([sight.hand + reach - 0.0035, _GRIP]))
+    canvas.line(_zigzag(handle, hand), _HAND, 2.0)
+    canvas.disc(hand, 8.0, _HAND)
+    canvas.unclip()
+    if sight.practice:
+        tip = layout.from_the_side(np.array([moment.tip, depth_at(moment.depth, moment.tip)]))
+        edge = layout.from_the_side(np.array([moment.blade, depth]))
+        if moment.lag > 0.0:
+            canvas.line(np.stack([tip, edge]), palette.INK, 3.0)
+            canvas.text(f"lag {moment.lag * 1e3:.1f} mm", (float(edge[0]) + 8, float(edge[1]) + 14), size=_SMALL)
+        views.draw_tip(canvas, tip)
+    words = f"from the side: tissue at rest, blade at {math.degrees(moment.angle):.0f}°"
+    canvas.text(words, (layout.clamp, _SIDE_TOP - 2), size=_SMALL, colour=palette.QUIET)
+
+
+def _handle_from_the_side(blade: float, angle: float, depth: float) -> Points:
+    """Outline of the handle above the blade, (along, height) [m], shape (5, 2)."""
+    edge = np.array([math.cos(angle), math.sin(angle)])
+    back = np.array([-math.sin(angle), math.cos(angle)])
+    lower_end = np.array([blade - depth / math.tan(angle), 0.0])
+    start = lower_end + 0.039 * edge + 0.0035 * back
+    half = 0.5 * _HANDLE_WIDTH
+    along = np.array(
+        [[0.0, 0.4], [0.006, 1.0], [_HANDLE_LENGTH, 0.8], [_HANDLE_LENGTH, -0.8], [0.006, -1.0], [0.0, -0.4]]
+    )
+    outline: Points = start + along[:, :1] * edge + half * along[:, 1:] * back
+    return outline
+
+
+def _zigzag(start: Points, end: Points) -> Points:
+    """A spring between two points [px], shape (n, 2)."""
+    t = np.linspace(0.0, 1.0, 12)[:, None]
+    points = start + t * (end - start)
+    points[1:-1:2, 1] -= 4.0
+    points[2:-1:2, 1] += 4.0
+    return points
+
+
+def _draw_force(canvas: Canvas, layout: Layout, sight: Sight, allowed: float, limit: float, tint: Colour) -> None:
+    """The force as a number and as a bar whose colour says how much it is of what is allowed here."""
+    left, right = layout.column, layout.width - _MARGIN
+    force = sight.moment.force
+    title = f"{sight.specimen_class}, number {sight.number + 1}"
+    if sight.count is not None:
+        title += f"; {sight.finished} of {sight.count} cut"
+    canvas.text(title, (left, 62), size=_NORMAL, colour=palette.INK)
+    if sight.operator:
+        canvas.text(sight.operator, (right, 62), size=_NORMAL, colour=palette.QUIET, anchor="midright")
+    canvas.text(f"{round(force, 2) + 0.0:.2f} N", (left, 98), size=46, colour=palette.FORCE)
+    canvas.text("force on the blade", (right, 90), size=_SMALL, colour=palette.QUIET, anchor="midright")
+    canvas.text(f"limit here {limit:.1f} N", (right, 110), size=_SMALL, colour=palette.LIMIT, anchor="midright")
+
+    top, bottom = 124.0, 144.0
+    scale = (right - left) / (1.1 * limit)
+    canvas.bar(left, top, right, bottom, palette.PANEL)
+    canvas.bar(left, top, left + scale * min(abs(force), 1.1 * limit), bottom, tint)
+    canvas.dashes(_upright(left + scale * allowed, top - 3, bottom + 3), palette.COST, dash=4.0, width=2.0)
+    canvas.line(_upright(left + scale * limit, top - 3, bottom + 3), palette.LIMIT, 2.0)
+    canvas.text("costs", (left + scale * allowed, bottom + 11), size=14, colour=palette.QUIET, anchor="center")
+    canvas.text("limit", (left + scale * limit, bottom + 11), size=14, colour=palette.QUIET, anchor="center")
+
+
+def _upright(x: float, top: float, bottom: float) -> Points:
+    return np.array([[x, top], [x, bottom]])
+
+
+def _draw_recent(canvas: Canvas, layout: Layout, sight: Sight, highest: float) -> None:
+    """The force over the last seconds, up to ``highest`` [N]."""
+    left, right, top, bottom = layout.column + 16.0, float(layout.width - _MARGIN), 190.0, 272.0
+    canvas.text(f"force [N], last {_RECENT:.0f} s", (left, top - 10), size=14, colour=palette.QUIET)
+    canvas.bar(left, top, right, bottom, palette.PANEL)
+    readings = sight.readings[-round(_RECENT * 1000) :: 10]
+    zero = bottom - 8.0
+    step = 2 if highest <= 8.0 else 5
+    for newtons in range(0, int(highest) + 1, step):
+        y = zero - (zero - top) * newtons / highest
+        canvas.line(np.array([[left, y], [right, y]]), palette.RULE if newtons else palette.QUIET)
+        canvas.text(f"{newtons}", (left - 5, y), size=14, colour=palette.QUIET, anchor="midright")
+    if len(readings) > 1:
+        now = sight.readings["time"][-1]
+        places = right - (right - left) * (now - readings["time"]) / _RECENT
+        heights = zero - (zero - top) * readings["force"] / highest
+        canvas.clip(left, top, right, bottom)
+        canvas.line(np.stack([places, heights], axis=-1), palette.FORCE)
+        canvas.unclip()
+
+
+def _draw_rows(canvas: Canvas, layout: Layout, top: float, step: float, rows: list[tuple[str, str, Colour]]) -> None:
+    left, right = layout.column, layout.width - _MARGIN
+    for k, (name, value, colour) in enumerate(rows):
+        y = top + step * k
+        canvas.text(name, (left, y), size=_NORMAL, colour=palette.QUIET)
+        canvas.text(value, (right, y), size=21, colour=colour, anchor="midright")
+
+
+def _draw_numbers(canvas: Canvas, layout: Layout, sight: Sight) -> None:
+    moment = sight.moment
+    to_target = (moment.target - moment.blade) * 1e3
+    rows: list[tuple[str, str, Colour]] = [
+        ("blade to target", f"{round(to_target, 1) + 0.0:.1f} mm", palette.TARGET),
+        ("hand ahead of the blade", f"{round((sight.hand - moment.blade) * 1e3, 1) + 0.0:.1f} mm", _HAND),
+        ("speed of the blade", f"{round(moment.speed * 100, 1) + 0.0:.1f} cm/s", palette.INK),
+        ("angle of the blade", f"{math.degrees(moment.angle):.0f}°", palette.INK),
+    ]
+    if sight.chosen_class != sight.specimen_class:
+        rows.append(("next class", sight.chosen_class, palette.INK))
+    _draw_rows(canvas, layout, 296, 25, rows)
+
+
+def _draw_hidden(canvas: Canvas, layout: Layout, sight: Sight) -> None:
+    """What nobody can measure while cutting."""
+    truth, moment = sight.truth, sight.moment
+    top = 440.0
+    canvas.text("practice: what is hidden otherwise", (layout.column, top), size=_NORMAL, colour=palette.FAILURE)
+    rows: list[tuple[str, str, Colour]] = [
+        ("tip", f"{moment.tip * 1e3:.1f} mm", palette.INK),
+        ("tip behind the blade", f"{moment.lag * 1e3:.1f} mm", palette.INK),
+        ("fracture resistance at the tip", f"{truth['fracture_resistance_J_m2']:.0f} J/m²", palette.INK),
+        ("modulus at the tip", f"{truth['modulus_Pa'] / 1e3:.1f} kPa", palette.INK),
+        ("excess force to start a run", f"{100 * truth['initiation_excess']:.0f} %", palette.INK),
+        ("energy stored in the tissue", f"{1e3 * truth['stored']:.1f} mJ", palette.INK),
+        ("work so far", f"{1e3 * truth['work']:.1f} mJ", palette.INK),
+        ("cut by runs of the crack", f"{1e3 * truth['uncontrolled_m']:.1f} mm in {truth['units']}", palette.INK),
+    ]
+    _draw_rows(canvas, layout, top + 26, 25, rows)
+
+
+def _draw_advice(canvas: Canvas, layout: Layout) -> None:
+    """How it is done, in the place of what is hidden."""
+    lines = (
+        "The green marks are your hand: the blade hangs on it",
+        "by a spring. The tip of the cut is behind the blade;",
+        "pull, and it follows in sudden runs.",
+        "",
+        "Lean the blade to start the crack at less force.",
+        "Raise it upright before the end: else a wedge stays.",
+        "Then draw back until nothing pulls, and hold still:",
+        "that finishes the cut.",
+    )
+    for k, words in enumerate(lines):
+        canvas.text(words, (layout.column, 446 + 22 * k), size=17, colour=palette.QUIET)
