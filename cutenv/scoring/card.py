@@ -254,8 +254,8 @@ def _notes(cut: ScoredCut, chosen: Mapping[str, float], known: Mapping[str, floa
         {
             "truth": "tip: the simulator's own",
             "return stroke": "tip: from the return stroke, to about 0.3 mm; its way there estimated",
-            "estimated": "tip: estimated, to about 1 mm and 4 mm at worst, by the cut's own loading",
-            "guessed": "tip: estimated with the stiffness of mean tissue; median error 2 mm, one in twenty above 5 mm",
+            "estimated": "tip: estimated, by the cut's own loading; median error 1 mm, one in twenty above 5 mm",
+            "guessed": "tip: estimated with the stiffness of mean tissue; median error 2 mm, one in twenty above 7 mm",
             "unknown": "tip: unknown; force alone is judged",
         }["guessed" if cut.tip_source == "estimated" and cut.own_modulus is None else cut.tip_source]
     ]

@@ -12,7 +12,9 @@ from cutenv.scoring.metric import Unavailable, metric
 
 _FLAT = 0.1  # sine of the angle below which no blade cuts
 _TIP = ("position", "depth", "newtons", "tip")
-_VALID_TIP = "tip as far as it is known: truth; return stroke, to 0.3 mm; or estimated, to 1 mm, 4 mm at worst"
+_VALID_TIP = (
+    "tip as far as it is known: truth; return stroke, to 0.3 mm; or estimated, to 1 mm, one in twenty beyond 5 mm"
+)
 
 
 @metric(
