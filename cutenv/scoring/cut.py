@@ -277,9 +277,9 @@ class ScoredCut:
     @cached_property
     def elastic_force(self) -> Array:
         """Force less friction, and no less than zero [N], shape (n,)."""
-        back = self._return_stroke
+        F, back = self.newtons, self._return_stroke
         friction = self._usual_friction if back is None else back.friction_per_depth
-        return np.maximum(self.newtons - friction * self.profile.at(self.position), 0.0)
+        return np.maximum(F - friction * self.profile.at(self.position), 0.0)
 
     @cached_property
     def _return_stroke(self) -> ReturnStroke | None:
@@ -316,7 +316,7 @@ class ScoredCut:
     @cached_property
     def _estimated_tip(self) -> Array:
         """Blade less elastic force over stiffness; a cut never heals, so it never goes back."""
-        x, B, model, elastic = self.position, self.profile, self.model, self.elastic_force
+        elastic, x, B, model = self.elastic_force, self.position, self.profile, self.model
         back = self._return_stroke
         moves = self.advancing
         a = x.copy()
