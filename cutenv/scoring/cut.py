@@ -157,7 +157,8 @@ class ScoredCut:
             under = self.even_time[smooth > least + _UNDER_FORCE * (float(smooth.max()) - least)]
             if not len(under):
                 raise Unavailable("the force never rises")
-            return np.asarray((self.time >= under[0]) & (self.time <= under[-1]))
+            window = 1.5 / RATE  # an even instant stands for its window, the first and the last for the record's ends
+            return np.asarray((self.time >= under[0] - window) & (self.time <= under[-1] + window))
         x = self.position
         forward = blade_speed(self.time, x) > STANDSTILL
         chosen: NDArray[np.bool_] = forward & (x >= np.maximum.accumulate(x) - 1e-4)
