@@ -147,7 +147,9 @@ def main() -> int:
         print("\n4. Beside what was put in:\n")
         text, missed = compare(load_description(folder / "tissue.json"), truth(liver, [s for _, s in cuts]))
         print(text)
-        print(f"\n{missed} of the intervals miss what was put in; of 95 % intervals one in twenty does.")
+        if arguments.out is None:
+            print("\nThe records, the tissue and the card are deleted now; --out FOLDER keeps them.")
+        print(f"\n{missed} of the intervals miss what was put in. They tell how cuts scatter; eta has a bias of 0.01.")
     return 0
 
 

@@ -55,14 +55,16 @@ def _calibrate(arguments: argparse.Namespace) -> None:
     if arguments.report:
         print(f"\n{headline(card)}\ncard: {arguments.report} and {data}")
     print(f"tissue: {arguments.out}")
-    print(f'  gymnasium.make("cutenv/GentleCut-v0", tissue="{arguments.out}")')
+    print(f'  import cutenv, gymnasium; gymnasium.make("cutenv/GentleCut-v0", tissue="{arguments.out}")')
 
 
 def summary(tissue: TissueDescription) -> str:
     """Every number of a calibrated tissue with its interval and provenance, as aligned text."""
     about = tissue.calibration
     assert about is not None, "made by tissue_of"
-    lines = [f"{tissue.name}: {about.cuts} cuts of {about.specimens} specimens, SI units, 95 % intervals over cuts"]
+    made = f"{about.cuts} {'cut' if about.cuts == 1 else 'cuts'} of "
+    made += "one specimen" if about.specimens == 1 else f"{about.specimens} specimens"
+    lines = [f"{tissue.name}: {made}, SI units, 95 % intervals over cuts"]
     for each in about.evidence:
         interval = "" if each.low is None or each.high is None else f"{each.low:.4g} to {each.high:.4g}"
         why = "" if each.provenance == "measured" else f"  {each.provenance}: {each.how}"

@@ -85,6 +85,7 @@ def read_records(arguments: argparse.Namespace) -> Records:
     traces: list[Trace] = []
     refused: list[Refused] = []
     notes: list[str] = []
+    remembered: set[str] = set()
     sources: list[Source] = []
     for path in _watched(arguments.records):
         try:
@@ -93,6 +94,8 @@ def read_records(arguments: argparse.Namespace) -> Records:
             refused.append(Refused(path.name, error.reason))
             continue
         notes += imported.notes if arguments.verbose else ()
+        if mapping is None and imported.mapping is not None:
+            remembered.add(str(path.parent / MAP_FILE))
         if arguments.confirm is not None:
             _draw(arguments.confirm, imported)
         for number, (trace, wrong) in enumerate(zip(imported.traces, imported.flaws, strict=True), 1):
@@ -105,9 +108,16 @@ def read_records(arguments: argparse.Namespace) -> Records:
             notes += [f"{named.metadata['name']}: {flaw.message}" for flaw in wrong]
             traces.append(named)
             sources.append(source)
+    notes += [f"columns as kept in {path}; --map says otherwise" for path in sorted(remembered)]
     if refused and not arguments.skip_bad:
         listed = "\n".join(f"  {each.name}: {each.reason}" for each in refused)
-        raise ValueError(f"{len(refused)} bad records; --skip-bad goes on without them:\n{listed}")
+        many = (
+            "one bad record; --skip-bad goes on without it"
+            if len(refused) == 1
+            else (f"{len(refused)} bad records; --skip-bad goes on without them")
+        )
+        hint = "".join(f"\n  (columns as kept in {path})" for path in sorted(remembered))
+        raise ValueError(f"{many}:\n{listed}{hint}")
     if mapping is not None and traces:
         for folder in {path.parent for path in arguments.records}:
             mapping.save(folder)

@@ -132,7 +132,7 @@ class PooledCuts:
         # A resample of cuts at one end of the speeds may have a line that falls below zero at the other end.
         ratio = np.log(self.modulus[known] / np.maximum(fitted, LEAST_FIT * self.modulus[known]))
         between_liver, between_cut = nested_variances(ratio, self.specimen[known], counts[known])
-        enough = self.variograms[0].pairs.sum() >= 1.0
+        enough = self._tells(self.variograms[0], within)
         along = self._added(self.ramps, within if enough else 0.0, length, counts)
         return {
             "modulus_between_liver_cv": _cv(between_liver),
@@ -147,13 +147,17 @@ class PooledCuts:
         between = math.nan
         if n > 1:
             between = float(counts @ (logs - counts @ logs / n) ** 2) / (n - 1.0)
-        enough = self.variograms[1].pairs.sum() >= 1.0
+        enough = self._tells(self.variograms[1], within)
         along = self._added(self.tops, within if enough else 0.0, length, counts)
         return {
             "fracture_resistance": mean,
             "fracture_between_cut_cv": _cv(between - along),
             "fracture_within_cut_cv": cv_of(within) if enough else math.nan,
         }
+
+    def _tells(self, variogram: Variogram, variance: float) -> bool:
+        """Whether there are pairs; in a single cut, noise alone may leave no spread."""
+        return bool(variogram.pairs.sum() >= 1.0) and (variance > 0.0 or len(self.cuts) > 1)
 
     def _added(self, places: Places, variance: float, length: float, counts: Array) -> float:
         """What the field along the cuts adds to the variance of their means, on average."""

@@ -22,6 +22,7 @@ from cutenv.trace import Trace
 Array = NDArray[np.float64]
 
 _SI = {"time": "s", "position": "m", "speed": "m/s", "angle": "rad", "depth": "m"}
+_EXAMPLES = {"time": "ms", "position": "mm", "speed": "mm/s", "angle": "deg", "depth": "mm"}
 _LARGEST = 1e12  # beyond it nothing is a reading, in whatever unit
 
 
@@ -258,7 +259,25 @@ class _Readings:
         except RecordError:
             raise
         except ValueError as error:
-            raise RecordError(self.table.path, f"lines {first} to {last}: {error}") from None
+            raise RecordError(self.table.path, f"lines {first} to {last}: {error}{self._units_taken()}") from None
+
+    def _units_taken(self) -> str:
+        """Which fields were taken for SI because nobody said their unit: a likely cause of numbers out of range."""
+        silent = [
+            field
+            for field in self.mapping.fields
+            if field != "force"
+            and (expression := self.mapping.expression(field)).columns
+            and expression.unit is None
+            and all(
+                _header_unit(self.table, self.table.index(name), field, expression) is None
+                for name in expression.columns
+            )
+        ]
+        if not silent:
+            return ""
+        example = f"{silent[0]}={self.mapping.expression(silent[0]).columns[0]}[{_EXAMPLES[silent[0]]}]"
+        return f" Nobody said the unit of {', '.join(silent)}: taken for SI. Say it behind the column, as in {example}."
 
     def component(self, rows: NDArray[np.intp], k: int) -> Trace:
         """One component of force as a trace of its own."""

@@ -60,6 +60,8 @@ def read_record(
             raise
         if (path.parent / MAP_FILE).is_file():
             return load_foreign(path, search=search)
+        if "no quantity" not in error.reason and "no header" not in error.reason:
+            raise  # its headers are ours: it is a record of this package that is damaged
         cure = "If another program wrote it, say what its columns are: --map time=... force=... --unit N."
         raise RecordError(path, f"{error.reason} {cure}") from None
     return Imported(

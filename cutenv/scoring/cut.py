@@ -234,15 +234,25 @@ class ScoredCut:
         return spoiled(self.trace)
 
     @cached_property
-    def _smooth(self) -> Array:
+    def even_force(self) -> Array:
+        """Force at 100 Hz, means over 10 ms, shape of :attr:`even_time`: drops as sudden as they are."""
+        if self._spoiled:
+            raise Unavailable(self._spoiled)
+        return self._even
+
+    @cached_property
+    def _even(self) -> Array:
         if self.trace.sample_rate < _FEWEST_HZ:
             raise Unavailable(f"fewer than {_FEWEST_HZ:g} readings a second")
         if len(self.even_time) < _SHORTEST:
             raise Unavailable("shorter than 0.3 s")
         # Means over 10 ms, so that noise above 50 Hz does not come back as noise below.
         impulse = cumulative_trapezoid(self.trace.force, self.time, initial=0)
-        even = np.diff(np.interp(even_instants(self.time, RATE), self.time, impulse)) * RATE
-        return np.asarray(sosfiltfilt(butter(2, BANDWIDTH, fs=RATE, output="sos"), even))
+        return np.asarray(np.diff(np.interp(even_instants(self.time, RATE), self.time, impulse)) * RATE)
+
+    @cached_property
+    def _smooth(self) -> Array:
+        return np.asarray(sosfiltfilt(butter(2, BANDWIDTH, fs=RATE, output="sos"), self._even))
 
     def _field(self, name: str) -> Array:
         values: Array | None = getattr(self.trace, name)

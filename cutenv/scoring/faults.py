@@ -93,7 +93,8 @@ def _force(cut: ScoredCut) -> list[Fault]:
 def _end(cut: ScoredCut) -> list[Fault]:
     off = float(cut.tip[cut.end]) - cut.length
     beyond = float(cut.tip.max()) - cut.length
-    at = float(cut.time[-1]), float(cut.position[-1])
+    farthest = int(np.argmax(cut.position))  # where the tip was led to; a way back comes after it
+    at = float(cut.time[farthest]), float(cut.position[farthest])
     if beyond > TIP_TOLERANCE:
         says, cure = f"cut {1e3 * beyond:.0f} mm too far", "slow down earlier: the last run carries the tip on"
         return [Fault(kind="overshoot", time=at[0], position=at[1], says=says, try_next=cure)]

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 _ALL = "any record; where position is known, while the blade advances"
 _PER_DEPTH = ("depth", "newtons")
 DROP_SHARE = 0.1
-"""A fall of the force counts as a drop from this share of its peak on."""
+"""A fall of the force counts as a drop from this share of its range on."""
 
 
 def _advancing(cut: ScoredCut) -> Array:
@@ -82,9 +82,9 @@ def force_variation(cut: ScoredCut) -> float:
 
 
 @metric(
-    "1", "lower", formula="falls of F of 10 % of its peak or more", source="thesis, section 3.3.2",
+    "1", "lower", formula="falls of F, means of 10 ms, of 10 % of its range or more", source="thesis, section 3.3.2",
     validity="noise below 5 % of the peak",
-    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
+    invariances=("time_shift", "force_scale", "force_offset", "rest_after", "units"),
 )  # fmt: skip
 def force_drops(cut: ScoredCut) -> float:
     """How often the force dropped: each drop is a piece of tissue that tore or let go."""
@@ -93,7 +93,7 @@ def force_drops(cut: ScoredCut) -> float:
 
 @metric(
     "F", "lower", formula="mean of these falls, 0 without any", source="thesis, section 3.3.2",
-    validity="noise below 5 % of the peak", invariances=("time_shift", "force_offset", "resampling", "rest_after"),
+    validity="noise below 5 % of the peak", invariances=("time_shift", "force_offset", "rest_after"),
 )  # fmt: skip
 def mean_force_drop(cut: ScoredCut) -> float:
     """How deep the drops of the force were on average."""
@@ -135,7 +135,7 @@ def crest_factor(cut: ScoredCut) -> float:
 
 def _drops(cut: ScoredCut) -> list[float]:
     """Falls between a hilltop and the next valley, while the blade advances."""
-    F = cut.smooth_force[cut.even_advancing]
+    F = cut.even_force[cut.even_advancing]
     swing = DROP_SHARE * float(np.ptp(F))
     if swing <= 0.0:
         return []

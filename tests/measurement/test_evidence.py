@@ -188,7 +188,7 @@ def test_cuts_that_are_together_no_tissue_are_refused_with_their_numbers() -> No
         dataclasses.replace(cut, fracture=dataclasses.replace(cut.fracture, corrected=10.0 * cut.fracture.corrected))
         for cut in cuts()
     ]
-    with pytest.raises(ValueError, match=r"18 cuts with a modulus of 49 kPa .* a resistance of .* are no tissue"):
+    with pytest.raises(ValueError, match=r"18 cuts with a modulus of [0-9.]+ kPa .* a resistance of .* are no tissue"):
         tissue_of(tough, MODEL, resamples=0)
 
 
