@@ -92,6 +92,8 @@ def read_records(arguments: argparse.Namespace) -> Records:
             imported = read_record(path, mapping)
         except RecordError as error:
             refused.append(Refused(path.name, error.reason))
+            if mapping is None and (path.parent / MAP_FILE).is_file():
+                remembered.add(str(path.parent / MAP_FILE))
             continue
         notes += imported.notes if arguments.verbose else ()
         if mapping is None and imported.mapping is not None:
@@ -111,16 +113,14 @@ def read_records(arguments: argparse.Namespace) -> Records:
     notes += [f"columns as kept in {path}; --map says otherwise" for path in sorted(remembered)]
     if refused and not arguments.skip_bad:
         listed = "\n".join(f"  {each.name}: {each.reason}" for each in refused)
-        many = (
-            "one bad record; --skip-bad goes on without it"
-            if len(refused) == 1
-            else (f"{len(refused)} bad records; --skip-bad goes on without them")
-        )
+        many = f"{len(refused)} bad records; --skip-bad goes on without them"
+        if len(refused) == 1:
+            many = "one bad record; --skip-bad goes on without it"
         hint = "".join(f"\n  (columns as kept in {path})" for path in sorted(remembered))
         raise ValueError(f"{many}:\n{listed}{hint}")
     if mapping is not None and traces:
         for folder in {path.parent for path in arguments.records}:
-            mapping.save(folder)
+            notes.append(f"columns kept in {mapping.save(folder)} for the next time")
     return Records(traces, refused, notes, sources)
 
 
