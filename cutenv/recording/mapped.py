@@ -34,7 +34,7 @@ class MappedReadings:
 
     @classmethod
     def of(cls, table: TextTable, mapping: ColumnMap, notes: list[str]) -> MappedReadings:
-        """Those of a table; what is taken for granted goes to ``notes``. RecordError for numbers that are no readings."""
+        """Those of a table; what is taken for granted goes to ``notes``. RecordError for numbers of no sensor."""
         expressions = {field: mapping.expression(field) for field in mapping.fields}
         places = {field: [table.index(name) for name in e.columns] for field, e in expressions.items()}
         needed = sorted({place for group in places.values() for place in group})
