@@ -15,15 +15,21 @@ from importlib import import_module
 import cutenv
 
 _EXTRA_OF_MODULE = {
+    "can": "rig",
+    "canopen": "rig",
     "h5py": "data",
     "matplotlib": "view",
     "meshcat": "view",
+    "minari": "data",
     "pyarrow": "data",
     "pygame": "view",
     "pymunk": "play",
     "rich": "rl",
-    "safetensors": "rl",
+    "safetensors": "view",
+    "sb3_contrib": "rl",
+    "serial": "rig",
     "stable_baselines3": "rl",
+    "tomlkit": "rig",
     "torch": "rl",
     "tqdm": "data",
     "umsgpack": "view",

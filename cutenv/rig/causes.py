@@ -1,0 +1,121 @@
+"""Why the blade is stopped, how fast that is found out, and what is told of a stop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from cutenv.rig.settings import Limits
+
+
+class Cause(StrEnum):
+    """Why the blade is stopped."""
+
+    FORCE = "force limit"
+    FORCE_RISE = "force rise"
+    FORCE_STATUS = "force status"
+    FORCE_STALE = "force stale"
+    FORCE_FROZEN = "force frozen"
+    FORCE_LATE = "force late"
+    FORCE_LOST = "force lost"
+    SPEED = "speed limit"
+    ACCELERATION = "acceleration limit"
+    TRAVEL = "travel limit"
+    ANGLE = "angle limit"
+    FOLLOWING = "following error"
+    STUCK = "encoder stuck"
+    MOTION_STALE = "motion stale"
+    HEARTBEAT = "heartbeat lost"
+    DRIVE = "drive fault"
+    BUS = "bus broken"
+    OVERRUN = "clock overrun"
+    NOT_A_NUMBER = "not a number"
+    EXCEPTION = "exception"
+    INTERRUPTED = "interrupted"
+    ORPHANED = "parent death"
+    OPERATOR = "operator"
+
+
+WATCH = 0.002
+"""Period of the watchdog that finds out what is missing [s]."""
+STUCK_AFTER = 0.060
+"""Time that a blade told to move may stand before its encoder counts as stuck [s]."""
+
+
+def detection_times(limits: Limits, *, packet: float = 0.001, sync: float = 0.005) -> dict[Cause, float]:
+    """Longest time from the moment that something is wrong to the decision to stop [s], for each cause.
+
+    ``packet`` is the period of the force readings [s], ``sync`` that of the samples of motion [s].  Of what grows (a
+    following error, the share of lost readings), the time counts from the crossing of its limit.
+    """
+    return {
+        Cause.FORCE: packet,
+        Cause.FORCE_RISE: packet,
+        Cause.FORCE_STATUS: packet,
+        Cause.FORCE_STALE: limits.stale_force + WATCH,
+        Cause.FORCE_FROZEN: limits.frozen_force + packet,
+        Cause.FORCE_LATE: packet,
+        Cause.FORCE_LOST: packet,
+        Cause.SPEED: sync,
+        Cause.ACCELERATION: 2 * sync,
+        Cause.TRAVEL: sync,
+        Cause.ANGLE: sync,
+        Cause.FOLLOWING: sync,
+        Cause.STUCK: STUCK_AFTER + sync,
+        Cause.MOTION_STALE: limits.stale_motion + WATCH,
+        Cause.HEARTBEAT: limits.heartbeat + WATCH,
+        Cause.DRIVE: sync,
+        Cause.BUS: 0.0,
+        Cause.OVERRUN: WATCH,
+        Cause.NOT_A_NUMBER: 0.0,
+        Cause.EXCEPTION: 0.0,
+        Cause.INTERRUPTED: 0.0,
+        Cause.ORPHANED: WATCH,
+        Cause.OPERATOR: 0.0,
+    }
+
+
+@dataclass(kw_only=True)
+class StopReport:
+    """What is told of a stop; times of the rig's clock [s], None for what has not happened yet."""
+
+    cause: Cause
+    detail: str
+    detected: float
+    commanded: float | None = None
+    """When the quick stop was put on the bus."""
+    standstill: float | None = None
+    position: float | None = None
+    """Of the blade when it was detected [m]."""
+    rest_position: float | None = None
+    """Where it stands [m]."""
+    peak_force: float = 0.0
+    """Greatest norm from then on [N]."""
+
+    @property
+    def time_to_standstill(self) -> float | None:
+        """From detection [s]."""
+        return None if self.standstill is None else self.standstill - self.detected
+
+    @property
+    def distance_to_standstill(self) -> float | None:
+        """From detection [m]."""
+        if self.rest_position is None or self.position is None:
+            return None
+        return abs(self.rest_position - self.position)
+
+    def __str__(self) -> str:
+        text = f"{self.cause.value}: {self.detail}"
+        if self.time_to_standstill is not None:
+            text += f"; at rest after {1e3 * self.time_to_standstill:.0f} ms"
+        if self.distance_to_standstill is not None:
+            text += f" and {1e3 * self.distance_to_standstill:.2f} mm"
+        return text
+
+
+class RigStopped(Exception):
+    """The blade was stopped, and stays so until the operator resets it."""
+
+    def __init__(self, report: StopReport) -> None:
+        super().__init__(str(report))
+        self.report = report
