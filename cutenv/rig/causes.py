@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
+from cutenv.cutting.records import Records
+from cutenv.rig.drivers import RigError
 from cutenv.rig.settings import Limits
 
 
@@ -34,6 +37,13 @@ class Cause(StrEnum):
     INTERRUPTED = "interrupted"
     ORPHANED = "parent death"
     OPERATOR = "operator"
+
+
+class Breach(NamedTuple):
+    """A cause to stop, and what was found."""
+
+    cause: Cause
+    detail: str
 
 
 WATCH = 0.002
@@ -113,9 +123,17 @@ class StopReport:
         return text
 
 
-class RigStopped(Exception):
-    """The blade was stopped, and stays so until the operator resets it."""
+class RigStopped(RigError):
+    """The blade was stopped, and stays so until the operator resets it.
 
-    def __init__(self, report: StopReport) -> None:
+    Attributes
+    ----------
+    report : StopReport
+        Why, and how long it took.
+    readings : Records
+        What was felt since the last command, until the blade stood.
+    """
+
+    def __init__(self, report: StopReport, readings: Records) -> None:
         super().__init__(str(report))
-        self.report = report
+        self.report, self.readings = report, readings
