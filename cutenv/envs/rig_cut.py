@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import math
-
 from pathlib import Path
 from typing import Any
 
@@ -195,9 +194,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         plant = self.session.plant
         if self.specimen is not None:
             plant.depth = self.constants.knowledge.measure_depth(self.specimen.depth, self._seed, episode)
-        self.session.next_cut(
-            SpecimenKey(seed=self._seed, episode=episode, specimen=self.specimen), self.start_angle
-        )
+        self.session.next_cut(SpecimenKey(seed=self._seed, episode=episode, specimen=self.specimen), self.start_angle)
         tissue = self.specimen.tissue if self.specimen is not None else self.tissue.tissue or measured_liver()
         self.cutting = GentleCutting(
             plant,

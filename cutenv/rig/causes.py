@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from cutenv.cutting.records import Records
 from cutenv.rig.drivers import RigError
@@ -113,6 +113,16 @@ class StopReport:
         if self.rest_position is None or self.position is None:
             return None
         return abs(self.rest_position - self.position)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON holds it; units in the names."""
+        return {
+            "cause": self.cause.value,
+            "detail": self.detail,
+            "time_to_standstill_s": self.time_to_standstill,
+            "distance_to_standstill_m": self.distance_to_standstill,
+            "peak_force_N": self.peak_force,
+        }
 
     def __str__(self) -> str:
         text = f"{self.cause.value}: {self.detail}"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import date
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.cutting.drive import Rig
+from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.records import TICK
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import SimulatedPlant
@@ -93,11 +95,11 @@ class CutBench:
 
     def __init__(
         self, specimen: Specimen, settings: RigSettings, *, drive: Rig | None = None,
-        sensor: SensorParameters | None = None, seed: int = 0, episode: int = 0,
+        sensor: SensorParameters | None = None, law: LawParameters | None = None, seed: int = 0, episode: int = 0,
     ) -> None:  # fmt: skip
         self._drive = drive or Rig()
         self.plant = SimulatedPlant(
-            specimen, drive=self._drive, sensor=sensor, seed=seed, episode=episode, angle=settings.fixed_angle
+            specimen, drive=self._drive, sensor=sensor, law=law, seed=seed, episode=episode, angle=settings.fixed_angle
         )
         self._angle = settings.fixed_angle
         self._quick_stop = settings.blade.quick_stop
@@ -237,14 +239,15 @@ class FakeSensor:
         self._rig = rig
         self.listener: ForceListener | None = None
         self.zero = 0.0
+        self.last: deque[float] = deque(maxlen=200)
 
     def open(self, listener: ForceListener) -> None:
         """Readings arrive from now on."""
         self.listener = listener
 
     def tare(self, samples: int = 200) -> tuple[float, float, float]:
-        """Take what the bench has for zero."""
-        self.zero += self._rig.felt()
+        """Take the mean of the last readings for zero."""
+        self.zero += float(np.mean(list(self.last)[-samples:]))
         return (self.zero, 0.0, 0.0)
 
     def close(self) -> None:
@@ -308,7 +311,8 @@ class FakeRig:
         """Lay a new specimen, with the blade at the clamp."""
         self._make = bench or self._make
         self.bench = self._make(self.settings)
-        self._ramped = 0.0
+        self._ramped = self.sensor.zero = 0.0
+        self.sensor.last.clear()
 
     def listen(self, axis: str, listener: MotionListener | None) -> None:
         """Who hears an axis."""
@@ -355,6 +359,7 @@ class FakeRig:
         self._sequence = (self._sequence + 1) % _BACK
         if not faults.force_frozen:
             force = self.felt() - self.sensor.zero
+            self.sensor.last.append(force)
             self._held = (math.nan if faults.force_nan else force, faults.side_force, 0.0)
             flicker = self._sequence * _PRIME % 1009
             self._counts = (round(_COUNTS * force), flicker, flicker, flicker, flicker, flicker)

@@ -7,7 +7,6 @@ from contextlib import ExitStack
 from datetime import date
 from typing import Any
 
-from cutenv.rig.drivers import RigError
 from cutenv.rig.guard import guarded
 from cutenv.rig.operator import Operator
 from cutenv.rig.plant import RigPlant
