@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 
-from cutenv.rig.clock import SystemClock
+from cutenv.rig.clock import Clock, SystemClock
 from cutenv.rig.emulator.sensor import Loads, SensorServer
 from cutenv.rig.netft.sensor import NetftSensor
 from cutenv.rig.samples import ForceSample
@@ -61,9 +61,9 @@ def settings_of(server: SensorServer) -> Sensor:
 
 
 @contextlib.contextmanager
-def streaming(server: SensorServer) -> Iterator[tuple[NetftSensor, Kept]]:
+def streaming(server: SensorServer, clock: Clock | None = None) -> Iterator[tuple[NetftSensor, Kept]]:
     """An open driver that has had its first reading, and its listener; nothing is fed any more afterwards."""
-    sensor, kept = NetftSensor(settings_of(server), SystemClock()), Kept()
+    sensor, kept = NetftSensor(settings_of(server), clock or SystemClock()), Kept()
     feed = Feed(server)
     try:
         sensor.open(kept)

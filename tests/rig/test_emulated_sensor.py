@@ -227,6 +227,24 @@ def test_a_silent_sensor_sends_nothing_and_counts_on(server, wire):
     assert [record.sequence for record in wire.rest()] == [1, 11]
 
 
+def test_what_is_on_its_way_when_the_cable_is_pulled_never_arrives():
+    clock = FakeClock()
+    with SensorServer(clock=clock) as server:
+        wire = Wire(server)
+        wire.start()
+        server.faults.latency = 0.005
+        server.send(LOADS)
+        server.faults.silent = True
+        server.send(LOADS)
+        server.faults.silent = False
+        clock.sleep_until(clock.now() + 1.0)
+        server.faults.latency = 0.0
+        server.send(LOADS)
+        received = [record.sequence for record in wire.rest()]
+        wire.close()
+    assert received == [3]
+
+
 def test_latency_delays_in_order_and_is_caught_up_when_it_falls():
     clock = FakeClock()
     with SensorServer(clock=clock) as server:

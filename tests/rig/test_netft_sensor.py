@@ -10,7 +10,7 @@ import time
 import pytest
 from sensor_stream import LOADS, Feed, Kept, settings_of, settle, streaming, wait_for
 
-from cutenv.rig.clock import SystemClock
+from cutenv.rig.clock import FakeClock, SystemClock
 from cutenv.rig.drivers import ForceDriver, RigError
 from cutenv.rig.emulator.sensor import SensorServer
 from cutenv.rig.netft.packets import Record, Status, record_bytes
@@ -199,13 +199,20 @@ def test_a_silence_is_silent_and_its_length_counted_as_lost(server):
         assert kept.samples[-1].lost == 30
 
 
-def test_added_latency_shows_as_lateness(server):
-    with streaming(server) as (sensor, kept):
-        feed = Feed(server)
-        wait_for(lambda: len(kept.samples) > 50)
-        server.faults.latency = 0.2
-        wait_for(lambda: sensor.lateness > 0.15)
-        feed.close()
+def test_what_comes_later_than_usual_shows_as_lateness(server):
+    clock = FakeClock()
+    with streaming(server, clock) as (sensor, kept):
+
+        def pass_on(pause):
+            clock.sleep_until(clock.now() + pause)
+            before = len(kept.samples)
+            server.send(LOADS)
+            wait_for(lambda: len(kept.samples) > before)
+            return sensor.lateness
+
+        assert max(pass_on(0.001) for _ in range(20)) < 1e-4
+        assert pass_on(0.031) == pytest.approx(0.030, abs=1e-4)
+        assert pass_on(0.001) == pytest.approx(0.030, abs=1e-4)
 
 
 def test_a_tare_is_subtracted_from_then_on_and_told(server):

@@ -63,7 +63,8 @@ class Counters(NamedTuple):
 class NetftSensor:
     """A Net F/T or Ethernet Axia as a :class:`cutenv.rig.drivers.ForceDriver`.
 
-    Readings come from the thread "force sensor"; times are those of their arrival.
+    Readings come from the thread "force sensor"; times are those of their arrival.  Of a sensor that falls silent
+    nothing is asked again: it may have been switched off and on, and its zero with it.  Close, open and tare it.
 
     Parameters
     ----------
