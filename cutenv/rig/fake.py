@@ -286,7 +286,7 @@ class FakeRig:
         self.settings = settings or fake_settings()
         self.clock = FakeClock()
         self.faults = Faults()
-        self._make = bench
+        self._make, self._follows = bench, follows
         self.bench = bench(self.settings)
         self.blade = FakeDrive("blade", self)
         self.angle = FakeDrive("angle", self) if self.settings.angle is not None else None
@@ -343,6 +343,7 @@ class FakeRig:
     def _tick(self, now: float) -> None:
         faults, drive = self.faults, self.blade
         stopping = drive.state is not DriveState.ENABLED or faults.power_lost
+        stopping |= not self._follows and self.plant.supervisor.phase == "unready"  # a tape waits to be played
         speed = 0.0 if stopping else drive.target
         if not stopping:
             speed = faults.runaway or speed - math.copysign(faults.slip, speed)

@@ -167,7 +167,8 @@ class GentleCutting:
             charge_end(self.task[0], self.progress[0], self.nominal[0], self.terms)
             self._totals += self.terms - was
             reward += float(self.terms.sum()) - before
-            self._end, self._stopped = int(self.progress["end"][0]), True
+            self._end = int(self.progress["end"][0])
+        self._stopped = True  # whatever else the readings may have shown
         return observation, reward
 
     def _decide(self, readings: Records) -> tuple[NDArray[np.float32], float]:
