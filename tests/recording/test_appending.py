@@ -276,7 +276,7 @@ def test_the_last_line_counts_only_if_it_is_whole(growing: Path) -> None:
 
 def test_zeros_that_a_power_cut_left_are_no_readings(growing: Path) -> None:
     with growing.open("ab") as file:
-        file.write(b"0.02,0." + bytes(500))
+        file.write(b"0.02,0." + bytes(500) + b".2,2e-05,0.001,1.5,0.02\n")
     assert len(load_one(growing)) == 20
 
 
