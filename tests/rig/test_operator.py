@@ -78,8 +78,8 @@ def test_ready_is_enter(person: Person, typed: bytes, answer: bool) -> None:
 
 def test_an_answer_in_pieces_is_put_together(person: Person) -> None:
     operator = person.operator()
-    threading.Timer(0.2, lambda: os.write(person.keyboard, b"es\n")).start()
-    assert person.answers(lambda: operator.confirm("Go?"), types=b"y")
+    pieces = b"ye\x04s\n"  # Ctrl-D amidst a line hands over what stands there
+    assert person.answers(lambda: operator.confirm("Go?", expected="yes"), types=pieces)
 
 
 def test_what_was_typed_before_the_question_is_no_answer(person: Person) -> None:
