@@ -200,7 +200,7 @@ class CanopenAxis:
         """
         velocity = self.units.velocity(speed)
         if not self._may_move:
-            raise RigError(f'{self.name}: not enabled, the drive is in "{self._state.value}"{self._error}.')
+            raise RigError(f"{self.name}: {self._lost or self._why_still()}.")
         self._energise(o.ENABLE_OPERATION, velocity)
 
     def quick_stop(self) -> None:
@@ -253,6 +253,9 @@ class CanopenAxis:
         if self._state not in (DriveState.FAULT, DriveState.DISABLED):
             self._control(o.DISABLE_VOLTAGE)
             self._await(lambda: self._state in (DriveState.DISABLED, DriveState.FAULT), "switch its power off")
+
+    def _why_still(self) -> str:
+        return f'not enabled, the drive is in "{self._state.value}"{self._error}'
 
     def _energise(self, controlword: int, velocity: int) -> None:
         """Send what may set the blade going, never after a quick stop of another thread."""
