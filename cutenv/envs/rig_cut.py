@@ -211,8 +211,8 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             plant,
             target_length_m=length,
             specimen_class=None if self.specimen is None else self.specimen.specimen_class,
-            specimen_seed=self._seed,
-            specimen_episode=episode,
+            seed=self._seed,
+            episode=episode,
         )
         self._episode = episode + 1
         self._ended, self._stop = False, None
@@ -262,7 +262,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """The cut is over: bring the blade to rest, and finish its record."""
         self._ended = True
         self.session.end_cut()
-        self._source.end_record(end=self.cutting.end, success=self.cutting.success, stop=self._stop)
+        self._source.end_record(self.session.plant, end=self.cutting.end, success=self.cutting.success, stop=self._stop)
 
     def _info(self) -> dict[str, Any]:
         plant = self.session.plant
@@ -278,10 +278,15 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             },
         }
 
+    @property
+    def records(self) -> list[Path]:
+        """Files of the finished cuts."""
+        return self._source.records
+
     def close(self) -> None:
         """Stop what moves, and leave the rig."""
         if self._session is not None:
-            self._source.end_record(end="closed", success=False, stop=self._stop)
+            self._source.end_record(self._session.plant, end="closed", success=False, stop=self._stop)
             self._session.close()
             self._session = None
 

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import cutenv
 from cutenv.cutting.drive import Rig
+from cutenv.cutting.records import Records
 from cutenv.envs.constants import Constants
+from cutenv.plant.protocol import depth_along
+from cutenv.recording.appending import AppendingRecord, RecordingFailed
+from cutenv.recording.provenance import Provenance
+from cutenv.rig.causes import Cause
 from cutenv.rig.drivers import RigError
 from cutenv.rig.fake import CutBench, FakeRig, fake_settings
 from cutenv.rig.hardware import rig_plant
@@ -21,6 +28,7 @@ from cutenv.rig.supply import HandSupply, SpecimenKey
 from cutenv.rig.toml_file import read
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.specimen import Specimen
+from cutenv.trace import Reading
 
 FAKE, EMULATOR = "fake", "emulator"
 
@@ -90,7 +98,9 @@ class RigSource:
         self.draws = self._rig in (FAKE, EMULATOR)
         self.settings: RigSettings = fake_settings(name=self._rig) if self.draws else read(rig)
         self._folder = None if records is None else Path(records)
-        self._record: Any = None
+        self._record: AppendingRecord | None = None
+        self.records: list[Path] = []
+        """Of finished cuts."""
 
     def session(self) -> RigSession:
         """Make the rig; it is connected to at its first cut."""
@@ -101,11 +111,53 @@ class RigSource:
         operator = self._operator or TerminalOperator()
         return RigSession(rig_plant(self.settings), operator, HandSupply(self.settings, operator))
 
-    def begin_record(self, plant: RigPlant, **metadata: Any) -> None:
-        """Begin the record of a cut, if records are kept."""
+    def begin_record(self, plant: RigPlant, *, seed: int, episode: int, **metadata: Any) -> None:
+        """Begin the record of a cut, if records are kept; a disk that takes no more stops the blade."""
+        if self._folder is None:
+            return
+        self._folder.mkdir(parents=True, exist_ok=True)
+        date, settings = datetime.now(), self.settings
+        name = f"{date:%Y%m%dT%H%M%S}_{settings.name}_{seed}-{episode}"
+        origin = Provenance(
+            rig=settings.name,
+            sensor=f"Net F/T at {settings.sensor.address}" if not self.draws else f"of the {self._rig}",
+            date=date.isoformat(timespec="seconds"),
+            calibration={"date": settings.calibration.date, "gain": settings.calibration.gain},
+        )
+        record = AppendingRecord(
+            self._folder / f"{name}.csv",
+            {
+                **origin.metadata,
+                "name": name,
+                "program": f"cutenv {cutenv.__version__}",
+                "specimen_seed": seed,
+                "specimen_episode": episode,
+                **metadata,
+            },
+        )
+        self._record = record
 
-    def end_record(self, **metadata: Any) -> None:
+        def keep(readings: Records) -> None:
+            depth = depth_along(plant, readings["position"])
+            columns = [readings[field].tolist() for field in ("time", "force", "position", "speed", "angle")]
+            try:
+                record.append(map(Reading._make, zip(*columns, depth.tolist(), strict=True)))
+            except RecordingFailed as error:
+                plant.supervisor.trip(Cause.EXCEPTION, f"the record cannot be kept: {error}")
+
+        plant.keep = keep
+
+    def end_record(self, plant: RigPlant, **metadata: Any) -> None:
         """Finish the record of a cut, if one is being kept."""
+        plant.keep = _forget
+        if self._record is not None:
+            self._record.close({**metadata, "overruns": plant.timing.overruns})
+            self.records.append(self._record.path)
+            self._record = None
+
+
+def _forget(readings: Records) -> None:
+    """Keep no record."""
 
 
 def _practice_bench(settings: RigSettings) -> CutBench:

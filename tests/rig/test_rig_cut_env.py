@@ -12,10 +12,13 @@ from gymnasium.utils.env_checker import check_env
 
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.policy import BASELINES
+from cutenv.recording import load_one
+from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.rig.drivers import RigError
 from cutenv.rig.fake import Faults, fake_settings
 from cutenv.rig.operator import ScriptedOperator
 from cutenv.rig.toml_file import to_toml
+from cutenv.scoring import score
 
 
 def cut(env, name="probe and creep", seed=5, episode=0, until=math.inf):
@@ -191,4 +194,36 @@ def test_a_rig_in_use_is_left_at_rest_when_the_environment_closes():
     env.close()
     fake.clock.sleep_until(fake.clock.now() + 0.2)
     assert fake.bench.motion[1] == 0.0
+    env.close()
+
+
+def test_every_cut_is_on_disk_and_scores_as_any_other(tmp_path):
+    env = RigCutEnv(rig="fake", records=tmp_path)
+    _, info, decisions = cut(env, episode=2)
+    (path,) = env.records
+    trace = load_one(path)
+    assert len(trace) == 20 * decisions
+    assert trace.metadata["end"] == info["end"] == "finished"
+    assert trace.metadata["rig"] == "fake"
+    assert "truncated" not in trace.metadata
+    card = score(trace, target_length=trace.metadata["target_length_m"])
+    assert card.metrics["peak_force"].value == pytest.approx(trace.force.max())
+    cut(env, episode=3, until=30)
+    assert load_one(sorted(tmp_path.iterdir())[-1]).metadata["truncated"] is True  # it can be read while it goes on
+    env.close()
+    assert len(env.records) == 2
+    assert load_one(env.records[-1]).metadata["end"] == "closed"
+
+
+def test_a_disk_that_takes_no_more_stops_the_blade(tmp_path, monkeypatch):
+    env = RigCutEnv(rig="fake", records=tmp_path)
+    cut(env, until=30)
+
+    def full(self, readings):
+        raise RecordingFailed("no space left")
+
+    monkeypatch.setattr(AppendingRecord, "append", full)
+    info = env.step(np.array([0.5, 1.0], np.float32))[4]
+    info = info if "stop" in info else env.step(np.array([0.5, 1.0], np.float32))[4]
+    assert "record cannot be kept" in info["stop"]["detail"]
     env.close()
