@@ -45,6 +45,7 @@ class Command:
 
 
 COMMANDS = {
+    "demo": Command(module="cutenv.commands.demo", summary="a trained agent beside the best script, in half a minute"),
     "calibrate": Command(module="cutenv.commands.calibrate", summary="make a tissue of your own records of cuts"),
     "play": Command(module="cutenv.commands.play", summary="cut by mouse or gamepad in a window"),
     "score": Command(module="cutenv.commands.score", summary="score cuts by their force: a card and a page"),
