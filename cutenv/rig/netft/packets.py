@@ -1,0 +1,160 @@
+"""What goes over the wire in RDT: a request of 8 bytes, a record of 36; network byte order.
+
+Source: ATI Industrial Automation, Network Force/Torque Sensor System, document 9620-05-NET FT, "UDP interface using
+RDT"; bits of the status: Ethernet Axia, document 9610-05, table 4.7.
+"""
+
+from __future__ import annotations
+
+import struct
+from enum import IntEnum
+from typing import NamedTuple
+
+from cutenv.validation import in_range
+
+PORT = 49152
+"""UDP port of a sensor as delivered."""
+HEADER = 0x1234
+"""First two bytes of every request."""
+SEQUENCES = 1 << 32
+"""Sequence numbers: after the last one comes 0."""
+
+_REQUEST = struct.Struct("!HHI")
+_RECORD = struct.Struct("!IIIiiiiii")
+RECORD_SIZE = _RECORD.size
+
+
+class PacketError(ValueError):
+    """Bytes that are no packet of this protocol; the message says why."""
+
+
+class Command(IntEnum):
+    """What a sensor can be asked for."""
+
+    STOP = 0x0000
+    START = 0x0002
+    RESET_LATCH = 0x0041
+    BIAS = 0x0042
+
+
+class Status(IntEnum):
+    """Bits of the status of an Ethernet Axia; a healthy sensor sends 0.
+
+    Of the older Net Box the bits 31 and 16 mean the same, others differ: its manual tells.
+    """
+
+    ERROR = 1 << 31
+    OUT_OF_RANGE = 1 << 30
+    CALIBRATION = 1 << 29
+    SIMULATED = 1 << 28
+    GAGE_OUT_OF_RANGE = 1 << 27
+    MONITOR_CONDITION = 1 << 16
+    BUSY = 1 << 3
+    BROKEN_GAGE = 1 << 2
+    SUPPLY = 1 << 1
+    TEMPERATURE = 1 << 0
+
+
+_MEANINGS = {
+    Status.ERROR: "error",
+    Status.OUT_OF_RANGE: "force or torque out of range",
+    Status.CALIBRATION: "wrong checksum of the calibration",
+    Status.SIMULATED: "simulated error",
+    Status.GAGE_OUT_OF_RANGE: "strain gage out of range",
+    Status.MONITOR_CONDITION: "monitor condition latched",
+    Status.BUSY: "busy",
+    Status.BROKEN_GAGE: "strain gage broken",
+    Status.SUPPLY: "supply voltage out of range",
+    Status.TEMPERATURE: "temperature out of range",
+}
+
+
+class Record(NamedTuple):
+    """One reading as sent.
+
+    Attributes
+    ----------
+    sequence : int
+        Of the record within its stream, modulo 2**32; a gap is a lost record.
+    sampled : int
+        Count of the sensor's own, faster sampling, modulo 2**32.
+    status : int
+        See :class:`Status`; 0 is healthy.
+    counts : tuple of 6 int
+        Fx, Fy, Fz, Tx, Ty, Tz.
+    """
+
+    sequence: int
+    sampled: int
+    status: int
+    counts: tuple[int, int, int, int, int, int]
+
+
+def request_bytes(command: Command, count: int = 0) -> bytes:
+    """Return a request; ``count`` records are wanted, 0 for an endless stream.
+
+    Raises
+    ------
+    ValueError
+        If the count does not fit into 32 bits.
+    """
+    in_range("count", count, 0, SEQUENCES - 1, "1", "0 streams until it is stopped.")
+    return _REQUEST.pack(HEADER, command, count)
+
+
+def parse_request(packet: bytes) -> tuple[Command, int]:
+    """Command and count of a request.
+
+    Raises
+    ------
+    PacketError
+        If it is not 8 bytes, does not begin with 0x1234, or asks for something that is not known.
+    """
+    if len(packet) != _REQUEST.size:
+        raise PacketError(f"a request has {_REQUEST.size} bytes, this has {len(packet)}")
+    header, command, count = _REQUEST.unpack(packet)
+    if header != HEADER:
+        raise PacketError(f"a request begins with 0x{HEADER:04X}, this with 0x{header:04X}")
+    try:
+        return Command(command), count
+    except ValueError:
+        raise PacketError(f"command 0x{command:04X} is not known") from None
+
+
+def record_bytes(record: Record) -> bytes:
+    """Return the 36 bytes of a record.
+
+    Raises
+    ------
+    PacketError
+        If a number does not fit into its 32 bits.
+    """
+    try:
+        return _RECORD.pack(record.sequence, record.sampled, record.status, *record.counts)
+    except struct.error as error:
+        raise PacketError(f"{record} does not fit into a record: {error}") from None
+
+
+def parse_record(packet: bytes) -> Record:
+    """Read a record; any 36 bytes are one.
+
+    Raises
+    ------
+    PacketError
+        If it is not 36 bytes.
+    """
+    if len(packet) != RECORD_SIZE:
+        raise PacketError(f"a record has {RECORD_SIZE} bytes, this has {len(packet)}")
+    numbers = _RECORD.unpack(packet)
+    return Record(numbers[0], numbers[1], numbers[2], numbers[3:])
+
+
+def status_meaning(status: int) -> str:
+    """What a status says, in words; bits whose meaning differs from model to model are named by number."""
+    if not status:
+        return "healthy"
+    known = [meaning for bit, meaning in _MEANINGS.items() if status & bit]
+    others = [str(bit) for bit in range(31, -1, -1) if status >> bit & 1 and 1 << bit not in _MEANINGS]
+    if others:
+        known.append(f"bits {', '.join(others)} (see the sensor's manual)")
+    return f"0x{status:08X}: {', '.join(known)}"
