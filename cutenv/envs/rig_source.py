@@ -16,9 +16,10 @@ from cutenv.envs.constants import Constants
 from cutenv.plant.protocol import depth_along
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.provenance import Provenance
+from cutenv.rig.bench import CutBench
 from cutenv.rig.causes import Cause
 from cutenv.rig.drivers import RigError
-from cutenv.rig.fake import CutBench, FakeRig, fake_settings
+from cutenv.rig.fake import FakeRig, fake_settings
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operator import AutomaticOperator, Operator, TerminalOperator
 from cutenv.rig.plant import RigPlant
@@ -142,7 +143,7 @@ class RigSource:
             columns = [readings[field].tolist() for field in ("time", "force", "position", "speed", "angle")]
             try:
                 record.append(map(Reading._make, zip(*columns, depth.tolist(), strict=True)))
-            except RecordingFailed as error:
+            except (RecordingFailed, TypeError, ValueError) as error:  # a full disk, or what no record holds
                 plant.supervisor.trip(Cause.EXCEPTION, f"the record cannot be kept: {error}")
 
         plant.keep = keep
