@@ -62,6 +62,15 @@ def test_samples_come_in_si_units_as_soon_as_it_is_open(benches):
     assert sample.torque == 0.125
     assert sample.state is DriveState.DISABLED
     assert bench.axis.units.steps == 1000
+    assert bench.axis.units.speed_step == pytest.approx(1e-3 / 132_000)
+
+
+def test_the_drives_heartbeat_is_told_again_and_again(benches):
+    bench = benches()
+    bench.axis.open(bench.ear)
+    until(lambda: len(bench.ear.heartbeats) >= 4)
+    assert bench.drive.value(0x1017, 0) == 50
+    assert bench.ear.heartbeats == sorted(bench.ear.heartbeats)
 
 
 def test_a_command_turns_the_motor_and_the_speed_comes_back(benches):

@@ -54,18 +54,19 @@ def configure(dictionary: Dictionary, name: str, axis: Axis, bus: Bus) -> AxisUn
         units = AxisUnits(axis=axis, steps=_velocity_steps(dictionary, name))
     except ValueError as error:
         raise RigError(f"{name}: {error}") from error
-    for entry, value in set_up(axis, units, bus).items():
+    for entry, value in set_up(axis, units).items():
         dictionary.write(entry, value)
     for pdo in (o.COMMAND, o.STATUS, o.MEASURED):
         _map(dictionary, pdo, axis.node)
+    # Last: a drive whose set-up fails half way does not fall into fault when this computer goes.
+    dictionary.write(o.CONSUMER_HEARTBEAT, bus.node << 16 | round(1e3 * DRIVE_PATIENCE))
     return units
 
 
-def set_up(axis: Axis, units: AxisUnits, bus: Bus) -> dict[o.Entry, int]:
-    """Every object that is written, in order, with its value."""
+def set_up(axis: Axis, units: AxisUnits) -> dict[o.Entry, int]:
+    """Every object of motion and its limits that is written, in order, with its value."""
     ends = sorted((units.increments(axis.low), units.increments(axis.high)))
     return {
-        o.CONSUMER_HEARTBEAT: bus.node << 16 | round(1e3 * DRIVE_PATIENCE),
         o.PRODUCER_HEARTBEAT: round(1e3 * PRODUCER_PERIOD),
         o.ABORT_CONNECTION: o.ABORT_BY_QUICK_STOP,
         o.QUICK_STOP_OPTION: o.STOP_AND_STAY,
