@@ -127,6 +127,19 @@ def test_a_node_that_does_not_answer_is_named_with_what_to_look_at(benches):
     bench.axis.open(bench.ear)  # once it is there
 
 
+def test_a_drive_that_is_still_booting_is_waited_for(benches):
+    bench = benches()
+    bench.drive.mute = True
+
+    def boot() -> None:
+        bench.drive.mute = False
+
+    booting = threading.Timer(0.7, boot)
+    booting.start()
+    bench.axis.open(bench.ear)
+    booting.join()
+
+
 def test_an_object_that_the_drive_refuses_is_named_with_the_reason(benches):
     bench = benches()
     bench.drive.refused[0x6085, 0] = 0x06090031
