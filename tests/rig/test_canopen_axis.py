@@ -62,6 +62,15 @@ def test_samples_come_in_si_units_as_soon_as_it_is_open(benches):
     assert sample.torque == 0.125
     assert sample.state is DriveState.DISABLED
     assert bench.axis.units.steps == 1000
+    assert bench.axis.units.speed_step == pytest.approx(1e-3 / 132_000)
+
+
+def test_the_drives_heartbeat_is_told_again_and_again(benches):
+    bench = benches()
+    bench.axis.open(bench.ear)
+    until(lambda: len(bench.ear.heartbeats) >= 4)
+    assert bench.drive.value(0x1017, 0) == 50
+    assert bench.ear.heartbeats == sorted(bench.ear.heartbeats)
 
 
 def test_a_command_turns_the_motor_and_the_speed_comes_back(benches):
@@ -116,6 +125,19 @@ def test_a_node_that_does_not_answer_is_named_with_what_to_look_at(benches):
         bench.axis.open(bench.ear)
     bench.drive.mute = False
     bench.axis.open(bench.ear)  # once it is there
+
+
+def test_a_drive_that_is_still_booting_is_waited_for(benches):
+    bench = benches()
+    bench.drive.mute = True
+
+    def boot() -> None:
+        bench.drive.mute = False
+
+    booting = threading.Timer(0.7, boot)
+    booting.start()
+    bench.axis.open(bench.ear)
+    booting.join()
 
 
 def test_an_object_that_the_drive_refuses_is_named_with_the_reason(benches):

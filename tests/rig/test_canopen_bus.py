@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import subprocess
 import sys
 import threading
 import time
@@ -96,6 +97,11 @@ def test_a_library_that_is_missing_is_named_for_the_command_line_to_cure(monkeyp
     with pytest.raises(ModuleNotFoundError) as caught:
         open_bus(Bus(interface=interface))
     assert caught.value.name == module
+
+
+def test_the_package_is_imported_without_the_libraries_of_its_extra():
+    code = "import sys, cutenv.rig.canopen; assert not {'can', 'canopen', 'serial'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
 
 def test_a_heartbeat_too_slow_for_the_drives_is_refused():

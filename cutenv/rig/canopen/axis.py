@@ -136,8 +136,8 @@ class CanopenAxis:
             # Sign off: the drive would take the end of the heartbeat for a fault.
             self._book.put(o.CONSUMER_HEARTBEAT, 0)
             self._network.manage(o.NMT_PRE_OPERATIONAL, self._settings.node)
-        except RigError as error:
-            log.warning("%s: not closed in order: %s", self.name, error)
+        except Exception as error:  # a lost drive, or whatever else: the bus is left all the same
+            log.warning("%s: not closed in order: %s", self.name, error, exc_info=not isinstance(error, RigError))
         finally:
             self._leave()
 
