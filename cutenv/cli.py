@@ -47,6 +47,7 @@ class Command:
 COMMANDS = {
     "calibrate": Command(module="cutenv.commands.calibrate", summary="make a tissue of your own records of cuts"),
     "play": Command(module="cutenv.commands.play", summary="cut by mouse or gamepad in a window"),
+    "rig": Command(module="cutenv.commands.rig", summary="the real rig: a motor and a force sensor; or their emulator"),
     "score": Command(module="cutenv.commands.score", summary="score cuts by their force: a card and a page"),
     "study": Command(module="cutenv.commands.study", summary="reliability, separation and learning of several people"),
     "view": Command(module="cutenv.commands.view", summary="show a recorded cut in 3-D: a page that opens from disk"),

@@ -81,10 +81,10 @@ class EmulatedAxis:
         """What the encoder counts."""
         if self.encoder_stuck:
             return self._stuck_at
-        return math.floor(self.motor.position / self._increment + 0.5) + self._shift
+        return math.floor(float(self.motor.position) / self._increment + 0.5) + self._shift
 
     def _demanded(self) -> int:
-        return math.floor(self.motor.demand_position / self._increment + 0.5) + self._shift
+        return math.floor(float(self.motor.demand_position) / self._increment + 0.5) + self._shift
 
     def stick(self, stuck: bool) -> None:
         """Let the encoder stick where it is, or run on."""

@@ -1,4 +1,4 @@
-"""The tissue on the emulated rig: the cutting law under the motor's blade, felt through the simulator's sensor model."""
+"""The tissue on the emulated rig: the cutting law under the motor's blade, felt as the simulator's sensor feels."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _TISSUE: np.dtype[Any] = np.dtype(
 
 @compiled
 def feel(tissues: Records, position: float, angle: float, dt: float) -> float:
-    """Lead the blade, shape (1,), to ``position`` [m] and ``angle`` [rad] in ``dt``; return what the sensor reads [N]."""
+    """Lead the blade to ``position`` [m] and ``angle`` [rad] in ``dt``; return what the sensor reads [N]."""
     tissue = tissues[0]
     state = tissue.state
     force = tissue.extra
@@ -59,10 +59,14 @@ def feel(tissues: Records, position: float, angle: float, dt: float) -> float:
 class Laid:
     """Which specimen is on the bench."""
 
-    seed: int
-    episode: int
-    specimen_class: str
-    tissue: str
+    seed: int = 0
+    episode: int = 0
+    specimen_class: str = "liver"
+    tissue: TissueDescription | None = None
+
+    def drawn(self) -> Specimen:
+        """The specimen; ValueError if seed, episode or class are none."""
+        return Specimen.drawn(self.seed, self.episode, specimen_class=self.specimen_class, tissue=self.tissue)
 
 
 class Bench:
@@ -78,60 +82,46 @@ class Bench:
         self._sensor = sensor or SensorParameters()
         self._records = np.zeros(1, _TISSUE)
         self.laid: Laid | None = None
-        self.lay(seed=0, position=0.0, angle=math.pi / 2)
-        self.free_air(True)
+        self._records["state"] = new_state(1, math.pi / 2)
+        self._records["sensor"] = sensor_records([self._sensor], [0], [0])
+        self._records["free_air"] = 1
 
-    def lay(
-        self,
-        *,
-        seed: int,
-        episode: int = 0,
-        specimen_class: str = "liver",
-        tissue: TissueDescription | None = None,
-        position: float,
-        angle: float,
-    ) -> Laid:
-        """Clamp a fresh specimen, its crack at the blade, which stands at the clamp at ``position`` [m].
+    def lay(self, specimen: Specimen, laid: Laid, *, position: float, angle: float) -> None:
+        """Clamp a fresh specimen, its crack at the blade, which stands at the clamp.
+
+        Parameters
+        ----------
+        specimen : Specimen
+            What is cut.
+        laid : Laid
+            How it was drawn; seed and episode are the key of the sensor's noise, as in the simulator.
+        position, angle : float
+            Of the blade [m], [rad].
 
         Raises
         ------
         RigError
             If the blade is not at the clamp.
-        ValueError
-            If seed, episode or class are none.
         """
         if abs(position) > AT_CLAMP:
             raise RigError(
                 f"the blade stands at {1e3 * position:.1f} mm: drive it to the clamp (within {1e3 * AT_CLAMP:g} mm) "
                 "before a specimen is laid."
             )
-        specimen = Specimen.drawn(seed, episode, specimen_class=specimen_class, tissue=tissue)
         records = np.zeros(1, _TISSUE)
         records["state"] = new_state(1, _measured(angle))
         records["state"]["blade"] = records["state"]["tip"] = _within(position)
         records["profile"] = profile_records([specimen])
         records["law"] = law_records([specimen])
-        records["sensor"] = sensor_records([self._sensor], [seed], [episode])
+        records["sensor"] = sensor_records([self._sensor], [laid.seed], [laid.episode])
         records["extra"] = self._records["extra"]
         self._records = records
-        self.laid = Laid(
-            seed=seed, episode=episode, specimen_class=specimen_class, tissue=specimen.tissue.name
-        )
-        return self.laid
+        self.laid = laid
 
-    def free_air(self, free: bool) -> None:
-        """Take the specimen away, for good; a blade in free air feels nothing.
-
-        Raises
-        ------
-        RigError
-            If there is no specimen that could come back.
-        """
-        if not free and self._records[0].free_air:
-            raise RigError('there is no specimen: lay one by {"do": "specimen", "seed": 0}.')
-        self._records["free_air"] = free
-        if free:
-            self.laid = None
+    def take_away(self) -> None:
+        """Leave the blade in free air, where it feels nothing."""
+        self._records["free_air"] = 1
+        self.laid = None
 
     def add_force(self, force: float) -> None:
         """Add ``force`` [N] to what the tissue does; 0 takes it away."""

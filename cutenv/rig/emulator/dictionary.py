@@ -152,7 +152,7 @@ class Dictionary:
 
 
 def epos4(node: int) -> Iterator[Entry]:
-    """The objects of an EPOS4 50/15 with node number ``node``; defaults of its device file, to be confirmed on a drive."""
+    """The objects of an EPOS4 50/15 of number ``node``; defaults after its device file, to be confirmed on a drive."""
     yield from _communication(node)
     for number in range(1, 5):
         yield from _process_data(node, number)

@@ -32,7 +32,12 @@ class Mechanics:
     """Motor, gear and what they move; defaults are those of the blade's carriage, :func:`hinge` has the other's."""
 
     lag: float = parameter(
-        0.040, unit="s", low=0.0, high=1.0, provenance="assumed", why="as the simulated rig's: time constant of a target"
+        0.040,
+        unit="s",
+        low=0.0,
+        high=1.0,
+        provenance="assumed",
+        why="as the simulated rig's: time constant of a target",
     )
     dead_time: float = parameter(
         0.0, unit="s", low=0.0, high=0.1, provenance="choice", why="between a target and the first motion"

@@ -133,9 +133,7 @@ class ProcessData:
     def _packed(self, pdo: _Pdo) -> bytes:
         dictionary = self._dictionary
         return b"".join(
-            dictionary.packed(dictionary.entry(index, sub))
-            for index, sub, bits in pdo.places(dictionary)
-            if bits
+            dictionary.packed(dictionary.entry(index, sub)) for index, sub, bits in pdo.places(dictionary) if bits
         )
 
     def _unpacked(self, pdo: _Pdo, data: bytes) -> list[tuple[Entry, bytes]]:
