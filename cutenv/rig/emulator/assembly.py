@@ -140,7 +140,7 @@ class EmulatedRig:
     @property
     def angle(self) -> float:
         """Of the blade [rad]."""
-        return float(self.axes["angle"].motor.carriage) if "angle" in self.axes else self.options.angle
+        return float(self.axes["angle"].motor["carriage"]) if "angle" in self.axes else self.options.angle
 
     def _send(self, frame: Frame) -> None:
         self.hub.send(frame)
@@ -157,7 +157,7 @@ class EmulatedRig:
         """Lay a fresh specimen; see :meth:`Bench.lay`."""
         specimen = laid.drawn()
         with self.lock:
-            self.bench.lay(specimen, laid, position=float(self.axes["blade"].motor.carriage), angle=self.angle)
+            self.bench.lay(specimen, laid, position=float(self.axes["blade"].motor["carriage"]), angle=self.angle)
 
     def inject(self, name: str, given: dict[str, Any]) -> dict[str, Any]:
         """Let something go wrong from now on; return its parameters.
@@ -244,8 +244,8 @@ class EmulatedRig:
             if "angle" in self.axes:
                 self.axes["angle"].turn(0.0)
             before = abs(self.bench.true_force)
-            reading = self.bench.advance(float(blade.motor.carriage), self.angle)
-        self._watch(due, before, abs(self.bench.true_force), abs(float(blade.motor.carriage_speed)))
+            reading = self.bench.advance(float(blade.motor["carriage"]), self.angle)
+        self._watch(due, before, abs(self.bench.true_force), abs(float(blade.motor["carriage_speed"])))
         self._ticks += 1
         fy, fz, tx, ty, tz = self._noise_rows[self._ticks % len(self._noise_rows)]
         self.sensor.send((reading, fy, fz, tx, ty, tz))
@@ -255,7 +255,7 @@ class EmulatedRig:
             self.happened("force limit crossed", time=due, force_N=force)
         self._still = self._still + 1 if speed < _STILL else 0
         if self._still == _STANDS_AFTER:
-            position = float(self.axes["blade"].motor.carriage)
+            position = float(self.axes["blade"].motor["carriage"])
             self.happened("standstill", time=due - _STANDS_AFTER * TICK, position_m=position)
 
     def close(self) -> None:

@@ -72,9 +72,9 @@ def _truth(rig: EmulatedRig, request: Request) -> Request:
         motor, laid = rig.axes["blade"].motor, rig.bench.laid
         return {
             "time_s": rig.now(),
-            "position_m": float(motor.carriage),
-            "speed_m_s": float(motor.carriage_speed),
-            "motor_position_m": float(motor.position),
+            "position_m": float(motor["carriage"]),
+            "speed_m_s": float(motor["carriage_speed"]),
+            "motor_position_m": float(motor["position"]),
             "angle_deg": math.degrees(rig.angle),
             "force_N": rig.bench.true_force,
             "tip_m": None if laid is None else rig.bench.tip,

@@ -37,7 +37,7 @@ def warm_up() -> None:
     rig = EmulatedRig(Options(laid=Laid(specimen_class="liver")))
     try:
         for axis in rig.axes.values():
-            axis.motor.mode = 1
+            axis.motor["mode"] = 1
         for _ in range(10):
             rig.step(rig.now())
     finally:
