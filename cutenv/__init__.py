@@ -14,3 +14,4 @@ gymnasium.register(
     entry_point="cutenv.envs.gentle_cut:GentleCutEnv",
     vector_entry_point="cutenv.envs.vector:GentleCutVectorEnv",
 )
+gymnasium.register(id="cutenv/RigCut-v0", entry_point="cutenv.envs.rig_cut:RigCutEnv", nondeterministic=True)

@@ -45,6 +45,7 @@ class Command:
 
 
 COMMANDS = {
+    "demo": Command(module="cutenv.commands.demo", summary="a trained agent beside the best script, in half a minute"),
     "calibrate": Command(module="cutenv.commands.calibrate", summary="make a tissue of your own records of cuts"),
     "play": Command(module="cutenv.commands.play", summary="cut by mouse or gamepad in a window"),
     "rig": Command(module="cutenv.commands.rig", summary="the real rig: a motor and a force sensor; or their emulator"),

@@ -28,6 +28,14 @@ class Rig:
         math.radians(90.0), unit="rad/s", low=0.01, high=20.0, provenance="assumed",
         why="90 degrees in one second", sweep=(math.radians(45.0), math.radians(180.0)),
     )  # fmt: skip
+    dead_time: float = parameter(
+        0.0, unit="s", low=0.0, high=0.020, provenance="assumed",
+        why="off; bus and drive between a command and the first motion", sweep=(0.0, 0.010),
+    )  # fmt: skip
+    backlash: float = parameter(
+        0.0, unit="m", low=0.0, high=0.005, provenance="assumed",
+        why="off; play between the motor, whose encoder tells the position, and the blade", sweep=(0.0, 0.2e-3),
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -39,6 +47,8 @@ class Rig:
         drives["acceleration"] = self.acceleration
         drives["rotation_rate"] = self.rotation_rate
         drives["travel"] = travel
+        drives["dead_ticks"] = round(self.dead_time / TICK)
+        drives["backlash"] = self.backlash
         return drives
 
 
@@ -107,6 +117,21 @@ def made_up(drive: Record, dt: float) -> float:
 
 
 @compiled
+def delayed(state: Record, drive: Record, target: float) -> float:
+    """The commanded speed [m/s] that has reached the drive; a newer command waits its whole dead time."""
+    if drive.dead_ticks == 0:
+        return target
+    if target != state.next_target:
+        state.next_target = target
+        state.waiting = drive.dead_ticks
+    if state.waiting > 0:
+        state.waiting -= 1
+    else:
+        state.target = target
+    return state.target  # type: ignore[no-any-return]
+
+
+@compiled
 def advance_command(state: Record, drive: Record, share: float, target: float, dt: float) -> None:
     """Follow a commanded speed [m/s] through the velocity loop, ``share`` of :func:`made_up`, and its limit."""
     change = (target - state.hand_speed) * share
@@ -129,11 +154,15 @@ def motion(
     """Displacement of the blade [m] in ``dt`` under a commanded speed; sets ``state.speed`` to its speed.
 
     The rig's blade goes where the carriage goes.  The hand's blade is a mass on a spring and a damper that the tissue's
-    ``elastic`` force pulls back and ``friction`` (its size) slows, but never reverses; semi-implicit Euler.
+    ``elastic`` force pulls back and ``friction`` (its size) slows, but never reverses; semi-implicit Euler.  With
+    backlash the guides' friction holds the rig's blade until the carriage's nut pushes it: forward from behind, and
+    back once the play is used up.
     """
-    advance_command(state, drive, share, target, dt)
+    advance_command(state, drive, share, delayed(state, drive, target), dt)
     if drive.mass <= 0.0:
         dx = state.hand - state.blade
+        if dx < 0.0 and drive.backlash > 0.0:
+            dx = min(dx + drive.backlash, 0.0)
         state.speed = dx / dt
         return dx  # type: ignore[no-any-return]
     coupling = drive.coupling_stiffness * (state.hand - state.blade) + drive.coupling_damping * state.hand_speed

@@ -52,6 +52,8 @@ DRIVE = _record(
     ("mass", "f8"),  # blade and hand [kg]; 0: the rig, which holds position
     ("coupling_stiffness", "f8"),  # hand to blade [N/m]
     ("coupling_damping", "f8"),  # hand to blade [N s/m]
+    ("dead_ticks", "i8"),  # updates between a command and its effect
+    ("backlash", "f8"),  # play between the rig's carriage and its blade [m]
 )
 
 STATE = _record(
@@ -63,6 +65,9 @@ STATE = _record(
     ("pushing", "f8"),  # its sine squared: kept, for the blade seldom turns
     ("hand", "f8"),  # commanded position of the hand or the rig's carriage [m]
     ("hand_speed", "f8"),  # [m/s]
+    ("target", "f8"),  # commanded speed that has reached the drive [m/s], where that takes time;
+    ("next_target", "f8"),  # the one on its way [m/s], and
+    ("waiting", "i8"),  # the updates until it is there
     ("arrest_ratio", "f8"),  # F/(R B) where the crack last came to rest; infinity: nothing has run yet
     ("ledger", "f8"),  # energies since reset [J]
     ("work", "f8"),

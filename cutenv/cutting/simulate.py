@@ -59,6 +59,9 @@ def update(
     state.tick += 1
     measured = measure(sensor, elastic + friction, state.tick - 1)
     _note(state, reading, measured, elastic, friction, jump, dt)
+    if drive.backlash > 0.0:  # the encoder sits at the motor
+        reading.position = state.hand
+        reading.speed = state.hand_speed
 
 
 @compiled

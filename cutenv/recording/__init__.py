@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.columns import UNITS, Column, header_of, parse_header
 from cutenv.recording.errors import RecordError
 from cutenv.recording.files import load, load_one, save
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = [
     "SCHEMA",
     "UNITS",
+    "AppendingRecord",
     "Column",
     "ColumnMap",
     "CutSearch",
@@ -28,6 +30,7 @@ __all__ = [
     "OperatorRow",
     "Provenance",
     "RecordError",
+    "RecordingFailed",
     "header_of",
     "load",
     "load_foreign",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
@@ -20,6 +20,11 @@ from cutenv.trace import Trace
 _ENCODING = "utf-8-sig"  # spreadsheets put a byte order mark in front
 _SCHEMA_LINE = re.compile(r"#\s*(cutenv-record\b.*)")
 _FACT_LINE = re.compile(r"#\s*(?P<what>(?P<kind>metadata|columns|rows)(?: of cut (?P<cut>[0-9]{1,9}))?):(?P<json>.*)")
+
+_ROWS = ("rows", None)
+
+TRUNCATED = "truncated"
+"""Of the metadata: true if the record was not finished, and holds what had been written by then."""
 
 
 @dataclass
@@ -44,16 +49,22 @@ def write(traces: Sequence[Trace], path: Path) -> None:
     if table.cut is not None:
         names.insert(0, CUT)
         columns.insert(0, (f"{number:.0f}" for number in table.cut.tolist()))
+    facts: dict[str, object] = {"metadata": table.shared} if table.shared else {}
+    facts |= {f"metadata of cut {number}": metadata for number, metadata in table.own.items()}
+    facts |= {f"columns of cut {number}": held for number, held in table.held.items()}
     with path.open("w", encoding="ascii", newline="\n") as file:
-        file.write(f"# {SCHEMA}\n# rows: {len(table.values[0])}\n")
-        if table.shared:
-            file.write(f"# metadata: {to_json(table.shared)}\n")
-        for number, metadata in table.own.items():
-            file.write(f"# metadata of cut {number}: {to_json(metadata)}\n")
-        for number, held in table.held.items():
-            file.write(f"# columns of cut {number}: {to_json(held)}\n")
-        file.write(",".join(names) + "\n")
+        file.write(head_text(names, len(table.values[0]), facts))
         file.writelines(",".join(row) + "\n" for row in zip(*columns, strict=True))
+
+
+def head_text(names: Sequence[str], rows: int | None, facts: Mapping[str, object]) -> str:
+    """What stands above the rows of a file of ours: schema, number of rows, facts by their kind, names of columns.
+
+    Without the number (None) the record is still growing, or never was finished: what is whole of it is read.
+    """
+    said = {"rows": rows, **facts}
+    comments = "".join(f"# {kind}: {to_json(fact)}\n" for kind, fact in said.items())
+    return f"# {SCHEMA}\n{comments}{','.join(names)}\n"
 
 
 def read(path: Path) -> list[Table]:
@@ -67,15 +78,16 @@ def read(path: Path) -> list[Table]:
     try:
         with path.open(encoding=_ENCODING) as file:
             head = _head(file)
-            numbers = _numbers(file)
+            growing = head.native and head.facts.get(_ROWS, 0) is None
+            numbers = _numbers(_whole_lines(file) if growing else file)
     except UnicodeDecodeError:
         raise ValueError(_fault_of_text(path)) from None
     if numbers is None or (numbers.size and numbers.shape[1] != len(head.names)):
         raise ValueError(_fault_of_numbers(path, head))
     if not numbers.size:
         raise ValueError("it holds no readings, only names of columns.")
-    if ("rows", None) in head.facts:
-        _check_whole(path, head.facts["rows", None], len(numbers))
+    if _ROWS in head.facts and not growing:
+        _check_whole(path, head.facts[_ROWS], len(numbers))
     columns = dict(zip(head.names, numbers.T, strict=True))
     cut = columns.pop(CUT, None)
     return [
@@ -85,7 +97,7 @@ def read(path: Path) -> list[Table]:
             cut=cut,
             place=_line_of(path, head),
             native=head.native,
-            shared=head.facts.get(("metadata", None), {}),
+            shared={**head.facts.get(("metadata", None), {}), **({TRUNCATED: True} if growing else {})},
             own=head.of_cuts("metadata"),
             held=head.of_cuts("columns"),
         )
@@ -139,7 +151,13 @@ def _take_comment(head: _Head, text: str) -> None:
         head.facts[key] = from_json(what, found["json"])
 
 
-def _numbers(file: TextIO) -> NDArray[np.float64] | None:
+def _whole_lines(file: TextIO) -> list[str]:
+    """The lines that were written to their end; zeros are what a disk makes of lines that it lost with its power."""
+    whole, _, _ = file.read().partition("\0")[0].rpartition("\n")
+    return whole.splitlines()
+
+
+def _numbers(file: Iterable[str]) -> NDArray[np.float64] | None:
     """The rows below the headers, shape (n, columns); None if one of them is not to be read."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that there are none is said in other words

@@ -103,7 +103,9 @@ def load(path: str | os.PathLike[str], *, force: str | None = None) -> list[Trac
     Returns
     -------
     list of Trace
-        In the order of the file. Where the force is from components, the metadata ``force_along_cut`` tell how.
+        In the order of the file. Where the force is from components, the metadata ``force_along_cut`` tell how;
+        of a record that was cut off while it was made (:class:`cutenv.recording.AppendingRecord`), ``truncated`` is
+        true, and all whole lines are there.
 
     Raises
     ------

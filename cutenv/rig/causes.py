@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any, NamedTuple
 
+from cutenv.cutting.records import Records
+from cutenv.rig.drivers import RigError
 from cutenv.rig.settings import Limits
 
 
@@ -34,6 +37,13 @@ class Cause(StrEnum):
     INTERRUPTED = "interrupted"
     ORPHANED = "parent death"
     OPERATOR = "operator"
+
+
+class Breach(NamedTuple):
+    """A cause to stop, and what was found."""
+
+    cause: Cause
+    detail: str
 
 
 WATCH = 0.002
@@ -104,6 +114,16 @@ class StopReport:
             return None
         return abs(self.rest_position - self.position)
 
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON holds it; units in the names."""
+        return {
+            "cause": self.cause.value,
+            "detail": self.detail,
+            "time_to_standstill_s": self.time_to_standstill,
+            "distance_to_standstill_m": self.distance_to_standstill,
+            "peak_force_N": self.peak_force,
+        }
+
     def __str__(self) -> str:
         text = f"{self.cause.value}: {self.detail}"
         if self.time_to_standstill is not None:
@@ -113,9 +133,17 @@ class StopReport:
         return text
 
 
-class RigStopped(Exception):
-    """The blade was stopped, and stays so until the operator resets it."""
+class RigStopped(RigError):
+    """The blade was stopped, and stays so until the operator resets it.
 
-    def __init__(self, report: StopReport) -> None:
+    Attributes
+    ----------
+    report : StopReport
+        Why, and how long it took.
+    readings : Records
+        What was felt since the last command, until the blade stood.
+    """
+
+    def __init__(self, report: StopReport, readings: Records) -> None:
         super().__init__(str(report))
-        self.report = report
+        self.report, self.readings = report, readings

@@ -36,6 +36,8 @@ class Bus:
     def __post_init__(self) -> None:
         check_parameters(self)
         in_range("node", self.node, 1, 127, "1", "Nodes of CANopen are 1 to 127.")
+        in_range("port", self.port, 1, 65535, "1", "A socketcand gateway's is 29536 unless it was changed.")
+        in_range("bitrate", self.bitrate, 10_000, 1_000_000, "bit/s", "CANopen runs at 10 kbit/s to 1 Mbit/s.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,9 +54,10 @@ class Axis:
     """Of the encoder for one turn of the motor; an increment is a quarter of one."""
     direction: int = 1
     """1 or -1: whether a positive speed of the motor moves the blade away from the clamp."""
-    low: float = 0.0
-    high: float = 0.149
-    """Ends of travel [m or rad]: the drive's software limits."""
+    low: float = parameter(
+        0.0, unit="m or rad", low=-10.0, high=10.0, provenance="choice", why="end of travel: the drive's software limit"
+    )
+    high: float = parameter(0.149, unit="m or rad", low=-10.0, high=10.0, provenance="choice", why="the other end")
     speed: float = parameter(
         0.0381, unit="m/s or rad/s", low=1e-5, high=100.0, provenance="choice", why="the fastest of the thesis's rig"
     )
@@ -214,6 +217,10 @@ class Calibration:
     valid_days: int = 365
     gain: float = parameter(1.0, unit="1", low=0.5, high=2.0, provenance="choice", why="newtons over what it reads")
 
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        in_range("valid_days", self.valid_days, 1, 3650, "days", "A year is usual.")
+
 
 @dataclass(frozen=True, kw_only=True)
 class RigSettings:
@@ -232,7 +239,10 @@ class RigSettings:
     name: str = "rig"
     armed_by: str = ""
     angle_mode: Literal["fixed", "free"] = "fixed"
-    fixed_angle: float = math.pi / 2
+    fixed_angle: float = parameter(
+        math.pi / 2, unit="rad", low=math.radians(45.0) - 1e-9, high=math.radians(90.0) + 1e-9, provenance="choice",
+        why="upright; measured are 45 to 90 degrees",
+    )  # fmt: skip
     bus: Bus = field(default_factory=Bus)
     blade: Axis = field(default_factory=Axis)
     angle: Axis | None = None
@@ -246,9 +256,6 @@ class RigSettings:
 
     def __post_init__(self) -> None:
         one_of("angle_mode", self.angle_mode, ("fixed", "free"))
-        in_range(
-            "fixed_angle", self.fixed_angle, math.radians(45.0) - 1e-9, math.radians(90.0) + 1e-9, "rad",
-            "Measured are 45 to 90 degrees.",
-        )  # fmt: skip
+        check_parameters(self)
         if (self.angle_mode == "free") != (self.angle is not None):
             raise ValueError('angle_mode "free" needs the second axis "angle", and "fixed" has none.')

@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from cutenv.compiled import compiled
 from cutenv.cutting.records import PROFILE, Records
 from cutenv.plant.interface import Plant
-from cutenv.task.assessment import assess, succeeded
+from cutenv.task.assessment import assess, charge_end, succeeded
 from cutenv.task.beginning import rest
 from cutenv.task.cuts import total
 from cutenv.task.estimate import estimate
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, SPEED_SCALE, observe
-from cutenv.task.records import ENDS, EPISODE, TERMS
+from cutenv.task.records import ENDS, EPISODE, STOPPED, TERMS
 from cutenv.task.weights import Limits, RewardWeights, task_record
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.drawing import unit_stiffness
@@ -139,6 +139,7 @@ class GentleCutting:
         self._tips, self._jumps = np.zeros(ticks), np.zeros(ticks)
         self._felt: Records | None = None
         self._end = 0
+        self._stopped = False
         self.updates = 0
         """Milliseconds that counted of the last decision: all, or those up to the end."""
 
@@ -147,7 +148,32 @@ class GentleCutting:
         speed, angle = action.tolist()
         speed, angle = self.command = (SPEED_SCALE * speed, ANGLE_CENTRE + ANGLE_SCALE * angle)
         self.last_action = action
-        self._felt = readings = self.plant.advance(speed, angle, self.ticks)
+        return self._decide(self.plant.advance(speed, angle, self.ticks))
+
+    def stopped(self, readings: Records) -> tuple[NDArray[np.float32], float]:
+        """End a cut whose plant was stopped from below, in the step after ``readings``; charged as an end for safety.
+
+        Returns
+        -------
+        tuple of observation, shape (12,), and reward
+            As :meth:`step`.
+        """
+        ticks = len(readings)
+        self._tips, self._jumps = np.zeros(ticks), np.zeros(ticks)
+        observation, reward = self._decide(readings)
+        if not self._end:
+            before = float(self.terms.sum())
+            was, self.progress["end"] = self.terms.copy(), ENDS.index("force_limit")
+            charge_end(self.task[0], self.progress[0], self.nominal[0], self.terms)
+            self._totals += self.terms - was
+            reward += float(self.terms.sum()) - before
+            self._end = int(self.progress["end"][0])
+        self._stopped = True  # whatever else the readings may have shown
+        return observation, reward
+
+    def _decide(self, readings: Records) -> tuple[NDArray[np.float32], float]:
+        self._felt = readings
+        action = self.last_action
         observation = np.empty(len(COMPONENTS), np.float32)
         if self._truth is None:
             reward, self._end, self.updates = decide_from_estimate(
@@ -195,12 +221,12 @@ class GentleCutting:
     @property
     def end(self) -> str:
         """Why the episode ended, or an empty string."""
-        return ENDS[self._end]
+        return STOPPED if self._stopped else ENDS[self._end]
 
     @property
     def success(self) -> bool:
         """Finished, tip within 3 mm of the target, blade within 10 degrees of upright."""
-        return bool(succeeded(self.task[0], self.progress[0]))
+        return not self._stopped and bool(succeeded(self.task[0], self.progress[0]))
 
     @property
     def speed_out_of_range(self) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from cutenv.cutting.records import PROFILE, Record, Records
 
-__all__ = ["ENDS", "EPISODE", "PROGRESS", "TASK", "TERMS", "Record", "Records"]
+__all__ = ["ENDS", "EPISODE", "PROGRESS", "STOPPED", "TASK", "TERMS", "Record", "Records"]
 
 TERMS = (
     "progress",
@@ -28,6 +28,8 @@ TERMS = (
 
 ENDS = ("", "finished", "force_limit", "overshoot", "deadline")
 """Names of the ends by their code; code 0: not ended."""
+STOPPED = "stopped"
+"""The end of a cut that a rig's safety has stopped; no simulated cut has it."""
 
 TASK: np.dtype[Any] = np.dtype(
     (

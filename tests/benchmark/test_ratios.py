@@ -5,8 +5,11 @@ Beside each bound stands what was measured on 2 cores; what is required of a qui
 
 from __future__ import annotations
 
+import csv
+import itertools
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -17,9 +20,11 @@ from gymnasium.vector import VectorEnv
 import cutenv  # noqa: F401  registers the environment
 from cutenv.bench.factorisation import factorising_per_tip
 from cutenv.plant import SimulatedPlant
+from cutenv.recording import AppendingRecord
 from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
 from cutenv.tissue.tip_response import stiffness_matrix, tip_responses
+from cutenv.trace import Reading
 from cutenv.viewer.slab import Slab
 
 pytestmark = pytest.mark.benchmark(group="ratios")
@@ -165,3 +170,26 @@ def test_the_models_of_table_4_3_are_in_order_of_effort(ratio, cheaper, dearer):
         return lambda: CutModel(element, formulation, divisions=divisions).stiffness(TIP)
 
     assert ratio(whole(cheaper), whole(dearer)) < 1.0
+
+
+def test_a_growing_record_costs_little_beside_plain_csv(ratio: Ratio, tmp_path: Path) -> None:
+    """20 readings at a time; measured 1.2, 76 us."""
+    fresh = itertools.count()
+
+    def block() -> list[Reading]:
+        first = 20 * next(fresh)
+        return [Reading(i * 1e-3, i / 7e6, i / 3e7, 0.001 / 3, 1.57 / 3, 0.01 / 3) for i in range(first, first + 20)]
+
+    with AppendingRecord(tmp_path / "cut.csv") as record, (tmp_path / "plain.csv").open("w") as plain:
+        rows = csv.writer(plain)
+
+        def append() -> None:
+            for _ in range(50):
+                record.append(block())
+
+        def write() -> None:
+            for _ in range(50):
+                rows.writerows(block())
+                plain.flush()
+
+        assert ratio(append, write) < 4.0

@@ -197,3 +197,39 @@ def test_what_the_hand_gives_is_what_the_tissue_takes():
 def test_nonsense_is_refused_by_name(drive, field, value):
     with pytest.raises(ValueError, match=field):
         drive(**{field: value})
+
+
+def check_later_by(ticks: int, rig: Rig) -> None:
+    """With dead time the blade does the same, so many milliseconds later, whatever is commanded."""
+    commands = [(SPEED, UPRIGHT, 300), (-SPEED, UPRIGHT, 200), (0.0, UPRIGHT, 200), (0.02, UPRIGHT, 100)]
+    prompt, _, _ = drive_blade(homogeneous(), commands, Rig())
+    late, _, _ = drive_blade(homogeneous(), commands, rig)
+    assert np.all(late["position"][:ticks] == 0.0)
+    assert np.array_equal(late["position"][ticks:], prompt["position"][: len(prompt) - ticks])
+
+
+def test_dead_time_delays_the_motion_and_changes_nothing_else():
+    check_later_by(7, Rig(dead_time=0.007))
+
+
+def test_another_dead_time_fails_the_check():
+    with pytest.raises(AssertionError):
+        check_later_by(7, Rig(dead_time=0.006))
+
+
+def test_the_blade_turns_back_once_the_play_is_used_up():
+    play = 0.4e-3
+    commands = [(SPEED, UPRIGHT, 3000), (-SPEED, UPRIGHT, 1000), (SPEED, UPRIGHT, 1000)]
+    readings, states, residuals = drive_blade(homogeneous(), commands, Rig(backlash=play))
+    gap = states["blade"] - states["hand"]
+    assert gap.min() >= -1e-12
+    assert gap.max() == pytest.approx(play, abs=1e-12)
+    assert np.all(np.diff(states["blade"])[(gap[1:] > 1e-9) & (gap[1:] < play - 1e-9)] == 0.0)  # it waits in the play
+    assert np.array_equal(readings["position"], states["hand"])  # the encoder does not see it
+    assert np.abs(residuals).max() <= 1e-12
+
+
+def test_without_play_encoder_and_blade_agree():
+    readings, states, _ = drive_blade(homogeneous(), [(SPEED, UPRIGHT, 500), (-SPEED, UPRIGHT, 300)])
+    assert readings["position"] == pytest.approx(states["blade"], abs=1e-15)
+    assert readings["position"] == pytest.approx(states["hand"], abs=1e-12)

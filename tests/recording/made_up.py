@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from cutenv.trace import Trace, limits
+from cutenv.trace import Reading, Trace, limits
 
 FULL = Trace(
     time=np.arange(40) * 1e-3,
@@ -19,6 +19,12 @@ FULL = Trace(
     depth=np.full(40, 0.02),
     metadata={"rig": "bench 2", "trial": 3},
 )
+
+
+def some(first: int, count: int = 20) -> list[Reading]:
+    """Readings of a cut in which each number tells the place."""
+    return [Reading(i * 1e-3, i * 1e-2, i * 1e-6, 1e-3, math.pi / 2, 0.02) for i in range(first, first + count)]
+
 
 PLAIN = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text()
 JSON = st.recursive(PLAIN, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3))

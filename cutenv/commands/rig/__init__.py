@@ -21,6 +21,7 @@ RIG_COMMANDS = {
         module="cutenv.commands.rig.emulate",
         summary="run an emulated rig: drive, tissue and force sensor on real wires",
     ),
+    "init": RigCommand(module="cutenv.commands.rig.init", summary="write the file of a new rig, to be filled in"),
 }
 
 

@@ -1,0 +1,36 @@
+"""Write the file of a new rig: every key with meaning, unit and range, to be filled in by a person."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cutenv.rig.toml_file import template
+
+
+def main(argv: Sequence[str]) -> int:
+    """Write it; 2 if there is a file already, or it cannot be written."""
+    arguments = _parser().parse_args(argv)
+    path: Path = arguments.file
+    try:
+        if path.suffix != ".toml":
+            raise ValueError(f"{path} must end in .toml.")
+        with path.open("x", encoding="utf-8") as file:
+            file.write(template(arguments.name or path.stem))
+    except FileExistsError:
+        print(f"cutenv rig init: {path} is there already, and is left as it is. Give another name.", file=sys.stderr)
+        return 2
+    except (OSError, ValueError) as error:
+        print(f"cutenv rig init: {error}", file=sys.stderr)
+        return 2
+    print(f"rig: {path}\n  fill in what its lines '# FILL IN:' ask for; nothing moves while armed_by is empty")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="cutenv rig init", description=__doc__)
+    parser.add_argument("file", type=Path, metavar="FILE.toml", help="to write; must not be there yet")
+    parser.add_argument("--name", help="of the rig; default the file's")
+    return parser

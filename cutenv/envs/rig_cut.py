@@ -1,0 +1,299 @@
+"""``cutenv/RigCut-v0``: gentle cutting on a rig, real or emulated, through the simulator's spaces."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from cutenv.envs.constants import Constants
+from cutenv.envs.gentle_cut import checked_episode, checked_length
+from cutenv.envs.rig_source import RigSource
+from cutenv.envs.tissue_source import TissueSource
+from cutenv.rig.causes import Cause, RigStopped
+from cutenv.rig.operator import Operator
+from cutenv.rig.session import RigSession
+from cutenv.rig.supply import SpecimenKey
+from cutenv.task.beginning import drawn_length
+from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.task.observation import BOUND, COMPONENTS, within_reach
+from cutenv.tissue.description import measured_liver
+from cutenv.tissue.specimen import CLASSES, Specimen
+from cutenv.validation import in_range, one_of
+
+OPTIONS = ("specimen", "target_length", "episode")
+"""Of a reset; ``specimen`` for emulated and fake rigs only."""
+_UPDATES_HZ = 1000
+_UPRIGHT = math.pi / 2
+
+
+class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """Cut from the clamp to a target length, gently, on a rig that a policy from simulation meets unchanged.
+
+    Action, observation and reward are those of :class:`cutenv.envs.gentle_cut.GentleCutEnv`; what that one takes from
+    hidden state, this one estimates: the tip from the measured force and the mean tissue's stiffness.  Reward, cost and
+    end come from that estimate, and ``info["estimated"]`` is True.
+
+    Safety stands below the environment (:mod:`cutenv.rig.supervisor`) and does not trust it.  Where it stops the blade,
+    the cut ends with ``info["end"] == "stopped"`` and ``info["stop"]`` says why; the rig stays stopped until the
+    operator resets it, who is asked by the next ``reset``.  **A software stop is not a safety function: wire the stop
+    button to the drive's safe torque off.**
+
+    ``reset`` prepares the rig the first time (calibration, self-test, the operator's word), takes the blade back to the
+    clamp at 5 mm/s and asks for a new specimen.  ``step`` waits for the end of its period on the rig's clock: decide
+    within it.
+
+    Ends
+    ----
+    Those of the simulator, and
+
+    =========== =====================================================================================
+    End         When
+    =========== =====================================================================================
+    stopped     the rig's safety has stopped the blade; charged as an end for safety
+    =========== =====================================================================================
+
+    Arguments
+    ---------
+    =============== ========== ========================================================================
+    Keyword         Default    Meaning
+    =============== ========== ========================================================================
+    rig             "emulator" a rig's TOML file (``cutenv rig init``); "emulator": an emulated rig in a
+                               process of its own; "fake": one in memory, on a clock of its own
+    target_length   None       length of the cut [m]; None: drawn from 0.060 to 0.100 m
+    specimen_class  "mixed"    of the specimens that an emulated or fake rig draws
+    tissue          None       path of a tissue or specimen JSON file: what is drawn, and what the rig
+                               believes to cut; None: the measured pig liver
+    control_hz      50         decisions per second; divides 1000
+    deadline_s      30.0       time for a cut [s]
+    angle_mode      None       "free" or "fixed"; None: as the rig has it.  A rig whose angle is set by
+                               hand refuses "free"
+    fixed_angle_deg None       angle of the blade if fixed [deg]; None: as the rig has it
+    records         None       folder for a record of every cut, written while it goes on; None: none
+    operator        None       a :class:`cutenv.rig.operator.Operator`; None: the terminal, and nobody
+                               for an emulated rig
+    =============== ========== ========================================================================
+
+    Besides, the weights (``weight_<term>``) and, for emulated and fake rigs, each constant of the parameter table.
+
+    Reset options: ``target_length`` [m], ``episode`` (number of the specimen under the current seed), and ``specimen``
+    (a :class:`~cutenv.tissue.Specimen` or its JSON text, emulated and fake rigs only).
+
+    Info
+    ----
+    ``estimated``, ``reward_terms``, ``cost``, ``speed_out_of_range``, ``rig`` (``overruns``: commands so far that came
+    more than 2 ms late; ``period_s``: from this command to the one before; ``limited``: commands so far that were made
+    smaller) and, at the end, ``end``, ``is_success`` and, if it was stopped, ``stop``.
+
+    Version history
+    ---------------
+    v0: first version; may change until the first published comparison of agents.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 50}  # noqa: RUF012  as in Env
+
+    def __init__(
+        self,
+        *,
+        rig: str | Path = "emulator",
+        target_length: float | None = None,
+        specimen_class: str = "mixed",
+        tissue: str | Path | None = None,
+        control_hz: int = 50,
+        deadline_s: float = 30.0,
+        angle_mode: str | None = None,
+        fixed_angle_deg: float | None = None,
+        records: str | Path | None = None,
+        operator: Operator | None = None,
+        render_mode: None = None,
+        **constants: float,
+    ) -> None:
+        one_of("specimen_class", specimen_class, CLASSES)
+        if in_range("control_hz", control_hz, 1, _UPDATES_HZ, "Hz") % 1 or _UPDATES_HZ % control_hz:
+            raise ValueError(f"control_hz = {control_hz} must divide {_UPDATES_HZ}: 10, 20, 25, 50 and 100 do.")
+        if render_mode is not None:
+            raise ValueError(f"render_mode = {render_mode!r}: a rig is looked at, not drawn; record it and score it.")
+        self.ticks = round(_UPDATES_HZ / control_hz)
+        self.deadline = in_range("deadline_s", deadline_s, 1.0, 3600.0, "s", "Give the seconds for a cut.")
+        self.target_length = None if target_length is None else checked_length(target_length)
+        self.specimen_class = specimen_class
+        self.tissue = TissueSource(tissue)
+        self.constants = Constants.from_keywords(constants, others=_ARGUMENTS)
+        self.metadata = {**self.metadata, "render_fps": control_hz}
+        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.observation_space = spaces.Box(-BOUND, BOUND, (len(COMPONENTS),), np.float32)
+        self.render_mode = None
+
+        self._source = RigSource(rig, self.constants, operator=operator, records=records)
+        settings = self._source.settings
+        mode = settings.angle_mode if angle_mode is None else one_of("angle_mode", angle_mode, ("free", "fixed"))
+        if mode == "free" and settings.angle_mode == "fixed":
+            raise ValueError(
+                f'angle_mode = "free", but the angle of rig {settings.name!r} is set by hand, at '
+                f"{math.degrees(settings.fixed_angle):.0f} degrees. Use a policy that was trained with "
+                'angle_mode="fixed" at that angle, or a rig with a second axis.'
+            )
+        fixed = settings.fixed_angle
+        if fixed_angle_deg is not None:
+            in_range("fixed_angle_deg", fixed_angle_deg, 45.0, 90.0, "deg", "Measured are 45 to 90 degrees.")
+            fixed = math.radians(fixed_angle_deg)
+            if settings.angle_mode == "fixed" and abs(fixed - settings.fixed_angle) > _SAME_ANGLE:
+                raise ValueError(
+                    f"fixed_angle_deg = {fixed_angle_deg:g}, but the blade of rig {settings.name!r} is set to "
+                    f"{math.degrees(settings.fixed_angle):.1f} degrees. Turn it, and write that into its file."
+                )
+        self.angle_mode = mode
+        self.fixed_angle = fixed if mode == "fixed" else None
+        self._session: RigSession | None = None
+        self._seed: int | None = None
+        self._episode = 0
+        self._ended = True
+        self._stop: dict[str, Any] | None = None
+        self.cutting: GentleCutting
+        self.specimen: Specimen | None = None
+        """As drawn for an emulated or fake rig; nobody knows a real one."""
+
+    @property
+    def session(self) -> RigSession:
+        """The rig in use; it is connected to when this is asked for."""
+        if self._session is None:
+            self._session = self._source.session()
+        return self._session
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Take the blade to the clamp, slowly, and ask for a new specimen; see the class.
+
+        Raises
+        ------
+        RigError
+            If a check fails, or the operator does not agree.
+        """
+        super().reset(seed=seed)
+        options = options or {}
+        for name in options:
+            one_of("option", name, OPTIONS)
+        if seed is not None or self._seed is None:
+            self._seed = int(self.np_random.integers(2**63)) if seed is None else seed
+            self._episode = 0
+        episode = self._episode if options.get("episode") is None else checked_episode(options["episode"])
+        length = drawn_length(np.uint64(self._seed), np.uint64(episode))
+        if self.target_length is not None:
+            length = self.target_length
+        if options.get("target_length") is not None:
+            length = checked_length(options["target_length"])
+        self._ended = True
+        self.specimen = self._specimen(options.get("specimen"), episode)
+        plant = self.session.plant
+        if self.specimen is not None:
+            plant.depth = self.constants.knowledge.measure_depth(self.specimen.depth, self._seed, episode)
+        self.session.next_cut(SpecimenKey(seed=self._seed, episode=episode, specimen=self.specimen), self.start_angle)
+        tissue = self.specimen.tissue if self.specimen is not None else self.tissue.tissue or measured_liver()
+        self.cutting = GentleCutting(
+            plant,
+            tissue,
+            self.constants.weights,
+            self.constants.limits,
+            truth=None,
+            friction_per_depth=tissue.friction_share * tissue.fracture_resistance,
+            target_length=length,
+            deadline=self.deadline,
+            ticks=self.ticks,
+        )
+        self._source.begin_record(
+            plant,
+            target_length_m=length,
+            specimen_class=None if self.specimen is None else self.specimen.specimen_class,
+            seed=self._seed,
+            episode=episode,
+        )
+        self._episode = episode + 1
+        self._ended, self._stop = False, None
+        return self.cutting.rest(self.start_angle), self._info()
+
+    def _specimen(self, option: Any, episode: int) -> Specimen | None:
+        if not self._source.draws:
+            if option is not None:
+                raise ValueError("option specimen: a real rig cuts what is laid there; leave it out.")
+            return None
+        if option is not None:
+            return Specimen.from_json(option) if isinstance(option, str) else option
+        assert self._seed is not None  # there is one since the reset
+        return self.tissue.specimen or self.tissue.drawn(self._seed, episode, self.specimen_class)
+
+    @property
+    def start_angle(self) -> float:
+        """Of the blade at the start of a cut [rad]."""
+        return _UPRIGHT if self.fixed_angle is None else self.fixed_angle
+
+    def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Command target speed and angle until the next decision, and wait for its time; see the class."""
+        if self._ended:
+            raise gymnasium.error.ResetNeeded("no cut is going on: call reset() before step().")
+        command = np.array(action, np.float64)
+        if command.shape != (2,) or not within_reach(command, self.fixed_angle or math.nan):
+            self.session.plant.supervisor.trip(Cause.NOT_A_NUMBER, f"the policy's action is {action!r}")
+            self._finish()
+            raise ValueError(f"action = {action!r} must hold 2 numbers in [-1, 1] (speed, angle), and none may be NaN.")
+        cutting = self.cutting
+        try:
+            observation, reward = cutting.step(command)
+        except RigStopped as stop:
+            observation, reward = cutting.stopped(stop.readings)
+            self._stop = stop.report.to_dict()
+        if cutting.end:
+            self._finish()
+        info = self._info()
+        if cutting.end:
+            info["end"] = cutting.end
+            info["is_success"] = cutting.success
+            if self._stop is not None:
+                info["stop"] = self._stop
+        return observation, reward, self._ended, False, info
+
+    def _finish(self) -> None:
+        """The cut is over: bring the blade to rest, and finish its record."""
+        self._ended = True
+        self.session.end_cut()
+        self._source.end_record(self.session.plant, end=self.cutting.end, success=self.cutting.success, stop=self._stop)
+
+    def _info(self) -> dict[str, Any]:
+        plant = self.session.plant
+        return {
+            "estimated": True,
+            "reward_terms": self.cutting.reward_terms,
+            "cost": self.cutting.cost,
+            "speed_out_of_range": self.cutting.speed_out_of_range,
+            "rig": {
+                "overruns": plant.timing.overruns,
+                "period_s": plant.timing.periods[-1] if plant.timing.periods else None,
+                "limited": plant.supervisor.limited,
+            },
+        }
+
+    @property
+    def records(self) -> list[Path]:
+        """Files of the finished cuts."""
+        return self._source.records
+
+    def close(self) -> None:
+        """Stop what moves, and leave the rig."""
+        if self._session is not None:
+            self._source.end_record(self._session.plant, end="closed", success=False, stop=self._stop)
+            self._session.close()
+            self._session = None
+
+
+_SAME_ANGLE = math.radians(0.5)
+_ARGUMENTS = [
+    name
+    for name, argument in inspect.signature(RigCutEnv.__init__).parameters.items()
+    if argument.kind is inspect.Parameter.KEYWORD_ONLY
+]

@@ -1,0 +1,253 @@
+"""A record on disk that grows while the cut goes on, and is worth something whatever happens to the process."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import threading
+from collections.abc import Iterable, Mapping
+from operator import itemgetter
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NoReturn, Self
+
+from cutenv.atomic import replacing
+from cutenv.recording.columns import header_of
+from cutenv.recording.csv_file import head_text
+from cutenv.recording.errors import RecordError
+from cutenv.recording.provenance import check_operator
+from cutenv.trace import Reading, limits
+from cutenv.validation import in_range, one_of
+
+SYNCED_EVERY = 0.8
+"""Time between two flushes to the disk [s]: with a flush's own time, a second."""
+_PATIENCE = 5.0  # [s] with a disk that does not answer
+
+
+class RecordingFailed(OSError):
+    """The disk takes no more of the record: full, gone or silent; what it has of it can be read."""
+
+
+class AppendingRecord:
+    """One cut as a CSV file that :func:`cutenv.recording.load` reads at any time.
+
+    Rows are with the operating system when :meth:`append` returns, so that no end of this process loses any, and a
+    thread sees to it that they are on the disk after a second at the latest, so that a power cut loses no more; the
+    caller never waits for the disk.  :meth:`close` puts the number of rows and the last metadata on top: then the
+    file is an ordinary record.  Until then, and if it never comes to that, loading gives all whole lines, with
+    ``truncated: true`` in the metadata.
+
+    Parameters
+    ----------
+    path : path
+        Must end in ``.csv``, and not be there yet.
+    metadata : mapping, optional
+        What is known at the beginning and JSON can hold.
+    fields : sequence of str
+        Of a :class:`cutenv.trace.Reading`, time and force among them; every reading must hold them all.
+    force_unit : {"N", "1"}
+        As of a :class:`cutenv.trace.Trace`.
+
+    Attributes
+    ----------
+    rows : int
+        Appended so far.
+    failed : str or None
+        Why the disk takes no more; set by the thread too, and raised by the next :meth:`append`.
+
+    Raises
+    ------
+    RecordError
+        If the suffix is another one.
+    TypeError, ValueError
+        If the metadata are not what JSON can hold, name an operator who is not anonymous, or fields are unknown or
+        missing.
+    FileExistsError
+        If there is such a file already.
+    OSError
+        If it cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from cutenv.recording import load_one
+    >>> path = Path(tempfile.mkdtemp()) / "cut.csv"
+    >>> with AppendingRecord(path, {"rig": "bench 2"}, fields=("time", "force")) as record:
+    ...     record.append([Reading(0.0, 0.0), Reading(0.001, 0.05)])
+    ...     trace_so_far = load_one(path)
+    ...     record.close({"end": "finished"})
+    >>> dict(trace_so_far.metadata)
+    {'rig': 'bench 2', 'truncated': True}
+    >>> dict(load_one(path).metadata)
+    {'rig': 'bench 2', 'end': 'finished'}
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        metadata: Mapping[str, Any] | None = None,
+        *,
+        fields: Iterable[str] = Reading._fields,
+        force_unit: str = "N",
+    ) -> None:
+        self.path = Path(path)
+        self.rows = 0
+        self.failed: str | None = None
+        if self.path.suffix != ".csv":
+            raise RecordError(self.path, "a record that grows is a CSV file. Give it the suffix .csv.")
+        self._fields = tuple(one_of("field", name, Reading._fields) for name in dict.fromkeys(fields))
+        if missing := [name for name in ("time", "force") if name not in self._fields]:
+            raise ValueError(f"fields must hold time and force; {' and '.join(missing)} is missing. Add it.")
+        self._picked = itemgetter(*map(Reading._fields.index, self._fields))
+        self._limits = tuple(limits(name, force_unit) for name in self._fields)
+        self._names = [header_of(name, force_unit) for name in self._fields]
+        self._last = -float("inf")
+        self._metadata = dict(metadata or {})
+        self._head = self._head_with(None, self._metadata)
+        self._file = self.path.open("xb", buffering=0)
+        self._closed = False
+        self._unsynced = True
+        self._stop = threading.Event()
+        self._flusher = threading.Thread(target=self._keep_synced, name=f"record {self.path.name}", daemon=True)
+        self._flusher.start()
+        try:
+            self._write(self._head)
+        except RecordingFailed:
+            self.abandon()
+            raise
+
+    def append(self, readings: Iterable[Reading]) -> None:
+        """Write some readings, all or none; from one thread at a time.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a reading lacks a field, leaves the range of a :class:`cutenv.trace.Trace`, or is not after the one
+            before: the file could not be loaded any more.  The record goes on without these readings.
+        RecordingFailed
+            If the disk takes no more, now or since the last time; it is not tried again.
+        """
+        if self._closed:
+            raise ValueError(f"{self.path} is closed. Begin another record.")
+        if self.failed is not None:
+            raise RecordingFailed(self.failed)
+        last, lines = self._last, []
+        for reading in readings:
+            row = self._picked(reading)
+            try:
+                fits = all(low <= value <= high for value, (low, high) in zip(row, self._limits, strict=True))
+            except TypeError:
+                fits = False
+            if not (fits and last < reading.time):  # of NaN, neither is true
+                self._refuse(reading, last)
+            last = reading.time
+            lines.append(",".join(map(repr, map(float, row))) + "\n")
+        self._write("".join(lines).encode("ascii"))
+        self._last = last
+        self.rows += len(lines)
+
+    def close(self, metadata: Mapping[str, Any] | None = None) -> None:
+        """Finish the record: put the number of rows and more metadata on top; once closed, nothing happens any more.
+
+        The file is replaced whole or not at all, so that a finish that fails leaves what was appended.
+
+        Parameters
+        ----------
+        metadata : mapping, optional
+            Added to those of the beginning, or in place of them: how the cut ended, say.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the metadata are not what JSON can hold or name an operator who is not anonymous; the record stays open.
+        RecordingFailed
+            If the disk took or takes not all of it; the file stays as it is, truncated.
+        """
+        if self._closed:
+            return
+        head = self._head_with(self.rows, {**self._metadata, **(metadata or {})})
+        self.abandon()
+        if self.failed is None:
+            try:
+                with replacing(self.path) as part, self.path.open("rb") as grown, part.open("xb") as finished:
+                    finished.write(head)
+                    grown.seek(len(self._head))
+                    shutil.copyfileobj(grown, finished)
+            except OSError as error:
+                self._fail(error)
+        if self.failed is not None:
+            raise RecordingFailed(self.failed)
+
+    def abandon(self) -> None:
+        """Leave the record as it is, truncated; never raises, and may be called twice."""
+        if self._closed:
+            return
+        self._closed = True
+        self._stop.set()
+        self._flusher.join(_PATIENCE)
+        if self._flusher.is_alive():  # it still holds the file
+            self._fail(TimeoutError(f"no answer within {_PATIENCE:g} s"))
+            return
+        try:
+            self._file.close()
+        except OSError as error:
+            self._fail(error)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if error is None:
+            self.close()
+        else:
+            self.abandon()
+
+    def _head_with(self, rows: int | None, metadata: Mapping[str, Any]) -> bytes:
+        if "operator" in metadata:
+            check_operator(metadata["operator"])
+        try:
+            return head_text(self._names, rows, {"metadata": metadata}).encode("ascii")
+        except (TypeError, ValueError) as error:
+            raise type(error)(
+                f"metadata are not what JSON can hold ({error}). Give text, finite numbers, booleans, None, lists or "
+                "dicts of these."
+            ) from None
+
+    def _refuse(self, reading: Reading, last: float) -> NoReturn:
+        """Say what is wrong with a reading."""
+        for name, value, (low, high) in zip(self._names, self._picked(reading), self._limits, strict=True):
+            in_range(name, value, low, high, "1", "The reading was not recorded.")
+        raise ValueError(f"time goes from {last!r} s to {reading.time!r} s; a reading must be after the one before.")
+
+    def _write(self, data: bytes) -> None:
+        left = memoryview(data)
+        try:
+            while left:  # a disk that is nearly full takes a part
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            self._fail(error)
+            raise RecordingFailed(self.failed) from None
+        self._unsynced = True
+
+    def _keep_synced(self) -> None:
+        """Work of the thread: what was written, to the disk."""
+        while not self._stop.wait(SYNCED_EVERY) and self.failed is None:
+            if not self._unsynced:
+                continue
+            self._unsynced = False
+            try:
+                if os.fstat(self._file.fileno()).st_nlink == 0:
+                    raise FileNotFoundError("the file was deleted")
+                os.fsync(self._file.fileno())
+            except OSError as error:
+                self._fail(error)
+
+    def _fail(self, error: OSError) -> None:
+        if self.failed is None:
+            why = error.strerror or error
+            self.failed = (
+                f"{self.path}: the disk takes no more of the record ({why}); the {self.rows} readings before, as far "
+                "as it has them, can be loaded. Make room or mend it, and record the next cut."
+            )

@@ -1,0 +1,38 @@
+"""Whether the force sensor's last check still counts."""
+
+from __future__ import annotations
+
+from datetime import date, datetime
+
+from cutenv.rig.settings import Calibration
+
+
+def day_of(text: str) -> date:
+    """The day of an ISO 8601 text, such as ``2026-03-01`` or ``2026-03-01T14:05:00``.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    try:
+        return datetime.fromisoformat(text).date()
+    except ValueError:
+        raise ValueError(f"{text!r} is no date. Write it as 2026-03-01.") from None
+
+
+def expired(calibration: Calibration, today: date) -> str | None:
+    """Why the calibration does not count on that day: never, in the future, too long ago; None if it does."""
+    cure = "Hang known weights on the sensor, and write the day as calibration.date into the rig's file."
+    if not calibration.date:
+        return f"the force sensor was never checked. {cure}"
+    try:
+        day = day_of(calibration.date)
+    except ValueError as error:
+        return f"calibration.date = {error}"
+    age = (today - day).days
+    if age < 0:
+        return f"calibration.date = {day} is in the future: today is {today}. Correct it, or this computer's clock."
+    if age > calibration.valid_days:
+        return f"the force sensor was checked {age} days ago, on {day}, which counts {calibration.valid_days}. {cure}"
+    return None

@@ -1,0 +1,138 @@
+"""What a drive is told before it moves: read, compared, written and read back, object by object."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+
+from cutenv.rig.canopen import objects as o
+from cutenv.rig.canopen.dictionary import Dictionary, Refused, Unanswered
+from cutenv.rig.canopen.network import DRIVE_PATIENCE
+from cutenv.rig.canopen.units import AxisUnits
+from cutenv.rig.drivers import RigError
+from cutenv.rig.settings import Axis, Bus
+
+PRODUCER_PERIOD = 0.050
+"""Between two heartbeats of a drive [s]."""
+
+
+def check_identity(dictionary: Dictionary, name: str, axis: Axis, bus: Bus) -> None:
+    """See that the node is there, and a servo drive of Maxon's.
+
+    Raises
+    ------
+    RigError
+        If it is not; names what was found and what was expected.
+    """
+    try:
+        device = dictionary.read(o.DEVICE_TYPE)
+    except Unanswered as error:
+        raise RigError(
+            f"{name}: node {axis.node} does not answer on {bus.interface} {bus.channel} ({error}) Is the drive powered,"
+            f" is its node number {axis.node} and its bit rate {bus.bitrate} bit/s, is the bus terminated by 120 ohm"
+            " at both ends?"
+        ) from error
+    vendor = dictionary.read(o.VENDOR)
+    for entry, found, expected in ((o.DEVICE_TYPE, device, o.SERVO_402), (o.VENDOR, vendor, o.MAXON)):
+        if found != expected:
+            raise RigError(
+                f"{name}: node {axis.node} is not the drive expected: {entry} is 0x{found:08X}, expected"
+                f" 0x{expected:08X}. Check the node number in the rig's file."
+            )
+
+
+def configure(dictionary: Dictionary, name: str, axis: Axis, bus: Bus) -> AxisUnits:
+    """Write the set-up to a drive without power, in PRE-OPERATIONAL; return what it counts in.
+
+    Raises
+    ------
+    RigError
+        If gear or encoder are not those of the settings, or the drive does not keep what is written; names the object.
+    """
+    _check_mechanics(dictionary, name, axis)
+    try:
+        units = AxisUnits(axis=axis, steps=_velocity_steps(dictionary, name))
+    except ValueError as error:
+        raise RigError(f"{name}: {error}") from error
+    for entry, value in set_up(axis, units, bus).items():
+        dictionary.write(entry, value)
+    for pdo in (o.COMMAND, o.STATUS, o.MEASURED):
+        _map(dictionary, pdo, axis.node)
+    return units
+
+
+def set_up(axis: Axis, units: AxisUnits, bus: Bus) -> dict[o.Entry, int]:
+    """Every object that is written, in order, with its value."""
+    ends = sorted((units.increments(axis.low), units.increments(axis.high)))
+    return {
+        o.CONSUMER_HEARTBEAT: bus.node << 16 | round(1e3 * DRIVE_PATIENCE),
+        o.PRODUCER_HEARTBEAT: round(1e3 * PRODUCER_PERIOD),
+        o.ABORT_CONNECTION: o.ABORT_BY_QUICK_STOP,
+        o.QUICK_STOP_OPTION: o.STOP_AND_STAY,
+        o.FAULT_REACTION: o.FAULT_BY_QUICK_STOP,
+        o.MODE: o.PROFILE_VELOCITY,
+        o.CURRENT_LIMIT: round(1e3 * axis.current_limit),
+        o.FOLLOWING_WINDOW: abs(units.increments(axis.following_error)),
+        o.LOW_LIMIT: ends[0],
+        o.HIGH_LIMIT: ends[1],
+        o.MOTOR_SPEED_LIMIT: math.ceil(abs(units.velocity(axis.speed)) / units.steps),
+        o.PROFILE_SPEED_LIMIT: abs(units.velocity(axis.speed)),
+        o.ACCELERATION: units.ramp(axis.acceleration),
+        o.DECELERATION: units.ramp(axis.acceleration),
+        o.QUICK_STOP_DECELERATION: units.ramp(axis.quick_stop),
+    }
+
+
+def read_limits(dictionary: Dictionary, units: AxisUnits) -> dict[str, float]:
+    """Ends of travel, top speed, acceleration and quick-stop deceleration that the drive keeps; SI."""
+    low, high = sorted(units.position(dictionary.read(entry)) for entry in (o.LOW_LIMIT, o.HIGH_LIMIT))
+    return {
+        "low": low,
+        "high": high,
+        "speed": abs(units.speed(dictionary.read(o.PROFILE_SPEED_LIMIT))),
+        "acceleration": units.acceleration(dictionary.read(o.ACCELERATION)),
+        "quick_stop": units.acceleration(dictionary.read(o.QUICK_STOP_DECELERATION)),
+    }
+
+
+def _check_mechanics(dictionary: Dictionary, name: str, axis: Axis) -> None:
+    numerator, denominator = dictionary.read(o.GEAR_NUMERATOR), dictionary.read(o.GEAR_DENOMINATOR)
+    if not denominator or not math.isclose(numerator / denominator, axis.gear, rel_tol=1e-6):
+        raise RigError(
+            f"{name}: the drive is set to a gear of {numerator}/{denominator} ({o.GEAR_NUMERATOR}), the rig's file says"
+            f" gear = {axis.gear:g}. Correct the one that is wrong: every length and speed depends on it."
+        )
+    pulses = dictionary.read(o.ENCODER_PULSES)
+    if pulses != axis.pulses:
+        raise RigError(
+            f"{name}: the drive is set to {pulses} pulses ({o.ENCODER_PULSES}), the rig's file says pulses ="
+            f" {axis.pulses}. Correct the one that is wrong: every length and speed depends on it."
+        )
+
+
+def _velocity_steps(dictionary: Dictionary, name: str) -> int:
+    """Ask for milli-rpm, and take what the drive keeps: firmware that knows no such unit counts whole rpm."""
+    with contextlib.suppress(Refused):  # what it keeps is read below
+        dictionary.put(o.VELOCITY_UNIT, o.MILLI_RPM)
+    try:
+        unit = dictionary.read(o.VELOCITY_UNIT)
+    except Refused:
+        return o.VELOCITY_STEPS[o.WHOLE_RPM]
+    if unit not in o.VELOCITY_STEPS:
+        raise RigError(
+            f"{name}: the drive counts speed in the unit 0x{unit:08X} ({o.VELOCITY_UNIT}), which is no revolution a"
+            f" minute or decimal part of one. Set it to 0x{o.MILLI_RPM:08X} (milli-rpm) with the maker's tool."
+        )
+    return o.VELOCITY_STEPS[unit]
+
+
+def _map(dictionary: Dictionary, pdo: o.Pdo, node: int) -> None:
+    """As CiA 301 wants it: out of use, emptied, filled, in use."""
+    number = dictionary.read(pdo.number) & o.PDO_NO_REQUEST | pdo.frame + node
+    dictionary.write(pdo.number, number | o.PDO_UNUSED)
+    dictionary.write(pdo.type, pdo.transmission)
+    dictionary.write(pdo.count, 0)
+    for place, entry in enumerate(pdo.entries, start=1):
+        dictionary.write(pdo.slot(place), entry.mapping)
+    dictionary.write(pdo.count, len(pdo.entries))
+    dictionary.write(pdo.number, number)

@@ -1,0 +1,220 @@
+"""The CANopen network that a rig's axes share: who listens to which frame, SYNC, this computer's heartbeat."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from cutenv.rig.canopen.bus import open_bus
+from cutenv.rig.canopen.objects import HEARTBEAT_FRAME, NMT_FRAME, NMT_OPERATIONAL, SYNC_FRAME
+from cutenv.rig.clock import Clock, Repeating
+from cutenv.rig.drivers import RigError
+from cutenv.rig.settings import Bus
+from cutenv.validation import in_range
+
+log = logging.getLogger(__name__)
+
+DRIVE_PATIENCE = 0.100
+"""Time without this computer's heartbeat, after which a drive stops by itself [s]."""
+_SEND_LIMIT = 0.02  # [s] for a frame to be taken by the bus
+_READ_LIMIT = 0.1  # [s] after which the reader looks whether it is to end
+_BUS_OFF = 0x40  # in the number of an error frame, as Linux and socketcand give it
+
+Handler = Callable[[bytes, float], None]
+
+
+class Member(Protocol):
+    """Who is told that the network is broken."""
+
+    def lost(self, why: str, time: float) -> None:
+        """Nothing can be sent or read any more, since ``time`` [s]."""
+        ...
+
+
+class CanNetwork:
+    """One CAN bus with this computer as its master; opened by the first axis that joins, closed by the last to leave.
+
+    It breaks, once, at the first frame that cannot be sent, read or handled, or when the bus goes off.  From then on
+    neither SYNC nor heartbeat is sent, so that the drives stop by themselves; other frames are still tried.
+
+    Parameters
+    ----------
+    settings : Bus
+        Interface, periods, node of this computer.
+    clock : Clock
+        Paces SYNC and heartbeat, and dates what arrives.
+
+    Raises
+    ------
+    ValueError
+        If two heartbeats do not fit into :data:`DRIVE_PATIENCE`.
+    """
+
+    def __init__(self, settings: Bus, clock: Clock) -> None:
+        in_range(
+            "bus.heartbeat", settings.heartbeat, 0.0, DRIVE_PATIENCE / 2, "s",
+            "A drive stops after 0.1 s without; two must fit into it, for one may be late.",
+        )  # fmt: skip
+        self.settings = settings
+        self.broken: str | None = None
+        """Why nothing gets through, None while all is well."""
+        self._clock = clock
+        self._members: list[Member] = []
+        self._handlers: dict[int, Handler] = {}
+        self._joining = threading.Lock()
+        self._sending = threading.Lock()
+        self._breaking = threading.Lock()
+        self._bus: Any = None
+        self._message: Any = None
+        self._reader: threading.Thread | None = None
+        self._ending = threading.Event()
+        self._repeating: list[Repeating] = []
+
+    def __str__(self) -> str:
+        return f"{self.settings.interface} {self.settings.channel}"
+
+    def join(self, member: Member) -> None:
+        """Have a member more; the first opens the bus.
+
+        Raises
+        ------
+        RigError
+            If the bus cannot be opened, or is broken.
+        """
+        with self._joining:
+            if not self._members:
+                self._open()
+            if self.broken is not None:
+                raise RigError(f"the CAN bus ({self}) is broken: {self.broken}. Close its axes, and open them again.")
+            self._members.append(member)
+
+    def leave(self, member: Member) -> None:
+        """Have a member less; the last closes the bus.  Never raises, and may be called twice."""
+        with self._joining:
+            if member in self._members:
+                self._members.remove(member)
+                if not self._members:
+                    self._close()
+
+    def listen(self, number: int, handler: Handler) -> None:
+        """Call ``handler(data, time)`` from the reader's thread for every frame of that number."""
+        self._handlers[number] = handler
+
+    def ignore(self, number: int) -> None:
+        """Listen to frames of that number no longer."""
+        self._handlers.pop(number, None)
+
+    def send_message(self, can_id: int, data: bytes) -> None:
+        """Put a frame on the bus, from any thread, without waiting for more than its place in the queue.
+
+        Named as canopen's SDO client calls it.
+
+        Raises
+        ------
+        RigError
+            If the bus does not take it; the network is broken then.
+        """
+        bus = self._bus
+        if bus is None:
+            raise RigError(f"the CAN bus ({self}) is not open.")
+        message = self._message(arbitration_id=can_id, data=data, is_extended_id=False)
+        if not self._sending.acquire(timeout=_SEND_LIMIT):
+            raise self._break("it takes no more frames (is the gateway hanging?)")
+        try:
+            bus.send(message, timeout=_SEND_LIMIT)
+        except Exception as error:  # python-can's interfaces raise what their libraries do
+            raise self._break(f"frame 0x{can_id:03X} could not be sent: {error}") from error
+        finally:
+            self._sending.release()
+
+    def manage(self, command: int, node: int) -> None:
+        """Send a node a command of network management.
+
+        Raises
+        ------
+        RigError
+            If the bus does not take it.
+        """
+        self.send_message(NMT_FRAME, bytes((command, node)))
+
+    def _open(self) -> None:
+        self._bus = open_bus(self.settings)
+        import can
+
+        self._message = can.Message
+        self.broken = None
+        self._ending = threading.Event()
+        self._reader = threading.Thread(
+            target=self._read, args=(self._bus, self._ending), name="cutenv CAN reader", daemon=True
+        )
+        self._reader.start()
+        beat = HEARTBEAT_FRAME + self.settings.node
+        self._repeating = [
+            self._clock.every(self.settings.sync, lambda now: self._repeat(SYNC_FRAME, b""), "cutenv SYNC"),
+            self._clock.every(
+                self.settings.heartbeat, lambda now: self._repeat(beat, bytes((NMT_OPERATIONAL,))), "cutenv heartbeat"
+            ),
+        ]
+
+    def _close(self) -> None:
+        for repeating in self._repeating:
+            repeating.stop()
+        self._ending.set()
+        if self._reader is not None and self._reader is not threading.current_thread():
+            self._reader.join(timeout=1.0)
+        bus, self._bus = self._bus, None
+        try:
+            bus.shutdown()
+        except Exception:  # whatever the interface's library raises: the bus is left all the same
+            log.warning("the CAN bus (%s) was not closed in order", self, exc_info=True)
+
+    def _repeat(self, number: int, data: bytes) -> None:
+        if self.broken is None:
+            try:
+                self.send_message(number, data)
+            except RigError as error:  # the members are told by the break itself
+                log.warning("%s", error)
+
+    def _read(self, bus: Any, ending: threading.Event) -> None:
+        while not ending.is_set():
+            try:
+                message = bus.recv(_READ_LIMIT)
+            except Exception as error:  # python-can's interfaces raise what their libraries do
+                if not ending.is_set():
+                    self._break(f"nothing can be read any more: {error}")
+                return
+            if message is None:
+                if self.broken is not None:
+                    ending.wait(_READ_LIMIT)  # a closed connection reads as nothing, at once and for ever
+            elif message.is_error_frame:
+                if message.arbitration_id & _BUS_OFF:
+                    self._break("the adapter went bus-off: check wiring, termination and bit rate")
+            elif not (message.is_remote_frame or message.is_extended_id):
+                self._handle(message.arbitration_id, bytes(message.data))
+
+    def _handle(self, number: int, data: bytes) -> None:
+        handler = self._handlers.get(number)
+        if handler is None:
+            return
+        try:
+            handler(data, self._clock.now())
+        except Exception as error:  # the reader must go on, for the other axis and to see the blade stop
+            log.exception("frame 0x%03X could not be handled", number)
+            self._break(f"frame 0x{number:03X} could not be handled: {error!r}")
+
+    def _break(self, why: str) -> RigError:
+        """Tell the members once that the network is broken; return the error for who met it."""
+        with self._breaking:
+            first, self.broken = self.broken is None, self.broken or why
+        if first:
+            # From a thread of its own: who sends may hold the very lock that a member needs to stop the blade.
+            threading.Thread(
+                target=self._tell, args=(why, self._clock.now()), name="cutenv CAN broken", daemon=True
+            ).start()
+        return RigError(f"the CAN bus ({self}) is broken: {why}.")
+
+    def _tell(self, why: str, time: float) -> None:
+        for member in tuple(self._members):
+            member.lost(why, time)

@@ -1,0 +1,434 @@
+"""A rig without hardware, on a fake clock: the whole of the rig's own code runs over a specimen or a recorded cut.
+
+What is faked is what the drivers would tell: samples of an axis at every SYNC, readings of force at 1 kHz, heartbeats.
+Every fault that the rig has to survive can be made to happen, at any instant.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import date
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.cutting.drive import Rig
+from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.records import TICK
+from cutenv.cutting.sensor import SensorParameters
+from cutenv.plant.simulator import SimulatedPlant
+from cutenv.rig.clock import FakeClock, Repeating
+from cutenv.rig.drivers import ForceListener, MotionListener, RigError
+from cutenv.rig.plant import RigPlant
+from cutenv.rig.samples import DriveState, ForceSample, MotionSample
+from cutenv.rig.settings import Axis, Calibration, RigSettings
+from cutenv.tissue.specimen import N_POINTS, SPACING, Specimen
+from cutenv.trace import Trace
+
+_COUNTS = 1e6  # of the fake sensor for a newton
+_PRIME = 7919  # the other axes' counts flicker by it
+_BACK = 4294967296  # sequences are modulo 2**32
+_HEARTBEAT = 0.050  # [s]
+
+
+@dataclass
+class Faults:
+    """What is wrong with a fake rig; all of it can be changed at any instant."""
+
+    extra_force: float = 0.0
+    """Added along the cut [N]."""
+    side_force: float = 0.0
+    """Across it [N]."""
+    ramp: float = 0.0
+    """Added along the cut at this rate [N/s]."""
+    force_nan: bool = False
+    force_status: int = 0
+    force_frozen: bool = False
+    force_silent: bool = False
+    force_late: float = 0.0
+    """Every reading comes so much later [s]."""
+    lose_every: int = 0
+    """Every so many-th reading does arrive; 0: all of them."""
+    motion_silent: bool = False
+    heartbeat_silent: bool = False
+    stuck: bool = False
+    """The encoder shows one position; the blade moves on."""
+    blocked: bool = False
+    """The blade stands, and so does its encoder."""
+    slip: float = 0.0
+    """The blade is this much slower than it is told [m/s]."""
+    runaway: float = 0.0
+    """The blade moves at this speed whatever it is told [m/s]; a quick stop does stop it."""
+    power_lost: bool = False
+    bus_off: bool = False
+
+
+class _Bench(Protocol):
+    """What blade and sensor are about."""
+
+    def step(self, speed: float, turn: float, stopping: bool) -> None:
+        """A millisecond under a commanded speed [m/s] and rate of turn [rad/s]."""
+        ...
+
+    def block(self) -> None:
+        """A millisecond in which nothing can move."""
+        ...
+
+    @property
+    def motion(self) -> tuple[float, float, float]:
+        """Position [m], speed [m/s] and angle [rad]."""
+        ...
+
+    @property
+    def force(self) -> float:
+        """As the sensor has it [N]."""
+        ...
+
+
+class CutBench:
+    """A specimen under the cutting law, with the simulator's own drive and sensor."""
+
+    def __init__(
+        self, specimen: Specimen, settings: RigSettings, *, drive: Rig | None = None,
+        sensor: SensorParameters | None = None, law: LawParameters | None = None, seed: int = 0, episode: int = 0,
+    ) -> None:  # fmt: skip
+        self._drive = drive or Rig()
+        self.plant = SimulatedPlant(
+            specimen, drive=self._drive, sensor=sensor, law=law, seed=seed, episode=episode, angle=settings.fixed_angle
+        )
+        self._angle = settings.fixed_angle
+        self._quick_stop = settings.blade.quick_stop
+        self._reading = self.plant.advance(0.0, self._angle, 1)
+
+    def step(self, speed: float, turn: float, stopping: bool) -> None:
+        """A millisecond; a quick stop brakes at its own rate, without the velocity loop's lag."""
+        self._angle = min(max(self._angle + turn * TICK, math.radians(45.0)), math.radians(90.0))
+        speed = 0.0 if stopping else speed
+        self.plant.cuts["drive"]["acceleration"] = self._quick_stop if stopping else self._drive.acceleration
+        self.plant.cuts["drive"]["lag"] = TICK if stopping else self._drive.motor_lag
+        self._reading = self.plant.advance(speed, self._angle, 1)
+
+    def block(self) -> None:
+        """A millisecond in which nothing can move."""
+        self.plant.cuts["state"]["hand_speed"] = 0.0
+        self._reading = self.plant.advance(0.0, self._angle, 1)
+
+    @property
+    def motion(self) -> tuple[float, float, float]:
+        """Position [m], speed [m/s] and angle [rad]."""
+        reading = self._reading[0]
+        return float(reading["position"]), float(reading["speed"]), float(reading["angle"])
+
+    @property
+    def force(self) -> float:
+        """As the sensor has it [N]."""
+        return float(self._reading[0]["force"])
+
+
+class ReplayBench:
+    """A recorded cut, millisecond by millisecond, whatever is commanded; at its end the blade rests."""
+
+    def __init__(self, trace: Trace) -> None:
+        time, force, position = trace.require("time", "force", "position", by="a replay")
+        trace.require_newtons(by="a replay")
+        grid = np.arange(time[0], time[-1], TICK)
+        self._force, self._position = np.interp(grid, time, force), np.interp(grid, time, position)
+        angle = np.full(len(time), math.pi / 2) if trace.angle is None else trace.angle
+        self._angle = np.interp(grid, time, angle)
+        self._speed = np.gradient(self._position, TICK)
+        self._at = 0
+        self._holding = False
+
+    def step(self, speed: float, turn: float, stopping: bool) -> None:
+        """The next millisecond; a quick stop holds the record."""
+        if not stopping and self._at < len(self._force) - 1:
+            self._at += 1
+        self._holding = stopping or self._at == len(self._force) - 1
+
+    def block(self) -> None:
+        """The record is held."""
+        self._holding = True
+
+    @property
+    def motion(self) -> tuple[float, float, float]:
+        """Position [m], speed [m/s] and angle [rad]."""
+        speed = 0.0 if self._holding else float(self._speed[self._at])
+        return float(self._position[self._at]), speed, float(self._angle[self._at])
+
+    @property
+    def force(self) -> float:
+        """As the sensor had it [N]."""
+        return float(self._force[self._at])
+
+
+class FakeDrive:
+    """An axis that does at once what a drive would: a :class:`~cutenv.rig.drivers.MotionDriver`."""
+
+    def __init__(self, name: str, rig: FakeRig) -> None:
+        self.name = name
+        self._rig = rig
+        self.state = DriveState.DISABLED
+        self.target = 0.0
+        self.sent: list[tuple[float, str]] = []
+        """Quick stops and refusals that were put on the bus, with their times [s]."""
+
+    def open(self, listener: MotionListener) -> None:
+        """Samples arrive from now on."""
+        self._rig.listen(self.name, listener)
+
+    def enable(self) -> None:
+        """Power on."""
+        if self.state is DriveState.FAULT or self.state is DriveState.QUICK_STOP:
+            raise RigError(f'the {self.name} drive is in "{self.state.value}": clear it first.')
+        self.state, self.target = DriveState.ENABLED, 0.0
+
+    def command(self, speed: float) -> None:
+        """A new target speed, unless the bus is off."""
+        self._rig.reach(self.name)
+        if self.state is DriveState.ENABLED:
+            self.target = speed
+
+    def quick_stop(self) -> None:
+        """At once, unless the bus is off."""
+        self._rig.reach(self.name)
+        self.sent.append((self._rig.clock.now(), "quick stop"))
+        if self.state is DriveState.ENABLED:
+            self.state = DriveState.QUICK_STOP
+
+    def disable(self) -> None:
+        """Power off."""
+        self.state, self.target = DriveState.DISABLED, 0.0
+
+    def clear(self) -> None:
+        """Out of quick stop or fault."""
+        self._rig.reach(self.name)
+        self.state, self.target = DriveState.DISABLED, 0.0
+
+    def limits(self) -> dict[str, float]:
+        """As they would have been written."""
+        return drive_limits(self._rig.settings.blade if self.name == "blade" else self._rig.settings.angle or Axis())
+
+    def close(self) -> None:
+        """Nothing arrives any more."""
+        self._rig.listen(self.name, None)
+        self.disable()
+
+
+def drive_limits(axis: Axis) -> dict[str, float]:
+    """What a drive that was set up with an axis's settings answers for its limits."""
+    return {
+        "low": axis.low,
+        "high": axis.high,
+        "speed": axis.speed,
+        "acceleration": axis.acceleration,
+        "quick_stop": axis.quick_stop,
+    }
+
+
+class FakeSensor:
+    """A force sensor that reads what the bench has: a :class:`~cutenv.rig.drivers.ForceDriver`."""
+
+    rate = 1000.0
+
+    def __init__(self, rig: FakeRig) -> None:
+        self._rig = rig
+        self.listener: ForceListener | None = None
+        self.zero = 0.0
+        self.last: deque[float] = deque(maxlen=200)
+
+    def open(self, listener: ForceListener) -> None:
+        """Readings arrive from now on."""
+        self.listener = listener
+
+    def tare(self, samples: int = 200) -> tuple[float, float, float]:
+        """Take the mean of the last readings for zero."""
+        self.zero += float(np.mean(list(self.last)[-samples:]))
+        return (self.zero, 0.0, 0.0)
+
+    def close(self) -> None:
+        """Nothing arrives any more."""
+        self.listener = None
+
+
+class FakeRig:
+    """Drives and sensor on a bench, moved by a fake clock, and the plant over them.
+
+    Parameters
+    ----------
+    bench : callable
+        Makes the bench from the settings, anew for every specimen.
+    settings : RigSettings, optional
+        Default: a rig whose angle is free, calibrated today.
+    follows : bool
+        Whether the blade does what it is told; a replayed one does not.
+
+    Attributes
+    ----------
+    plant : RigPlant
+        To be opened.
+    faults : Faults
+        To be changed at any instant.
+    """
+
+    def __init__(
+        self,
+        bench: Callable[[RigSettings], _Bench],
+        settings: RigSettings | None = None,
+        *,
+        follows: bool = True,
+        depth: NDArray[np.float64] | None = None,
+    ) -> None:
+        self.settings = settings or fake_settings()
+        self.clock = FakeClock()
+        self.faults = Faults()
+        self._make, self._follows = bench, follows
+        self.bench = bench(self.settings)
+        self.blade = FakeDrive("blade", self)
+        self.angle = FakeDrive("angle", self) if self.settings.angle is not None else None
+        self.sensor = FakeSensor(self)
+        self.plant = RigPlant(
+            self.settings, self.clock, self.blade, self.sensor, angle=self.angle, depth=depth, follows=follows
+        )
+        self._listeners: dict[str, MotionListener | None] = {}
+        self._sequence = 0
+        self._lost = 0
+        self._counts = (0, 0, 0, 0, 0, 0)
+        self._held: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self._pending: list[tuple[float, ForceSample]] = []
+        self._ramped = self._stuck_at = 0.0
+        self._turns: list[Repeating] = [
+            self.clock.every(TICK, self._tick, "bench"),
+            self.clock.every(self.settings.bus.sync, self._sync, "SYNC"),
+            self.clock.every(_HEARTBEAT, self._beat, "heartbeat"),
+        ]
+
+    def lay(self, bench: Callable[[RigSettings], _Bench] | None = None) -> None:
+        """Lay a new specimen, with the blade at the clamp."""
+        self._make = bench or self._make
+        self.bench = self._make(self.settings)
+        self._ramped = self.sensor.zero = 0.0
+        self.sensor.last.clear()
+
+    def listen(self, axis: str, listener: MotionListener | None) -> None:
+        """Who hears an axis."""
+        self._listeners[axis] = listener
+
+    def reach(self, axis: str) -> None:
+        """Whether a frame gets to a drive; RigError where the bus is off."""
+        if self.faults.bus_off:
+            raise RigError(f"{axis}: the bus is off; check cable, termination and power.")
+
+    def felt(self) -> float:
+        """Force along the cut in the sensor, before its zero [N]."""
+        return self.bench.force + self.faults.extra_force + self._ramped
+
+    def report_emergency(self, code: int, meaning: str) -> None:
+        """The blade's drive reports an error and stops by itself."""
+        self.blade.state = DriveState.FAULT
+        if (listener := self._listeners.get("blade")) is not None:
+            listener.emergency("blade", code, meaning, self.clock.now())
+
+    def break_bus(self) -> None:
+        """The bus goes off, and the driver notices; the drive's own watch stops it."""
+        self.faults.bus_off = True
+        self.blade.state = DriveState.QUICK_STOP
+        if (listener := self._listeners.get("blade")) is not None:
+            listener.broken("blade", "bus off", self.clock.now())
+
+    def _tick(self, now: float) -> None:
+        faults, drive = self.faults, self.blade
+        stopping = drive.state is not DriveState.ENABLED or faults.power_lost
+        stopping |= not self._follows and self.plant.supervisor.phase == "unready"  # a tape waits to be played
+        speed = 0.0 if stopping else drive.target
+        if not stopping:
+            speed = faults.runaway or speed - math.copysign(faults.slip, speed)
+        turn = 0.0 if stopping or self.angle is None else self.angle.target
+        if faults.blocked:
+            self.bench.block()
+        else:
+            self.bench.step(speed, turn, stopping)
+        self._ramped += faults.ramp * TICK
+        self._feel(now)
+
+    def _feel(self, now: float) -> None:
+        faults = self.faults
+        self._sequence = (self._sequence + 1) % _BACK
+        if not faults.force_frozen:
+            force = self.felt() - self.sensor.zero
+            self.sensor.last.append(force)
+            self._held = (math.nan if faults.force_nan else force, faults.side_force, 0.0)
+            flicker = self._sequence * _PRIME % 1009
+            self._counts = (round(_COUNTS * force), flicker, flicker, flicker, flicker, flicker)
+        if faults.force_silent:
+            return
+        if faults.lose_every and self._sequence % faults.lose_every:
+            self._lost += 1
+            return
+        sign = self.settings.sensor.sign
+        sample = ForceSample(
+            now, (sign * self._held[0], self._held[1], self._held[2]), self._counts, faults.force_status,
+            self._sequence, self._lost,
+        )  # fmt: skip
+        self._lost = 0
+        self._pending.append((now + faults.force_late, sample))
+        while self._pending and self._pending[0][0] <= now + 1e-9 and self.sensor.listener is not None:
+            _, arrived = self._pending.pop(0)
+            self.sensor.listener.force(arrived._replace(time=now))
+
+    def _sync(self, now: float) -> None:
+        if self.faults.motion_silent or self.faults.bus_off or self.faults.power_lost:
+            return
+        position, speed, angle = self.bench.motion
+        if self.faults.stuck:
+            position, speed = self._stuck_at, 0.0
+        self._stuck_at = position
+        if (listener := self._listeners.get("blade")) is not None:
+            listener.motion("blade", MotionSample(now, position, speed, 0.0, self.blade.state))
+        if self.angle is not None and (listener := self._listeners.get("angle")) is not None:
+            listener.motion("angle", MotionSample(now, angle, self.angle.target, 0.0, self.angle.state))
+
+    def _beat(self, now: float) -> None:
+        if self.faults.heartbeat_silent or self.faults.bus_off or self.faults.power_lost:
+            return
+        for axis, listener in self._listeners.items():
+            if listener is not None:
+                listener.alive(axis, now)
+
+
+def fake_settings(**changes: object) -> RigSettings:
+    """A rig that needs no hardware: angle free, calibrated today, armed."""
+    hinge = Axis(
+        node=2, gear=100.0, lead=2.0 * math.pi, low=math.radians(44.0), high=math.radians(91.0),
+        speed=math.radians(90.0), acceleration=100.0, quick_stop=100.0, following_error=0.1,
+    )  # fmt: skip
+    plain = RigSettings(
+        name="fake", armed_by="nobody: it is a fake", angle_mode="free", angle=hinge, emulated=True,
+        calibration=Calibration(date=date.today().isoformat()),
+    )  # fmt: skip
+    return dataclasses.replace(plain, **changes)  # type: ignore[arg-type]
+
+
+def fake_rig(
+    specimen: Specimen, settings: RigSettings | None = None, *, drive: Rig | None = None,
+    sensor: SensorParameters | None = None, seed: int = 0, episode: int = 0,
+) -> FakeRig:  # fmt: skip
+    """A fake rig with a specimen on its bench, cut by the simulator's drive and felt by its sensor."""
+    return FakeRig(
+        lambda settings: CutBench(specimen, settings, drive=drive, sensor=sensor, seed=seed, episode=episode),
+        settings,
+        depth=specimen.depth,
+    )
+
+
+def replayed_rig(trace: Trace, settings: RigSettings | None = None) -> FakeRig:
+    """A fake rig on which a recorded cut happens again, whatever is commanded."""
+    depth = None
+    if trace.depth is not None and trace.position is not None:
+        order = np.argsort(trace.position)
+        depth = np.interp(np.arange(N_POINTS) * SPACING, trace.position[order], trace.depth[order])
+    return FakeRig(lambda settings: ReplayBench(trace), settings, follows=False, depth=depth)

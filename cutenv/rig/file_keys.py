@@ -1,0 +1,264 @@
+"""What stands in a rig's file: one table of sections and keys, from which it is read, written and explained."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import typing
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from cutenv.rig.settings import Axis, Bus, Calibration, Identified, Limits, RigSettings, Sensor
+
+
+class Unit(NamedTuple):
+    """How many SI units (or radians) one of it is, and how it is written beside a number."""
+
+    factor: float
+    sign: str
+
+
+UNITS: Mapping[str, Unit] = MappingProxyType(
+    {
+        "": Unit(1.0, ""),
+        "mm": Unit(1e-3, "mm"),
+        "um": Unit(1e-6, "um"),
+        "cm_s": Unit(1e-2, "cm/s"),
+        "m_s2": Unit(1.0, "m/s2"),
+        "deg": Unit(math.pi / 180.0, "deg"),
+        "deg_s": Unit(math.pi / 180.0, "deg/s"),
+        "deg_s2": Unit(math.pi / 180.0, "deg/s2"),
+        "ms": Unit(1e-3, "ms"),
+        "days": Unit(1.0, "days"),
+        "Hz": Unit(1.0, "Hz"),
+        "N": Unit(1.0, "N"),
+        "N_per_s": Unit(1.0, "N/s"),
+        "N_m": Unit(1.0, "N m"),
+        "A": Unit(1.0, "A"),
+        "bit_s": Unit(1.0, "bit/s"),
+        "percent": Unit(1e-2, "%"),
+        "periods": Unit(1.0, "periods"),
+    }
+)
+"""Ending of a name in the file -> unit; a count, a ratio or a text has none."""
+
+
+class Key(NamedTuple):
+    """One line of the file.
+
+    Attributes
+    ----------
+    field : str
+        Of the dataclass, in SI.
+    unit : str
+        A key of :data:`UNITS`.
+    meaning : str
+        For the comment above the line.
+    example : str
+        A likely value, where the true one must be said by a person: then there is no default.
+    """
+
+    field: str
+    unit: str
+    meaning: str
+    example: str = ""
+
+    @property
+    def name(self) -> str:
+        """In the file: field and unit."""
+        if self.field.endswith(self.unit) or self.field == "depth_profile":  # valid_days; a list of pairs, both mm
+            return self.field
+        return f"{self.field}_{self.unit}"
+
+    def to_si(self, number: float) -> float:
+        """From the file's unit; divided by the number of parts where it is one, so that 3.81 cm are 0.0381 m."""
+        factor = UNITS[self.unit].factor
+        parts = round(1.0 / factor)
+        return number / parts if factor == 1.0 / parts else number * factor
+
+    def from_si(self, value: float) -> float:
+        """Into the file's unit: in few digits if they give it back, in any case in no more than 15."""
+        number = value / UNITS[self.unit].factor
+        shorter = (float(f"{number:.{digits}g}") for digits in (6, 12))
+        return next((short for short in shorter if self.to_si(short) == value), float(f"{number:.15g}"))
+
+
+_HINTS = {
+    of: typing.get_type_hints(of) for of in (RigSettings, Bus, Axis, Sensor, Limits, Calibration, Identified)
+}  # fmt: skip
+
+
+class Section(NamedTuple):
+    """One table of the file; the one without a name stands on top."""
+
+    name: str
+    about: str
+    of: type[Any]
+    keys: tuple[Key, ...]
+
+    def where(self, key: Key) -> str:
+        """How a key is called where the section is not plain, such as ``limits.force_N``."""
+        return f"{self.name}.{key.name}" if self.name else key.name
+
+    def limits(self, key: Key) -> tuple[float, float] | None:
+        """Least and greatest value in the file's unit; None where the dataclass documents none."""
+        about = self._field(key).metadata
+        return (key.from_si(about["low"]), key.from_si(about["high"])) if "low" in about else None
+
+    def default(self, key: Key) -> Any:
+        """Of the dataclass, in SI."""
+        return self._field(key).default
+
+    def kind(self, key: Key) -> type[Any]:
+        """Type of the value: bool, int, float, str or tuple; of the ``None`` of what was not measured, the other."""
+        hint = _HINTS[self.of][key.field]
+        inner = [each for each in typing.get_args(hint) if each is not type(None)]
+        if self.choices(key):
+            return str
+        if typing.get_origin(hint) is tuple:
+            return tuple
+        kind = inner[0] if inner else hint
+        assert isinstance(kind, type), f"{self.of.__name__}.{key.field} is of a kind that no file holds: {hint}"
+        return kind
+
+    def choices(self, key: Key) -> tuple[str, ...]:
+        """Of a text that is one of several."""
+        hint = _HINTS[self.of][key.field]
+        return typing.get_args(hint) if typing.get_origin(hint) is typing.Literal else ()
+
+    def _field(self, key: Key) -> dataclasses.Field[Any]:
+        return {field.name: field for field in dataclasses.fields(self.of)}[key.field]
+
+
+def _axis_keys(length: str, speed: str, acceleration: str, examples: Mapping[str, str]) -> tuple[Key, ...]:
+    keys = (
+        Key("node", "", "Number of the drive on the bus, 1 to 127."),
+        Key("gear", "", "Turns of the motor for one turn of the screw or hinge.", "4.4"),
+        Key("lead", length, "Travel for one turn of the screw or hinge."),
+        Key("pulses", "", "Of the encoder for one turn of the motor; an increment is a quarter of one.", "1024"),
+        Key("direction", "", "1 or -1: whether a positive speed of the motor moves it the positive way."),
+        Key("low", length, "One end of travel: the drive's own software limit."),
+        Key("high", length, "The other end."),
+        Key("speed", speed, "The drive goes no faster, whatever it is told."),
+        Key("acceleration", acceleration, "Of the drive, speeding up and slowing down."),
+        Key("quick_stop", acceleration, "Deceleration of a quick stop."),
+        Key("following_error", length, "Between where it should be and is, beyond which the drive itself stops."),
+        Key("current_limit", "A", "Of the motor: the first limiter of force."),
+        Key("rated_torque", "N_m", "Of the motor, by which the drive counts its torque."),
+    )
+    return tuple(key._replace(example=examples.get(key.field, key.example)) for key in keys)
+
+
+_TOP = Section(
+    "",
+    "",
+    RigSettings,
+    (
+        Key("name", "", "Of the rig, for records and reports."),
+        Key("armed_by", "", "Who answers for it that this rig may move. Empty: nothing moves."),
+        Key("emulated", "", "Whether it is an emulator, which needs no operator. Never true of hardware."),
+        Key("angle_mode", "", "The blade's angle is set by hand, or turned by a second axis: see [angle]."),
+        Key("fixed_angle", "deg", "Angle of the blade if it is set by hand; 90 is upright."),
+        Key(
+            "depth_profile",
+            "mm",
+            "Depth of cut, measured by caliper on this specimen: [position_mm, depth_mm] from the clamp on, the first"
+            " within 1 mm of it, depths 1 to 60 mm.",
+            "[[0.0, 8.1], [5.0, 12.4], [20.0, 17.0], [150.0, 17.5]]",
+        ),
+    ),
+)
+
+SECTIONS = (
+    _TOP,
+    Section(
+        "bus",
+        "The CAN bus, as python-can names it.",
+        Bus,
+        (
+            Key("interface", "", "socketcan, slcan, socketcand, ...", '"socketcan"'),
+            Key("channel", "", "can0, /dev/ttyACM0, ..."),
+            Key("bitrate", "bit_s", "Of the bus; the same in all drives."),
+            Key("host", "", "Of a socketcand gateway."),
+            Key("port", "", "Of a socketcand gateway."),
+            Key("sync", "ms", "Period of SYNC: how often the axes tell where they are."),
+            Key("node", "", "Number of this computer on the bus, whose heartbeat the drives listen for."),
+            Key("heartbeat", "ms", "Period of this computer's heartbeat."),
+        ),
+    ),
+    Section("blade", "The axis that moves the blade along the cut.", Axis,
+            _axis_keys("mm", "cm_s", "m_s2", {"lead": "2.0"})),
+    Section("angle", 'The axis that turns the blade: with angle_mode = "free" only.', Axis,
+            _axis_keys("deg", "deg_s", "deg_s2", {
+                # The defaults are a screw's.
+                "lead": "360.0", "node": "2", "low": "44.0", "high": "91.0", "speed": "100.0", "acceleration": "400.0",
+                "quick_stop": "2000.0", "following_error": "2.0",
+            })),
+    Section(
+        "sensor",
+        "The force sensor (Net F/T), and how the cut lies in its axes.",
+        Sensor,
+        (
+            Key("address", "", "Of the sensor in the network.", '"192.168.1.1"'),
+            Key("port", "", "Its UDP port for RDT."),
+            Key("page", "", "Address of its configuration page; empty: http://ADDRESS/netftapi2.xml."),
+            Key("rate", "Hz", "Readings a second, as set on its configuration page."),
+            Key("cut_axis", "", "Axis of the sensor along the cut line."),
+            Key("sign", "", "1 or -1: whether the tissue's resistance to forward motion reads positive."),
+        ),
+    ),
+    Section(
+        "limits",
+        "Where the blade is stopped, whatever the policy wants.",
+        Limits,
+        (
+            Key("force", "N", "Of each axis of the sensor."),
+            Key("force_norm", "N", "Of all three axes."),
+            Key("force_rise", "N_per_s", "Of its rise over 10 ms. With tissue at 2.54 cm/s it rises by some 15 N/s."),
+            Key("speed", "cm_s", "Of the blade. Actions reach 2.54 cm/s."),
+            Key("acceleration", "m_s2", "Of the blade."),
+            Key("low", "mm", "End of travel at the clamp."),
+            Key("high", "mm", "Far end of travel."),
+            Key("angle_low", "deg", "Of the blade. Actions reach 45 degrees."),
+            Key("angle_high", "deg", "Of the blade. Actions reach 90 degrees."),
+            Key("stale_force", "ms", "Without a reading of the force."),
+            Key("stale_motion", "ms", "Without a sample of an axis."),
+            Key("heartbeat", "ms", "Without a heartbeat of a drive."),
+            Key("frozen_force", "ms", "Of readings of the force that are equal to the last count."),
+            Key("late_force", "ms", "That readings come later than they did."),
+            Key("lost_force", "percent", "Of readings lost over 100 ms."),
+            Key("following", "mm", "Between where the blade should be and is."),
+            Key("overrun", "periods", "For which an action is held while the next one is late and the blade moves."),
+        ),
+    ),
+    Section(
+        "calibration",
+        "When and how the force sensor was last checked with known weights.",
+        Calibration,
+        (
+            Key("date", "", 'Day of the check, such as 2026-03-01. "": never, and nothing moves.', "2026-03-01"),
+            Key("valid_days", "days", "After which it must be checked again."),
+            Key("gain", "", "Newtons over what the sensor reads."),
+        ),
+    ),
+    Section(
+        "identified",
+        "What 'cutenv rig identify' has measured, and written here; the simulator takes it for its own.",
+        Identified,
+        (
+            Key("date", "", "Day of the measurement."),
+            Key("motor_lag", "ms", "Time constant of the velocity loop."),
+            Key("dead_time", "ms", "Between a command and the first motion."),
+            Key("acceleration", "m_s2", "Limit of the axis."),
+            Key("backlash", "um", "Play of gear and screw."),
+            Key("friction", "N", "Of the empty axis, as a force on the carriage."),
+            Key("force_noise", "N", "Standard deviation at rest."),
+            Key("force_resolution", "N", "Least step."),
+            Key("force_drift", "N", "Standard deviation of a random walk after one second."),
+        ),
+    ),
+)  # fmt: skip
+
+IDENTIFIED = SECTIONS[-1]
+"""The section that the program itself writes."""

@@ -1,0 +1,81 @@
+"""What is wrong with a force, seen from each packet and the few before it."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from cutenv.rig.causes import Breach, Cause
+from cutenv.rig.netft.sample_clock import SampleClock
+from cutenv.rig.samples import ForceSample
+from cutenv.rig.settings import Limits
+
+_RISE_OVER = 0.010  # [s], over which a rise of force is measured: noise is not one
+_LOSS_OVER = 0.100  # [s], over which the share of lost readings is taken
+
+
+class ForceWatch:
+    """Checks every reading of the force against the limits.
+
+    Parameters
+    ----------
+    limits : Limits
+        Of force, its rise, losses, lateness.
+    rate : float
+        Readings a second [Hz].
+
+    Attributes
+    ----------
+    newest : ForceSample or None
+        The last reading.
+    """
+
+    def __init__(self, limits: Limits, rate: float) -> None:
+        self._limits, self._rate = limits, rate
+        self.newest: ForceSample | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what came before, but for the newest reading."""
+        self._norms: deque[float] = deque(maxlen=max(round(_RISE_OVER * self._rate), 1) + 1)
+        self._losses: deque[int] = deque(maxlen=max(round(_LOSS_OVER * self._rate), 2))
+        self._lost = 0
+        self._equal = 0  # readings in a row with the count of the one before
+        self._arrivals = SampleClock(self._rate)
+
+    def felt(self, sample: ForceSample) -> Breach | None:
+        """Take a reading; what is wrong with it, if anything."""
+        last, self.newest = self.newest, sample
+        norm = math.hypot(*sample.force)
+        self._norms.append(norm)
+        self._equal = self._equal + 1 if last is not None and last.counts == sample.counts else 0
+        if len(self._losses) == self._losses.maxlen:
+            self._lost -= self._losses[0]
+        self._losses.append(sample.lost)
+        self._lost += sample.lost
+        lateness = self._arrivals.sensed(sample.sequence, sample.time)[1]
+
+        limits = self._limits
+        rise = norm - self._norms[0] if len(self._norms) == self._norms.maxlen else 0.0  # a fall is a crack that runs
+        share = self._lost / (self._lost + len(self._losses))
+        if not math.isfinite(norm):
+            return Breach(Cause.NOT_A_NUMBER, f"the sensor reads {sample.force} N")
+        if sample.status:
+            return Breach(Cause.FORCE_STATUS, f"the sensor's status is 0x{sample.status:08X}")
+        if max(map(abs, sample.force)) > limits.force:
+            return Breach(Cause.FORCE, f"{_newtons(sample)} beyond {limits.force:g} N in an axis")
+        if norm > limits.force_norm:
+            return Breach(Cause.FORCE, f"{norm:.2f} N in all, beyond {limits.force_norm:g} N")
+        if rise > limits.force_rise * _RISE_OVER:
+            return Breach(Cause.FORCE_RISE, f"{rise:.2f} N more within {1e3 * _RISE_OVER:g} ms")
+        if self._equal >= limits.frozen_force * self._rate:
+            return Breach(Cause.FORCE_FROZEN, f"{self._equal + 1} readings are equal to the last count")
+        if share > limits.lost_force:
+            return Breach(Cause.FORCE_LOST, f"{share:.0%} of the last readings are lost")
+        if lateness > limits.late_force:
+            return Breach(Cause.FORCE_LATE, f"readings come {1e3 * lateness:.0f} ms later than they did")
+        return None
+
+
+def _newtons(sample: ForceSample) -> str:
+    return "(" + ", ".join(f"{value:.2f}" for value in sample.force) + ") N"

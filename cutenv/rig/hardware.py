@@ -1,0 +1,23 @@
+"""A rig made of its file: drives on CANopen and a Net F/T sensor."""
+
+from __future__ import annotations
+
+from cutenv.rig.canopen import CanNetwork, CanopenAxis
+from cutenv.rig.clock import Clock, SystemClock
+from cutenv.rig.netft.sensor import NetftSensor
+from cutenv.rig.plant import RigPlant
+from cutenv.rig.settings import RigSettings
+
+
+def rig_plant(settings: RigSettings, clock: Clock | None = None) -> RigPlant:
+    """The plant of a rig, real or emulated, not yet opened; nothing is connected to before."""
+    clock = clock or SystemClock()
+    network = CanNetwork(settings.bus, clock)
+    angle = None if settings.angle is None else CanopenAxis(network, settings.angle, clock, name="angle")
+    return RigPlant(
+        settings,
+        clock,
+        CanopenAxis(network, settings.blade, clock, name="blade"),
+        NetftSensor(settings.sensor, clock),
+        angle=angle,
+    )

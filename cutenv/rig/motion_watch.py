@@ -1,0 +1,89 @@
+"""What is wrong with a motion, seen from each sample of an axis and the few before it."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from cutenv.rig.causes import Breach, Cause
+from cutenv.rig.following import Following
+from cutenv.rig.samples import DriveState, MotionSample
+from cutenv.rig.settings import RigSettings
+
+STANDSTILL = 1e-4
+"""Speed below which the blade counts as standing [m/s]."""
+_SAMPLES = 3  # over which speed and acceleration are measured: a speed that the drive misreports hides nothing
+
+
+class MotionWatch:
+    """Checks every sample of the axes against the limits, and against what the blade was told.
+
+    Parameters
+    ----------
+    settings : RigSettings
+        Limits, and the axis for what is to be expected of it.
+    follows : bool
+        Whether the blade does what it is told.
+
+    Attributes
+    ----------
+    newest : dict
+        The last sample of each axis.
+    """
+
+    def __init__(self, settings: RigSettings, *, follows: bool) -> None:
+        self._limits, self._sync = settings.limits, settings.bus.sync
+        self.newest: dict[str, MotionSample] = {}
+        self._blade: deque[MotionSample] = deque(maxlen=_SAMPLES)
+        self._following = Following(settings)
+        self._follows = follows
+
+    def restart(self) -> None:
+        """Expect a blade at rest."""
+        self._following.restart()
+
+    @property
+    def standing(self) -> bool:
+        """Whether the blade stands, as far as is known."""
+        return len(self._blade) == _SAMPLES and all(abs(sample.speed) < STANDSTILL for sample in self._blade)
+
+    def note(self, axis: str, sample: MotionSample) -> None:
+        """Take a sample."""
+        self.newest[axis] = sample
+        if axis == "blade":
+            self._blade.append(sample)
+
+    def judge(self, axis: str, command: float) -> Breach | None:
+        """What is wrong with the newest sample of an axis, for a blade that was told ``command`` [m/s]."""
+        sample = self.newest[axis]
+        if not (math.isfinite(sample.position) and math.isfinite(sample.speed)):
+            return Breach(Cause.NOT_A_NUMBER, f"the {axis} axis reads {sample.position} at {sample.speed}")
+        if sample.state is not DriveState.ENABLED:
+            return Breach(Cause.DRIVE, f'the {axis} drive is in "{sample.state.value}" by itself')
+        if axis == "blade":
+            return self._judge_blade(sample, command)
+        if not self._limits.angle_low <= sample.position <= self._limits.angle_high:
+            return Breach(Cause.ANGLE, f"{math.degrees(sample.position):.1f} degrees")
+        return None
+
+    def _judge_blade(self, sample: MotionSample, command: float) -> Breach | None:
+        limits = self._limits
+        stuck, off = self._following.watch(sample, command) if self._follows else (False, 0.0)
+        first = self._blade[0]
+        # A stalled computer gets several samples at once; they are a SYNC apart all the same.
+        elapsed = max(sample.time - first.time, (len(self._blade) - 1) * self._sync, 1e-6)
+        travelled = (sample.position - first.position) / elapsed
+        acceleration = (sample.speed - first.speed) / elapsed
+        fastest = max(sample.speed, travelled, key=abs)
+        if not limits.low <= sample.position <= limits.high:
+            allowed = f"{1e3 * limits.low:g} to {1e3 * limits.high:g} mm"
+            return Breach(Cause.TRAVEL, f"blade at {1e3 * sample.position:.2f} mm, outside {allowed}")
+        if abs(fastest) > limits.speed:
+            return Breach(Cause.SPEED, f"{100 * fastest:.2f} cm/s beyond {100 * limits.speed:g} cm/s")
+        if abs(acceleration) > limits.acceleration:
+            return Breach(Cause.ACCELERATION, f"{acceleration:.2f} m/s2 beyond {limits.acceleration:g} m/s2")
+        if stuck:
+            return Breach(Cause.STUCK, f"told to move at {100 * command:.2f} cm/s, the encoder does not")
+        if abs(off) > limits.following:
+            return Breach(Cause.FOLLOWING, f"{1e3 * off:+.2f} mm from where the blade should be")
+        return None

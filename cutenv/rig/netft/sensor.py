@@ -1,0 +1,345 @@
+"""The driver of a Net F/T: streams readings over UDP from a thread of its own, in order, and takes their zero."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+from typing import NamedTuple
+
+from cutenv.rig.clock import Clock
+from cutenv.rig.drivers import ForceListener, RigError
+from cutenv.rig.netft.packets import (
+    SEQUENCES,
+    Command,
+    PacketError,
+    Record,
+    parse_record,
+    request_bytes,
+    status_meaning,
+)
+from cutenv.rig.netft.page import PATH, Page, read_page
+from cutenv.rig.netft.sample_clock import FAR, SampleClock
+from cutenv.rig.samples import ForceSample
+from cutenv.rig.settings import Sensor
+from cutenv.validation import in_range
+
+FIRST_READING = 2.0
+"""Time within which the first reading must arrive [s]."""
+STEADY = 0.1
+"""By how much the means of ten parts of a tare may differ, of each force [N]: more is no rest."""
+
+_POLL = 0.1  # [s] after which the thread looks whether it is to end
+_ASK_AGAIN = 0.5  # [s]: a request over UDP can get lost
+_PARTS = 10  # of a tare
+
+Force = tuple[float, float, float]
+
+
+class Counters(NamedTuple):
+    """What has arrived since the sensor was opened.
+
+    Attributes
+    ----------
+    received : int
+        Readings passed on.
+    lost : int
+        Missing between them, among which those that came too late.
+    reordered : int
+        Dropped, because a later one was there already, or the same.
+    garbled : int
+        Packets of the sensor that were no records, or that fitted into no stream.
+    foreign : int
+        Packets from elsewhere.
+    """
+
+    received: int = 0
+    lost: int = 0
+    reordered: int = 0
+    garbled: int = 0
+    foreign: int = 0
+
+
+class NetftSensor:
+    """A Net F/T or Ethernet Axia as a :class:`cutenv.rig.drivers.ForceDriver`.
+
+    Readings come from the thread "force sensor"; times are those of their arrival.  Of a sensor that falls silent
+    nothing is asked again: it may have been switched off and on, and its zero with it.  Close, open and tare it.
+
+    Parameters
+    ----------
+    settings : Sensor
+        Where it is.
+    clock : Clock
+        Of the rig.
+
+    Attributes
+    ----------
+    rate : float
+        Readings a second [Hz]: as the sensor's page says once it is open, else as the settings do.
+    page : Page or None
+        What the sensor says of itself, once it was opened.
+    lateness : float
+        Of the last reading, beyond the least delay [s]; see :class:`cutenv.rig.netft.sample_clock.SampleClock`.
+    """
+
+    def __init__(self, settings: Sensor, clock: Clock) -> None:
+        self.rate = settings.rate
+        self.page: Page | None = None
+        self.lateness = 0.0
+        self._settings, self._clock = settings, clock
+        self._socket: socket.socket | None = None
+        self._thread: threading.Thread | None = None
+        self._address = (settings.address, settings.port)
+        self._closing = threading.Event()
+        self._taring = threading.Lock()
+        self._scale = 0.0  # [N] of a count
+        self._zero: Force = (0.0, 0.0, 0.0)  # in counts
+        self._tared = False
+        self._mean: _Mean | None = None  # while one is taken
+        self._received = self._lost = self._reordered = self._garbled = self._foreign = 0
+
+    @property
+    def counters(self) -> Counters:
+        """What has arrived so far."""
+        return Counters(self._received, self._lost, self._reordered, self._garbled, self._foreign)
+
+    def open(self, listener: ForceListener) -> None:
+        """Read scales from the sensor's page, start streaming, and wait for the first reading.
+
+        Raises
+        ------
+        RigError
+            If it is open already, its page cannot be read, or no reading comes within ``FIRST_READING``.
+        """
+        if self._socket is not None:
+            raise RigError("The force sensor is open already: close it first.")
+        host, port = self._settings.address, self._settings.port
+        self.page = read_page(self._settings.page or f"http://{host}{PATH}")
+        self.rate = self.page.rate or self._settings.rate
+        self._scale = self.page.newtons_per_count
+        self._zero, self._tared = (0.0, 0.0, 0.0), False
+        self._received = self._lost = self._reordered = self._garbled = self._foreign = 0
+        try:
+            if self._begin(listener):
+                return
+        except OSError as error:
+            self.close()
+            raise RigError(
+                f"The force sensor at {host}:{port} cannot be reached: {error}. Check sensor.address."
+            ) from None
+        except BaseException:
+            self.close()
+            raise
+        counters = self.counters
+        self.close()
+        raise RigError(
+            f"No reading came from the force sensor at {host}:{port} within {FIRST_READING:g} s ({counters.garbled}"
+            f" packets were no readings, {counters.foreign} came from elsewhere), though its page answers. Check that"
+            " RDT is enabled on its communications page, that sensor.port is right, that the firewall lets UDP in, and"
+            " that no other program streams: the sensor serves one."
+        )
+
+    def tare(self, samples: int = 200) -> Force:
+        """Take the mean of the next ``samples`` readings as zero, while nothing touches the blade.
+
+        Returns
+        -------
+        tuple of 3 float
+            What is subtracted from now on [N].
+
+        Raises
+        ------
+        RigError
+            If the sensor is not open, its readings stop or report an error, or move by more than ``STEADY``: then
+            the zero stays as it was.
+        """
+        # Never the sensor's own bias (0x42): it is not confirmed, changes the sensor for everybody else, is undone by
+        # its next restart without a word, and hides from the counts in the record how far it has drifted.
+        mean = self._mean_of(samples)
+        self._zero, self._tared = mean, True
+        return self._newtons(mean)
+
+    def drift(self, samples: int = 200) -> Force:
+        """Mean of the next ``samples`` readings against the last tare [N], while nothing touches the blade.
+
+        Raises
+        ------
+        RigError
+            If there was no tare; else as :meth:`tare`.
+        """
+        if not self._tared:
+            raise RigError("Drift is measured from a tare: tare the force sensor first.")
+        mean, zero = self._mean_of(samples), self._zero
+        return self._newtons((mean[0] - zero[0], mean[1] - zero[1], mean[2] - zero[2]))
+
+    def close(self) -> None:
+        """Stop streaming; never raises, and may be called twice."""
+        opened, thread, self._socket, self._thread = self._socket, self._thread, None, None
+        if opened is None:
+            return
+        self._closing.set()
+        with contextlib.suppress(OSError):  # the network is gone: then nothing streams
+            opened.sendto(request_bytes(Command.STOP), self._address)
+        if thread is not None and thread is not threading.current_thread():
+            thread.join(timeout=10 * _POLL)
+        opened.close()
+
+    def _begin(self, listener: ForceListener) -> bool:
+        """Ask for a stream until the first reading comes."""
+        first, closing = threading.Event(), threading.Event()
+        self._address, self._closing = (socket.gethostbyname(self._settings.address), self._settings.port), closing
+        opened = self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        opened.settimeout(_POLL)
+        opened.bind(("", 0))  # a port that nobody else has; what does not come from the sensor is dropped
+        self._thread = threading.Thread(
+            target=self._receive, args=(opened, closing, listener, first), name="force sensor", daemon=True
+        )
+        self._thread.start()
+        for _ in range(round(FIRST_READING / _ASK_AGAIN)):
+            opened.sendto(request_bytes(Command.START), self._address)
+            if first.wait(_ASK_AGAIN):
+                return True
+        return False
+
+    def _newtons(self, counts: Force) -> Force:
+        return counts[0] * self._scale, counts[1] * self._scale, counts[2] * self._scale
+
+    def _mean_of(self, samples: int) -> Force:
+        samples = round(in_range("samples", samples, _PARTS, 1e6, "1", "A fifth of a second is usual: 200 at 1 kHz."))
+        thread = self._thread
+        if thread is None:
+            raise RigError("The force sensor is not open.")
+        if thread is threading.current_thread():
+            raise RigError("A tare waits for readings, and cannot be taken while one is being passed on.")
+        with self._taring:
+            mean = self._mean = _Mean(samples)
+            try:
+                done = mean.done.wait(1.0 + 3.0 * samples / self.rate)
+            finally:
+                self._mean = None
+        if mean.status:
+            raise RigError(f"The force sensor reports {status_meaning(mean.status)}: no zero can be taken from it.")
+        if not done:
+            raise RigError(f"Only {mean.taken} of {samples} readings of the force sensor came: is it still streaming?")
+        moved = mean.spread() * self._scale
+        if moved > STEADY:
+            raise RigError(
+                f"The force moved by {moved:.2f} N while its mean was taken, more than {STEADY:g} N: wait until the"
+                " blade rests and touches nothing."
+            )
+        return mean.value()
+
+    def _receive(
+        self, opened: socket.socket, closing: threading.Event, listener: ForceListener, first: threading.Event
+    ) -> None:
+        sensor, clock = self._address, self._clock
+        stream, sample_clock = _Stream(self.rate), SampleClock(self.rate)
+        while not closing.is_set():
+            try:
+                packet, sender = opened.recvfrom(2048)
+            except TimeoutError:
+                continue
+            except (
+                ConnectionError
+            ):  # some systems tell here that nobody listens there: no reading comes, and that shows
+                continue
+            except OSError as error:
+                if not closing.is_set():
+                    listener.garbled(f"the network broke down: {error}", clock.now())
+                return
+            now = clock.now()
+            if sender != sensor:
+                self._foreign += 1
+                listener.garbled(f"a packet of {len(packet)} bytes from {sender[0]}:{sender[1]}", now)
+                continue
+            try:
+                record = parse_record(packet)
+            except PacketError as error:
+                self._garbled += 1
+                listener.garbled(str(error), now)
+                continue
+            lost = stream.place(record.sequence, now)
+            if lost == _Stream.OLD:
+                self._reordered += 1
+                continue
+            if lost == _Stream.STRANGE:
+                self._garbled += 1
+                listener.garbled(f"sequence {record.sequence} does not follow {stream.last}: a restart?", now)
+                continue
+            self._received += 1
+            self._lost += lost
+            self.lateness = sample_clock.sensed(record.sequence, now)[1]
+            if (mean := self._mean) is not None:
+                mean.add(record)
+            listener.force(self._sample(record, now, lost))
+            first.set()
+
+    def _sample(self, record: Record, now: float, lost: int) -> ForceSample:
+        counts, zero, scale = record.counts, self._zero, self._scale
+        force = (counts[0] - zero[0]) * scale, (counts[1] - zero[1]) * scale, (counts[2] - zero[2]) * scale
+        return ForceSample(now, force, counts, record.status, record.sequence, lost)
+
+
+class _Stream:
+    """Where a sequence number belongs.
+
+    A number that fits nowhere is believed only when the next one follows it: one broken record does not upset the
+    stream, and a restarted sensor is back with its second.
+    """
+
+    OLD = -1
+    STRANGE = -2
+
+    def __init__(self, rate: float) -> None:
+        self.last = -1
+        self._rate, self._arrival = rate, 0.0
+        self._stranger = -1
+
+    def place(self, sequence: int, now: float) -> int:
+        """Lost records before it, or OLD (drop it), or STRANGE (drop it, and see what follows)."""
+        if self.last < 0:
+            lost = 0
+        else:
+            step = (sequence - self.last) % SEQUENCES
+            if step == 0 or step >= SEQUENCES - FAR:
+                return self.OLD
+            # No more can be missing than were sent since the last one came, at twice the rate to be generous.
+            if step > FAR + 2.0 * self._rate * (now - self._arrival):
+                if self._stranger < 0 or not 0 < (sequence - self._stranger) % SEQUENCES <= FAR:
+                    self._stranger = sequence
+                    return self.STRANGE
+                step = 1  # how many were lost over a restart nobody knows
+            lost = step - 1
+        self.last, self._arrival, self._stranger = sequence, now, -1
+        return lost
+
+
+class _Mean:
+    """Mean of so many readings, and of its ten parts; filled in the sensor's thread."""
+
+    def __init__(self, samples: int) -> None:
+        self.samples, self.taken, self.status = samples, 0, 0
+        self.done = threading.Event()
+        self._parts = [[0, 0, 0, 0] for _ in range(_PARTS)]  # sums of three forces, and how many
+
+    def add(self, record: Record) -> None:
+        if self.done.is_set():
+            return
+        part = self._parts[self.taken * _PARTS // self.samples]
+        for axis in range(3):
+            part[axis] += record.counts[axis]
+        part[3] += 1
+        self.taken += 1
+        self.status |= record.status
+        if self.status or self.taken == self.samples:
+            self.done.set()
+
+    def value(self) -> Force:
+        x, y, z = (sum(part[axis] for part in self._parts) / self.samples for axis in range(3))
+        return x, y, z
+
+    def spread(self) -> float:
+        """Greatest difference between the means of two parts, of any axis [counts]."""
+        means = [[part[axis] / part[3] for part in self._parts] for axis in range(3)]
+        return max(max(axis) - min(axis) for axis in means)

@@ -1,0 +1,375 @@
+"""The rig as a plant: the policy's commands go out on a fixed-rate clock, what was felt comes back at 1 kHz."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.cutting.records import READING, TICK, Records
+from cutenv.rig.causes import WATCH, Cause, RigStopped, StopReport
+from cutenv.rig.clock import Clock, Repeating
+from cutenv.rig.drivers import ForceDriver, MotionDriver, RigError
+from cutenv.rig.motion_watch import STANDSTILL
+from cutenv.rig.samples import ForceSample, MotionSample
+from cutenv.rig.settings import RigSettings
+from cutenv.rig.supervisor import Supervisor
+from cutenv.tissue.specimen import N_POINTS
+from cutenv.validation import array_in_range, in_range
+
+_LATE = 0.002  # [s] beyond the end of a period, from which a command counts as an overrun
+_TURN_GAIN = 25.0  # [1/s] of the angle's loop, closed at every SYNC
+_AIMED = math.radians(0.05)  # [rad], closer than which it rests
+_ARRIVED = 2e-5  # [m]
+_SLICE = 0.02  # [s] of waiting at a time
+_OLDEST = 0.05  # [s] before a period, from which samples may still count
+_KEPT = 4.0  # [s] of samples that are kept for the grid of readings
+_Sample = TypeVar("_Sample", ForceSample, MotionSample)
+_UNKNOWN = ("true_force", "elastic_force", "tip", "jump")
+REST_WITHIN = 2.0
+"""Time that a blade may take to come to rest after a stop [s]."""
+
+
+@dataclass
+class Timing:
+    """How well the control clock was kept since the last :meth:`RigPlant.begin`."""
+
+    periods: list[float] = field(default_factory=list)
+    """From command to command [s]."""
+    latencies: list[float] = field(default_factory=list)
+    """From the newest reading that a decision knew to its command on the bus [s]."""
+    overruns: int = 0
+    """Commands that came more than 2 ms late."""
+    skipped: float = 0.0
+    """Time that late commands have cost, beyond whole periods [s]."""
+    garbled: int = 0
+    """Packets that were no readings."""
+
+
+class RigPlant:
+    """A blade on a motor and a force sensor, watched by a :class:`~cutenv.rig.supervisor.Supervisor`.
+
+    Parameters
+    ----------
+    settings : RigSettings
+        Of the rig.
+    clock : Clock
+        Time.
+    blade : MotionDriver
+        Moves the blade.
+    sensor : ForceDriver
+        Feels.
+    angle : MotionDriver, optional
+        Turns the blade; None: it is set by hand, and commands of the angle are ignored.
+    depth : array of shape (301,), optional
+        Depth of cut as measured beforehand, one value every 0.5 mm [m].
+    follows : bool
+        Whether the blade does what it is told, as any does but a replayed one.
+
+    Attributes
+    ----------
+    supervisor : Supervisor
+        Safety; whoever wants motion has to have it released.
+    keep : callable
+        Told all readings as they are made, for a record on disk.
+    timing : Timing
+        Of the control clock.
+    """
+
+    def __init__(
+        self,
+        settings: RigSettings,
+        clock: Clock,
+        blade: MotionDriver,
+        sensor: ForceDriver,
+        *,
+        angle: MotionDriver | None = None,
+        depth: NDArray[np.float64] | None = None,
+        follows: bool = True,
+    ) -> None:
+        self.settings, self.clock = settings, clock
+        self._angle, self._sensor = angle, sensor
+        self._axes = [blade] if angle is None else [blade, angle]
+        self._cut_axis = "xyz".index(settings.sensor.cut_axis)
+        self._gain = settings.calibration.gain
+        self.supervisor = Supervisor(settings, clock, self._axes, rate=sensor.rate, follows=follows)
+        self.depth = np.zeros(N_POINTS) if depth is None else depth
+        self.keep: Callable[[Records], None] = lambda readings: None
+        self.timing = Timing()
+        self._watchdog: Repeating | None = None
+        self._forces: deque[ForceSample] = deque(maxlen=round(_KEPT * sensor.rate))
+        self._motions: dict[str, deque[MotionSample]] = {
+            axis.name: deque(maxlen=round(_KEPT / settings.bus.sync)) for axis in self._axes
+        }
+        self._due: float | None = None
+        self._grid = self._newest_known = 0.0
+        self._commanded: float | None = None
+        self._ticks = 0
+
+    @property
+    def depth(self) -> NDArray[np.float64]:
+        """Depth of cut as measured beforehand, shape (301,) [m]."""
+        return self._depth
+
+    @depth.setter
+    def depth(self, depth: NDArray[np.float64]) -> None:
+        self._depth = array_in_range("depth", depth, 0.0, 0.2, "m", "2 cm is 0.02.")
+        if self._depth.shape != (N_POINTS,):
+            raise ValueError(f"depth has shape {self._depth.shape}; give {N_POINTS} values, one every 0.5 mm.")
+
+    def open(self) -> None:
+        """Connect to sensor and drives; nothing moves.
+
+        Raises
+        ------
+        RigError
+            If one of them is not there or not what it should be; none stays open.
+        """
+        try:
+            self._sensor.open(self)
+            for axis in self._axes:
+                axis.open(self)
+        except BaseException:
+            self.close()
+            raise
+        self._watchdog = self.clock.every(WATCH, self.supervisor.watch, "rig watchdog")
+
+    def close(self) -> None:
+        """Stop what moves, and leave sensor and drives; never raises for a rig that is gone."""
+        if not self.supervisor.standing:
+            self.supervisor.trip(Cause.OPERATOR, "the rig is being closed")
+        self.supervisor.lock()
+        for axis in self._axes:
+            axis.close()
+        self._sensor.close()
+        if self._watchdog is not None:
+            self._watchdog.stop()
+            self._watchdog = None
+
+    def power(self) -> None:
+        """Switch the drives on, at rest; :meth:`Supervisor.release` then lets commands through."""
+        for axis in self._axes:
+            axis.enable()
+
+    def switch_off(self) -> None:
+        """Take the power off drives at rest; the samples go on."""
+        self.supervisor.lock()
+        for axis in self._axes:
+            axis.disable()
+
+    def drive_limits(self) -> dict[str, dict[str, float]]:
+        """What each drive answers for its own limits, by axis."""
+        return {axis.name: axis.limits() for axis in self._axes}
+
+    def tare(self) -> tuple[float, float, float]:
+        """Take the present force for zero; see :meth:`ForceDriver.tare`."""
+        return self._sensor.tare()
+
+    # What the drivers tell goes to the supervisor first.
+
+    def force(self, sample: ForceSample) -> None:
+        """Take a reading of the force sensor."""
+        if self._gain != 1.0:
+            x, y, z = sample.force
+            sample = sample._replace(force=(self._gain * x, self._gain * y, self._gain * z))
+        self.supervisor.force(sample)
+        self._forces.append(sample)
+
+    def garbled(self, why: str, time: float) -> None:
+        """Count what is no reading."""
+        self.timing.garbled += 1
+
+    def motion(self, axis: str, sample: MotionSample) -> None:
+        """Take a sample of an axis."""
+        self.supervisor.motion(axis, sample)
+        self._motions[axis].append(sample)
+
+    def alive(self, axis: str, time: float) -> None:
+        """Take a heartbeat."""
+        self.supervisor.alive(axis, time)
+
+    def emergency(self, axis: str, code: int, meaning: str, time: float) -> None:
+        """Take an error report of a drive."""
+        self.supervisor.emergency(axis, code, meaning, time)
+
+    def broken(self, axis: str, why: str, time: float) -> None:
+        """Take the loss of the way to a drive."""
+        self.supervisor.broken(axis, why, time)
+
+    # A cut
+
+    def begin(self) -> None:
+        """Begin a cut: its time starts with the next command."""
+        self._due = None
+        self._ticks = 0
+        self.timing = Timing()
+
+    def advance(self, speed: float, angle: float, ticks: int) -> Records:
+        """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds; see :class:`~cutenv.plant.Plant`.
+
+        Raises
+        ------
+        RigError
+            If the rig is not released.
+        RigStopped
+            If the blade was stopped; it stands by then, and the error holds the readings until then.
+        """
+        if in_range("ticks", ticks, 1, 10**7, "1", "Give a whole number of milliseconds.") % 1.0:
+            raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
+        period = ticks * TICK
+        now = self.clock.now()
+        start = now if self._due is None else self._due
+        if self._due is None:
+            self._grid = start
+        elif now - start > _LATE:
+            self.timing.overruns += 1
+            if now - start > period:  # whole periods are lost: the clock begins anew
+                self.timing.skipped += now - start
+                self._grid += now - start
+                start = now
+        self._raise_if_stopped()  # it may have been since the last command
+        turned = self.supervisor.drive(speed, angle, hold=start + period - now)
+        self._note_timing()
+        self._due = start + period
+        self._wait(self._due, turned)
+        self._raise_if_stopped()
+        return self._collect(int(ticks))
+
+    def halt(self) -> None:
+        """Bring the blade to rest on its ramp, as at the end of a cut, and lock the rig."""
+        if self.supervisor.phase == "ready":
+            deadline = self.clock.now() + REST_WITHIN
+            while not self.supervisor.standing and self.supervisor.phase == "ready" and self.clock.now() < deadline:
+                self.supervisor.drive(0.0, self._angle_now(), hold=_SLICE)
+                self.clock.sleep_until(self.clock.now() + _SLICE)
+            if self.supervisor.phase == "ready" and not self.supervisor.standing:
+                self.supervisor.trip(Cause.FOLLOWING, "told to rest, the blade moves on")
+        self.supervisor.lock()
+
+    def travel(self, position: float, *, speed: float, angle: float | None = None) -> None:
+        """Go to ``position`` [m] at no more than ``speed`` [m/s], outside of a cut.
+
+        Raises
+        ------
+        RigError, RigStopped
+            If the rig is not released, or the blade was stopped or does not arrive.
+        """
+        deadline = self.clock.now() + 3.0 * abs(position - self.position) / speed + 5.0
+        wanted = self._angle_now() if angle is None else angle
+        while abs(left := position - self.position) > _ARRIVED or not self._turned(wanted):
+            if self.clock.now() > deadline:
+                raise RigError(
+                    f"the blade stands at {1e3 * self.position:.2f} mm and does not reach {1e3 * position:g} mm."
+                )
+            rate = math.copysign(min(speed, 4.0 * abs(left)), left) if abs(left) > _ARRIVED else 0.0
+            turned = self.supervisor.drive(rate, wanted, hold=_SLICE)
+            self._wait(self.clock.now() + _SLICE, turned)
+            self._raise_if_stopped()
+        self.supervisor.drive(0.0, wanted, hold=_SLICE)
+        self._wait(self.clock.now() + _SLICE, wanted)
+
+    @property
+    def position(self) -> float:
+        """Of the blade, as last heard [m]."""
+        blade = self.supervisor.blade
+        if blade is None:
+            raise RigError("the blade's axis has told nothing yet: open the rig first.")
+        return blade.position
+
+    @property
+    def angle(self) -> float:
+        """Of the blade [rad]: as last heard, or as it is set by hand."""
+        return self._angle_now()
+
+    def _note_timing(self) -> None:
+        now = self.clock.now()
+        if self._commanded is not None and self._ticks:
+            self.timing.periods.append(now - self._commanded)
+        if self._forces:
+            self.timing.latencies.append(now - self._newest_known)
+        self._commanded = now
+
+    def _wait(self, moment: float, angle: float) -> None:
+        """Wait, closing the angle's loop at every SYNC, until ``moment`` [s] or a stop."""
+        now = self.clock.now()
+        while now < moment and self.supervisor.phase == "ready":
+            if self._angle is not None:
+                self.supervisor.turn(self._rate_of_turn(angle))
+                now = self.clock.sleep_until(min(now + self.settings.bus.sync, moment))
+            else:
+                now = self.clock.sleep_until(min(now + _SLICE, moment))
+
+    def _rate_of_turn(self, wanted: float) -> float:
+        off = wanted - self._angle_now()
+        assert self._angle is not None
+        top = self.settings.angle.speed if self.settings.angle is not None else 0.0
+        return 0.0 if abs(off) < _AIMED else min(max(_TURN_GAIN * off, -top), top)
+
+    def _turned(self, wanted: float) -> bool:
+        return self._angle is None or abs(wanted - self._angle_now()) < 4 * _AIMED
+
+    def _angle_now(self) -> float:
+        sample = self.supervisor.axis("angle")
+        return self.settings.fixed_angle if sample is None else sample.position
+
+    def _raise_if_stopped(self) -> None:
+        if self.supervisor.phase == "stopped" and self.supervisor.report is not None:
+            raise RigStopped(self.supervisor.report, self._come_to_rest(self.supervisor.report))
+
+    def _come_to_rest(self, report: StopReport) -> Records:
+        """Wait for the blade to stand, and return the readings until then."""
+        deadline = self.clock.now() + REST_WITHIN
+        while report.standstill is None and self.clock.now() < deadline:
+            self.clock.sleep_until(self.clock.now() + WATCH)
+        return self._collect(max(math.floor((self.clock.now() - self._grid) / TICK) - self._ticks, 1))
+
+    def _collect(self, ticks: int) -> Records:
+        """The next ``ticks`` readings: the force that was newest, the motion between its samples."""
+        readings = np.zeros(ticks, READING)
+        for name in _UNKNOWN:
+            readings[name] = np.nan
+        count = self._ticks + np.arange(1.0, ticks + 1.0)
+        time: NDArray[np.float64] = self._grid + TICK * count
+        readings["time"] = TICK * count
+        self._ticks += ticks
+
+        forces = _since(self._forces, time[0] - _OLDEST)
+        if forces:
+            sensed = np.array([sample.time for sample in forces])
+            along = self.settings.sensor.sign * np.array([sample.force[self._cut_axis] for sample in forces])
+            readings["force"] = along[np.maximum(np.searchsorted(sensed, time, side="right") - 1, 0)]
+            self._newest_known = float(sensed[-1])
+        blade = _since(self._motions["blade"], time[0] - _OLDEST)
+        readings["position"], readings["speed"] = _along(time, blade)
+        readings["speed"][np.abs(readings["speed"]) < STANDSTILL] = 0.0
+        if self._angle is None:
+            readings["angle"] = self.settings.fixed_angle
+        else:
+            readings["angle"], _ = _along(time, _since(self._motions["angle"], time[0] - _OLDEST))
+        self.keep(readings)
+        return readings
+
+
+def _since(samples: deque[_Sample], moment: float) -> list[_Sample]:
+    """The newest of the samples, back to ``moment`` [s] and one more."""
+    kept: list[_Sample] = []
+    for sample in reversed(samples.copy()):  # a thread may add to it
+        kept.append(sample)
+        if sample.time < moment:
+            break
+    return kept[::-1]
+
+
+def _along(time: NDArray[np.float64], samples: list[MotionSample]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Position and speed at times [s]: between samples on a line, beyond the last one at its speed."""
+    if not samples:
+        return np.zeros_like(time), np.zeros_like(time)
+    times = np.array([sample.time for sample in samples])
+    speed = np.interp(time, times, [sample.speed for sample in samples])
+    position = np.interp(time, times, [sample.position for sample in samples])
+    return position + samples[-1].speed * np.maximum(time - times[-1], 0.0), speed

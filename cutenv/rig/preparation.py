@@ -1,0 +1,140 @@
+"""What has to be true before anything moves: calibration, self-test, and a person who says so."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from datetime import date
+
+from cutenv.rig.calibration import expired
+from cutenv.rig.drivers import RigError
+from cutenv.rig.operator import Operator
+from cutenv.rig.plant import RigPlant
+from cutenv.rig.settings import Axis, RigSettings
+
+SETTLE = 0.3
+"""Time after switching on, before anything is judged [s]."""
+ZERO_FORCE = 0.2
+"""Greatest force of a blade in air, after tare [N]."""
+_NUDGE = 0.001  # [m] that the blade is moved and brought back
+_NUDGE_SPEED = 0.002  # [m/s]
+_NUDGE_SHARE = 0.8  # of it that the encoder has to show
+_TURN = math.radians(1.0)  # that the blade is turned and back
+_SAME = 0.02  # relative difference of a limit to what was written: whole increments
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was looked at: whether it is well, and what was found."""
+
+    name: str
+    passed: bool
+    found: str
+
+    def __str__(self) -> str:
+        return f"{'ok  ' if self.passed else 'FAIL'} {self.name}: {self.found}"
+
+
+def may_move(settings: RigSettings, today: date) -> list[Check]:
+    """What the file says: calibration and who answers for the rig; nothing is asked of hardware."""
+    why = expired(settings.calibration, today)
+    armed = settings.armed_by.strip()
+    return [
+        Check("calibration", why is None, why or f"of {settings.calibration.date}"),
+        Check("armed_by", bool(armed), armed or 'empty; who answers for this rig has to stand under "armed_by"'),
+    ]
+
+
+def still_checks(plant: RigPlant) -> list[Check]:
+    """What an open rig tells without moving: readings, zero force, samples, and limits as they were written."""
+    supervisor, settings = plant.supervisor, plant.settings
+    checks = []
+    sample = supervisor.newest_force
+    if sample is None:
+        checks.append(Check("force readings", False, "none has arrived"))
+    else:
+        norm = math.hypot(*sample.force)
+        checks.append(Check("force status", sample.status == 0, f"0x{sample.status:08X}"))
+        checks.append(Check("zero force", norm <= ZERO_FORCE, f"{norm:.3f} N, {ZERO_FORCE:g} N allowed"))
+    axes = {"blade": settings.blade} | ({"angle": settings.angle} if settings.angle is not None else {})
+    answered = plant.drive_limits()
+    for name, axis in axes.items():
+        moved = supervisor.axis(name)
+        checks.append(
+            Check(f"{name} axis", moved is not None, "no sample" if moved is None else f'"{moved.state.value}"')
+        )
+        checks += [_limit(name, axis, what, value) for what, value in answered[name].items()]
+    return checks
+
+
+def _limit(name: str, axis: Axis, what: str, answered: float) -> Check:
+    wanted = float(getattr(axis, what))
+    span = axis.high - axis.low if what in ("low", "high") else abs(wanted)
+    same = abs(answered - wanted) <= _SAME * span
+    return Check(f"{name} limit {what}", same, f"drive {answered:.5g}, file {wanted:.5g}")
+
+
+def moving_checks(plant: RigPlant) -> list[Check]:
+    """Move the released blade by a millimetre and back, turn it by a degree: whether the encoders show it."""
+    start = plant.position
+    way = _NUDGE if start + _NUDGE < plant.settings.limits.high else -_NUDGE
+    plant.travel(start + way, speed=_NUDGE_SPEED)
+    there = plant.position - start
+    plant.travel(start, speed=_NUDGE_SPEED)
+    back = plant.position - start
+    well = there / way > _NUDGE_SHARE and abs(back) < (1.0 - _NUDGE_SHARE) * _NUDGE
+    checks = [
+        Check("encoder", well, f"told {1e3 * way:+.2f} mm: {1e3 * there:+.3f} mm, and back to {1e3 * back:+.3f} mm")
+    ]
+    if plant.settings.angle is not None:
+        begun = plant.angle
+        turn = -_TURN if begun - _TURN > plant.settings.limits.angle_low else _TURN
+        plant.travel(plant.position, speed=_NUDGE_SPEED, angle=begun + turn)
+        turned = plant.angle - begun
+        plant.travel(plant.position, speed=_NUDGE_SPEED, angle=begun)
+        found = f"told {math.degrees(turn):+.1f} degrees: {math.degrees(turned):+.2f}"
+        checks.append(Check("hinge", turned / turn > _NUDGE_SHARE, found))
+    return checks
+
+
+def prepare(plant: RigPlant, operator: Operator, *, today: date) -> list[Check]:
+    """Everything that stands before the first motion, in order; the rig is released at the end.
+
+    Calibration and ``armed_by``; switching on; tare and self-test at rest; the operator's typed word; a millimetre to
+    and fro.
+
+    Returns
+    -------
+    list of Check
+        All of them passed.
+
+    Raises
+    ------
+    RigError
+        If a check fails, or the operator does not agree; the drives are without power then.
+    """
+    checks = _passed(may_move(plant.settings, today))
+    operator.tell("The drives are switched on now; the blade holds still. Keep clear of it, blade in air.")
+    plant.power()
+    try:
+        plant.clock.sleep_until(plant.clock.now() + SETTLE)
+        plant.tare()
+        plant.clock.sleep_until(plant.clock.now() + SETTLE)
+        checks += _passed(still_checks(plant))
+        question = f"The blade of {plant.settings.name} will move. Is it free, and the stop button in reach?"
+        if not operator.confirm(question, expected=plant.settings.name):
+            raise RigError("the operator has not confirmed: nothing moves.")
+        plant.supervisor.release()
+        checks += _passed(moving_checks(plant))
+    except BaseException:
+        plant.supervisor.lock()
+        plant.switch_off()
+        raise
+    return checks
+
+
+def _passed(checks: list[Check]) -> list[Check]:
+    failed = [f"{check.name}: {check.found}" for check in checks if not check.passed]
+    if failed:
+        raise RigError(f"the rig may not move. {'; '.join(failed)}.")
+    return checks

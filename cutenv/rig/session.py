@@ -1,0 +1,120 @@
+"""A rig from the first connection to the last: prepared once, then cut after cut, each on a new specimen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from datetime import date
+from typing import Any
+
+from cutenv.rig.guard import guarded
+from cutenv.rig.operator import Operator
+from cutenv.rig.plant import RigPlant
+from cutenv.rig.preparation import SETTLE, Check, prepare
+from cutenv.rig.supply import SpecimenKey, Supply
+
+RETURN_SPEED = 0.005
+"""Of the way back to the clamp between cuts [m/s]: never fast."""
+AT_CLAMP = 0.0
+"""Position of the blade at the start of a cut [m]."""
+
+
+class RigSession:
+    """A rig in use.
+
+    Parameters
+    ----------
+    plant : RigPlant
+        The rig, not yet opened.
+    operator : Operator
+        Asked before anything moves.
+    supply : Supply
+        Lays specimens.
+    release : callable, optional
+        Called at the end, after the plant is closed: ends an emulator, say.
+    today : date, optional
+        For the calibration.
+
+    Attributes
+    ----------
+    checks : list of Check
+        Of the preparation; empty before.
+    """
+
+    def __init__(
+        self,
+        plant: RigPlant,
+        operator: Operator,
+        supply: Supply,
+        *,
+        release: Callable[[], None] | None = None,
+        today: date | None = None,
+    ) -> None:
+        self.plant, self.operator = plant, operator
+        self._supply, self._today = supply, today or date.today()
+        self.checks: list[Check] = []
+        self._stack = ExitStack()
+        if release is not None:
+            self._stack.callback(release)
+        self._opened = False
+
+    def open(self) -> None:
+        """Connect, and be ready to stop whatever happens; nothing moves.  Once is enough."""
+        if not self._opened:
+            self._stack.callback(self.plant.close)
+            self.plant.open()
+            self._stack.enter_context(guarded(self.plant.supervisor, self.plant.clock))
+            self.plant.clock.sleep_until(self.plant.clock.now() + SETTLE)
+            self._opened = True
+
+    def next_cut(self, key: SpecimenKey, angle: float) -> None:
+        """Prepare if that was not done, go slowly to the clamp, have a new specimen laid, tare, and be ready to cut.
+
+        Parameters
+        ----------
+        key : SpecimenKey
+            Of the specimen.
+        angle : float
+            At which the cut starts [rad].
+
+        Raises
+        ------
+        RigError
+            If a check fails or the operator does not agree; nothing moves then.
+        RigStopped
+            If the blade was stopped on the way.
+        """
+        self.open()
+        plant, supervisor = self.plant, self.plant.supervisor
+        if supervisor.phase == "stopped":
+            question = f"The blade was stopped ({supervisor.report}). Is the cause removed, and may the stop be reset?"
+            supervisor.reset(agreed=self.operator.confirm(question))
+            self.checks = []
+        if not self.checks:
+            self.checks = prepare(plant, self.operator, today=self._today)
+        elif supervisor.phase == "unready":
+            supervisor.release()
+        self.operator.tell(f"The blade returns to the clamp at {1e3 * RETURN_SPEED:g} mm/s.")
+        plant.travel(AT_CLAMP, speed=RETURN_SPEED, angle=angle)
+        supervisor.lock()
+        depth = self._supply.lay(key)
+        if depth is not None:
+            plant.depth = depth
+        plant.clock.sleep_until(plant.clock.now() + SETTLE)
+        plant.tare()
+        supervisor.release()
+        plant.begin()
+
+    def end_cut(self) -> None:
+        """Bring the blade to rest and lock the rig."""
+        self.plant.halt()
+
+    def close(self) -> None:
+        """Stop what moves, and leave the rig; may be called twice."""
+        self._stack.close()
+
+    def __enter__(self) -> RigSession:
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._stack.__exit__(*error)

@@ -1,0 +1,286 @@
+"""Safety below the policy: it sees every packet and every command, trusts nobody, and stops the blade.
+
+A software stop is not a safety function: the stop button belongs on the drive's safe torque off.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+from cutenv.rig.causes import Breach, Cause, StopReport
+from cutenv.rig.clock import Clock
+from cutenv.rig.drivers import MotionDriver, RigError
+from cutenv.rig.force_watch import ForceWatch
+from cutenv.rig.motion_watch import MotionWatch
+from cutenv.rig.samples import DriveState, ForceSample, MotionSample
+from cutenv.rig.settings import RigSettings
+
+Phase = Literal["unready", "ready", "stopped"]
+
+_MARGIN = 1.04  # of the speed's limit over what is commanded at most: a loop overshoots
+_SHORT = 1e-4  # [m] before the end of travel, where commands have faded out
+_BRAKING = 0.16  # [s] in which a blade near the end of its travel would arrive: its command fades before
+
+
+class Supervisor:
+    """Watches force, motion, commands and time; a breach puts a quick stop on the bus at once, and latches.
+
+    It is told by the drivers' threads and by the watchdog, and asked before every command.  Until :meth:`release` it
+    refuses every motion; after a stop it does until :meth:`reset`.
+
+    Parameters
+    ----------
+    settings : RigSettings
+        Limits among them.
+    clock : Clock
+        Time.
+    axes : sequence of MotionDriver
+        The blade's, and the angle's where there is one.
+    rate : float
+        Readings of force a second [Hz].
+    follows : bool
+        Whether the blade does what it is told; a replayed one does not, and is not held to it.
+    """
+
+    def __init__(
+        self,
+        settings: RigSettings,
+        clock: Clock,
+        axes: Sequence[MotionDriver],
+        *,
+        rate: float = 1000.0,
+        follows: bool = True,
+    ) -> None:
+        self.settings, self.limits = settings, settings.limits
+        self._clock = clock
+        self._axes = {axis.name: axis for axis in axes}
+        self.phase: Phase = "unready"
+        self.report: StopReport | None = None
+        """Of the last stop."""
+        self.limited = 0
+        """Commands that were made smaller since :meth:`release`."""
+        self._lock = threading.Lock()
+        self._forces = ForceWatch(self.limits, rate)
+        self._motions = MotionWatch(settings, follows=follows)
+        self._alive: dict[str, float] = {}
+        self._command = 0.0
+        self._held_until = math.inf
+        self.on_stop: Callable[[StopReport], None] = lambda report: None
+        """Called once for every stop, after the quick stop is on the bus."""
+
+    # What the drivers tell
+
+    def force(self, sample: ForceSample) -> None:
+        """Check one reading: the whole of detecting over-force is here, in the packet's own thread."""
+        breach = self._forces.felt(sample)
+        if self.phase == "stopped" and self.report is not None:
+            self.report.peak_force = max(self.report.peak_force, math.hypot(*sample.force))
+        if breach is not None and self.phase == "ready":
+            self.trip(*breach, sample.time)
+
+    def motion(self, axis: str, sample: MotionSample) -> None:
+        """Check one sample of an axis."""
+        self._motions.note(axis, sample)
+        if self.phase == "ready":
+            if (breach := self._motions.judge(axis, self._command)) is not None:
+                self.trip(*breach, sample.time)
+            return
+        self._motions.restart()
+        report = self.report
+        if self.phase == "stopped" and report is not None and report.standstill is None and self.standing:
+            report.standstill, report.rest_position = sample.time, self._motions.newest["blade"].position
+
+    def alive(self, axis: str, time: float) -> None:
+        """Note a drive's heartbeat."""
+        self._alive[axis] = time
+
+    def emergency(self, axis: str, code: int, meaning: str, time: float) -> None:
+        """Stop for an error that a drive reports."""
+        if code:
+            self.trip(Cause.DRIVE, f"the {axis} drive reports 0x{code:04X}, {meaning}", time)
+
+    def broken(self, axis: str, why: str, time: float) -> None:
+        """Stop where a drive cannot be reached: its own watch for our heartbeat has to."""
+        self.trip(Cause.BUS, f"{axis}: {why}", time)
+
+    # What is asked of it
+
+    def drive(self, speed: float, angle: float, hold: float) -> float:
+        """Judge a command that is to last for ``hold`` [s], and put it on the bus; return the angle to turn to.
+
+        Judged and sent under one lock with :meth:`trip`: no command can follow a quick stop, which on some settings of
+        a drive would set it going again.
+
+        Raises
+        ------
+        RigError
+            If the rig is not released, or stopped.
+        """
+        if self.phase == "ready" and not (math.isfinite(speed) and math.isfinite(angle)):
+            self.trip(Cause.NOT_A_NUMBER, f"commanded are speed {speed} m/s and angle {angle} rad")
+            return angle
+        broken = None
+        with self._lock:
+            if self.phase != "ready":
+                why = f"it is stopped ({self.report})" if self.phase == "stopped" else "it is not released"
+                raise RigError(f"the blade may not move: {why}. The operator has to release it first.")
+            allowed = self._allowed(speed)
+            turned = min(max(angle, self.limits.angle_low), self.limits.angle_high)
+            self.limited += allowed != speed or turned != angle
+            self._command = allowed
+            self._held_until = self._clock.now() + hold * (1.0 + self.limits.overrun)
+            try:
+                self._axes["blade"].command(allowed)
+            except RigError as error:
+                broken = str(error)
+        if broken is not None:
+            self.trip(Cause.BUS, broken)
+        return turned
+
+    def turn(self, rate: float) -> None:
+        """Put a rate of turn [rad/s] on the bus of the angle's axis, if the rig is released."""
+        broken = None
+        with self._lock:
+            if self.phase == "ready":
+                top = self.settings.angle.speed if self.settings.angle is not None else 0.0
+                try:
+                    self._axes["angle"].command(min(max(rate, -top), top))
+                except RigError as error:
+                    broken = str(error)
+        if broken is not None:
+            self.trip(Cause.BUS, broken)
+
+    def _allowed(self, speed: float) -> float:
+        """A speed within the limit, that fades out toward the ends of travel."""
+        blade = self._motions.newest["blade"]
+        braking = _BRAKING + abs(blade.speed) / (2.0 * self.settings.blade.acceleration)
+        top = min(self.limits.speed / _MARGIN, self.settings.blade.speed)
+        highest = max(self.limits.high - _SHORT - blade.position, 0.0) / braking
+        lowest = max(blade.position - self.limits.low - _SHORT, 0.0) / braking
+        return min(max(speed, -min(top, lowest)), min(top, highest))
+
+    # Time
+
+    def watch(self, now: float) -> None:
+        """Find out what is missing; the watchdog calls it every :data:`~cutenv.rig.causes.WATCH`."""
+        if self.phase != "ready":
+            return
+        if missing := self._missing(now):
+            self.trip(*missing[0], now)
+
+    def _missing(self, now: float) -> list[Breach]:
+        limits = self.limits
+        found: list[Breach] = []
+        force = self._forces.newest
+        if (silent := now - (-math.inf if force is None else force.time)) > limits.stale_force:
+            found.append(Breach(Cause.FORCE_STALE, f"no reading for {1e3 * silent:.0f} ms"))
+        for axis in self._axes:
+            sample = self._motions.newest.get(axis)
+            if (silent := now - (-math.inf if sample is None else sample.time)) > limits.stale_motion:
+                found.append(Breach(Cause.MOTION_STALE, f"no sample of the {axis} axis for {1e3 * silent:.0f} ms"))
+            if (silent := now - self._alive.get(axis, -math.inf)) > limits.heartbeat:
+                found.append(Breach(Cause.HEARTBEAT, f"no heartbeat of the {axis} drive for {1e3 * silent:.0f} ms"))
+        if self._command != 0.0 and (late := now - self._held_until) > 0.0:
+            found.append(Breach(Cause.OVERRUN, f"no new command, {1e3 * late:.0f} ms after the last had to end"))
+        return found
+
+    # Stop, release, reset
+
+    def trip(self, cause: Cause, detail: str, detected: float | None = None) -> None:
+        """Stop the blade, unless it is stopped or was never released; from any thread."""
+        with self._lock:
+            report = self._stop(cause, detail, detected)
+        if report is not None:
+            self.on_stop(report)
+
+    def _stop(self, cause: Cause, detail: str, detected: float | None) -> StopReport | None:
+        if self.phase != "ready":
+            return None
+        self.phase = "stopped"
+        now = self._clock.now() if detected is None else detected
+        self._command, self._held_until = 0.0, math.inf
+        blade = self._motions.newest.get("blade")
+        self.report = report = StopReport(
+            cause=cause, detail=detail, detected=now, position=None if blade is None else blade.position
+        )
+        unreached = []
+        for name, axis in self._axes.items():
+            try:
+                axis.quick_stop()
+            except RigError as error:  # the other axis is to be stopped all the same
+                unreached.append(f"{name}: {error}")
+        report.commanded = self._clock.now()
+        if unreached:
+            report.detail += f" (no quick stop could be sent: {'; '.join(unreached)})"
+        return report
+
+    def release(self) -> None:
+        """Let commands through, once everything is there and within limits.
+
+        Raises
+        ------
+        RigError
+            If something is missing or wrong; names all of it.
+        """
+        if self.phase == "stopped":
+            raise RigError(f"the rig is stopped ({self.report}); reset it first.")
+        wrong = [detail for _, detail in self._missing(self._clock.now())]
+        wrong += [
+            f'the {name} drive is in "{sample.state.value}"'
+            for name, sample in self._motions.newest.items()
+            if sample.state is not DriveState.ENABLED
+        ]
+        if self._forces.newest is not None and (status := self._forces.newest.status):
+            wrong.append(f"the sensor's status is 0x{status:08X}")
+        if wrong:
+            raise RigError(f"the rig is not ready: {'; '.join(wrong)}.")
+        self.limited, self._command, self._held_until = 0, 0.0, math.inf
+        self._forces.restart()
+        self._motions.restart()
+        self.phase = "ready"
+
+    def lock(self) -> None:
+        """Refuse every motion until the next :meth:`release`, for a blade at rest."""
+        with self._lock:
+            if self.phase == "ready":
+                self.phase, self._command = "unready", 0.0
+
+    def reset(self, agreed: bool) -> None:
+        """End a stop: ``agreed`` is the operator's explicit word; the drives are left without power.
+
+        Raises
+        ------
+        RigError
+            If the operator has not agreed, or a drive does not leave its fault.
+        """
+        if self.phase != "stopped":
+            return
+        if not agreed:
+            raise RigError(f"still stopped ({self.report}): the operator has not agreed to a reset.")
+        for axis in self._axes.values():
+            axis.clear()
+        self.phase = "unready"
+
+    # What it knows
+
+    @property
+    def newest_force(self) -> ForceSample | None:
+        """The last reading of the force."""
+        return self._forces.newest
+
+    @property
+    def blade(self) -> MotionSample | None:
+        """The newest sample of the blade's axis."""
+        return self._motions.newest.get("blade")
+
+    def axis(self, name: str) -> MotionSample | None:
+        """The newest sample of an axis."""
+        return self._motions.newest.get(name)
+
+    @property
+    def standing(self) -> bool:
+        """Whether the blade stands, as far as is known."""
+        return self._motions.standing

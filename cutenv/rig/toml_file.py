@@ -1,0 +1,280 @@
+"""A rig's file: TOML with comments, every name ending with its unit; SI and radians come out."""
+
+from __future__ import annotations
+
+import json
+import os
+import tomllib
+from collections.abc import Iterator, Mapping
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutenv.atomic import replacing
+from cutenv.rig.calibration import day_of
+from cutenv.rig.depth_profile import check_depth_profile, reach_of
+from cutenv.rig.file_keys import IDENTIFIED, SECTIONS, UNITS, Key, Section
+from cutenv.rig.settings import Identified, RigSettings
+from cutenv.validation import in_range, one_of
+
+_TO_FILL = "# FILL IN: "
+_BEGINNING = """\
+# A rig for cutenv.  Every name ends with its unit.  What is left out has the default that its comment tells.
+"""
+_UNFINISHED = f"""\
+#
+# Not finished: replace each line that begins with '{_TO_FILL.strip()}' by what is true of this rig, without that
+# beginning.  Until then the file is refused, and what is missing is listed.  The section [angle] may stay as it is.
+"""
+_WIDTH = 116  # of a comment, after its mark
+
+
+def read(path: str | os.PathLike[str]) -> RigSettings:
+    """Read a rig's file.
+
+    Parameters
+    ----------
+    path : path
+        As ``cutenv rig init`` writes it.
+
+    Returns
+    -------
+    RigSettings
+        In SI; what the file leaves out has its default.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is none.
+    ValueError
+        If it is no TOML, or a key is unknown, missing, of another kind or out of range: names file, section and key,
+        in the file's own unit.  What only a person can say and is missing is listed together.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise FileNotFoundError(f"{path}: no such file. 'cutenv rig init {path}' writes one to be filled in.") from None
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: it is no text in UTF-8. Save it as such.") from None
+    return _settings(text, path)
+
+
+def template(name: str = "rig") -> str:
+    """A new rig's file: every key with its meaning, unit, range and default; refused until a person filled it in."""
+    return _text(RigSettings(name=name), to_fill=True)
+
+
+def to_toml(settings: RigSettings) -> str:
+    """The file of a rig, commented like the template, with up to 15 digits; :func:`read` gives the settings back."""
+    return _text(settings, to_fill=False)
+
+
+def write_identified(path: str | os.PathLike[str], identified: Identified) -> None:
+    """Let the file's section ``[identified]`` say just this; comments, order and all the rest of the file stay.
+
+    What is None is taken out: to keep what was measured before, give
+    ``dataclasses.replace(settings.identified, ...)``.  The file is replaced whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        Of a rig's file that can be read.
+    identified : Identified
+        In SI, rounded to the digits that are worth writing.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If the file cannot be read, as by :func:`read`, or what was measured cannot stand in it.
+    ModuleNotFoundError
+        If tomlkit is not installed.
+    OSError
+        If it cannot be written.
+    """
+    import tomlkit
+
+    path = Path(path)
+    read(path)
+    with path.open(encoding="utf-8", newline="") as file:  # ends of lines stay as they are
+        document = tomlkit.parse(file.read())
+    if IDENTIFIED.name not in document:
+        document.append(IDENTIFIED.name, tomlkit.table())
+    section: Any = document[IDENTIFIED.name]
+    for key in IDENTIFIED.keys:
+        value = getattr(identified, key.field)
+        if value is not None:
+            section[key.name] = key.from_si(value) if IDENTIFIED.kind(key) is float else value
+        elif key.name in section:
+            del section[key.name]
+    text = tomlkit.dumps(document)
+    _settings(text, path)  # nothing is written that could not be read
+    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        file.write(text)
+
+
+def _settings(text: str, path: Path) -> RigSettings:
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f'{path}: it is no TOML: {error}. Texts need quotation marks, as in name = "rig".') from None
+    tables = _tables(content, path)
+    missing = [
+        section.where(key)
+        for section in SECTIONS
+        if section.name in tables
+        for key in section.keys
+        if key.example and key.name not in tables[section.name]
+    ]
+    if missing:
+        raise ValueError(
+            f"{path}: only a person can say {', '.join(missing)}. Write them into the file; 'cutenv rig init' writes"
+            " one that explains each."
+        )
+    parts = {name: _part(section, tables[name], path) for name, section in _by_name().items() if name in tables}
+    top = parts.pop("")
+    settings: RigSettings = _made(RigSettings, {**top, **parts}, str(path))
+    try:
+        check_depth_profile(settings.depth_profile, reach_of(settings))
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return settings
+
+
+def _by_name() -> dict[str, Section]:
+    return {section.name: section for section in SECTIONS}
+
+
+def _tables(content: Mapping[str, Any], path: Path) -> dict[str, Mapping[str, Any]]:
+    """Names and values of every section, the top one under ""; a second axis only if it is there."""
+    sections = _by_name()
+    top = sections.pop("")
+    one_of_these = [key.name for key in top.keys] + list(sections)
+    for name, value in content.items():
+        one_of(f"{path}: name", name, one_of_these)
+        if (name in sections) != isinstance(value, dict):
+            kind = f"a section, [{name}]" if name in sections else f"a line, {name} = ..., above the first section"
+            raise ValueError(f"{path}: {name} must be {kind}.")
+    tables = {name: content.get(name, {}) for name in sections if name != "angle" or name in content}
+    for name, table in tables.items():
+        for key in table:
+            one_of(f"{path}: in [{name}] the name", key, [each.name for each in sections[name].keys])
+    return {"": {name: value for name, value in content.items() if name not in sections}, **tables}
+
+
+def _part(section: Section, table: Mapping[str, Any], path: Path) -> Any:
+    """What a section says: its dataclass, or of the top one the fields by name."""
+    where = f"{path}: [{section.name}] " if section.name else f"{path}: "
+    values = {}
+    for key in section.keys:
+        if key.name in table:
+            try:
+                values[key.field] = _value(section, key, table[key.name], f"{where}{key.name}")
+            except TypeError as error:
+                raise ValueError(str(error)) from None
+    names = {key.field: key for key in section.keys}
+    for low, high in (("low", "high"), ("angle_low", "angle_high")):
+        if low in names:
+            least, most = (values.get(end, section.default(names[end])) for end in (low, high))
+            if not least < most:
+                shown = [f"{names[end].name} = {names[end].from_si(at):g}" for end, at in ((low, least), (high, most))]
+                raise ValueError(f"{where}{shown[0]} must be below {shown[1]}: they are the ends of travel.")
+    return _made(section.of, values, where.rstrip()) if section.name else values
+
+
+def _made(of: type[Any], values: Mapping[str, Any], where: str) -> Any:
+    try:
+        return of(**values)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{where.removesuffix(':')}: {error}") from None
+
+
+def _value(section: Section, key: Key, raw: Any, name: str) -> Any:
+    """A value of the file in SI, of the field's kind."""
+    kind = section.kind(key)
+    if kind is tuple:
+        return _profile(key, raw, name)
+    if kind is float:
+        low, high = section.limits(key) or (0.0, np.inf)
+        return key.to_si(in_range(name, raw, low, high, UNITS[key.unit].sign or "1"))
+    if key.field == "date":
+        if raw == "" and section is not IDENTIFIED:
+            return raw
+        text = raw.isoformat() if isinstance(raw, date) else raw
+        if not isinstance(text, str):
+            raise TypeError(f"{name} must be a date such as 2026-03-01, got {raw!r}.")
+        try:
+            day_of(text)
+        except ValueError as error:
+            raise ValueError(f"{name} = {error}") from None
+        return text
+    if type(raw) is not kind:  # True is an int to isinstance
+        called = {bool: "true or false", int: "a whole number", str: "a text in quotation marks"}[kind]
+        raise TypeError(f"{name} must be {called}, got {raw!r}.")
+    return one_of(name, raw, section.choices(key)) if section.choices(key) else raw
+
+
+def _profile(key: Key, raw: Any, name: str) -> tuple[tuple[float, float], ...]:
+    if not (isinstance(raw, list) and all(isinstance(point, list) and len(point) == 2 for point in raw)):
+        raise TypeError(f"{name} must be a list of [position_mm, depth_mm], such as {key.example}, got {raw!r}.")
+    points = [[key.to_si(in_range(name, number, -1e3, 1e3, "mm")) for number in point] for point in raw]
+    return tuple((position, depth) for position, depth in points)
+
+
+def _text(settings: RigSettings, *, to_fill: bool) -> str:
+    lines = (_BEGINNING + (_UNFINISHED if to_fill else "")).splitlines()
+    for section in SECTIONS:
+        part = getattr(settings, section.name) if section.name else settings
+        if part is None:  # no second axis
+            lines += ["", *(f"# {line}".rstrip() for line in _lines(section, section.of(), to_fill=True))]
+        else:
+            lines += ["", *_lines(section, part, to_fill=to_fill)]
+    return "\n".join(lines) + "\n"
+
+
+def _lines(section: Section, part: Any, *, to_fill: bool) -> Iterator[str]:
+    if section.name:
+        yield f"# {section.about}"
+        yield f"[{section.name}]"
+    if section is IDENTIFIED:  # explained on top: the program adds the lines below
+        for key in section.keys:
+            yield f"#   {key.name:<20} {key.meaning}"
+    for key in section.keys:
+        value = getattr(part, key.field)
+        if section is not IDENTIFIED:
+            yield from _comment(section, key)
+        if to_fill and key.example:
+            yield f"{_TO_FILL}{key.name} = {key.example}"
+        elif value is not None:
+            yield f"{key.name} = {_toml(section, key, value)}"
+
+
+def _comment(section: Section, key: Key) -> list[str]:
+    about = [key.meaning]
+    sign = UNITS[key.unit].sign
+    if limits := section.limits(key):
+        about.append(f"{limits[0]:g} to {limits[1]:g} {sign}".rstrip() + ".")
+    if choices := section.choices(key):
+        about.append(" or ".join(f'"{choice}"' for choice in choices) + ".")
+    if not key.example:
+        about.append(f"Default {_toml(section, key, section.default(key))}.")
+    lines = ["#"]
+    for word in " ".join(about).split():
+        if len(lines[-1]) + len(word) > _WIDTH:
+            lines.append("#")
+        lines[-1] += f" {word}"
+    return lines
+
+
+def _toml(section: Section, key: Key, value: Any) -> str:
+    kind = section.kind(key)
+    if kind is float:
+        return repr(key.from_si(value))
+    if kind is tuple:
+        points = (f"[{key.from_si(position)!r}, {key.from_si(depth)!r}]" for position, depth in value)
+        return f"[{', '.join(points)}]"
+    if kind is str:
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML's only other escape
+    return str(value).lower()  # true, false, whole numbers

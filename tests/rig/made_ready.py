@@ -1,0 +1,29 @@
+"""A fake rig with a specimen, released and ready to cut."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from cutenv.rig.fake import FakeRig, fake_rig, fake_settings
+from cutenv.tissue.specimen import Specimen
+
+SETTLE = 0.15  # [s]: every axis has sent samples and a heartbeat
+
+
+def ready_rig(specimen_class: str = "liver", seed: int = 3, **limits: Any) -> FakeRig:
+    """A fake rig whose blade stands at the clamp and may move; ``limits`` replace its own."""
+    settings = fake_settings()
+    settings = dataclasses.replace(settings, limits=dataclasses.replace(settings.limits, **limits))
+    rig = fake_rig(Specimen.drawn(seed, 0, specimen_class=specimen_class), settings, seed=seed)
+    rig.plant.open()
+    release(rig)
+    return rig
+
+
+def release(rig: FakeRig) -> None:
+    """Switch on and let commands through."""
+    rig.plant.power()
+    rig.clock.sleep_until(rig.clock.now() + SETTLE)
+    rig.plant.supervisor.release()
+    rig.plant.begin()

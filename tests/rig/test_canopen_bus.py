@@ -1,0 +1,244 @@
+"""A bus that is not there, and one that breaks."""
+
+from __future__ import annotations
+
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator
+
+import can
+import pytest
+from made_up_drive import Ear, MadeUpDrive, until
+
+from cutenv.rig.canopen import CanNetwork, CanopenAxis
+from cutenv.rig.canopen.bus import bus_arguments, open_bus
+from cutenv.rig.clock import SystemClock
+from cutenv.rig.drivers import RigError
+from cutenv.rig.settings import Axis, Bus
+
+
+@pytest.fixture
+def drive() -> Iterator[MadeUpDrive]:
+    drive = MadeUpDrive()
+    yield drive
+    drive.close()
+
+
+def opened(drive: MadeUpDrive, ear: Ear) -> tuple[CanNetwork, CanopenAxis]:
+    network = CanNetwork(Bus(interface="virtual", channel=drive.channel), SystemClock())
+    axis = CanopenAxis(network, Axis(), SystemClock())
+    axis.open(ear)
+    axis.enable()
+    return network, axis
+
+
+@pytest.mark.parametrize(
+    ("interface", "channel", "arguments"),
+    [
+        ("socketcan", "can0", {"channel": "can0"}),
+        ("virtual", "x", {"channel": "x"}),
+        ("pcan", "PCAN_USBBUS1", {"channel": "PCAN_USBBUS1", "bitrate": 500_000}),
+        ("kvaser", "0", {"channel": 0, "bitrate": 500_000}),
+        ("slcan", "/dev/ttyACM0", {"channel": "/dev/ttyACM0", "bitrate": 500_000}),
+        ("socketcand", "can0", {"channel": "can0", "host": "127.0.0.1", "port": 29536, "tcp_tune": True}),
+    ],
+)
+def test_an_interface_is_given_what_it_takes_and_no_more(interface, channel, arguments):
+    assert bus_arguments(Bus(interface=interface, channel=channel, bitrate=500_000)) == arguments
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        (Bus(interface="socketcan", channel="nocan9"), "ip link set nocan9 up type can bitrate 1000000"),
+        (Bus(interface="slcan", channel="/dev/no-such-port"), "serial port"),
+        (Bus(interface="pcan", channel="PCAN_USBBUS1"), "PCAN-Basic"),
+        (Bus(interface="kvaser", channel="0"), "CANlib"),
+    ],
+)
+def test_a_bus_that_is_not_there_is_an_error_with_its_cure(settings, told):
+    with pytest.raises(RigError, match=told):
+        open_bus(settings)
+
+
+def test_a_misspelt_interface_is_told_the_nearest():
+    with pytest.raises(ValueError, match="Did you mean 'socketcan'"):
+        open_bus(Bus(interface="socketcn"))
+
+
+def test_a_gateway_that_is_not_there_is_told_at_once_with_its_address():
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+    before = time.monotonic()
+    with pytest.raises(RigError, match=f"no CAN gateway at 127.0.0.1:{port}.*cutenv rig emulate"):
+        open_bus(Bus(interface="socketcand", channel="can0", port=port))
+    assert time.monotonic() - before < 8.0
+
+
+def test_something_else_at_the_gateways_port_is_told_by_what_it_says():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            connection, _ = server.accept()
+            connection.sendall(b"HTTP/1.1 400 Bad Request\r\n")
+            connection.close()
+
+        threading.Thread(target=serve, daemon=True).start()
+        with pytest.raises(RigError, match="is no socketcand gateway: it says b'HTTP"):
+            open_bus(Bus(interface="socketcand", channel="can0", port=server.getsockname()[1]))
+
+
+@pytest.mark.parametrize(("module", "interface"), [("can", "virtual"), ("serial", "slcan")])
+def test_a_library_that_is_missing_is_named_for_the_command_line_to_cure(monkeypatch, module, interface):
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ModuleNotFoundError) as caught:
+        open_bus(Bus(interface=interface))
+    assert caught.value.name == module
+
+
+def test_a_heartbeat_too_slow_for_the_drives_is_refused():
+    with pytest.raises(ValueError, match=r"bus.heartbeat = 0.08 s"):
+        CanNetwork(Bus(heartbeat=0.08), SystemClock())
+
+
+def fail_to_send(*arguments: object, **keywords: object) -> None:
+    raise can.CanOperationError("Transmit buffer full")
+
+
+def test_a_frame_that_cannot_be_sent_is_told_once_and_the_drive_is_left_to_stop_by_itself(drive):
+    ear = Ear()
+    network, axis = opened(drive, ear)
+    network._bus.send = fail_to_send
+    until(lambda: ear.breaks)
+    assert ear.breaks == [("blade", network.broken)]
+    assert "Transmit buffer full" in ear.breaks[0][1]
+    for refused in (lambda: axis.command(0.01), axis.quick_stop, axis.limits, axis.enable):
+        with pytest.raises(RigError):
+            refused()
+    del network._bus.send  # the way is free again, and still nothing is sent that keeps the drive going
+    drive.frames()
+    time.sleep(0.1)
+    assert not {0x080, 0x77F} & {number for number, _ in drive.frames()}
+    axis.quick_stop()
+    until(lambda: drive.controlwords[-1] == 0x0B)
+    axis.close()
+    axis.open(ear)
+    axis.close()
+    assert len(ear.breaks) == 1
+
+
+def test_who_meets_the_break_while_holding_a_lock_that_the_listener_needs_does_not_hang(drive):
+    lock = threading.Lock()
+
+    class Locking(Ear):
+        def broken(self, axis: str, why: str, time: float) -> None:
+            with lock:
+                super().broken(axis, why, time)
+
+    ear = Locking()
+    network, axis = opened(drive, ear)
+    network._bus.send = fail_to_send
+    with lock, pytest.raises(RigError):
+        axis.command(0.01)
+    until(lambda: ear.breaks)
+    axis.close()
+
+
+def test_a_bus_that_cannot_be_read_is_broken(drive):
+    ear = Ear()
+    network, axis = opened(drive, ear)
+
+    def fail(timeout: float) -> None:
+        raise OSError("device gone")
+
+    network._bus.recv = fail
+    until(lambda: ear.breaks)
+    assert "device gone" in ear.breaks[0][1]
+    axis.close()
+
+
+def test_bus_off_is_found_out_by_its_error_frame(drive):
+    ear = Ear()
+    _, axis = opened(drive, ear)
+    other = can.Bus(interface="virtual", channel=drive.channel)
+    other.send(can.Message(arbitration_id=0x004, is_error_frame=True, data=bytes(8)))
+    other.send(can.Message(arbitration_id=0x040, is_error_frame=True, data=bytes(8)))
+    other.shutdown()
+    until(lambda: ear.breaks)
+    assert "bus-off" in ear.breaks[0][1]
+    axis.close()
+
+
+def test_a_sender_that_hangs_does_not_hang_the_others(drive):
+    ear = Ear()
+    network, axis = opened(drive, ear)
+    hanging = threading.Event()
+    network._bus.send = lambda message, timeout: hanging.wait(10.0)
+    until(lambda: network._sending.locked())  # SYNC
+    before = time.monotonic()
+    with pytest.raises(RigError, match="takes no more frames"):
+        axis.quick_stop()
+    assert time.monotonic() - before < 2.0
+    until(lambda: ear.breaks)
+    hanging.set()
+    axis.close()
+
+
+def test_a_listener_that_fails_is_told_as_a_break_and_the_reader_goes_on(drive):
+    class Failing(Ear):
+        def motion(self, axis: str, sample: object) -> None:
+            self.samples.append(sample)
+            if len(self.samples) == 20:
+                raise KeyError("a bug")
+
+    ear = Failing()
+    _, axis = opened(drive, ear)
+    until(lambda: ear.breaks)
+    assert "KeyError('a bug')" in ear.breaks[0][1]
+    axis.close()
+
+
+def test_two_axes_share_one_bus_that_the_last_one_closes(drive):
+    network = CanNetwork(Bus(interface="virtual", channel=drive.channel), SystemClock())
+    blade = CanopenAxis(network, Axis(), SystemClock())
+    angle = CanopenAxis(network, Axis(node=2), SystemClock(), name="angle")
+    blade.open(Ear())
+    with pytest.raises(RigError, match="angle: node 2 does not answer"):
+        angle.open(Ear())
+    blade.enable()
+    blade.close()
+    with pytest.raises(RigError, match="not open"):
+        network.send_message(0x080, b"")
+
+
+def test_a_gateway_that_goes_away_is_found_out_by_the_next_frames():
+    """A socketcand gateway of a few lines, which hangs up."""
+    gone = threading.Event()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            server.accept()[0].sendall(b"< hi >")  # the first look
+            connection, _ = server.accept()
+            connection.sendall(b"< hi >")
+            for _ in range(2):
+                connection.recv(256)
+                connection.sendall(b"< ok >")
+            connection.recv(256)
+            connection.close()
+            gone.set()
+
+        threading.Thread(target=serve, daemon=True).start()
+        told: list[str] = []
+
+        class Member:
+            def lost(self, why: str, time: float) -> None:
+                told.append(why)
+
+        network = CanNetwork(Bus(interface="socketcand", channel="can0", port=server.getsockname()[1]), SystemClock())
+        network.join(member := Member())
+        gone.wait(5.0)
+        until(lambda: told)
+        assert "frame 0x" in told[0]
+        network.leave(member)

@@ -1,0 +1,229 @@
+"""RigCut-v0 is GentleCut on a rig: same spaces, rewards from estimates, ends when the rig's safety stops it."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from cutenv.envs.rig_cut import RigCutEnv
+from cutenv.policy import BASELINES
+from cutenv.recording import load_one
+from cutenv.recording.appending import AppendingRecord, RecordingFailed
+from cutenv.rig.drivers import RigError
+from cutenv.rig.fake import Faults, fake_settings
+from cutenv.rig.operator import ScriptedOperator
+from cutenv.rig.toml_file import to_toml
+from cutenv.scoring import score
+
+
+def cut(env, name="probe and creep", seed=5, episode=0, until=math.inf):
+    """One cut: return, last info, number of decisions."""
+    policy = BASELINES[name]()
+    observation, info = env.reset(seed=seed, options={"episode": episode})
+    policy.reset(np.random.default_rng(0))
+    total, decisions, ended = 0.0, 0, False
+    while not ended and decisions < until:
+        observation, reward, ended, _, info = env.step(policy(observation))
+        assert env.observation_space.contains(observation)
+        assert sum(info["reward_terms"].values()) == pytest.approx(reward, abs=1e-12)
+        total, decisions = total + reward, decisions + 1
+    return total, info, decisions
+
+
+@pytest.fixture
+def env():
+    env = RigCutEnv(rig="fake")
+    yield env
+    env.close()
+
+
+def fake_of(env: RigCutEnv):
+    return env.session.plant._sensor._rig
+
+
+def test_it_has_the_simulators_spaces(env):
+    simulated = gymnasium.make("cutenv/GentleCut-v0")
+    assert env.observation_space == simulated.observation_space
+    assert env.action_space == simulated.action_space
+
+
+def test_gymnasiums_checker_finds_nothing():
+    check_env(gymnasium.make("cutenv/RigCut-v0", rig="fake").unwrapped, skip_render_check=True)
+
+
+def test_its_arguments_are_flat_and_json_able():
+    env = gymnasium.make("cutenv/RigCut-v0", rig="fake", control_hz=10, force_noise=0.0)
+    again = gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+    assert again.unwrapped.constants.sensor.force_noise == 0.0
+    assert again.unwrapped.ticks == 100
+
+
+@pytest.mark.parametrize("name", ["probe and creep", "fast then slow", "constant 1.27 cm/s 60 deg"])
+def test_the_same_cut_scores_as_in_the_simulator(env, name):
+    """Most of them closely; a reading of noise moves a decision, and now and then a decision a run of the crack."""
+    simulated = gymnasium.make("cutenv/GentleCut-v0", reward_from="estimate")
+    differences, ends = [], []
+    for episode in range(8):
+        ours, our_info, _ = cut(env, name, episode=episode)
+        theirs, their_info, _ = cut(simulated, name, episode=episode)
+        ends.append(our_info["end"] == their_info["end"])
+        differences.append(abs(ours - theirs))
+    assert np.mean(ends) > 0.8
+    assert np.median(differences) < 0.03
+
+
+def test_a_rig_whose_sensor_is_slow_and_noisy_does_not():
+    env = RigCutEnv(rig="fake", force_noise=0.4, force_delay=0.06)
+    with pytest.raises(AssertionError):
+        test_the_same_cut_scores_as_in_the_simulator(env, "probe and creep")
+
+
+def test_everything_it_tells_is_an_estimate(env):
+    _, info, _ = cut(env)
+    assert info["estimated"] is True
+    assert "truth" not in info
+    assert "energy" not in info
+    assert info["rig"]["overruns"] == 0
+    assert info["rig"]["period_s"] == pytest.approx(0.02)
+
+
+def test_a_stop_ends_the_cut_dearly_and_says_why(env):
+    cut(env, until=50)
+    fake_of(env).faults.extra_force = 30.0
+    _, reward, terminated, truncated, info = env.step(np.array([0.5, 1.0], np.float32))
+    assert terminated
+    assert not truncated
+    assert info["end"] == "stopped"
+    assert info["is_success"] is False
+    assert info["stop"]["cause"] == "force limit"
+    assert 0.0 < info["stop"]["time_to_standstill_s"] < 0.1
+    assert reward < -0.9  # more than stopping in order could have cost
+    assert sum(info["reward_terms"].values()) == pytest.approx(reward, abs=1e-12)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(np.zeros(2, np.float32))
+
+
+def test_after_a_stop_the_operator_is_asked_before_the_next_cut():
+    no = ScriptedOperator([("will move", "fake"), ("was stopped", False)])
+    env = RigCutEnv(rig="fake", operator=no)
+    cut(env, until=20)
+    fake_of(env).faults.force_status = 0x80000000
+    assert env.step(np.zeros(2, np.float32))[4]["end"] == "stopped"
+    fake_of(env).faults.__dict__.update(vars(Faults()))
+    with pytest.raises(RigError, match="not agreed"):
+        env.reset(seed=1)
+    no.unasked += [("was stopped", True), ("will move", "fake")]
+    env.reset(seed=1)
+    assert not env.step(np.zeros(2, np.float32))[2]
+    env.close()
+
+
+def test_nothing_moves_without_the_operators_typed_word():
+    env = RigCutEnv(rig="fake", operator=ScriptedOperator([("will move", "yes")]))
+    with pytest.raises(RigError, match="not confirmed"):
+        env.reset(seed=1)
+    assert fake_of(env).bench.motion[:2] == (0.0, 0.0)
+    env.close()
+
+
+def test_the_way_back_is_slow_and_the_specimen_new(env):
+    cut(env, episode=0)
+    fake = fake_of(env)
+    speeds, began = [], fake.bench
+    fake.clock.every(0.001, lambda now: speeds.append(fake.bench.motion[1]) if fake.bench is began else None, "look")
+    env.reset(options={"episode": 1})
+    assert min(speeds) == pytest.approx(-0.005, rel=0.05)
+    assert fake.bench is not began
+    assert fake.bench.motion[0] == 0.0
+
+
+def test_an_action_that_is_no_number_stops_the_blade(env):
+    cut(env, until=50)
+    with pytest.raises(ValueError, match="NaN"):
+        env.step(np.array([math.nan, 0.0], np.float32))
+    assert env.session.plant.supervisor.report.cause.value == "not a number"
+    assert env.session.plant.supervisor.phase == "stopped"
+
+
+def test_a_free_angle_is_refused_on_a_rig_whose_angle_is_set_by_hand(tmp_path):
+    file = tmp_path / "rig.toml"
+    settings = fake_settings(
+        angle_mode="fixed",
+        angle=None,
+        fixed_angle=math.radians(60.0),
+        emulated=False,
+        depth_profile=((0.0, 0.02), (0.15, 0.02)),
+    )
+    file.write_text(to_toml(settings))
+    assert tomllib.loads(file.read_text())
+    operator = ScriptedOperator()
+    with pytest.raises(ValueError, match=r"set by hand, at 60 degrees.*angle_mode=\"fixed\""):
+        RigCutEnv(rig=file, angle_mode="free", operator=operator)
+    with pytest.raises(ValueError, match=r"fixed_angle_deg = 75.*set to 60"):
+        RigCutEnv(rig=file, fixed_angle_deg=75.0, operator=operator)
+    env = RigCutEnv(rig=file, operator=operator)
+    assert env.start_angle == pytest.approx(math.radians(60.0))
+
+
+@pytest.mark.parametrize(
+    ("keywords", "named"),
+    [
+        ({"rig": "no_such.toml"}, "cutenv rig init"),
+        ({"rig": "fake", "control_hz": 30}, "control_hz"),
+        ({"rig": "fake", "angle_mode": "loose"}, "angle_mode"),
+        ({"rig": "fake", "render_mode": "human"}, "render_mode"),
+        ({"rig": "fake", "wieght_jump": 1.0}, "weight_jump"),
+        ({"rig": "fake", "specimen_class": "lever"}, "liver"),
+    ],
+)
+def test_bad_arguments_name_themselves_before_anything_moves(keywords, named):
+    with pytest.raises((ValueError, FileNotFoundError), match=named):
+        RigCutEnv(**keywords)
+
+
+def test_a_rig_in_use_is_left_at_rest_when_the_environment_closes():
+    env = RigCutEnv(rig="fake")
+    cut(env, until=40)
+    fake = fake_of(env)
+    assert fake.bench.motion[1] > 0.0
+    env.close()
+    fake.clock.sleep_until(fake.clock.now() + 0.2)
+    assert fake.bench.motion[1] == 0.0
+    env.close()
+
+
+def test_every_cut_is_on_disk_and_scores_as_any_other(tmp_path):
+    env = RigCutEnv(rig="fake", records=tmp_path)
+    _, info, decisions = cut(env, episode=2)
+    (path,) = env.records
+    trace = load_one(path)
+    assert len(trace) == 20 * decisions
+    assert trace.metadata["end"] == info["end"] == "finished"
+    assert trace.metadata["rig"] == "fake"
+    assert "truncated" not in trace.metadata
+    card = score(trace, target_length=trace.metadata["target_length_m"])
+    assert card.metrics["peak_force"].value == pytest.approx(trace.force.max())
+    cut(env, episode=3, until=30)
+    assert load_one(sorted(tmp_path.iterdir())[-1]).metadata["truncated"] is True  # it can be read while it goes on
+    env.close()
+    assert len(env.records) == 2
+    assert load_one(env.records[-1]).metadata["end"] == "closed"
+
+
+def test_a_disk_that_takes_no_more_stops_the_blade(tmp_path, monkeypatch):
+    env = RigCutEnv(rig="fake", records=tmp_path)
+    cut(env, until=30)
+
+    def full(self, readings):
+        raise RecordingFailed("no space left")
+
+    monkeypatch.setattr(AppendingRecord, "append", full)
+    info = env.step(np.array([0.5, 1.0], np.float32))[4]
+    info = info if "stop" in info else env.step(np.array([0.5, 1.0], np.float32))[4]
+    assert "record cannot be kept" in info["stop"]["detail"]
+    env.close()
