@@ -17,6 +17,10 @@ class RigCommand:
 
 
 RIG_COMMANDS = {
+    "emulate": RigCommand(
+        module="cutenv.commands.rig.emulate",
+        summary="run an emulated rig: drive, tissue and force sensor on real wires",
+    ),
     "init": RigCommand(module="cutenv.commands.rig.init", summary="write the file of a new rig, to be filled in"),
 }
 
