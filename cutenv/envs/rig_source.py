@@ -19,6 +19,8 @@ from cutenv.recording.provenance import Provenance
 from cutenv.rig.bench import CutBench
 from cutenv.rig.causes import Cause
 from cutenv.rig.drivers import RigError
+from cutenv.rig.emulator.control import EmulatorControl
+from cutenv.rig.emulator.process import RunningEmulator, start
 from cutenv.rig.fake import FakeRig, fake_settings
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operator import AutomaticOperator, Operator, TerminalOperator
@@ -60,6 +62,31 @@ class FakeSupply:
         return None
 
 
+class EmulatedSupply:
+    """Lays drawn specimens on an emulated rig."""
+
+    def __init__(self, control: EmulatorControl) -> None:
+        self._control = control
+
+    def lay(self, key: SpecimenKey) -> NDArray[np.float64] | None:
+        """Lay it; its depth is known to the one who has drawn it."""
+        if key.specimen is None:
+            raise RigError("an emulated rig cuts drawn specimens only.")
+        self._control.lay(key.specimen, seed=key.seed, episode=key.episode)
+        return None
+
+
+def emulator_arguments(constants: Constants) -> list[str]:
+    """Options of ``cutenv rig emulate`` that give an emulated rig the simulator's drive and sensor."""
+    sensor, drive = constants.sensor, constants.drive
+    arguments = ["--force-delay-ms", f"{1e3 * sensor.force_delay:.6g}", "--force-noise-N", f"{sensor.force_noise:.6g}"]
+    if isinstance(drive, Rig):
+        arguments += ["--lag-ms", f"{1e3 * drive.motor_lag:.6g}", "--dead-time-ms", f"{1e3 * drive.dead_time:.6g}"]
+        if drive.backlash > 0.0:
+            arguments += ["--backlash-mm", f"{1e3 * drive.backlash:.6g}"]
+    return arguments
+
+
 class RigSource:
     """The rig that an environment's argument names, and the records of its cuts.
 
@@ -99,6 +126,8 @@ class RigSource:
         self.draws = self._rig in (FAKE, EMULATOR)
         self.settings: RigSettings = fake_settings(name=self._rig) if self.draws else read(rig)
         self._folder = None if records is None else Path(records)
+        self.emulator: RunningEmulator | None = None
+        """Of an emulated rig that runs."""
         self._record: AppendingRecord | None = None
         self.records: list[Path] = []
         """Of finished cuts."""
@@ -109,6 +138,12 @@ class RigSource:
             fake = FakeRig(_practice_bench, self.settings)
             operator = self._operator or AutomaticOperator(self.settings)
             return RigSession(fake.plant, operator, FakeSupply(fake, self._constants))
+        if self._rig == EMULATOR:
+            emulator = start(free_air=True, arguments=emulator_arguments(self._constants))
+            self.emulator, self.settings = emulator, emulator.settings
+            operator = self._operator or AutomaticOperator(self.settings)
+            supply = EmulatedSupply(emulator.control)
+            return RigSession(rig_plant(self.settings), operator, supply, release=emulator.close)
         operator = self._operator or TerminalOperator()
         return RigSession(rig_plant(self.settings), operator, HandSupply(self.settings, operator))
 

@@ -7,10 +7,12 @@ from contextlib import ExitStack
 from datetime import date
 from typing import Any
 
+from cutenv.rig.clock import SystemClock
 from cutenv.rig.guard import guarded
 from cutenv.rig.operator import Operator
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.preparation import SETTLE, Check, prepare
+from cutenv.rig.real_time import preferred
 from cutenv.rig.supply import SpecimenKey, Supply
 
 RETURN_SPEED = 0.005
@@ -39,6 +41,8 @@ class RigSession:
     ----------
     checks : list of Check
         Of the preparation; empty before.
+    real_time : bool
+        Whether the operating system runs the rig's threads before others.
     """
 
     def __init__(
@@ -53,6 +57,7 @@ class RigSession:
         self.plant, self.operator = plant, operator
         self._supply, self._today = supply, today or date.today()
         self.checks: list[Check] = []
+        self.real_time = False
         self._stack = ExitStack()
         if release is not None:
             self._stack.callback(release)
@@ -61,6 +66,8 @@ class RigSession:
     def open(self) -> None:
         """Connect, and be ready to stop whatever happens; nothing moves.  Once is enough."""
         if not self._opened:
+            if isinstance(self.plant.clock, SystemClock):
+                self.real_time = self._stack.enter_context(preferred())
             self._stack.callback(self.plant.close)
             self.plant.open()
             self._stack.enter_context(guarded(self.plant.supervisor, self.plant.clock))

@@ -17,6 +17,7 @@ from cutenv.rig.emulator.assembly import EmulatedRig
 from cutenv.rig.emulator.bench import Laid
 from cutenv.rig.emulator.faults import FAULTS
 from cutenv.tissue.description import load_description
+from cutenv.tissue.specimen import Specimen
 from cutenv.validation import in_range, one_of
 
 _LONGEST = 1 << 16  # bytes of a request
@@ -34,6 +35,7 @@ def _specimen(rig: EmulatedRig, request: Request) -> Request:
         episode=int(in_range("episode", request.get("episode", 0), 0, 2**63, "1", cure)),
         specimen_class=str(request.get("class", "liver")),
         tissue=None if tissue is None else load_description(Path(str(tissue))),
+        specimen=Specimen.from_json(str(request["json"])) if "json" in request else None,
     )
     rig.lay(laid)
     return {"seed": laid.seed, "episode": laid.episode, "class": laid.specimen_class}
@@ -101,7 +103,7 @@ def _shutdown(rig: EmulatedRig, request: Request) -> Request:
 
 
 REQUESTS: dict[str, tuple[Callable[[EmulatedRig, Request], Request], tuple[str, ...] | None]] = {
-    "specimen": (_specimen, ("seed", "episode", "class", "tissue")),
+    "specimen": (_specimen, ("seed", "episode", "class", "tissue", "json")),
     "inject": (_inject, None),
     "clear": (_clear, ("fault",)),
     "events": (_events, ("since",)),
@@ -222,6 +224,12 @@ class EmulatorControl:
         """Lay a fresh specimen, with the blade at the clamp; ``tissue`` is a description's file."""
         extra = {} if tissue is None else {"tissue": str(Path(tissue).absolute())}
         return self.ask("specimen", seed=seed, episode=episode, **{"class": specimen_class}, **extra)
+
+    def lay(self, specimen: Specimen, *, seed: int = 0, episode: int = 0) -> Request:
+        """Lay a given specimen; seed and episode are the key of the sensor's noise."""
+        return self.ask(
+            "specimen", seed=seed, episode=episode, json=specimen.to_json(), **{"class": specimen.specimen_class}
+        )
 
     def inject(self, fault: str, **parameters: Any) -> Request:
         """Let something go wrong: one of :data:`~cutenv.rig.emulator.faults.FAULTS`."""

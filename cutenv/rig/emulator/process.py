@@ -23,6 +23,7 @@ from cutenv.rig.emulator.assembly import BLADE, HINGE, EmulatedRig, Options
 from cutenv.rig.emulator.bench import Laid, feel
 from cutenv.rig.emulator.control import ControlServer, EmulatorControl
 from cutenv.rig.emulator.motor import turn_motor
+from cutenv.rig.real_time import prefer
 from cutenv.rig.settings import Bus, Calibration, RigSettings, Sensor
 
 STARTS_WITHIN = 180.0
@@ -69,6 +70,7 @@ def serve(
     """
     sys.setswitchinterval(_SWITCH)
     warm_up()
+    prefer()  # only now: compiling takes seconds, and would keep everything else waiting
     rig = EmulatedRig(options)
     control = None
     try:
