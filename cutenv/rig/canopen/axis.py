@@ -233,15 +233,22 @@ class CanopenAxis:
         RigError
             If the fault stays, because its cause does, or the drive does not answer.
         """
-        self._power_off()
-        if self._state is DriveState.FAULT:
-            self._control(o.DISABLE_VOLTAGE)  # the drive resets at the rising edge of the bit, so it must see it low
-            self._fresh()
-            self._error = ""
-            self._control(o.FAULT_RESET)
-            self._await(lambda: self._state is not DriveState.FAULT, "leave its fault")
+        self._stopped = False  # first: a quick stop of another thread from here on is another stop, and stays
+        try:
             self._power_off()
-        self._stopped = False
+            if self._state is DriveState.FAULT:
+                self._reset_fault()
+        except RigError:
+            self._stopped = True
+            raise
+
+    def _reset_fault(self) -> None:
+        self._control(o.DISABLE_VOLTAGE)  # the drive resets at the rising edge of the bit, so it must see it low
+        self._fresh()
+        self._error = ""
+        self._control(o.FAULT_RESET)
+        self._await(lambda: self._state is not DriveState.FAULT, "leave its fault")
+        self._power_off()
 
     def _power_off(self) -> None:
         self._may_move = False
