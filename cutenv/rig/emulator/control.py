@@ -9,7 +9,6 @@ import socketserver
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from cutenv.rig.drivers import RigError
@@ -64,6 +63,7 @@ def _state(rig: EmulatedRig, request: Request) -> Request:
             "clients": {"can": rig.hub.clients, "sensor": rig.sensor.clients},
             "stalls": rig.stalls,
             "worst_stall_s": rig.worst_stall,
+            "real_time": rig.real_time,
             "force_limit_N": rig.force_limit,
             "now_s": rig.now(),
         }
@@ -195,20 +195,22 @@ class EmulatorControl:
     """
 
     def __init__(self, port: int, *, host: str = "127.0.0.1", timeout: float = 5.0) -> None:
+        self._address, self._timeout = (host, port), timeout
+        self.ask("state")  # whoever is there answers
+
+    def ask(self, do: str, **fields: Any) -> Request:
+        """Send one request, over a connection of its own, and return the answer."""
+        host, port = self._address
         try:
-            self._socket = socket.create_connection((host, port), timeout=timeout)
-        except OSError as error:
+            with socket.create_connection(self._address, timeout=self._timeout) as connected:
+                connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                connected.sendall(json.dumps({"do": do, **fields}).encode() + b"\n")
+                with connected.makefile("rb") as lines:
+                    line = lines.readline()
+        except ConnectionRefusedError as error:
             raise RigError(
                 f"no emulator answers at {host}:{port} ({error}): start one by 'cutenv rig emulate'."
             ) from error
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._lines = self._socket.makefile("rb")
-
-    def ask(self, do: str, **fields: Any) -> Request:
-        """Send one request, return the answer."""
-        try:
-            self._socket.sendall(json.dumps({"do": do, **fields}).encode() + b"\n")
-            line = self._lines.readline()
         except OSError as error:
             raise RigError(f"the emulator does not answer {do!r} ({error}): is it still running?") from error
         if not line:
@@ -265,18 +267,3 @@ class EmulatorControl:
     def shutdown(self) -> None:
         """End the emulator."""
         self.ask("shutdown")
-
-    def close(self) -> None:
-        """Hang up; may be called twice."""
-        self._lines.close()
-        self._socket.close()
-
-    def __enter__(self) -> EmulatorControl:
-        """Return itself; it is connected."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        """Hang up."""
-        self.close()
