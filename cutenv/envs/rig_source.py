@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -100,6 +101,10 @@ class RigSource:
         Asked before anything moves.  Default: a person at the terminal, nobody for an emulated or fake rig.
     records : str or Path, optional
         Folder for the records of cuts.
+    lower_limits : dict, optional
+        Limits that are to be lower than the rig's, see :meth:`cutenv.rig.settings.Limits.lowered`.
+    dry_run : bool
+        Whether a fake stands for the rig, with its settings.
 
     Attributes
     ----------
@@ -121,10 +126,18 @@ class RigSource:
         *,
         operator: Operator | None = None,
         records: str | Path | None = None,
+        lower_limits: dict[str, float] | None = None,
+        dry_run: bool = False,
     ) -> None:
         self._rig, self._constants, self._operator = str(rig), constants, operator
+        self._lower = dict(lower_limits or {})
+        named = self._rig in (FAKE, EMULATOR)
+        self.settings = self._lowered(fake_settings(name=self._rig) if named else read(rig))
+        if dry_run:
+            self._rig, self.settings = FAKE, dataclasses.replace(self.settings, emulated=True)
         self.draws = self._rig in (FAKE, EMULATOR)
-        self.settings: RigSettings = fake_settings(name=self._rig) if self.draws else read(rig)
+        self.fake: FakeRig | None = None
+        """Of a fake rig in use."""
         self._folder = None if records is None else Path(records)
         self.emulator: RunningEmulator | None = None
         """Of an emulated rig that runs."""
@@ -135,17 +148,20 @@ class RigSource:
     def session(self) -> RigSession:
         """Make the rig; it is connected to at its first cut."""
         if self._rig == FAKE:
-            fake = FakeRig(_practice_bench, self.settings)
+            self.fake = fake = FakeRig(_practice_bench, self.settings)
             operator = self._operator or AutomaticOperator(self.settings)
             return RigSession(fake.plant, operator, FakeSupply(fake, self._constants))
         if self._rig == EMULATOR:
             emulator = start(free_air=True, arguments=emulator_arguments(self._constants))
-            self.emulator, self.settings = emulator, emulator.settings
+            self.emulator, self.settings = emulator, self._lowered(emulator.settings)
             operator = self._operator or AutomaticOperator(self.settings)
             supply = EmulatedSupply(emulator.control)
             return RigSession(rig_plant(self.settings), operator, supply, release=emulator.close)
         operator = self._operator or TerminalOperator()
         return RigSession(rig_plant(self.settings), operator, HandSupply(self.settings, operator))
+
+    def _lowered(self, settings: RigSettings) -> RigSettings:
+        return dataclasses.replace(settings, limits=settings.limits.lowered(**self._lower))
 
     def begin_record(self, plant: RigPlant, *, seed: int, episode: int, **metadata: Any) -> None:
         """Begin the record of a cut, if records are kept; a disk that takes no more stops the blade."""

@@ -91,6 +91,7 @@ class FakeDrive:
     def command(self, speed: float) -> None:
         """A new target speed, unless the bus is off."""
         self._rig.reach(self.name)
+        self._rig.heard(self._rig.clock.now(), self.name, speed)
         if self.state is DriveState.ENABLED:
             self.target = speed
 
@@ -172,6 +173,8 @@ class FakeRig:
     ----------
     plant : RigPlant
         To be opened.
+    heard : callable
+        Told every command: time [s], axis, speed [m/s or rad/s].
     faults : Faults
         To be changed at any instant.
     """
@@ -195,6 +198,7 @@ class FakeRig:
         self.plant = RigPlant(
             self.settings, self.clock, self.blade, self.sensor, angle=self.angle, depth=depth, follows=follows
         )
+        self.heard: Callable[[float, str, float], None] = lambda time, axis, speed: None
         self._listeners: dict[str, MotionListener | None] = {}
         self._sequence = 0
         self._lost = 0

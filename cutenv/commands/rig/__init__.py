@@ -22,6 +22,7 @@ RIG_COMMANDS = {
         summary="run an emulated rig: drive, tissue and force sensor on real wires",
     ),
     "init": RigCommand(module="cutenv.commands.rig.init", summary="write the file of a new rig, to be filled in"),
+    "run": RigCommand(module="cutenv.commands.rig.run", summary="cut with a policy from simulation, unchanged"),
 }
 
 

@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 _STATE_LIMIT = 1.0  # [s] for a drive to change its state
 _STATUS_LIMIT = 0.3  # [s] for a statusword to come
 _REST = 0.01  # of the top speed, below which an axis counts as standing
-_COMMAND, _STATUS, _MEASURED = o.COMMAND.layout, o.STATUS.layout, o.MEASURED.layout
+_STATUS, _MEASURED = o.STATUS.layout, o.MEASURED.layout
 _UNPOWERED = (DriveState.DISABLED, DriveState.READY, DriveState.SWITCHED_ON, DriveState.NOT_READY)
 
 
@@ -274,9 +274,7 @@ class CanopenAxis:
             raise RigError(f"{self.name}: stopped; clear it first.")
 
     def _control(self, controlword: int, velocity: int = 0) -> None:
-        self._network.send_message(
-            o.COMMAND.frame + self._settings.node, _COMMAND.pack(controlword, velocity, o.PROFILE_VELOCITY)
-        )
+        self._network.send_message(*o.command_frame(self._settings.node, controlword, velocity))
 
     # What it tells; called by the network's reader
 
