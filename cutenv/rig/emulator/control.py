@@ -181,7 +181,7 @@ class EmulatorControl:
     Parameters
     ----------
     port : int
-        As the emulator told it when it was ready.
+        As the emulator told it when it was ready; kept as an attribute.
     host : str
         Where it runs.
     timeout : float
@@ -194,6 +194,7 @@ class EmulatorControl:
     """
 
     def __init__(self, port: int, *, host: str = "127.0.0.1", timeout: float = 5.0) -> None:
+        self.port = port
         try:
             self._socket = socket.create_connection((host, port), timeout=timeout)
         except OSError as error:
