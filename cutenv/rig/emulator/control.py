@@ -182,7 +182,7 @@ class EmulatorControl:
     Parameters
     ----------
     port : int
-        As the emulator told it when it was ready.
+        As the emulator told it when it was ready; kept as an attribute.
     host : str
         Where it runs.
     timeout : float
@@ -195,6 +195,7 @@ class EmulatorControl:
     """
 
     def __init__(self, port: int, *, host: str = "127.0.0.1", timeout: float = 5.0) -> None:
+        self.port = port
         self._address, self._timeout = (host, port), timeout
         self.ask("state")  # whoever is there answers
 

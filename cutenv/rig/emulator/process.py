@@ -195,6 +195,11 @@ class RunningEmulator:
         if self._process.stdout is not None:
             self._process.stdout.close()
 
+    @property
+    def status(self) -> int | None:
+        """How the process has ended; None: it runs."""
+        return self._process.poll()
+
     def close(self) -> None:
         """End the process; may be called twice."""
         self._end()
