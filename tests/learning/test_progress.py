@@ -9,7 +9,7 @@ pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip in
 
 import progress  # noqa: E402
 from ppo import Arguments, new_model  # noqa: E402
-from seeing_critic import actor_parameters  # noqa: E402
+from stable_baselines3.common.logger import Logger  # noqa: E402
 
 SMALL = Arguments(
     environments=2, rollout=8, batch_size=16, demonstrations=0, averaging=0.25, timesteps=64, validations=2,
@@ -17,22 +17,27 @@ SMALL = Arguments(
 )  # fmt: skip
 
 
+def untrained(arguments):
+    return new_model(arguments, arguments.environments_at(arguments.training_seeds))
+
+
 @pytest.fixture
 def watching(tmp_path):
     result = progress.Progress(tmp_path, SMALL, [])
-    result.init_callback(new_model(SMALL))
+    result.init_callback(untrained(SMALL))
+    result.model.set_logger(Logger(None, []))
     return result
 
 
 def first_weights(model):
-    return actor_parameters(model)[0].detach().clone()
+    return model.policy.actor_parameters()[0].detach().clone()
 
 
 def test_the_average_follows_the_actor_at_a_distance_and_the_actor_stays_as_it_is(watching):
     watching.average()
     start = first_weights(watching.model)
     with torch.no_grad():
-        actor_parameters(watching.model)[0].add_(1.0)
+        watching.model.policy.actor_parameters()[0].add_(1.0)
     watching.average()
     with watching.averaged():
         assert torch.allclose(first_weights(watching.model), start + 0.25)
@@ -42,7 +47,7 @@ def test_the_average_follows_the_actor_at_a_distance_and_the_actor_stays_as_it_i
 def test_the_actor_comes_back_even_if_validation_is_interrupted(watching):
     watching.average()
     with torch.no_grad():
-        actor_parameters(watching.model)[0].add_(1.0)
+        watching.model.policy.actor_parameters()[0].add_(1.0)
     present = first_weights(watching.model)
     with pytest.raises(KeyboardInterrupt), watching.averaged():
         raise KeyboardInterrupt
@@ -72,8 +77,8 @@ def test_exploration_falls_and_is_not_learned(watching):
 def test_while_only_the_critic_learns_the_actor_does_not(tmp_path):
     taught = Arguments(environments=2, rollout=8, batch_size=16, demonstrations=100, critic_first=0.5, timesteps=64)
     watching = progress.Progress(tmp_path, taught, [])
-    watching.init_callback(new_model(taught))
+    watching.init_callback(untrained(taught))
     for decisions, learns in ((0, False), (31, False), (32, True)):
         watching.num_timesteps = decisions
         watching._on_rollout_start()
-        assert all(parameter.requires_grad == learns for parameter in actor_parameters(watching.model))
+        assert all(parameter.requires_grad == learns for parameter in watching.model.policy.actor_parameters())
