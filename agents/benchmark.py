@@ -122,7 +122,7 @@ class Benchmark:
         cutting = sum(_CORE_SECONDS.get(part.contestant, _CORE_SECONDS_ELSE) for part, _ in self.uncut()) * p.specimens
         sweeping = len(self.unswept()) * len(self.swept()) * p.sweep_specimens * 0.6 * _CORE_SECONDS_ELSE
         feeds = 0.0 if self.feeds.is_file() or not self.uncut() else len(GRID) * p.feed_specimens * 0.012
-        statistics = 6.0 * len(self.names) * p.resamples / 2000
+        statistics = sum(20.0 if name in ENTRIES else 4.0 for name in self.names) * p.resamples / 2000
         stages = {
             f"train {len(self.untrained())} agents": training / self.processes,
             f"choose the best of {len(GRID)} constant feeds": feeds / self.processes,

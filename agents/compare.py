@@ -169,6 +169,8 @@ def shown_facts(facts: Mapping[str, Any]) -> dict[str, str]:
     }
     if "training_minutes" in facts:
         result["training took"] = f"{facts['training_minutes']} minutes"
+    if facts.get("level_with_script_after_s") is not None:
+        result["level with its teacher after"] = f"{facts['level_with_script_after_s']:.0f} s"
     if "environments_share" in facts:
         result["of that, the environments"] = f"{100.0 * facts['environments_share']:.0f} %"
     result |= {f"seeds of {name}": f"{first} to {last}" for name, (first, last) in facts["seeds"].items()}

@@ -6,7 +6,7 @@ Shared by ppo.py and recurrent_ppo.py, which say what the networks are and how t
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from arguments import AgentArguments, option, parse
 from compare import compare, read_rows
-from evaluate import write_csv
+from evaluate import contestant, evaluate, write_csv
 from progress import Progress, save
 from run_folder import export, record_run, write_facts
 
@@ -140,6 +140,16 @@ def exported(learner: Learner, arguments: TrialArguments, run: Path, name: str, 
     export(arguments, run / name, network, {**facts, "decisions": int(model.num_timesteps)})
 
 
+def level_after(arguments: TrialArguments, curve: Sequence[Mapping[str, float]]) -> float | None:
+    """Seconds after which the agent did as well as the demonstrated script on validation specimens; None: never."""
+    shared = {"specimen_class": arguments.specimen_class, "angle_mode": arguments.angle_mode}
+    several, seeds = {arguments.script: contestant(arguments.script)}, arguments.validation_seeds
+    rows = evaluate(several, seeds, shared, description="script on validation specimens")
+    wanted = float(np.mean([row["return"] for row in rows]))
+    reached = (point["seconds"] for point in curve if point.get("validation_return", -np.inf) >= wanted)
+    return next(reached, None)
+
+
 def main(learner: Learner, kind: type[TrialArguments], about: str | None, program: str) -> None:
     """Train, export, evaluate, report; ``program`` is what the command line calls the agent's file."""
     arguments, run, resume = parse(kind, about, Path(program).stem.replace("_", "-"), QUICK)
@@ -162,7 +172,12 @@ def main(learner: Learner, kind: type[TrialArguments], about: str | None, progra
             exported(learner, arguments, run, name, facts)
         write_facts(run, facts)
         if arguments.specimens:
+            seconds = level_after(arguments, curve)
+            facts["level_with_script_after_s"] = seconds
+            write_facts(run, facts)
             compare(run, facts)
+            when = "never in this training" if seconds is None else f"after {seconds:.0f} s, teaching included"
+            print(f"level with {arguments.script!r} on the validation specimens: {when}")
     except KeyboardInterrupt:
         print(f"\ninterrupted while evaluating; {run}/policy.zip is the trained agent.")
         print(f"Evaluate it with: {again}")
