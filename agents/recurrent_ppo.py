@@ -5,7 +5,8 @@
     python agents/recurrent_ppo.py --resume runs/NAME  goes on from the checkpoint of an interrupted run
 
 As ppo.py, but the actor is a memory of its own making (one layer of LSTM), so it is given no history of decisions; its
-gradients go through whole cuts, so an update costs four times as much and fewer are made.  ``--history 6`` gives both.
+gradients go through whole cuts, so an update costs four times as much and fewer are made; the critic has a larger share
+of them to itself.  ``--history 6`` gives both.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ class Arguments(TrialArguments):
     timesteps: int = option(4_000_000, "decisions to train for")
     history: int = option(0, "past decisions among the features")
     epochs: int = option(4, "passes over a rollout")
+    critic_first: float = option(0.15, "share of the training in which only the critic learns, after a demonstration")
     cloning_epochs: int = option(15, "passes over the demonstrations")
 
 
