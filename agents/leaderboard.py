@@ -85,7 +85,7 @@ class Table:
 
     def main(self) -> tuple[list[str], list[list[str]]]:
         """Heading and rows of the main table, the best return first."""
-        difference = f"return minus {self.script}"
+        difference = f"return minus {self.script or 'best script'}"
         columns = [column.heading for column in COLUMNS]
         heading = ["policy", "kind", columns[0], difference, *columns[1:], "training decisions", "training [min]"]
         rows = []

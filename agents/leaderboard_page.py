@@ -79,6 +79,7 @@ def _cell(text: str) -> Html:
     number, _, interval = text.partition(" [")
     if not interval:
         return escaped(text)
+    number, interval = (part.replace("-", "\u2212") for part in (number, interval))  # as print sets it
     return Html(f'{escaped(number)} <span class="interval">[{escaped(interval)}</span>')
 
 

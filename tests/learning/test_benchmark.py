@@ -147,6 +147,18 @@ def test_two_tables_agree_where_their_intervals_meet_and_only_there(compared):
     assert len(found) == 2
 
 
+def test_a_part_of_the_comparison_has_a_table_too(compared, tmp_path):
+    (tmp_path / "cuts").mkdir()
+    for path in (compared / "cuts").glob("nothing--*.csv"):
+        (tmp_path / "cuts" / path.name).write_bytes(path.read_bytes())
+    keep_protocol(tmp_path, TINY)
+    write_tables(tmp_path, TINY)
+    table = read_table(tmp_path)
+    assert table.contestants == ["nothing"]
+    assert table.verdicts() == []
+    assert "No agent has been trained" in (tmp_path / "leaderboard.html").read_text()
+
+
 def test_results_of_another_protocol_are_not_mixed_in(compared):
     with pytest.raises(SystemExit, match="another protocol"):
         keep_protocol(compared, Protocol())
