@@ -92,18 +92,20 @@ class FeatureBatch:
     Raises
     ------
     TypeError, ValueError
-        For a history that is no whole number of decisions, and for a ``force`` that is not True or False.
+        For a count or a history that is no whole number, and for a ``force`` that is not True or False.
     """
 
     def __init__(self, count: int, *, history: int = 6, force: bool = True) -> None:
+        if in_range("count", count, 1, 10**7, "1", "Give the number of cuts.") % 1.0:
+            raise ValueError(f"count = {count} is not a whole number of cuts.")
         if in_range("history", history, 0, 1000, "1", "A handful of decisions is enough.") % 1.0:
             raise ValueError(f"history = {history} is not a whole number of decisions.")
         if not isinstance(force, bool):
             raise TypeError(f"force = {force!r} must be True (felt) or False (not felt).")
-        self._memory, self._frames = new_memory(count, int(history))
+        self._memory, self._frames = new_memory(int(count), int(history))
         self._force = force
         self.size = feature_count(int(history))
-        for cut in range(count):
+        for cut in range(int(count)):
             self.forget(cut)
 
     def forget(self, cut: int) -> None:
@@ -112,10 +114,13 @@ class FeatureBatch:
 
     def __call__(self, observations: NDArray[np.float32], cuts: slice = slice(None)) -> NDArray[np.float32]:
         """The features, shape (n, size) float32, of the ``cuts`` with these observations, shape (n, 12)."""
-        seen = np.array(observations, np.float32)
+        seen = checked_observation(observations).astype(np.float32)
+        memory, frames = self._memory[cuts], self._frames[cuts]
+        if seen.shape[:-1] != (len(memory),):
+            raise ValueError(f"observations have shape {seen.shape}; give ({len(memory)}, {seen.shape[-1]}).")
         if not self._force:
             seen[:, : _MAX + 1] = 0.0
-        return extract_batch(self._memory[cuts], self._frames[cuts], seen)
+        return extract_batch(memory, frames, seen)
 
 
 class Features:
@@ -142,7 +147,7 @@ class Features:
 
     def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The features, shape (size,) float32 within the observation's bounds, for an observation, shape (12,)."""
-        features: NDArray[np.float32] = self._batch(np.asarray(checked_observation(observation), np.float32)[None])[0]
+        features: NDArray[np.float32] = self._batch(np.asarray(observation)[None])[0]
         return features
 
 

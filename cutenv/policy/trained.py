@@ -17,7 +17,6 @@ from cutenv.policy.card import PolicyCard, check_scaling, observation_scaling
 from cutenv.policy.features import FeatureBatch, past_dead_zone
 from cutenv.policy.network import Network
 from cutenv.policy.recurrent import RecurrentNetwork
-from cutenv.task.observation import checked_observation
 
 __all__ = ["PolicyBatch", "PolicyCard", "TrainedPolicy", "observation_scaling", "save_policy"]
 
@@ -117,7 +116,7 @@ class TrainedPolicy:
 
     def __call__(self, observation: Array32) -> Array32:
         """The action, shape (2,), for an observation, shape (12,), of the cut since :meth:`reset`."""
-        action: Array32 = self._one(np.asarray(checked_observation(observation), np.float32)[None])[0]
+        action: Array32 = self._one(np.asarray(observation)[None])[0]
         return action
 
     def batch(self, count: int) -> PolicyBatch:
