@@ -12,17 +12,13 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from evaluate import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
+from options import option
 from vectorised import CutVecEnv
 
 from cutenv.policy import SCRIPTS
 from cutenv.tissue.specimen import CLASSES
 
 MAX_ENVIRONMENTS = 1000  # seeds that one training run may take of TRAINING_SEEDS
-
-
-def option(default: Any, meaning: str, choices: tuple[str, ...] | None = None) -> Any:
-    """A field of the arguments that is an option of the command line."""
-    return dataclasses.field(default=default, metadata={"help": meaning, "choices": choices})
 
 
 @dataclass(frozen=True, kw_only=True)

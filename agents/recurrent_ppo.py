@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from arguments import option
 from cloning import clone, demonstrations
 from learning import Learner, TrialArguments, common_keywords, main
+from options import option
 from remembering_actor import RememberingActor
 from sb3_contrib import RecurrentPPO
 from vectorised import CutVecEnv
