@@ -19,7 +19,9 @@ Answer = tuple[str, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64
 """Name, time [s], measured and modelled position [m], each of shape (n,)."""
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#8a3ffc", "#e69f00")
-_SIZE = (11.0, 7.5)  # [in]
+_SIZE = (11.0, 8.5)  # [in]
+_HEIGHT = 0.85  # of an answer, over the distance to the next
+_LEAST = 1e-6  # [m]
 
 
 def draw_identification(path: Path, steps: Sequence[Answer], sines: Sequence[Answer], *, title: str = "") -> None:
@@ -45,11 +47,11 @@ def draw_identification(path: Path, steps: Sequence[Answer], sines: Sequence[Ans
         _draw(rows[0][column], rows[1][column], answers)
         rows[0][column].set_title(name, fontsize=10)
         rows[1][column].set_xlabel("time since the first command [s]")
-    rows[0][0].set_ylabel("position [mm]")
+    rows[0][0].set_ylabel("position, each over its own range")
     rows[1][0].set_ylabel("measured - model [um]")
-    rows[0][0].plot([], [], ".", color="0.3", label="measured")
-    rows[0][0].plot([], [], color="0.3", label="model")
-    rows[0][0].legend(fontsize=8, frameon=False)
+    rows[0][0].plot([], [], ".", color=_COLOURS[0], label="measured")
+    rows[0][0].plot([], [], color="black", linewidth=0.7, label="model")
+    rows[0][0].legend(fontsize=8, frameon=False, loc="upper left")
     if title:
         figure.suptitle(label(title), fontsize=11)
     with replacing(path) as part:
@@ -57,15 +59,13 @@ def draw_identification(path: Path, steps: Sequence[Answer], sines: Sequence[Ans
 
 
 def _draw(above: Axes, below: Axes, answers: Sequence[Answer]) -> None:
-    offset = 0.0
-    for number, (name, time, measured, model) in enumerate(answers):
+    for number, (_, time, measured, model) in enumerate(answers):
         colour = _COLOURS[number % len(_COLOURS)]
-        span = 1e3 * float(np.ptp(measured))
-        middle = 1e3 * 0.5 * float(measured.max() + measured.min())
-        centre = offset + 0.5 * span
-        above.plot(time, 1e3 * measured - middle + centre, ".", markersize=2.0, color=colour)
-        above.plot(time, 1e3 * model - middle + centre, color=colour, linewidth=0.9)
-        above.annotate(name, (1.0, centre), xycoords=("axes fraction", "data"), fontsize=7, color=colour, va="center")
+        span = max(float(np.ptp(measured)), _LEAST)  # each over its own range, one above the other
+        least = float(measured.min())
+        above.plot(time, number + _HEIGHT * (measured - least) / span, ".", markersize=2.5, color=colour)
+        above.plot(time, number + _HEIGHT * (model - least) / span, color="black", linewidth=0.7)
         below.plot(time, 1e6 * (measured - model), ".", markersize=2.0, color=colour)
-        offset += 1.15 * span
+    named = [f"{name}\n{1e3 * float(np.ptp(measured)):.3g} mm" for name, _, measured, _ in answers]
+    above.set_yticks([number + 0.5 * _HEIGHT for number in range(len(answers))], named, fontsize=8)
     below.axhline(0.0, color="black", linewidth=0.6)

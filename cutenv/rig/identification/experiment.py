@@ -123,6 +123,7 @@ class _Moves:
         def moves() -> None:
             for k in range(plan.turns + 1):
                 self._hold(math.copysign(plan.turn_speed, -((-1) ** k)), plan.turn_travel / plan.turn_speed)
+            self._hold(0.0, _PAUSE)
 
         return self._recorded(moves)
 
