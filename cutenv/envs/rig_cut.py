@@ -12,18 +12,23 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from cutenv.compiled import announce
+from cutenv.cutting.simulate import hold
 from cutenv.envs.constants import Constants
 from cutenv.envs.gentle_cut import checked_episode, checked_length
 from cutenv.envs.rig_source import RigSource
 from cutenv.envs.tissue_source import TissueSource
+from cutenv.plant import Plant, SimulatedPlant
 from cutenv.rig.causes import Cause, RigStopped
+from cutenv.rig.fake import FakeRig
 from cutenv.rig.operator import Operator
 from cutenv.rig.session import RigSession
+from cutenv.rig.settings import RigSettings
 from cutenv.rig.supply import SpecimenKey
 from cutenv.task.beginning import drawn_length
 from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task.observation import BOUND, COMPONENTS, within_reach
-from cutenv.tissue.description import measured_liver
+from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.specimen import CLASSES, Specimen
 from cutenv.validation import in_range, one_of
 
@@ -76,6 +81,9 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                                hand refuses "free"
     fixed_angle_deg None       angle of the blade if fixed [deg]; None: as the rig has it
     records         None       folder for a record of every cut, written while it goes on; None: none
+    lower_limits    None       limits of the rig's file made lower, by name in SI: ``{"force": 5.0}``; see
+                               :data:`cutenv.rig.settings.LOWERED`
+    dry_run         False      cut drawn specimens on a fake with this rig's settings: nothing is connected
     operator        None       a :class:`cutenv.rig.operator.Operator`; None: the terminal, and nobody
                                for an emulated rig
     =============== ========== ========================================================================
@@ -110,10 +118,13 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         angle_mode: str | None = None,
         fixed_angle_deg: float | None = None,
         records: str | Path | None = None,
+        lower_limits: dict[str, float] | None = None,
+        dry_run: bool = False,
         operator: Operator | None = None,
         render_mode: None = None,
         **constants: float,
     ) -> None:
+        self._arguments = {name: value for name, value in locals().items() if name in _ARGUMENTS} | constants
         one_of("specimen_class", specimen_class, CLASSES)
         if in_range("control_hz", control_hz, 1, _UPDATES_HZ, "Hz") % 1 or _UPDATES_HZ % control_hz:
             raise ValueError(f"control_hz = {control_hz} must divide {_UPDATES_HZ}: 10, 20, 25, 50 and 100 do.")
@@ -130,8 +141,10 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.observation_space = spaces.Box(-BOUND, BOUND, (len(COMPONENTS),), np.float32)
         self.render_mode = None
 
-        self._source = RigSource(rig, self.constants, operator=operator, records=records)
-        settings = self._source.settings
+        self._source = RigSource(
+            rig, self.constants, operator=operator, records=records, lower_limits=lower_limits, dry_run=dry_run
+        )
+        settings = self.settings
         mode = settings.angle_mode if angle_mode is None else one_of("angle_mode", angle_mode, ("free", "fixed"))
         if mode == "free" and settings.angle_mode == "fixed":
             raise ValueError(
@@ -190,23 +203,15 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if options.get("target_length") is not None:
             length = checked_length(options["target_length"])
         self._ended = True
+        if self._session is None:
+            self._warm_up()
         self.specimen = self._specimen(options.get("specimen"), episode)
         plant = self.session.plant
         if self.specimen is not None:
             plant.depth = self.constants.knowledge.measure_depth(self.specimen.depth, self._seed, episode)
         self.session.next_cut(SpecimenKey(seed=self._seed, episode=episode, specimen=self.specimen), self.start_angle)
         tissue = self.specimen.tissue if self.specimen is not None else self.tissue.tissue or measured_liver()
-        self.cutting = GentleCutting(
-            plant,
-            tissue,
-            self.constants.weights,
-            self.constants.limits,
-            truth=None,
-            friction_per_depth=tissue.friction_share * tissue.fracture_resistance,
-            target_length=length,
-            deadline=self.deadline,
-            ticks=self.ticks,
-        )
+        self.cutting = self._cutting(plant, tissue, length)
         self._source.begin_record(
             plant,
             target_length_m=length,
@@ -217,6 +222,28 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._episode = episode + 1
         self._ended, self._stop = False, None
         return self.cutting.rest(self.start_angle), self._info()
+
+    def _warm_up(self) -> None:
+        """Compile what a decision needs, before a rig is connected: it would stall the threads that watch."""
+        announce(hold)
+        practice = Specimen.drawn(0, 0)
+        cutting = self._cutting(SimulatedPlant(practice), practice.tissue, 0.06)
+        cutting.rest(self.start_angle)
+        cutting.step(np.zeros(2))
+        cutting.stopped(cutting.plant.advance(0.0, _UPRIGHT, self.ticks))
+
+    def _cutting(self, plant: Plant, tissue: TissueDescription, length: float) -> GentleCutting:
+        return GentleCutting(
+            plant,
+            tissue,
+            self.constants.weights,
+            self.constants.limits,
+            truth=None,
+            friction_per_depth=tissue.friction_share * tissue.fracture_resistance,
+            target_length=length,
+            deadline=self.deadline,
+            ticks=self.ticks,
+        )
 
     def _specimen(self, option: Any, episode: int) -> Specimen | None:
         if not self._source.draws:
@@ -243,6 +270,8 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._finish()
             raise ValueError(f"action = {action!r} must hold 2 numbers in [-1, 1] (speed, angle), and none may be NaN.")
         cutting = self.cutting
+        if not cutting.time:
+            self.session.start()
         try:
             observation, reward = cutting.step(command)
         except RigStopped as stop:
@@ -277,6 +306,24 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 "limited": plant.supervisor.limited,
             },
         }
+
+    @property
+    def settings(self) -> RigSettings:
+        """Of the rig."""
+        return self._source.settings
+
+    def the_fake(self) -> FakeRig:
+        """The fake rig; ValueError if it is another kind."""
+        if self.session is None or self._source.fake is None:
+            raise ValueError(f"rig {self.settings.name!r} is not a fake one.")
+        return self._source.fake
+
+    def rehearsal(self) -> RigCutEnv:
+        """The same environment on a fake with this rig's settings: try a policy there before anything moves.
+
+        What a policy compiles or imports at its first decisions stalls the threads that watch a rig, which stop it.
+        """
+        return RigCutEnv(**{**self._arguments, "records": None, "operator": None, "dry_run": True})
 
     @property
     def records(self) -> list[Path]:

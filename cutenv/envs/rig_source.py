@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,12 @@ from cutenv.envs.constants import Constants
 from cutenv.plant.protocol import depth_along
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.provenance import Provenance
+from cutenv.rig.bench import CutBench
 from cutenv.rig.causes import Cause
 from cutenv.rig.drivers import RigError
-from cutenv.rig.fake import CutBench, FakeRig, fake_settings
+from cutenv.rig.emulator.control import EmulatorControl
+from cutenv.rig.emulator.process import RunningEmulator, start
+from cutenv.rig.fake import FakeRig, fake_settings
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operator import AutomaticOperator, Operator, TerminalOperator
 from cutenv.rig.plant import RigPlant
@@ -59,6 +63,31 @@ class FakeSupply:
         return None
 
 
+class EmulatedSupply:
+    """Lays drawn specimens on an emulated rig."""
+
+    def __init__(self, control: EmulatorControl) -> None:
+        self._control = control
+
+    def lay(self, key: SpecimenKey) -> NDArray[np.float64] | None:
+        """Lay it; its depth is known to the one who has drawn it."""
+        if key.specimen is None:
+            raise RigError("an emulated rig cuts drawn specimens only.")
+        self._control.lay(key.specimen, seed=key.seed, episode=key.episode)
+        return None
+
+
+def emulator_arguments(constants: Constants) -> list[str]:
+    """Options of ``cutenv rig emulate`` that give an emulated rig the simulator's drive and sensor."""
+    sensor, drive = constants.sensor, constants.drive
+    arguments = ["--force-delay-ms", f"{1e3 * sensor.force_delay:.6g}", "--force-noise-N", f"{sensor.force_noise:.6g}"]
+    if isinstance(drive, Rig):
+        arguments += ["--lag-ms", f"{1e3 * drive.motor_lag:.6g}", "--dead-time-ms", f"{1e3 * drive.dead_time:.6g}"]
+        if drive.backlash > 0.0:
+            arguments += ["--backlash-mm", f"{1e3 * drive.backlash:.6g}"]
+    return arguments
+
+
 class RigSource:
     """The rig that an environment's argument names, and the records of its cuts.
 
@@ -72,6 +101,10 @@ class RigSource:
         Asked before anything moves.  Default: a person at the terminal, nobody for an emulated or fake rig.
     records : str or Path, optional
         Folder for the records of cuts.
+    lower_limits : dict, optional
+        Limits that are to be lower than the rig's, see :meth:`cutenv.rig.settings.Limits.lowered`.
+    dry_run : bool
+        Whether a fake stands for the rig, with its settings.
 
     Attributes
     ----------
@@ -93,11 +126,21 @@ class RigSource:
         *,
         operator: Operator | None = None,
         records: str | Path | None = None,
+        lower_limits: dict[str, float] | None = None,
+        dry_run: bool = False,
     ) -> None:
         self._rig, self._constants, self._operator = str(rig), constants, operator
+        self._lower = dict(lower_limits or {})
+        named = self._rig in (FAKE, EMULATOR)
+        self.settings = self._lowered(fake_settings(name=self._rig) if named else read(rig))
+        if dry_run:
+            self._rig, self.settings = FAKE, dataclasses.replace(self.settings, emulated=True)
         self.draws = self._rig in (FAKE, EMULATOR)
-        self.settings: RigSettings = fake_settings(name=self._rig) if self.draws else read(rig)
+        self.fake: FakeRig | None = None
+        """Of a fake rig in use."""
         self._folder = None if records is None else Path(records)
+        self.emulator: RunningEmulator | None = None
+        """Of an emulated rig that runs."""
         self._record: AppendingRecord | None = None
         self.records: list[Path] = []
         """Of finished cuts."""
@@ -105,11 +148,20 @@ class RigSource:
     def session(self) -> RigSession:
         """Make the rig; it is connected to at its first cut."""
         if self._rig == FAKE:
-            fake = FakeRig(_practice_bench, self.settings)
+            self.fake = fake = FakeRig(_practice_bench, self.settings)
             operator = self._operator or AutomaticOperator(self.settings)
             return RigSession(fake.plant, operator, FakeSupply(fake, self._constants))
+        if self._rig == EMULATOR:
+            emulator = start(free_air=True, arguments=emulator_arguments(self._constants))
+            self.emulator, self.settings = emulator, self._lowered(emulator.settings)
+            operator = self._operator or AutomaticOperator(self.settings)
+            supply = EmulatedSupply(emulator.control)
+            return RigSession(rig_plant(self.settings), operator, supply, release=emulator.close)
         operator = self._operator or TerminalOperator()
         return RigSession(rig_plant(self.settings), operator, HandSupply(self.settings, operator))
+
+    def _lowered(self, settings: RigSettings) -> RigSettings:
+        return dataclasses.replace(settings, limits=settings.limits.lowered(**self._lower))
 
     def begin_record(self, plant: RigPlant, *, seed: int, episode: int, **metadata: Any) -> None:
         """Begin the record of a cut, if records are kept; a disk that takes no more stops the blade."""
@@ -142,7 +194,7 @@ class RigSource:
             columns = [readings[field].tolist() for field in ("time", "force", "position", "speed", "angle")]
             try:
                 record.append(map(Reading._make, zip(*columns, depth.tolist(), strict=True)))
-            except RecordingFailed as error:
+            except (RecordingFailed, TypeError, ValueError) as error:  # a full disk, or what no record holds
                 plant.supervisor.trip(Cause.EXCEPTION, f"the record cannot be kept: {error}")
 
         plant.keep = keep

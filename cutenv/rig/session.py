@@ -7,14 +7,20 @@ from contextlib import ExitStack
 from datetime import date
 from typing import Any
 
+from cutenv.rig.causes import WATCH, RigStopped
+from cutenv.rig.clock import SystemClock
+from cutenv.rig.drivers import RigError
 from cutenv.rig.guard import guarded
 from cutenv.rig.operator import Operator
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.preparation import SETTLE, Check, prepare
+from cutenv.rig.real_time import preferred
 from cutenv.rig.supply import SpecimenKey, Supply
 
 RETURN_SPEED = 0.005
 """Of the way back to the clamp between cuts [m/s]: never fast."""
+_ATTEMPTS = 3  # to get to the clamp; the operator agrees to each
+_PATIENCE = 1.0  # [s] with a computer that was busy a moment ago: readings have to be fresh again
 AT_CLAMP = 0.0
 """Position of the blade at the start of a cut [m]."""
 
@@ -39,6 +45,8 @@ class RigSession:
     ----------
     checks : list of Check
         Of the preparation; empty before.
+    real_time : bool
+        Whether the operating system runs the rig's threads before others.
     """
 
     def __init__(
@@ -53,6 +61,7 @@ class RigSession:
         self.plant, self.operator = plant, operator
         self._supply, self._today = supply, today or date.today()
         self.checks: list[Check] = []
+        self.real_time = False
         self._stack = ExitStack()
         if release is not None:
             self._stack.callback(release)
@@ -61,6 +70,8 @@ class RigSession:
     def open(self) -> None:
         """Connect, and be ready to stop whatever happens; nothing moves.  Once is enough."""
         if not self._opened:
+            if isinstance(self.plant.clock, SystemClock):
+                self.real_time = self._stack.enter_context(preferred())
             self._stack.callback(self.plant.close)
             self.plant.open()
             self._stack.enter_context(guarded(self.plant.supervisor, self.plant.clock))
@@ -68,7 +79,7 @@ class RigSession:
             self._opened = True
 
     def next_cut(self, key: SpecimenKey, angle: float) -> None:
-        """Prepare if that was not done, go slowly to the clamp, have a new specimen laid, tare, and be ready to cut.
+        """Prepare if that was not done, go slowly to the clamp, have a new specimen laid, and tare.
 
         Parameters
         ----------
@@ -86,24 +97,51 @@ class RigSession:
         """
         self.open()
         plant, supervisor = self.plant, self.plant.supervisor
-        if supervisor.phase == "stopped":
-            question = f"The blade was stopped ({supervisor.report}). Is the cause removed, and may the stop be reset?"
-            supervisor.reset(agreed=self.operator.confirm(question))
-            self.checks = []
-        if not self.checks:
-            self.checks = prepare(plant, self.operator, today=self._today)
-        elif supervisor.phase == "unready":
-            supervisor.release()
-        self.operator.tell(f"The blade returns to the clamp at {1e3 * RETURN_SPEED:g} mm/s.")
-        plant.travel(AT_CLAMP, speed=RETURN_SPEED, angle=angle)
+        for attempt in range(1, _ATTEMPTS + 1):
+            self._be_ready()
+            self.operator.tell(f"The blade returns to the clamp at {1e3 * RETURN_SPEED:g} mm/s.")
+            try:
+                plant.travel(AT_CLAMP, speed=RETURN_SPEED, angle=angle)
+                break
+            except RigStopped:
+                if attempt == _ATTEMPTS:
+                    raise
         supervisor.lock()
         depth = self._supply.lay(key)
         if depth is not None:
             plant.depth = depth
         plant.clock.sleep_until(plant.clock.now() + SETTLE)
         plant.tare()
-        supervisor.release()
         plant.begin()
+
+    def _be_ready(self) -> None:
+        """Reset a stop if the operator agrees, prepare if that has to be done, and release."""
+        supervisor = self.plant.supervisor
+        if supervisor.phase == "stopped":
+            question = f"The blade was stopped ({supervisor.report}). Is the cause removed, and may the stop be reset?"
+            supervisor.reset(agreed=self.operator.confirm(question))
+            self.checks = []
+        if not self.checks:
+            self.checks = prepare(self.plant, self.operator, today=self._today)
+        else:
+            self.start()
+
+    def start(self) -> None:
+        """Let the cut's commands through; until here the rig is locked, however long a policy takes to be ready.
+
+        Raises
+        ------
+        RigError
+            If something is missing or wrong, and stays so.
+        """
+        clock, deadline = self.plant.clock, self.plant.clock.now() + _PATIENCE
+        while True:
+            try:
+                return self.plant.supervisor.release()
+            except RigError:
+                if clock.now() > deadline:
+                    raise
+            clock.sleep_until(clock.now() + WATCH)
 
     def end_cut(self) -> None:
         """Bring the blade to rest and lock the rig."""

@@ -23,6 +23,7 @@ from cutenv.rig.emulator.assembly import BLADE, HINGE, EmulatedRig, Options
 from cutenv.rig.emulator.bench import Laid, feel
 from cutenv.rig.emulator.control import ControlServer, EmulatorControl
 from cutenv.rig.emulator.motor import turn_motor
+from cutenv.rig.real_time import prefer
 from cutenv.rig.settings import Bus, Calibration, RigSettings, Sensor
 
 STARTS_WITHIN = 180.0
@@ -45,7 +46,11 @@ def warm_up() -> None:
 
 
 def serve(
-    options: Options, *, faults: Sequence[tuple[str, dict[str, Any], float]] = (), parent: int | None = None
+    options: Options,
+    *,
+    faults: Sequence[tuple[str, dict[str, Any], float]] = (),
+    parent: int | None = None,
+    real_time: bool = False,
 ) -> None:
     """Run an emulated rig until it is told to end: by signal, by the control port, or by the end of its parent.
 
@@ -59,6 +64,8 @@ def serve(
         What goes wrong, and how long after the start [s].
     parent : int, optional
         Process without which it ends.
+    real_time : bool
+        Take priority over other processes, if the system allows; the control port's "state" says whether it did.
 
     Raises
     ------
@@ -69,7 +76,9 @@ def serve(
     """
     sys.setswitchinterval(_SWITCH)
     warm_up()
+    first = real_time and prefer()  # only now: compiling takes seconds; before there are threads: they inherit it
     rig = EmulatedRig(options)
+    rig.real_time = first
     control = None
     try:
         for name, given, seconds in faults:
@@ -186,9 +195,13 @@ class RunningEmulator:
         if self._process.stdout is not None:
             self._process.stdout.close()
 
+    @property
+    def status(self) -> int | None:
+        """How the process has ended; None: it runs."""
+        return self._process.poll()
+
     def close(self) -> None:
         """End the process; may be called twice."""
-        self.control.close()
         self._end()
 
     def __enter__(self) -> RunningEmulator:
@@ -209,6 +222,7 @@ def start(
     specimen_class: str = "liver",
     free_air: bool = False,
     angle_deg: float | None = None,
+    real_time: bool = True,
     arguments: Sequence[str] = (),
     timeout: float = STARTS_WITHIN,
 ) -> RunningEmulator:
@@ -220,6 +234,8 @@ def start(
         Of the specimen at the start; ``free_air``: none.
     angle_deg : float, optional
         Fixes the blade at this angle [degrees]; else a second axis turns it.
+    real_time : bool
+        Take priority over other processes, if the system allows.
     arguments : sequence of str
         More options of ``cutenv rig emulate``.
     timeout : float
@@ -232,6 +248,7 @@ def start(
     """
     given = ["--seed", str(seed), "--episode", str(episode), "--class", specimen_class]
     given += ["--free-air"] if free_air else []
+    given += ["--real-time"] if real_time else []
     given += [] if angle_deg is None else ["--angle", "fixed", "--angle-deg", str(angle_deg)]
     return RunningEmulator(
         [*given, *arguments],
