@@ -14,6 +14,7 @@ from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operator import AutomaticOperator, Operator, TerminalOperator
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.preparation import SETTLE
+from cutenv.rig.real_time import preferred
 from cutenv.rig.settings import RigSettings
 from cutenv.rig.toml_file import read
 
@@ -58,6 +59,7 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
             else:
                 settings = read(rig)
             plant = rig_plant(settings)
+            stack.enter_context(preferred())
         stack.callback(plant.close)
         plant.open()
         stack.enter_context(guarded(plant.supervisor, plant.clock))

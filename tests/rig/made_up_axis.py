@@ -8,7 +8,7 @@ import numpy as np
 
 from cutenv.cutting.drive import Rig, advance_command, delayed, made_up
 from cutenv.cutting.records import STATE, TICK
-from cutenv.rig.identification.experiment import estimated
+from cutenv.rig.identification.experiment import Recorded, estimated
 from cutenv.rig.identification.plan import Plan
 from cutenv.rig.identification.recording import Stretch
 from cutenv.rig.identification.result import Identification
@@ -91,10 +91,10 @@ def identified(axis: MadeUpAxis, **force: float) -> Identification:
     """The whole experiment on a made-up rig."""
     settings = RigSettings()
     plan = Plan.within(settings, 0.03)
-    steps = [
+    steps = tuple(
         axis.step(sign * speed, hold)
         for speed, hold in zip(plan.speeds, plan.step_hold, strict=True)
         for sign in (1, -1)
-    ]
-    sines = [axis.sine(sine.frequency, sine.amplitude, sine.duration) for sine in plan.sines]
-    return estimated(settings, plan, steps, sines, axis.turns(plan), made_up_force(**force), rate=1000.0)
+    )
+    sines = tuple(axis.sine(*sine, sine.duration) for sine in plan.sines)
+    return estimated(settings, plan, Recorded(steps, sines, axis.turns(plan), made_up_force(**force), 1000.0))

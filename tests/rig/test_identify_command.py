@@ -14,7 +14,7 @@ from cutenv.cutting.drive import Rig
 from cutenv.rig.air_bench import AirBench
 from cutenv.rig.causes import Cause, RigStopped
 from cutenv.rig.fake import FakeRig, fake_settings
-from cutenv.rig.identification import Plan, identify
+from cutenv.rig.identification import Plan, estimated, perform
 from cutenv.rig.operator import AutomaticOperator
 from cutenv.rig.preparation import SETTLE, prepare
 from cutenv.rig.settings import Identified, RigSettings
@@ -41,7 +41,8 @@ def file_of(path: Path, identified: Identified | None = None) -> Path:
 def test_the_experiment_finds_the_drive_of_a_rig_and_brings_the_blade_back() -> None:
     rig = prepared(Rig(motor_lag=0.055, dead_time=0.006))
     before = rig.plant.position
-    found = identify(rig.plant, Plan.within(rig.settings, before))
+    plan = Plan.within(rig.settings, before)
+    found = estimated(rig.settings, plan, perform(rig.plant, plan))
     assert found["motor_lag"].value == pytest.approx(0.055, rel=0.05)
     assert found["dead_time"].value == pytest.approx(0.006, abs=0.002)
     assert found["acceleration"].value == pytest.approx(0.1, rel=0.05)
@@ -62,7 +63,7 @@ def test_something_in_the_way_stops_the_experiment() -> None:
             rig.faults.ramp = 5.0
 
     with pytest.raises(RigStopped) as stop:
-        identify(rig.plant, plan, tell=push)
+        perform(rig.plant, plan, tell=push)
     assert stop.value.report.cause is Cause.FORCE
     assert rig.plant.supervisor.standing
 

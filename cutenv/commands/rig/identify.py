@@ -15,7 +15,7 @@ from pathlib import Path
 from cutenv.rig.causes import RigStopped
 from cutenv.rig.connection import EMULATOR, FAKE, connected, operator_of
 from cutenv.rig.drivers import RigError
-from cutenv.rig.identification import Identification, Plan, identify
+from cutenv.rig.identification import Identification, Plan, estimated, perform
 from cutenv.rig.preparation import prepare
 from cutenv.rig.settings import RigSettings
 from cutenv.rig.toml_file import write_identified
@@ -34,9 +34,9 @@ def main(argv: Sequence[str]) -> int:
             plan = Plan.within(settings, rig.plant.position)
             if not operator.confirm(_question(plan)):
                 raise RigError("the operator has not confirmed: nothing was measured.")
-            found = identify(rig.plant, plan, tell=print)
+            recorded = perform(rig.plant, plan, tell=print)
             rig.plant.halt()
-        _report(found, settings, arguments)
+        _report(estimated(settings, plan, recorded), settings, arguments)
     except RigStopped as stop:
         print(f"cutenv rig identify: stopped: {stop}", file=sys.stderr)
         return 1

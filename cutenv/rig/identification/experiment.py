@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-
-import numpy as np
+from typing import NamedTuple
 
 from cutenv.cutting.records import TICK
 from cutenv.rig.drivers import RigError
 from cutenv.rig.identification.friction import Friction, Play, Unseen, coulomb_friction, play
 from cutenv.rig.identification.plan import Plan
-from cutenv.rig.identification.recording import Recorder, Stretch
+from cutenv.rig.identification.recording import Array, Recorder, Stretch
 from cutenv.rig.identification.response import Response, SineCheck, check_sine, fit_response
 from cutenv.rig.identification.result import Estimate, Identification
 from cutenv.rig.identification.sensor_noise import BLOCK, sensor_at_rest
@@ -25,8 +24,30 @@ _PAUSE = 0.4  # [s] of rest before each stretch
 _REST_TICKS = 100
 
 
-def identify(plant: RigPlant, plan: Plan, tell: Callable[[str], None] = lambda message: None) -> Identification:
-    """Move the empty axis as planned, and estimate the rig's constants from what it answers.
+class Recorded(NamedTuple):
+    """What axis and sensor have answered.
+
+    Attributes
+    ----------
+    steps, sines : tuple of Stretch
+        As the plan orders them; of each speed there is a step away from the clamp and one back.
+    turns : Stretch
+        The slow reversals.
+    force : array of shape (n,)
+        Readings along the cut at rest [N].
+    rate : float
+        Of those readings [Hz].
+    """
+
+    steps: tuple[Stretch, ...]
+    sines: tuple[Stretch, ...]
+    turns: Stretch
+    force: Array
+    rate: float
+
+
+def perform(plant: RigPlant, plan: Plan, tell: Callable[[str], None] = lambda message: None) -> Recorded:
+    """Move the empty axis as planned, and record what it answers.
 
     Parameters
     ----------
@@ -42,7 +63,7 @@ def identify(plant: RigPlant, plan: Plan, tell: Callable[[str], None] = lambda m
     RigStopped
         If the supervisor stops the blade.
     RigError
-        If commands had to be made smaller, or the samples do not suffice.
+        If commands had to be made smaller, so that the answer is not to the plan.
     """
     recorder = Recorder("xyz".index(plant.settings.sensor.cut_axis))
     came_from = plant.position
@@ -72,7 +93,7 @@ def identify(plant: RigPlant, plan: Plan, tell: Callable[[str], None] = lambda m
             " rig's file, or start farther from the ends of travel."
         )
     force = recorder.force_along(*rest)
-    return estimated(plant.settings, plan, steps, sines, turns, force, rate=len(force) / (rest[1] - rest[0]))
+    return Recorded(tuple(steps), tuple(sines), turns, force, len(force) / (rest[1] - rest[0]))
 
 
 class _Moves:
@@ -139,36 +160,15 @@ class _Moves:
         return self._recorded(moves)
 
 
-def estimated(
-    settings: RigSettings,
-    plan: Plan,
-    steps: list[Stretch],
-    sines: list[Stretch],
-    turns: Stretch,
-    force: np.ndarray[tuple[int], np.dtype[np.float64]],
-    *,
-    rate: float,
-) -> Identification:
-    """What recorded arrays tell of a rig.
-
-    Parameters
-    ----------
-    settings : RigSettings
-        Gear, lead and limits of the axis.
-    plan : Plan
-        What was done.
-    steps, sines : list of Stretch
-        As the plan orders them.
-    turns : Stretch
-        The slow reversals.
-    force : array of shape (n,)
-        Readings along the cut at rest [N], ``rate`` of them a second [Hz].
+def estimated(settings: RigSettings, plan: Plan, recorded: Recorded) -> Identification:
+    """What recorded arrays tell of a rig; takes some seconds of computing, so leave the rig before.
 
     Raises
     ------
     RigError
         If the axis has not moved, or too little was recorded.
     """
+    steps, sines, turns, force, rate = recorded
     axis = settings.blade
     try:
         response = fit_response(steps, nominal_acceleration=axis.acceleration)
@@ -182,9 +182,7 @@ def estimated(
     checks: tuple[SineCheck, ...] = tuple(
         check_sine(sine, planned.frequency, response) for sine, planned in zip(sines, plan.sines, strict=True)
     )
-    return Identification(
-        plan=plan, estimates=estimates, response=response, checks=checks, steps=tuple(steps), sines=tuple(sines)
-    )
+    return Identification(plan=plan, estimates=estimates, response=response, checks=checks, steps=steps, sines=sines)
 
 
 def _of_response(response: Response) -> list[Estimate]:
@@ -223,7 +221,7 @@ def _of_friction(found: Friction | Unseen) -> Estimate:
     return Estimate(name="friction", value=found.coulomb, error=found.error, how=how)
 
 
-def _of_sensor(force: np.ndarray[tuple[int], np.dtype[np.float64]], rate: float) -> list[Estimate]:
+def _of_sensor(force: Array, rate: float) -> list[Estimate]:
     names = ("force_noise", "force_resolution", "force_drift")
     found = sensor_at_rest(force, rate)
     if found is None:
