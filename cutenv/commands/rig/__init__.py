@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from importlib import import_module
 
 COMMANDS = {
+    "emulate": "run an emulated rig: drive, tissue and force sensor on real wires",
     "init": "write the file of a new rig, to be filled in",
 }
 """Name -> line of help; the module of that name here has ``main(argv)``."""

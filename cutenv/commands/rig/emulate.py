@@ -1,0 +1,111 @@
+"""Run an emulated rig: an EPOS4 drive on a CAN hub, screw, tissue and a Net F/T force sensor, in real time.
+
+Prints one line of JSON when it is ready: the ports and the sensor's page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cutenv.tissue.specimen import CLASSES
+
+if TYPE_CHECKING:
+    from cutenv.rig.emulator.assembly import Options
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run until ended; 2 if an option is bad or a port is taken."""
+    from cutenv.rig.emulator.faults import FAULTS, parsed_fault
+
+    arguments = _parser().parse_args(argv)
+    if arguments.list_faults:
+        for name, fault in FAULTS.items():
+            known = [f"{key}={about.default:g} {about.unit}" for key, about in fault.parameters.items()]
+            known += ["axis=blade"] if fault.of_axis else []
+            print(f"{name:<16} {fault.summary}" + (f" ({', '.join(known)})" if known else ""))
+        return 0
+    try:
+        from cutenv.rig.emulator.process import serve
+
+        parent = os.getppid() if arguments.with_parent == 0 else arguments.with_parent
+        serve(_options(arguments), faults=[parsed_fault(text) for text in arguments.fault], parent=parent)
+    except (OSError, ValueError, TypeError) as error:
+        print(f"cutenv rig emulate: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _options(arguments: argparse.Namespace) -> Options:
+    from cutenv.cutting.sensor import SensorParameters
+    from cutenv.rig.emulator.assembly import Options
+    from cutenv.rig.emulator.bench import Laid
+    from cutenv.rig.emulator.motor import Mechanics, hinge
+    from cutenv.tissue.description import load_description
+
+    tissue = None if arguments.tissue is None else load_description(arguments.tissue)
+    laid = Laid(seed=arguments.seed, episode=arguments.episode, specimen_class=arguments.specimen_class, tissue=tissue)
+    times = {"lag": 1e-3 * arguments.lag_ms, "dead_time": 1e-3 * arguments.dead_time_ms}
+    mechanics = Mechanics(**times)
+    if arguments.backlash_mm is not None:
+        mechanics = replace(mechanics, backlash=1e-3 * arguments.backlash_mm)
+    if arguments.friction_N is not None:
+        mechanics = replace(mechanics, friction=arguments.friction_N)
+    sensor = SensorParameters()
+    if arguments.force_delay_ms is not None:
+        sensor = replace(sensor, force_delay=1e-3 * arguments.force_delay_ms)
+    if arguments.force_noise_N is not None:
+        sensor = replace(sensor, force_noise=arguments.force_noise_N)
+    return Options(
+        angle_mode=arguments.angle,
+        angle=math.radians(arguments.angle_deg),
+        laid=None if arguments.free_air else laid,
+        force_limit=arguments.force_limit_N,
+        blade_mechanics=mechanics,
+        hinge_mechanics=hinge(**times),
+        sensor=sensor,
+        host=arguments.host,
+        can_port=arguments.can_port,
+        sensor_port=arguments.sensor_port,
+        page_port=arguments.page_port,
+        control_port=arguments.control_port,
+    )
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="cutenv rig emulate",
+        description=__doc__,
+        epilog="Drivers meet it by python-can's interface socketcand, channel vcan0, and by UDP. It ends on Ctrl-C.",
+    )
+    add = parser.add_argument
+    add("--seed", type=int, default=0, help="of the specimen; default 0")
+    add("--episode", type=int, default=0, help="of the specimen; default 0")
+    add("--class", dest="specimen_class", choices=CLASSES, default="liver", help="default liver")
+    add("--tissue", type=Path, metavar="FILE", help="description that the specimen is drawn from; default pig liver")
+    add("--free-air", action="store_true", help="no specimen: the blade feels nothing")
+    add(
+        "--angle", choices=("free", "fixed"), default="free", help="whether a second axis turns the blade; default free"
+    )
+    add("--angle-deg", type=float, default=90.0, help="of the blade at the start; default 90")
+    add("--fault", action="append", default=[], metavar="NAME@SECONDS", help="let something go wrong; "
+        "NAME:KEY=VALUE,KEY=VALUE@SECONDS with parameters; may be given again")  # fmt: skip
+    add("--list-faults", action="store_true", help="tell the faults and their parameters, and end")
+    add("--force-limit-N", type=float, default=15.0, metavar="N", help="true force whose crossing is noted; default 15")
+    add("--lag-ms", type=float, default=40.0, metavar="MS", help="of the speed behind its target; default 40")
+    add("--dead-time-ms", type=float, default=0.0, metavar="MS", help="between target and motion; default 0")
+    add("--backlash-mm", type=float, metavar="MM", help="play of the screw; default 0.02")
+    add("--friction-N", type=float, metavar="N", help="of motor, gear and screw, at the carriage; default 20")
+    add("--force-delay-ms", type=float, metavar="MS", help="of the force sensor; default as the simulator's")
+    add("--force-noise-N", type=float, metavar="N", help="of the force sensor; default as the simulator's")
+    add("--host", default="127.0.0.1", help="where it listens; default 127.0.0.1, this computer alone")
+    for name in ("can", "sensor", "page", "control"):
+        add(f"--{name}-port", type=int, default=0, metavar="PORT", help="default: a free one")
+    add("--with-parent", type=int, nargs="?", const=0, metavar="PID", help="end when the process that started it ends")
+    return parser

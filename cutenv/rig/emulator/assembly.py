@@ -1,0 +1,265 @@
+"""The emulated rig put together, and the loop that lets a millisecond pass for all of it."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from cutenv.cutting.records import TICK
+from cutenv.cutting.sensor import SensorParameters
+from cutenv.plant.simulator import check_angle
+from cutenv.rig.drivers import RigError
+from cutenv.rig.emulator.axis import EmulatedAxis
+from cutenv.rig.emulator.bench import Bench, Laid
+from cutenv.rig.emulator.faults import FAULTS
+from cutenv.rig.emulator.hub import Frame, Hub
+from cutenv.rig.emulator.motor import Mechanics, hinge
+from cutenv.rig.emulator.node import Node
+from cutenv.rig.emulator.sensor import SensorServer
+from cutenv.rig.settings import Axis
+from cutenv.validation import in_range, one_of
+
+BLADE = Axis(low=-0.002, high=0.149)
+"""The carriage of the emulated rig."""
+HINGE = Axis(
+    node=2, gear=100.0, lead=2 * math.pi, low=math.radians(43.0), high=math.radians(92.0), speed=math.radians(120.0),
+    acceleration=20.0, quick_stop=40.0, following_error=0.05,
+)  # fmt: skip
+"""What turns the blade of the emulated rig."""
+STALL = 0.005
+"""By which the loop may be late before it is counted [s]."""
+
+_FORGIVEN = 0.25  # [s] of lateness that is made up for; more is left out
+_STILL = 1e-4  # [m/s], below which the carriage stands
+_STANDS_AFTER = 5  # ticks
+_OTHER_NOISE = (0.02, 0.02, 0.001, 0.001, 0.001)  # of Fy, Fz [N], Tx, Ty, Tz [N m]: enough that counts flicker
+_KEPT_EVENTS = 10_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """How the emulated rig is built.
+
+    Attributes
+    ----------
+    angle_mode : {"free", "fixed"}
+        With a second axis that turns the blade, or with the blade fixed at ``angle``.
+    angle : float
+        Of the blade at the start [rad].
+    laid : Laid, optional
+        The specimen at the start; None: free air.
+    force_limit : float
+        True force whose crossing is an event [N].
+    blade_axis, hinge_axis : Axis
+        As mounted; blade_mechanics, hinge_mechanics: what they move.
+    sensor : SensorParameters
+        Of the force, as the simulator's.
+    host : str
+        Where everything listens.
+    can_port, sensor_port, page_port, control_port : int
+        0: free ones.
+    """
+
+    angle_mode: Literal["free", "fixed"] = "free"
+    angle: float = math.pi / 2
+    laid: Laid | None = field(default_factory=Laid)
+    force_limit: float = 15.0
+    blade_axis: Axis = BLADE
+    hinge_axis: Axis = HINGE
+    blade_mechanics: Mechanics = field(default_factory=Mechanics)
+    hinge_mechanics: Mechanics = field(default_factory=hinge)
+    sensor: SensorParameters = field(default_factory=SensorParameters)
+    host: str = "127.0.0.1"
+    can_port: int = 0
+    sensor_port: int = 0
+    page_port: int = 0
+    control_port: int = 0
+
+    def __post_init__(self) -> None:
+        one_of("angle_mode", self.angle_mode, ("free", "fixed"))
+        check_angle(self.angle)
+        in_range("force_limit", self.force_limit, 0.01, 1000.0, "N", "What the rig's own limit is.")
+
+
+class EmulatedRig:
+    """Hub, drives, motors, tissue and sensor; :meth:`run` lets time pass.
+
+    Attributes
+    ----------
+    axes, nodes : dict
+        By name, "blade" and perhaps "angle".
+    stalls, worst_stall : int, float
+        How often the loop was late by more than :data:`STALL`, and by how much at most [s].
+    stopped : threading.Event
+        Set it, and :meth:`run` returns.
+    """
+
+    def __init__(self, options: Options | None = None) -> None:
+        self.options = options or Options()
+        self.lock = threading.RLock()
+        self.stopped = threading.Event()
+        self.stalls, self.worst_stall, self.worst_step = 0, 0.0, 0.0
+        self.force_limit = self.options.force_limit
+        self.active: dict[tuple[str, str], dict[str, Any]] = {}
+        self._events: deque[dict[str, Any]] = deque(maxlen=_KEPT_EVENTS)
+        self._counted = 0
+        self._time = time.monotonic()  # of the tick that is being done
+        self._still = _STANDS_AFTER
+        self._planned: list[tuple[float, str, dict[str, Any]]] = []
+        self.bench: Bench = Bench(self.options.sensor)
+        self.axes: dict[str, EmulatedAxis] = {
+            "blade": EmulatedAxis(
+                "blade", self.options.blade_axis, self.options.blade_mechanics, position=0.0, margin=0.003
+            )
+        }
+        if self.options.angle_mode == "free":
+            self.axes["angle"] = EmulatedAxis(
+                "angle", self.options.hinge_axis, self.options.hinge_mechanics, position=self.options.angle, margin=0.05
+            )
+        if self.options.laid is not None:
+            self.lay(self.options.laid)
+        self._noise = np.random.default_rng(0).standard_normal((4096, 5)) * _OTHER_NOISE
+        self._noise_rows = [tuple(row) for row in self._noise.tolist()]
+        self._ticks = 0
+        self.nodes = {name: Node(axis, self._send, self.happened) for name, axis in self.axes.items()}
+        self.sensor = SensorServer(
+            host=self.options.host, port=self.options.sensor_port, page_port=self.options.page_port
+        )
+        self.hub = Hub(self._receive, host=self.options.host, port=self.options.can_port)
+
+    def now(self) -> float:
+        """Of the machine's monotonic clock [s]."""
+        return time.monotonic()
+
+    @property
+    def angle(self) -> float:
+        """Of the blade [rad]."""
+        return float(self.axes["angle"].motor["carriage"]) if "angle" in self.axes else self.options.angle
+
+    def _send(self, frame: Frame) -> None:
+        self.hub.send(frame)
+
+    def _receive(self, frame: Frame) -> None:
+        now = self.now()
+        with self.lock:
+            for node in self.nodes.values():
+                node.receive(frame, now)
+
+    # What is asked through the control port.
+
+    def lay(self, laid: Laid) -> None:
+        """Lay a fresh specimen; see :meth:`Bench.lay`."""
+        specimen = laid.drawn()
+        with self.lock:
+            self.bench.lay(specimen, laid, position=float(self.axes["blade"].motor["carriage"]), angle=self.angle)
+
+    def inject(self, name: str, given: dict[str, Any]) -> dict[str, Any]:
+        """Let something go wrong from now on; return its parameters.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For an unknown fault or parameter, or a value out of range.
+        """
+        fault = FAULTS[one_of("fault", name, FAULTS)]
+        parameters = fault.checked(name, given, list(self.axes))
+        with self.lock:
+            fault.begin(self, parameters)
+            self.active[name, parameters.get("axis", "")] = parameters
+            self.happened("fault injected", fault=name, **parameters)
+        return parameters
+
+    def inject_later(self, name: str, given: dict[str, Any], seconds: float) -> None:
+        """The same, ``seconds`` after :meth:`run` has begun."""
+        fault = FAULTS[one_of("fault", name, FAULTS)]
+        fault.checked(name, given, list(self.axes))
+        self._planned.append((seconds, name, given))
+        self._planned.sort(key=lambda planned: planned[0])
+
+    def clear(self, name: str | None = None) -> list[str]:
+        """Mend one fault, or all; return their names.
+
+        Raises
+        ------
+        RigError
+            If that fault is not there.
+        """
+        with self.lock:
+            found = [key for key in self.active if name in (None, key[0])]
+            if name is not None and not found:
+                listed = ", ".join(sorted({key[0] for key in self.active})) or "none"
+                raise RigError(f"no fault {name!r} to clear; active: {listed}.")
+            for key in found:
+                FAULTS[key[0]].end(self, self.active.pop(key))
+                self.happened("fault cleared", fault=key[0])
+            return [key[0] for key in found]
+
+    def happened(self, what: str, *, time: float | None = None, **details: Any) -> None:
+        """Note an event, now or at a ``time`` of the monotonic clock [s]."""
+        moment = self.now() if time is None else time
+        with self.lock:
+            self._events.append({"index": self._counted, "time_s": moment, "what": what, **details})
+            self._counted += 1
+
+    def events(self, since: int = 0) -> list[dict[str, Any]]:
+        """What has happened, from the event with that index on."""
+        with self.lock:
+            return [event for event in self._events if event["index"] >= since]
+
+    # Time.
+
+    def run(self) -> None:
+        """Let a millisecond pass every millisecond, until :attr:`stopped` is set; late ones are made up for."""
+        begun = due = self.now()
+        while not self.stopped.is_set():
+            late = self.now() - due
+            if late < 0.0:
+                time.sleep(-late)
+                continue
+            if late > STALL:
+                self.stalls += 1
+                self.worst_stall = max(self.worst_stall, late)
+                self.happened("stall", late_s=late)
+                if late > _FORGIVEN:
+                    due += late
+            while self._planned and due - begun >= self._planned[0][0]:
+                _, name, given = self._planned.pop(0)
+                self.inject(name, given)
+            self.step(due)
+            due += TICK
+
+    def step(self, due: float) -> None:
+        """Let one millisecond pass, that of time ``due`` [s]."""
+        blade = self.axes["blade"]
+        with self.lock:
+            for node in self.nodes.values():
+                node.tick(due)
+            blade.turn(-self.bench.true_force)
+            if "angle" in self.axes:
+                self.axes["angle"].turn(0.0)
+            before = abs(self.bench.true_force)
+            reading = self.bench.advance(float(blade.motor["carriage"]), self.angle)
+        self._watch(due, before, abs(self.bench.true_force), abs(float(blade.motor["carriage_speed"])))
+        self._ticks += 1
+        fy, fz, tx, ty, tz = self._noise_rows[self._ticks % len(self._noise_rows)]
+        self.sensor.send((reading, fy, fz, tx, ty, tz))
+
+    def _watch(self, due: float, before: float, force: float, speed: float) -> None:
+        if before < self.force_limit <= force:
+            self.happened("force limit crossed", time=due, force_N=force)
+        self._still = self._still + 1 if speed < _STILL else 0
+        if self._still == _STANDS_AFTER:
+            position = float(self.axes["blade"].motor["carriage"])
+            self.happened("standstill", time=due - _STANDS_AFTER * TICK, position_m=position)
+
+    def close(self) -> None:
+        """Stop listening; may be called twice."""
+        self.stopped.set()
+        self.hub.close()
+        self.sensor.close()

@@ -1,0 +1,151 @@
+"""The tissue on the emulated rig: the cutting law under the motor's blade, felt as the simulator's sensor feels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cutenv.compiled import compiled
+from cutenv.cutting.law import cut
+from cutenv.cutting.parameters import law_records, profile_records
+from cutenv.cutting.records import LAW, PROFILE, STATE, TICK, Records, new_state
+from cutenv.cutting.sensor import SENSOR, SensorParameters, measure, sensor_records
+from cutenv.plant.simulator import ANGLE_RANGE
+from cutenv.rig.drivers import RigError
+from cutenv.tissue.description import TissueDescription
+from cutenv.tissue.specimen import LENGTH, SPACING, Specimen
+
+AT_CLAMP = 0.002
+"""How near the clamp the blade must be when a specimen is laid [m]."""
+
+_TISSUE: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            ("state", STATE),
+            ("profile", PROFILE),
+            ("law", LAW),
+            ("sensor", SENSOR),
+            ("free_air", "i8"),
+            ("extra", "f8"),  # force that is added [N]
+            ("true_force", "f8"),  # on the blade [N]
+        ],
+    )
+)
+
+
+@compiled
+def feel(tissues: Records, position: float, angle: float, dt: float) -> float:
+    """Lead the blade to ``position`` [m] and ``angle`` [rad] in ``dt``; return what the sensor reads [N]."""
+    tissue = tissues[0]
+    state = tissue.state
+    force = tissue.extra
+    dx = position - state.blade
+    if tissue.free_air:
+        state.blade = position
+    else:
+        elastic, friction, _ = cut(state, tissue.profile, tissue.law, dx, angle, dt)
+        force += elastic + friction
+    state.speed = dx / dt
+    state.tick += 1
+    tissue.true_force = force
+    return measure(tissue.sensor, force, state.tick - 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Laid:
+    """Which specimen is on the bench."""
+
+    seed: int = 0
+    episode: int = 0
+    specimen_class: str = "liver"
+    tissue: TissueDescription | None = None
+
+    def drawn(self) -> Specimen:
+        """The specimen; ValueError if seed, episode or class are none."""
+        return Specimen.drawn(self.seed, self.episode, specimen_class=self.specimen_class, tissue=self.tissue)
+
+
+class Bench:
+    """Specimen, blade and force sensor, a millisecond at a time.
+
+    Parameters
+    ----------
+    sensor : SensorParameters, optional
+        Of the force; as the simulator's by default.
+    """
+
+    def __init__(self, sensor: SensorParameters | None = None) -> None:
+        self._sensor = sensor or SensorParameters()
+        self._records = np.zeros(1, _TISSUE)
+        self.laid: Laid | None = None
+        self._records["state"] = new_state(1, math.pi / 2)
+        self._records["sensor"] = sensor_records([self._sensor], [0], [0])
+        self._records["free_air"] = 1
+
+    def lay(self, specimen: Specimen, laid: Laid, *, position: float, angle: float) -> None:
+        """Clamp a fresh specimen, its crack at the blade, which stands at the clamp.
+
+        Parameters
+        ----------
+        specimen : Specimen
+            What is cut.
+        laid : Laid
+            How it was drawn; seed and episode are the key of the sensor's noise, as in the simulator.
+        position, angle : float
+            Of the blade [m], [rad].
+
+        Raises
+        ------
+        RigError
+            If the blade is not at the clamp.
+        """
+        if abs(position) > AT_CLAMP:
+            raise RigError(
+                f"the blade stands at {1e3 * position:.1f} mm: drive it to the clamp (within {1e3 * AT_CLAMP:g} mm) "
+                "before a specimen is laid."
+            )
+        records = np.zeros(1, _TISSUE)
+        records["state"] = new_state(1, _measured(angle))
+        records["state"]["blade"] = records["state"]["tip"] = _within(position)
+        records["profile"] = profile_records([specimen])
+        records["law"] = law_records([specimen])
+        records["sensor"] = sensor_records([self._sensor], [laid.seed], [laid.episode])
+        records["extra"] = self._records["extra"]
+        self._records = records
+        self.laid = laid
+
+    def take_away(self) -> None:
+        """Leave the blade in free air, where it feels nothing."""
+        self._records["free_air"] = 1
+        self.laid = None
+
+    def add_force(self, force: float) -> None:
+        """Add ``force`` [N] to what the tissue does; 0 takes it away."""
+        self._records["extra"] = force
+
+    def advance(self, position: float, angle: float) -> float:
+        """Move to ``position`` [m] and ``angle`` [rad] in one millisecond; return what the sensor reads [N]."""
+        return feel(self._records, _within(position), _measured(angle), TICK)
+
+    @property
+    def true_force(self) -> float:
+        """Of the tissue on the blade, back toward the clamp [N]."""
+        return float(self._records[0].true_force)
+
+    @property
+    def tip(self) -> float:
+        """Of the crack [m]."""
+        return float(self._records[0].state.tip)
+
+
+def _within(position: float) -> float:
+    """The part of the carriage's travel in which there is tissue."""
+    return min(max(position, 0.0), LENGTH - SPACING)
+
+
+def _measured(angle: float) -> float:
+    return min(max(angle, ANGLE_RANGE[0]), ANGLE_RANGE[1])

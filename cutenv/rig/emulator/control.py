@@ -1,0 +1,274 @@
+"""The control port of the emulated rig: what no real rig can be asked for; a line of JSON for a line of JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+import socket
+import socketserver
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from cutenv.rig.drivers import RigError
+from cutenv.rig.emulator.assembly import EmulatedRig
+from cutenv.rig.emulator.bench import Laid
+from cutenv.rig.emulator.faults import FAULTS
+from cutenv.tissue.description import load_description
+from cutenv.validation import in_range, one_of
+
+_LONGEST = 1 << 16  # bytes of a request
+_PATIENCE = 30.0  # [s] for a client that says nothing
+_MOST = 16  # clients
+
+Request = dict[str, Any]
+
+
+def _specimen(rig: EmulatedRig, request: Request) -> Request:
+    tissue = request.get("tissue")
+    cure = "Give a whole number from 0."
+    laid = Laid(
+        seed=int(in_range("seed", request.get("seed", 0), 0, 2**63, "1", cure)),
+        episode=int(in_range("episode", request.get("episode", 0), 0, 2**63, "1", cure)),
+        specimen_class=str(request.get("class", "liver")),
+        tissue=None if tissue is None else load_description(Path(str(tissue))),
+    )
+    rig.lay(laid)
+    return {"seed": laid.seed, "episode": laid.episode, "class": laid.specimen_class}
+
+
+def _inject(rig: EmulatedRig, request: Request) -> Request:
+    given = {key: value for key, value in request.items() if key not in ("do", "fault")}
+    return {"parameters": rig.inject(str(request.get("fault")), given)}
+
+
+def _clear(rig: EmulatedRig, request: Request) -> Request:
+    fault = request.get("fault")
+    return {"cleared": rig.clear(None if fault is None else str(fault))}
+
+
+def _events(rig: EmulatedRig, request: Request) -> Request:
+    since = int(in_range("since", request.get("since", 0), 0, 2**53, "1", "The index of an event."))
+    return {"events": rig.events(since), "now_s": rig.now()}
+
+
+def _state(rig: EmulatedRig, request: Request) -> Request:
+    with rig.lock:
+        return {
+            "nodes": [node.about() for node in rig.nodes.values()],
+            "faults": [{"fault": key[0], **given} for key, given in rig.active.items()],
+            "clients": {"can": rig.hub.clients, "sensor": rig.sensor.clients},
+            "stalls": rig.stalls,
+            "worst_stall_s": rig.worst_stall,
+            "force_limit_N": rig.force_limit,
+            "now_s": rig.now(),
+        }
+
+
+def _truth(rig: EmulatedRig, request: Request) -> Request:
+    with rig.lock:
+        motor, laid = rig.axes["blade"].motor, rig.bench.laid
+        return {
+            "time_s": rig.now(),
+            "position_m": float(motor["carriage"]),
+            "speed_m_s": float(motor["carriage_speed"]),
+            "motor_position_m": float(motor["position"]),
+            "angle_deg": math.degrees(rig.angle),
+            "force_N": rig.bench.true_force,
+            "tip_m": None if laid is None else rig.bench.tip,
+            "specimen": None
+            if laid is None
+            else {"seed": laid.seed, "episode": laid.episode, "class": laid.specimen_class},
+        }
+
+
+def _free_air(rig: EmulatedRig, request: Request) -> Request:
+    with rig.lock:
+        rig.bench.take_away()
+    return {}
+
+
+def _watch(rig: EmulatedRig, request: Request) -> Request:
+    rig.force_limit = in_range("force_N", request.get("force_N"), 0.01, 1000.0, "N", "What the rig's own limit is.")  # type: ignore[arg-type]
+    return {}
+
+
+def _shutdown(rig: EmulatedRig, request: Request) -> Request:
+    rig.stopped.set()
+    return {}
+
+
+REQUESTS: dict[str, tuple[Callable[[EmulatedRig, Request], Request], tuple[str, ...] | None]] = {
+    "specimen": (_specimen, ("seed", "episode", "class", "tissue")),
+    "inject": (_inject, None),
+    "clear": (_clear, ("fault",)),
+    "events": (_events, ("since",)),
+    "state": (_state, ()),
+    "truth": (_truth, ()),
+    "free_air": (_free_air, ()),
+    "watch": (_watch, ("force_N",)),
+    "shutdown": (_shutdown, ()),
+}
+"""What may be asked for by "do", and with which other fields; None: those of the fault."""
+
+
+def answered(rig: EmulatedRig, request: Any) -> Request:
+    """The answer to one request: "ok", and either what was asked for or "error", which says the cure."""
+    try:
+        if not isinstance(request, dict):
+            raise ValueError('a request is an object such as {"do": "state"}.')
+        do, fields = REQUESTS[one_of("do", str(request.get("do")), REQUESTS)]
+        if fields is not None and (unknown := [key for key in request if key not in ("do", *fields)]):
+            listed = ", ".join(fields) or "none"
+            raise ValueError(f"{request['do']!r} takes no field {unknown[0]!r}; it takes: {listed}.")
+        return {"ok": True, **do(rig, request)}
+    except (RigError, ValueError, TypeError, OSError) as error:
+        return {"ok": False, "error": str(error)}
+
+
+class _Conversation(socketserver.StreamRequestHandler):
+    timeout = _PATIENCE
+    disable_nagle_algorithm = True
+    server: ControlServer
+
+    def handle(self) -> None:
+        with self.server.places:
+            try:
+                while line := self.rfile.readline(_LONGEST):
+                    answer = answered(self.server.rig, json.loads(line))
+                    self.wfile.write(json.dumps(answer).encode() + b"\n")
+            except (ValueError, RecursionError):  # no JSON: whoever it is speaks another language
+                self.wfile.write(
+                    b'{"ok": false, "error": "a request is one line of JSON, such as {\\"do\\": \\"state\\"}."}\n'
+                )
+            except OSError:
+                return  # gone, or silent for too long
+
+
+class ControlServer(socketserver.ThreadingTCPServer):
+    """Serve the control port of ``rig`` from threads of its own; ``port`` is where."""
+
+    allow_reuse_address = True
+    daemon_threads = True
+    block_on_close = False
+
+    def __init__(self, rig: EmulatedRig, *, host: str = "127.0.0.1", port: int = 0) -> None:
+        self.rig = rig
+        self.places = threading.BoundedSemaphore(_MOST)
+        super().__init__((host, port), _Conversation)
+        self.port: int = self.server_address[1]
+        self._thread = threading.Thread(
+            target=self.serve_forever, args=(0.05,), name="emulator's control port", daemon=True
+        )
+        self._thread.start()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A client that cannot be told of its error any more has gone."""
+
+    def close(self) -> None:
+        """Stop listening."""
+        self.shutdown()
+        self.server_close()
+        self._thread.join(timeout=2.0)
+
+
+class EmulatorControl:
+    """A client of the control port.
+
+    Parameters
+    ----------
+    port : int
+        As the emulator told it when it was ready.
+    host : str
+        Where it runs.
+    timeout : float
+        For each answer [s].
+
+    Raises
+    ------
+    RigError
+        From every method: if there is no answer in time, or the emulator refuses, with its reason.
+    """
+
+    def __init__(self, port: int, *, host: str = "127.0.0.1", timeout: float = 5.0) -> None:
+        try:
+            self._socket = socket.create_connection((host, port), timeout=timeout)
+        except OSError as error:
+            raise RigError(
+                f"no emulator answers at {host}:{port} ({error}): start one by 'cutenv rig emulate'."
+            ) from error
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._lines = self._socket.makefile("rb")
+
+    def ask(self, do: str, **fields: Any) -> Request:
+        """Send one request, return the answer."""
+        try:
+            self._socket.sendall(json.dumps({"do": do, **fields}).encode() + b"\n")
+            line = self._lines.readline()
+        except OSError as error:
+            raise RigError(f"the emulator does not answer {do!r} ({error}): is it still running?") from error
+        if not line:
+            raise RigError(f"the emulator has ended before it answered {do!r}: start it again.")
+        answer: Request = json.loads(line)
+        if not answer.pop("ok"):
+            raise RigError(f"the emulator refuses {do!r}: {answer['error']}")
+        return answer
+
+    def specimen(
+        self, *, seed: int = 0, episode: int = 0, specimen_class: str = "liver", tissue: Path | str | None = None
+    ) -> Request:
+        """Lay a fresh specimen, with the blade at the clamp; ``tissue`` is a description's file."""
+        extra = {} if tissue is None else {"tissue": str(Path(tissue).absolute())}
+        return self.ask("specimen", seed=seed, episode=episode, **{"class": specimen_class}, **extra)
+
+    def inject(self, fault: str, **parameters: Any) -> Request:
+        """Let something go wrong: one of :data:`~cutenv.rig.emulator.faults.FAULTS`."""
+        one_of("fault", fault, FAULTS)
+        return self.ask("inject", fault=fault, **parameters)
+
+    def clear(self, fault: str | None = None) -> list[str]:
+        """Mend one fault, or all."""
+        cleared: list[str] = self.ask("clear", **({} if fault is None else {"fault": fault}))["cleared"]
+        return cleared
+
+    def events(self, since: int = 0) -> list[Request]:
+        """What has happened, from the event of index ``since`` on; ``time_s`` is of the machine's monotonic clock."""
+        events: list[Request] = self.ask("events", since=since)["events"]
+        return events
+
+    def state(self) -> Request:
+        """Drives, active faults, clients, own stalls."""
+        return self.ask("state")
+
+    def truth(self) -> Request:
+        """What only an emulator knows: true force, crack, carriage."""
+        return self.ask("truth")
+
+    def free_air(self) -> None:
+        """Take the specimen away."""
+        self.ask("free_air")
+
+    def watch(self, force_N: float) -> None:
+        """Choose the true force [N] whose crossing is an event."""
+        self.ask("watch", force_N=force_N)
+
+    def shutdown(self) -> None:
+        """End the emulator."""
+        self.ask("shutdown")
+
+    def close(self) -> None:
+        """Hang up; may be called twice."""
+        self._lines.close()
+        self._socket.close()
+
+    def __enter__(self) -> EmulatorControl:
+        """Return itself; it is connected."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Hang up."""
+        self.close()

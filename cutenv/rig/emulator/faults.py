@@ -1,0 +1,173 @@
+"""What can go wrong on the emulated rig: each fault by name, with its parameters, put in and taken away."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from cutenv.rig.emulator.node import Emergency
+from cutenv.validation import in_range, one_of
+
+if TYPE_CHECKING:
+    from cutenv.rig.emulator.assembly import EmulatedRig
+
+Parameters = dict[str, Any]
+
+
+class Range(NamedTuple):
+    """A numerical parameter of a fault."""
+
+    default: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """One thing that can go wrong.
+
+    ``of_axis`` faults take a parameter ``axis`` beside their own, "blade" or "angle".
+    """
+
+    summary: str
+    begin: Callable[[EmulatedRig, Parameters], None]
+    end: Callable[[EmulatedRig, Parameters], None]
+    parameters: dict[str, Range] = field(default_factory=dict)
+    of_axis: bool = False
+
+    def checked(self, name: str, given: Parameters, axes: list[str]) -> Parameters:
+        """All its parameters, those not given by default.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For an unknown parameter or a value out of range.
+        """
+        known = [*self.parameters, *(["axis"] if self.of_axis else [])]
+        if unknown := [key for key in given if key not in known]:
+            listed = ", ".join(known) or "none"
+            raise ValueError(f"fault {name!r} has no parameter {unknown[0]!r}; it has: {listed}.")
+        checked: Parameters = {}
+        for key, (default, low, high, unit) in self.parameters.items():
+            checked[key] = in_range(f"{name} {key}", given.get(key, default), low, high, unit, self.summary)
+        if self.of_axis:
+            checked["axis"] = one_of("axis", given.get("axis", "blade"), axes)
+        return checked
+
+
+def _of_node(attribute: str, summary: str) -> Fault:
+    return Fault(
+        summary=summary,
+        of_axis=True,
+        begin=lambda rig, p: setattr(rig.nodes[p["axis"]], attribute, True),
+        end=lambda rig, p: setattr(rig.nodes[p["axis"]], attribute, False),
+    )
+
+
+def _of_motor(entry: str, summary: str, value: float | str, healthy: float, **parameters: Range) -> Fault:
+    """A fault that is one number of the motor's record: ``value``, or the parameter of that name."""
+
+    def begin(rig: EmulatedRig, given: Parameters) -> None:
+        rig.axes[given["axis"]].motor[entry] = given[value] if isinstance(value, str) else value
+
+    def end(rig: EmulatedRig, given: Parameters) -> None:
+        rig.axes[given["axis"]].motor[entry] = healthy
+
+    return Fault(summary=summary, of_axis=True, parameters=parameters, begin=begin, end=end)
+
+
+def _of_sensor(attribute: str, summary: str, value: Any, healthy: Any, **parameters: Range) -> Fault:
+    """A fault of the sensor: ``value``, or the parameter of that name."""
+
+    def begin(rig: EmulatedRig, given: Parameters) -> None:
+        wanted = given[value] if isinstance(value, str) else value
+        setattr(rig.sensor.faults, attribute, type(healthy)(wanted))
+
+    def end(rig: EmulatedRig, given: Parameters) -> None:
+        setattr(rig.sensor.faults, attribute, healthy)
+
+    return Fault(summary=summary, parameters=parameters, begin=begin, end=end)
+
+
+def _fail(rig: EmulatedRig, given: Parameters) -> None:
+    rig.nodes[given["axis"]].failure = int(given["code"])
+
+
+def _mend(rig: EmulatedRig, given: Parameters) -> None:
+    rig.nodes[given["axis"]].failure = 0
+
+
+def _power(on: bool) -> Callable[[EmulatedRig, Parameters], None]:
+    return lambda rig, given: rig.nodes[given["axis"]].power(on, rig.now())
+
+
+FAULTS: dict[str, Fault] = {
+    "heartbeat_lost": _of_node("heartbeat_lost", "the drive sends no heartbeats; all else goes on"),
+    "bus_off": _of_node("bus_off", "the drive neither sends nor receives frames; its motor goes on"),
+    "stuck_encoder": Fault(
+        summary="position and velocity stand still while the motor turns",
+        of_axis=True,
+        begin=lambda rig, p: rig.axes[p["axis"]].stick(True),
+        end=lambda rig, p: rig.axes[p["axis"]].stick(False),
+    ),
+    "following_error": _of_motor("blocked", "the motor is blocked, and the encoder behind its demand", 1, 0),
+    "slip": _of_motor(
+        "slip", "a share of the motor's motion does not reach the carriage", "share", 0.0,
+        share=Range(1.0, 0.0, 1.0, "1"),
+    ),
+    "runaway": _of_motor(
+        "runaway", "the drive takes a speed of its own instead of the target; it still stops when told to",
+        "speed", float("nan"), speed=Range(0.05, -0.2, 0.2, "m/s or rad/s"),
+    ),
+    "drive_fault": Fault(
+        summary="the drive finds something wrong and takes its torque away at once (0x2310: over-current)",
+        of_axis=True, begin=_fail, end=_mend, parameters={"code": Range(Emergency.OVER_CURRENT, 1, 0xFFFF, "1")},
+    ),
+    "power_loss": Fault(
+        summary="the drive is silent and the motor coasts; at the end it starts anew",
+        of_axis=True, begin=_power(False), end=_power(True),
+    ),
+    "over_force": Fault(
+        summary="a force is added to the tissue's",
+        begin=lambda rig, p: rig.bench.add_force(p["force_N"]),
+        end=lambda rig, p: rig.bench.add_force(0.0),
+        parameters={"force_N": Range(25.0, -190.0, 190.0, "N")},
+    ),
+    "sensor_freeze": _of_sensor("frozen", "the counts stay as they are", True, False),
+    "sensor_silent": _of_sensor("silent", "the sensor sends nothing", True, False),
+    "bad_status": _of_sensor(
+        "status", "readings carry a status that is not healthy", "status", 0,
+        status=Range(0x80010000, 1, 0xFFFFFFFF, "1"),
+    ),
+    "packet_loss": _of_sensor(
+        "loss", "a share of the readings is lost", "share", 0.0, share=Range(0.5, 0.0, 1.0, "1")
+    ),
+    "reordering": _of_sensor("reorder", "readings overtake each other", True, False),
+    "latency": _of_sensor("latency", "readings come late", "delay_s", 0.0, delay_s=Range(0.05, 0.0, 2.0, "s")),
+    "saturation": _of_sensor("saturated", "forces stand at the end of the sensor's range", True, False),
+}  # fmt: skip
+"""Every fault by its name."""
+
+
+def parsed_fault(text: str) -> tuple[str, Parameters, float]:
+    """Name, parameters and time [s] of ``NAME@SECONDS`` or ``NAME:KEY=VALUE,KEY=VALUE@SECONDS``.
+
+    Raises
+    ------
+    ValueError
+        If it reads otherwise.
+    """
+    what, at, seconds = text.rpartition("@")
+    name, _, listed = what.partition(":")
+    try:
+        if not at:
+            raise ValueError
+        moment = in_range("seconds", float(seconds), 0.0, 1e6, "s")
+        pairs = [pair.split("=") for pair in listed.split(",") if pair]
+        given: Parameters = {key: value if key == "axis" else float(value) for key, value in pairs}
+    except ValueError:
+        raise ValueError(f"fault {text!r}: write NAME@SECONDS, or NAME:KEY=VALUE,KEY=VALUE@SECONDS.") from None
+    one_of("fault", name, FAULTS)
+    return name, given, moment

@@ -1,0 +1,233 @@
+"""Motor, gear, screw and carriage under a drive's velocity loop: what moves the blade of the emulated rig, or turns it.
+
+All in terms of the carriage: metres and newtons for the blade, radians and newton metres for the hinge.  A motor of
+inertia J at gear ratio i and lead h weighs J (2 pi i / h)^2 there, which is far more than the carriage itself, and why
+tissue hardly slows a screw.  The motor's side, where the encoder is, and the carriage are joined by a stiff spring with
+play.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cutenv.compiled import compiled
+from cutenv.cutting.records import Record, Records
+from cutenv.parameter import check_parameters, parameter
+from cutenv.rig.settings import Axis
+
+SUBSTEP = 5e-5
+"""Of the equations of motion [s]."""
+_SUBSTEPS = 20  # a millisecond
+_DELAYS = 128  # commands that may be under way, one a millisecond
+OFF, VELOCITY, RAMP = 0, 1, 2
+"""What the drive does: no torque; follow the target speed; bring the demanded speed to zero by the ramp alone."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mechanics:
+    """Motor, gear and what they move; defaults are those of the blade's carriage, :func:`hinge` has the other's."""
+
+    lag: float = parameter(
+        0.040,
+        unit="s",
+        low=0.0,
+        high=1.0,
+        provenance="assumed",
+        why="as the simulated rig's: time constant of a target",
+    )
+    dead_time: float = parameter(
+        0.0, unit="s", low=0.0, high=0.1, provenance="choice", why="between a target and the first motion"
+    )
+    backlash: float = parameter(
+        20e-6, unit="m or rad", low=0.0, high=0.01, provenance="assumed", why="of a preloaded screw"
+    )
+    friction: float = parameter(
+        20.0, unit="N or N m", low=0.0, high=1000.0, provenance="assumed", why="Coulomb's, of motor, gear and screw"
+    )
+    viscosity: float = parameter(
+        300.0, unit="N s/m or N m s/rad", low=0.0, high=1e5, provenance="assumed", why="of motor, gear and screw"
+    )
+    rotor_inertia: float = parameter(
+        1e-6, unit="kg m2", low=1e-9, high=1e-3, provenance="assumed", why="of a motor of 22 mm with its gear"
+    )
+    torque_constant: float = parameter(
+        0.02, unit="N m/A", low=1e-4, high=1.0, provenance="assumed", why="of such a motor"
+    )
+    mass: float = parameter(
+        1.5, unit="kg or kg m2", low=1e-6, high=100.0, provenance="assumed", why="carriage, sensor and blade"
+    )
+    carriage_friction: float = parameter(
+        2.0, unit="N or N m", low=0.0, high=100.0, provenance="assumed", why="Coulomb's, of the guide"
+    )
+    stiffness: float = parameter(
+        1.5e6, unit="N/m or N m/rad", low=1.0, high=1e8, provenance="assumed", why="of screw and nut"
+    )
+    loop: float = parameter(
+        0.0025, unit="s", low=0.001, high=0.02, provenance="assumed", why="time constant of the drive's velocity loop"
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        if self.dead_time > (_DELAYS - 1) * 1e-3:
+            raise ValueError(f"dead_time = {self.dead_time:g} s is above {1e-3 * (_DELAYS - 1):g} s: take less.")
+        if self.stiffness * SUBSTEP**2 > 0.1 * self.mass:
+            raise ValueError(
+                f"stiffness = {self.stiffness:g} on mass = {self.mass:g} swings too fast for steps of {SUBSTEP:g} s:"
+                f" take a stiffness below {0.1 * self.mass / SUBSTEP**2:g}, or more mass."
+            )
+
+
+def hinge(*, lag: float = 0.040, dead_time: float = 0.0, backlash: float = 0.0005, friction: float = 0.05) -> Mechanics:
+    """The mechanics of the axis that turns the blade, in radians."""
+    return Mechanics(
+        lag=lag, dead_time=dead_time, backlash=backlash, friction=friction, viscosity=0.005, rotor_inertia=1e-6,
+        torque_constant=0.02, mass=2e-4, carriage_friction=0.005, stiffness=200.0, loop=0.0025,
+    )  # fmt: skip
+
+
+MOTOR: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            # what the drive asks for
+            ("mode", "i8"),
+            ("target", "f8"),  # speed
+            ("acceleration", "f8"),
+            ("deceleration", "f8"),
+            ("ramp", "f8"),  # deceleration of a stop
+            ("fastest", "f8"),  # greatest demanded speed
+            ("strongest", "f8"),  # greatest force of the motor
+            # how it is
+            ("demand_position", "f8"),
+            ("demand", "f8"),  # speed after lag and ramp
+            ("position", "f8"),  # of the motor's side
+            ("speed", "f8"),
+            ("integral", "f8"),  # of the velocity loop, a force
+            ("force", "f8"),  # of the motor
+            ("carriage", "f8"),
+            ("carriage_speed", "f8"),
+            ("slipped", "f8"),  # by which the carriage is behind
+            ("tick", "i8"),
+            ("line", "f8", (_DELAYS,)),  # targets under way
+            # what goes wrong
+            ("blocked", "i8"),
+            ("slip", "f8"),  # share of the motor's motion that does not reach the carriage
+            ("runaway", "f8"),  # speed that is taken instead of the target's, unless it is nan
+            # parameters
+            ("lag", "f8"),
+            ("delay", "i8"),  # [ms]
+            ("backlash", "f8"),
+            ("friction", "f8"),
+            ("viscosity", "f8"),
+            ("inertia", "f8"),  # of the motor's side, in terms of the carriage
+            ("mass", "f8"),
+            ("carriage_friction", "f8"),
+            ("stiffness", "f8"),
+            ("loop", "f8"),
+            ("low", "f8"),  # mechanical ends of the carriage's travel
+            ("high", "f8"),
+        ],
+    )
+)
+"""One axis."""
+
+
+def motor_record(axis: Axis, mechanics: Mechanics, *, position: float, margin: float) -> Records:
+    """One axis at rest at ``position``, shape (1,); its mechanical ends lie ``margin`` beyond the axis's travel."""
+    motors = np.zeros(1, MOTOR)
+    for name in ("lag", "backlash", "friction", "viscosity", "mass", "carriage_friction", "stiffness", "loop"):
+        motors[name] = getattr(mechanics, name)
+    motors["delay"] = round(1e3 * mechanics.dead_time)
+    motors["inertia"] = mechanics.rotor_inertia * (2 * math.pi * axis.gear / axis.lead) ** 2
+    motors["low"], motors["high"] = axis.low - margin, axis.high + margin
+    motors["position"] = motors["carriage"] = motors["demand_position"] = position
+    motors["runaway"] = np.nan
+    return motors
+
+
+def force_per_ampere(axis: Axis, mechanics: Mechanics) -> float:
+    """Of the motor, in terms of the carriage [N/A or N m/A]."""
+    return mechanics.torque_constant * 2 * math.pi * axis.gear / axis.lead
+
+
+_AT_REST = 1e-5  # of a demanded speed [m/s or rad/s], as in the simulator's drive
+
+
+@compiled
+def govern(motor: Record, target: float, dt: float) -> None:
+    """Let the demanded speed follow the target: by its lag within the accelerations, or down the ramp of a stop."""
+    before = motor.demand
+    if motor.mode == RAMP:
+        rate = motor.ramp
+        demand = math.copysign(max(abs(before) - rate * dt, 0.0), before)
+    else:
+        wanted = min(max(target, -motor.fastest), motor.fastest)
+        change = wanted - before
+        if motor.lag > 0.0:
+            change *= 1.0 - math.exp(-dt / motor.lag)
+        limit = motor.acceleration * dt
+        if before * change < 0.0:
+            limit = motor.deceleration * dt
+        demand = before + min(max(change, -limit), limit)
+        if wanted == 0.0 and abs(demand) < _AT_REST:
+            demand = 0.0
+    motor.demand_position += 0.5 * (before + demand) * dt
+    motor.demand = demand
+
+
+@compiled
+def rubbed(speed: float, force: float, friction: float, inertia: float, dt: float) -> float:
+    """The speed after ``dt`` under ``force`` and Coulomb's friction, which brings to rest but never reverses."""
+    free = speed + force * dt / inertia
+    return math.copysign(max(abs(free) - friction * dt / inertia, 0.0), free)
+
+
+@compiled
+def turn_motor(motors: Records, load: float) -> None:
+    """Let one axis, shape (1,), move for a millisecond while ``load`` acts on its carriage (negative: to the clamp)."""
+    motor = motors[0]
+    dt = SUBSTEP
+    motor.line[motor.tick % _DELAYS] = motor.target
+    target = motor.line[(motor.tick - motor.delay) % _DELAYS]
+    if not math.isnan(motor.runaway):
+        target = motor.runaway
+    motor.tick += 1
+    gain = (motor.inertia + motor.mass) / motor.loop
+    gain_integral = gain / (4.0 * motor.loop)
+    damping = 0.4 * math.sqrt(motor.stiffness * motor.mass)
+    for _ in range(_SUBSTEPS):
+        if motor.mode == OFF:
+            motor.demand = 0.0
+            motor.demand_position = motor.position
+            motor.integral = 0.0
+            motor.force = 0.0
+        else:
+            govern(motor, target, dt)
+            error = motor.demand - motor.speed
+            wanted = gain * error + motor.integral
+            motor.force = min(max(wanted, -motor.strongest), motor.strongest)
+            if motor.force == wanted or error * wanted < 0.0:  # anti-windup
+                motor.integral += gain_integral * error * dt
+        apart = motor.position - motor.slipped - motor.carriage
+        stretch = math.copysign(max(abs(apart) - 0.5 * motor.backlash, 0.0), apart)
+        spring = 0.0
+        if stretch != 0.0:
+            spring = motor.stiffness * stretch + damping * ((1.0 - motor.slip) * motor.speed - motor.carriage_speed)
+        if motor.blocked:
+            motor.speed = 0.0
+        else:
+            push = motor.force - spring - motor.viscosity * motor.speed
+            motor.speed = rubbed(motor.speed, push, motor.friction, motor.inertia, dt)
+        motor.position += motor.speed * dt
+        motor.slipped += motor.slip * motor.speed * dt
+        motor.carriage_speed = rubbed(motor.carriage_speed, spring + load, motor.carriage_friction, motor.mass, dt)
+        motor.carriage += motor.carriage_speed * dt
+        if motor.carriage < motor.low or motor.carriage > motor.high:  # a mechanical end stops the motor as well
+            motor.carriage = min(max(motor.carriage, motor.low), motor.high)
+            motor.carriage_speed = 0.0
+            motor.speed = 0.0
+            motor.position = motor.carriage + motor.slipped

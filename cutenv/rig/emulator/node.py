@@ -1,0 +1,289 @@
+"""An emulated drive on the bus: NMT, heartbeats, SDO, PDO and emergencies around the states of CiA 402."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any
+
+from cutenv.rig.emulator.axis import EmulatedAxis
+from cutenv.rig.emulator.dictionary import Abort, Dictionary, Entry, Refused, epos4
+from cutenv.rig.emulator.hub import Frame
+from cutenv.rig.emulator.process_data import ProcessData, check_mapping
+from cutenv.rig.emulator.sdo import SdoServer
+from cutenv.rig.emulator.state import FAULT_RESET, POWERED, Command, after, command
+from cutenv.rig.samples import DriveState
+
+_SAVE = 0x65766173  # "save", backwards
+_REACTION_ENDS = 1.0  # [s] after which a fault reaction ends even if the axis still moves
+Happened = Callable[..., None]
+"""Called as ``happened(what, axis=..., **details)`` when something happens that a trial may ask for."""
+
+
+class Nmt(IntEnum):
+    """State of a node on the network, as its heartbeat tells it."""
+
+    BOOTING = 0x00
+    STOPPED = 0x04
+    OPERATIONAL = 0x05
+    PRE_OPERATIONAL = 0x7F
+
+
+class Emergency(IntEnum):
+    """Error codes that the node sends of itself."""
+
+    NONE = 0x0000
+    HEARTBEAT = 0x8130
+    FOLLOWING = 0x8611
+    SOFTWARE_LIMIT = 0x8A82
+    OVER_CURRENT = 0x2310
+    SAFE_TORQUE_OFF = 0x8A88
+
+
+_REGISTER = {0x2: 0x02, 0x3: 0x04, 0x4: 0x08, 0x81: 0x10, 0x82: 0x10, 0x86: 0x20, 0x8A: 0x20}
+
+
+def error_register(code: int) -> int:
+    """Bits of 1001 for an emergency code: generic, and the group that it belongs to."""
+    return 0x01 | _REGISTER.get(code >> 8, _REGISTER.get(code >> 12, 0x80)) if code else 0
+
+
+class Node:
+    """One drive on the bus.
+
+    Parameters
+    ----------
+    axis : EmulatedAxis
+        What it drives; gives node number and name.
+    send : callable
+        Puts a :class:`~cutenv.rig.emulator.hub.Frame` on the bus.
+    happened : callable
+        Told of quick stops, emergencies and lost heartbeats.
+
+    Attributes
+    ----------
+    heartbeat_lost, bus_off : bool
+        Faults: no heartbeats; no frames in or out.
+    failure : int
+        Fault: an emergency code that keeps the drive in fault; 0: none.
+    """
+
+    def __init__(self, axis: EmulatedAxis, send: Callable[[Frame], None], happened: Happened) -> None:
+        self.axis = axis
+        self.number = axis.settings.node
+        self.heartbeat_lost = self.bus_off = False
+        self.failure = 0
+        self._put = send
+        self._happened = happened
+        self.dictionary = Dictionary(epos4(self.number), self._written)
+        axis.commission(self.dictionary)
+        self.dictionary.keep()
+        self._powered = True
+        self._boot(0.0)
+
+    def _boot(self, now: float) -> None:
+        self.dictionary.restore()
+        self._sdo = SdoServer(self.dictionary)
+        self._pdo = ProcessData(self.dictionary)
+        self.state = DriveState.DISABLED
+        self._then: DriveState | None = None  # the state after the ramp that is being run
+        self._controlword = 0
+        self._since = now  # of the present state [s]
+        self._now = now
+        self._master: float | None = None  # when its last heartbeat came [s]
+        self._beat = now
+        self.nmt = Nmt.BOOTING
+        self.axis.release()
+
+    def power(self, on: bool, now: float) -> None:
+        """Take the supply away: silent, without torque; or bring it back, as new."""
+        if on and not self._powered:
+            self._boot(now)
+        elif not on:
+            self.axis.release()
+        self._powered = on
+
+    # What comes from the bus.
+
+    def receive(self, frame: Frame, now: float) -> None:
+        """Take a frame from the bus."""
+        if not self._powered or self.bus_off or frame.extended or self.nmt is Nmt.BOOTING:
+            return
+        self._now = now
+        identifier, data = frame.identifier, frame.data
+        if identifier == 0x000:
+            self._network_command(data)
+        elif identifier == self.dictionary[0x1005]:
+            if self.nmt is Nmt.OPERATIONAL:
+                self._write_all(self._pdo.synchronised())
+                for cob, sent in self._pdo.due_at_sync():
+                    self._send(cob, sent)
+        elif identifier == 0x600 + self.number:
+            if self.nmt is not Nmt.STOPPED and (answer := self._sdo.answer(data)) is not None:
+                self._send(0x580 + self.number, answer)
+        elif identifier == 0x700 + (self.dictionary[0x1016, 1] >> 16 & 0x7F) and len(data) == 1:
+            if self.dictionary[0x1016, 1] & 0xFFFF:
+                self._master = now
+        elif self.nmt is Nmt.OPERATIONAL:
+            self._write_all(self._pdo.received(identifier, data))
+
+    def _network_command(self, data: bytes) -> None:
+        if len(data) != 2 or data[1] not in (0, self.number):
+            return
+        before = self.nmt
+        match data[0]:
+            case 0x01:
+                self.nmt = Nmt.OPERATIONAL
+            case 0x02:
+                self.nmt = Nmt.STOPPED
+            case 0x80:
+                self.nmt = Nmt.PRE_OPERATIONAL
+            case 0x81 | 0x82:
+                self._boot(self._now)
+                return
+        if before is Nmt.OPERATIONAL and self.nmt is not Nmt.OPERATIONAL and self.state in POWERED:
+            self._connection_lost()
+
+    def _write_all(self, writes: list[tuple[Entry, bytes]]) -> None:
+        for entry, data in sorted(writes, key=lambda write: write[0].index == 0x6040):  # targets before the command
+            try:
+                self.dictionary.write(entry.index, entry.sub, data)
+            except Refused:
+                continue  # a PDO has no answer: the standard lets the device pass over a value that it cannot take
+
+    def _written(self, entry: Entry, value: int) -> None:
+        if entry.index == 0x6040:
+            self._control(value)
+        elif 0x1400 <= entry.index < 0x1C00:
+            check_mapping(self.dictionary, entry, value)
+        elif entry.index == 0x1010:
+            if value != _SAVE:
+                raise Refused(Abort.VALUE)
+            self.dictionary.keep()
+        elif entry.index == 0x1016:
+            self._master = None
+        elif entry.index == 0x60A9 and self.state in POWERED:
+            raise Refused(Abort.DEVICE_STATE)
+
+    def _control(self, controlword: int) -> None:
+        before, self._controlword = self._controlword, controlword
+        if command(controlword) is Command.QUICK_STOP and command(before) is not Command.QUICK_STOP:
+            self._happened("quick stop received", axis=self.axis.name)
+        if self.state is DriveState.FAULT and self.failure:
+            return  # what is wrong is still wrong
+        if controlword & FAULT_RESET and not before & FAULT_RESET and self.dictionary[0x1001]:
+            self._clear()
+        option = self.dictionary[0x605A]
+        new = after(self.state, controlword, before, quick_stop_option=option)
+        if self.state is DriveState.ENABLED and new is not DriveState.ENABLED:
+            slowly = {DriveState.SWITCHED_ON: self.dictionary[0x605C], DriveState.READY: self.dictionary[0x605B]}
+            if slowly.get(new):
+                self._then = new
+                return
+        self._then = None
+        self._enter(new)
+        self.axis.controlled(self.dictionary, self.state, controlword, before)
+
+    # What the drive does of itself.
+
+    def tick(self, now: float) -> None:
+        """Do what a millisecond asks for, before the motor moves through it."""
+        self._now = now
+        if not self._powered:
+            return
+        if self.nmt is Nmt.BOOTING:
+            self._send(0x700 + self.number, b"\x00")
+            self.nmt = Nmt.PRE_OPERATIONAL
+        self._watch_master(now)
+        self._finish_ramps(now)
+        self.axis.drive(self.dictionary, self.state, self._controlword, stopping=self._then is not None)
+        self.axis.tell(self.dictionary, self.state, self.nmt is Nmt.OPERATIONAL)
+        self._monitor()
+        beat = 1e-3 * self.dictionary[0x1017]
+        if beat and now - self._beat >= beat:
+            self._beat = now if now - self._beat > 2 * beat else self._beat + beat
+            if not self.heartbeat_lost:
+                self._send(0x700 + self.number, bytes([self.nmt]))
+        if self.nmt is Nmt.OPERATIONAL:
+            for cob, data in self._pdo.due_by_event(now):
+                self._send(cob, data)
+
+    def _watch_master(self, now: float) -> None:
+        allowed = 1e-3 * (self.dictionary[0x1016, 1] & 0xFFFF)
+        if self._master is not None and allowed and now - self._master > allowed:
+            self._master = None
+            self._happened("heartbeat of the master lost", axis=self.axis.name)
+            self._emergency(Emergency.HEARTBEAT)
+            self._connection_lost()
+
+    def _connection_lost(self) -> None:
+        match self.dictionary[0x6007]:
+            case 1:
+                self._fault()
+            case 2 if self.state in POWERED:
+                self._enter(DriveState.DISABLED)
+            case 3 if self.state is DriveState.ENABLED:
+                self._enter(DriveState.QUICK_STOP)
+
+    def _finish_ramps(self, now: float) -> None:
+        rests = self.axis.rests()
+        if self._then is not None and rests:
+            self._enter(self._then)
+        elif self.state is DriveState.QUICK_STOP and rests and self.dictionary[0x605A] < 5:
+            self._enter(DriveState.DISABLED)
+        elif self.state is DriveState.REACTING and (rests or now - self._since > _REACTION_ENDS):
+            self._enter(DriveState.FAULT)
+
+    def _monitor(self) -> None:
+        if self.failure and self.state is not DriveState.FAULT:
+            self._emergency(self.failure)
+            self._fault(at_once=True)
+        elif self.state in (DriveState.ENABLED, DriveState.QUICK_STOP):
+            if self.axis.lags_too_far(self.dictionary):
+                self._emergency(Emergency.FOLLOWING)
+                self._fault()
+            elif self.state is DriveState.ENABLED and self.axis.leaves_travel(self.dictionary):
+                self._emergency(Emergency.SOFTWARE_LIMIT)
+                self._fault()
+
+    def _fault(self, *, at_once: bool = False) -> None:
+        if self.state is DriveState.FAULT:
+            return
+        reacts = self.state in POWERED and not at_once and self.dictionary[0x605E] > 0
+        self._enter(DriveState.REACTING if reacts else DriveState.FAULT)
+
+    def _enter(self, state: DriveState) -> None:
+        if state is self.state:
+            return
+        self.state, self._since, self._then = state, self._now, None
+        self.axis.drive(self.dictionary, state, self._controlword, stopping=False)
+        self.axis.tell(self.dictionary, state, self.nmt is Nmt.OPERATIONAL)
+
+    def _emergency(self, code: int) -> None:
+        dictionary = self.dictionary
+        dictionary[0x1001] |= error_register(code)
+        dictionary[0x603F] = code
+        for sub in range(5, 1, -1):
+            dictionary[0x1003, sub] = dictionary[0x1003, sub - 1]
+        dictionary[0x1003, 1] = code
+        dictionary[0x1003] = min(dictionary[0x1003] + 1, 5)
+        self._happened("emergency sent", axis=self.axis.name, code=code)
+        self._send_emergency(code)
+
+    def _clear(self) -> None:
+        self.dictionary[0x1001] = 0
+        self.dictionary[0x603F] = 0
+        self._send_emergency(Emergency.NONE)
+
+    def _send_emergency(self, code: int) -> None:
+        if self.nmt in (Nmt.OPERATIONAL, Nmt.PRE_OPERATIONAL):
+            self._send(0x80 + self.number, struct.pack("<HB5x", code, self.dictionary[0x1001]))
+
+    def _send(self, identifier: int, data: bytes) -> None:
+        if self._powered and not self.bus_off:
+            self._put(Frame(identifier, data))
+
+    def about(self) -> dict[str, Any]:
+        """How it is, for the control port."""
+        return {"axis": self.axis.name, "node": self.number, "state": self.state.value, "nmt": self.nmt.name.lower()}

@@ -1,0 +1,241 @@
+"""The emulated rig as a process of its own: what runs in it, and how another starts it, meets it and ends it."""
+
+from __future__ import annotations
+
+import datetime
+import gc
+import json
+import math
+import os
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Any
+
+from cutenv.compiled import announce
+from cutenv.rig.drivers import RigError
+from cutenv.rig.emulator.assembly import BLADE, HINGE, EmulatedRig, Options
+from cutenv.rig.emulator.bench import Laid, feel
+from cutenv.rig.emulator.control import ControlServer, EmulatorControl
+from cutenv.rig.emulator.motor import turn_motor
+from cutenv.rig.settings import Bus, Calibration, RigSettings, Sensor
+
+STARTS_WITHIN = 180.0
+"""Time that a start may take [s]; the first one on a machine compiles."""
+_ENDS_WITHIN = 5.0  # [s]
+_SWITCH = 0.0005  # [s] after which a thread lets another one go on: a millisecond holds several
+
+
+def warm_up() -> None:
+    """Compile, or load from disk, what a millisecond needs: before anybody waits for it."""
+    announce(feel, turn_motor)
+    rig = EmulatedRig(Options(laid=Laid(specimen_class="liver")))
+    try:
+        for axis in rig.axes.values():
+            axis.motor["mode"] = 1
+        for _ in range(10):
+            rig.step(rig.now())
+    finally:
+        rig.close()
+
+
+def serve(
+    options: Options, *, faults: Sequence[tuple[str, dict[str, Any], float]] = (), parent: int | None = None
+) -> None:
+    """Run an emulated rig until it is told to end: by signal, by the control port, or by the end of its parent.
+
+    Prints one line of JSON when it is ready: the ports "can", "sensor" and "control", the URL "page", and "pid".
+
+    Parameters
+    ----------
+    options : Options
+        How it is built.
+    faults : sequence of (name, parameters, seconds)
+        What goes wrong, and how long after the start [s].
+    parent : int, optional
+        Process without which it ends.
+
+    Raises
+    ------
+    OSError
+        If a port is taken.
+    ValueError, TypeError
+        For an unknown fault or parameter.
+    """
+    sys.setswitchinterval(_SWITCH)
+    warm_up()
+    rig = EmulatedRig(options)
+    control = None
+    try:
+        for name, given, seconds in faults:
+            rig.inject_later(name, given, seconds)
+        control = ControlServer(rig, host=options.host, port=options.control_port)
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: rig.stopped.set())
+        if parent is not None:
+            threading.Thread(target=_watch_parent, args=(rig, parent), name="parent", daemon=True).start()
+        gc.freeze()  # what is here now is not searched for garbage again
+        ready = {
+            "can": rig.hub.port, "sensor": rig.sensor.port, "page": rig.sensor.page, "control": control.port,
+            "pid": os.getpid(),
+        }  # fmt: skip
+        print(json.dumps(ready), flush=True)
+        rig.run()
+    finally:
+        if control is not None:
+            control.close()
+        rig.close()
+
+
+def _watch_parent(rig: EmulatedRig, parent: int) -> None:
+    while not rig.stopped.wait(0.2):
+        if os.getppid() != parent:
+            rig.stopped.set()
+
+
+def emulated_settings(
+    ready: dict[str, Any], *, angle_mode: str = "free", angle: float = math.pi / 2, host: str = "127.0.0.1"
+) -> RigSettings:
+    """What a driver needs to know of an emulated rig that has told it is ``ready``, calibrated today.
+
+    ``angle`` is that of a fixed blade [rad].
+    """
+    return RigSettings(
+        name="emulated rig",
+        armed_by="the emulator",
+        angle_mode="free" if angle_mode == "free" else "fixed",
+        fixed_angle=angle,
+        bus=Bus(interface="socketcand", channel="vcan0", host=host, port=ready["can"]),
+        blade=BLADE,
+        angle=HINGE if angle_mode == "free" else None,
+        sensor=Sensor(address=host, port=ready["sensor"], page=ready["page"]),
+        calibration=Calibration(date=datetime.date.today().isoformat()),
+        emulated=True,
+    )
+
+
+class RunningEmulator:
+    """An emulated rig in a process of its own, which ends with the ``with`` block, or with this process.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Of ``cutenv rig emulate``.
+    timeout : float
+        Until it is ready [s].
+
+    Attributes
+    ----------
+    pid : int
+        Of the process.
+    settings : RigSettings
+        For drivers that are to meet it.
+    control : EmulatorControl
+        What no real rig can be asked for.
+
+    Raises
+    ------
+    RigError
+        If it is not ready in time, or ends before.
+    """
+
+    def __init__(
+        self, arguments: Sequence[str], *, angle_mode: str, angle: float, timeout: float = STARTS_WITHIN
+    ) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "cutenv", "rig", "emulate", "--with-parent", str(os.getpid()), *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+        )
+        self.pid = self._process.pid
+        try:
+            ready = self._ready(timeout)
+            self.settings = emulated_settings(ready, angle_mode=angle_mode, angle=angle)
+            self.control = EmulatorControl(ready["control"])
+        except BaseException:
+            self._end()
+            raise
+
+    def _ready(self, timeout: float) -> dict[str, Any]:
+        output = self._process.stdout
+        assert output is not None
+        deadline, line = time.monotonic() + timeout, b""
+        while not line.endswith(b"\n"):
+            if not select.select([output], [], [], max(deadline - time.monotonic(), 0.0))[0]:
+                raise RigError(f"the emulator is not ready after {timeout:g} s: is this machine busy?")
+            read = os.read(output.fileno(), 4096)
+            if not read:
+                raise RigError("the emulator has ended before it was ready; it has said above why.")
+            line += read
+        ready: dict[str, Any] = json.loads(line)
+        return ready
+
+    def _end(self) -> None:
+        if self._process.poll() is None:
+            self._process.terminate()
+            try:
+                self._process.wait(_ENDS_WITHIN)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait(_ENDS_WITHIN)
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+
+    def close(self) -> None:
+        """End the process; may be called twice."""
+        self.control.close()
+        self._end()
+
+    def __enter__(self) -> RunningEmulator:
+        """Return itself; it is running."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """End it."""
+        self.close()
+
+
+def start(
+    *,
+    seed: int = 0,
+    episode: int = 0,
+    specimen_class: str = "liver",
+    free_air: bool = False,
+    angle_deg: float | None = None,
+    arguments: Sequence[str] = (),
+    timeout: float = STARTS_WITHIN,
+) -> RunningEmulator:
+    """Start an emulated rig: ``with start(seed=3) as emulator: ...``.
+
+    Parameters
+    ----------
+    seed, episode, specimen_class
+        Of the specimen at the start; ``free_air``: none.
+    angle_deg : float, optional
+        Fixes the blade at this angle [degrees]; else a second axis turns it.
+    arguments : sequence of str
+        More options of ``cutenv rig emulate``.
+    timeout : float
+        Until it is ready [s].
+
+    Raises
+    ------
+    RigError
+        If it is not ready in time, or ends before.
+    """
+    given = ["--seed", str(seed), "--episode", str(episode), "--class", specimen_class]
+    given += ["--free-air"] if free_air else []
+    given += [] if angle_deg is None else ["--angle", "fixed", "--angle-deg", str(angle_deg)]
+    return RunningEmulator(
+        [*given, *arguments],
+        angle_mode="free" if angle_deg is None else "fixed",
+        angle=math.pi / 2 if angle_deg is None else math.radians(angle_deg),
+        timeout=timeout,
+    )

@@ -1,0 +1,147 @@
+"""Process data objects of a node: what goes out at a SYNC or a change, what comes in, mapped as the master wrote it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cutenv.rig.emulator.dictionary import Abort, Dictionary, Entry, Refused
+
+_INVALID = 0x80000000
+_IDENTIFIER = 0x7FF
+_SYNCHRONOUS = 240  # greatest transmission type that goes by SYNC
+
+
+def _parts(mapped: int) -> tuple[int, int, int]:
+    """Index, sub-index and bits of a mapped object."""
+    return mapped >> 16, mapped >> 8 & 0xFF, mapped & 0xFF
+
+
+def check_mapping(dictionary: Dictionary, entry: Entry, value: int) -> None:
+    """Refuse a write to 1400, 1600, 1800 or 1A00 and the next ones that the standard does not allow.
+
+    Raises
+    ------
+    Refused
+        With the abort code.
+    """
+    settings = entry.index & ~0x200
+    sends = settings >= 0x1800
+    valid = not dictionary[settings, 1] & _INVALID
+    if entry.index == settings:
+        if entry.sub == 1 and valid and not value & _INVALID and value != dictionary[settings, 1]:
+            raise Refused(Abort.DEVICE_STATE)
+        return
+    if valid or (entry.sub > 0 and dictionary[entry.index, 0] > 0):
+        raise Refused(Abort.DEVICE_STATE)  # first the COB-ID is made invalid and the count of objects 0
+    if entry.sub > 0:
+        _check_mapped(dictionary, value, "T" if sends else "R")
+        return
+    bits = 0
+    for sub in range(1, value + 1):
+        _check_mapped(dictionary, dictionary[entry.index, sub], "T" if sends else "R")
+        bits += dictionary[entry.index, sub] & 0xFF
+    if bits > 64:
+        raise Refused(Abort.PDO_LENGTH)
+
+
+def _check_mapped(dictionary: Dictionary, mapped: int, way: str) -> None:
+    if mapped == 0:
+        return
+    index, sub, bits = _parts(mapped)
+    found = dictionary.entry(index, sub)
+    if way not in found.mappable or bits != found.bits:
+        raise Refused(Abort.NOT_MAPPABLE)
+
+
+@dataclass
+class _Pdo:
+    settings: int
+    mapping: int
+    syncs: int = 0  # since the last one
+    pending: bytes | None = None  # received, to be used at the next SYNC
+    last: bytes = b""
+    last_sent: float = -1.0
+
+    def cob(self, dictionary: Dictionary) -> int | None:
+        """Its identifier; None: it is not in use."""
+        cob = dictionary[self.settings, 1]
+        return None if cob & _INVALID else cob & _IDENTIFIER
+
+    def places(self, dictionary: Dictionary) -> list[tuple[int, int, int]]:
+        return [_parts(dictionary[self.mapping, sub]) for sub in range(1, dictionary[self.mapping, 0] + 1)]
+
+
+class ProcessData:
+    """All PDOs of a node."""
+
+    def __init__(self, dictionary: Dictionary) -> None:
+        self._dictionary = dictionary
+        self._received = [_Pdo(0x1400 + i, 0x1600 + i) for i in range(4)]
+        self._sent = [_Pdo(0x1800 + i, 0x1A00 + i) for i in range(4)]
+
+    def received(self, identifier: int, data: bytes) -> list[tuple[Entry, bytes]]:
+        """What a received frame asks to write now; that of a synchronous RPDO is kept for :meth:`synchronised`."""
+        writes = []
+        for pdo in self._received:
+            if pdo.cob(self._dictionary) != identifier:
+                continue
+            if self._dictionary[pdo.settings, 2] <= _SYNCHRONOUS:
+                pdo.pending = data
+            else:
+                writes += self._unpacked(pdo, data)
+        return writes
+
+    def synchronised(self) -> list[tuple[Entry, bytes]]:
+        """What has waited for this SYNC to be written."""
+        writes = []
+        for pdo in self._received:
+            if pdo.pending is not None:
+                writes += self._unpacked(pdo, pdo.pending)
+                pdo.pending = None
+        return writes
+
+    def due_at_sync(self) -> list[tuple[int, bytes]]:
+        """Identifier and data of what goes out at a SYNC."""
+        frames = []
+        for pdo in self._sent:
+            cob, kind = pdo.cob(self._dictionary), self._dictionary[pdo.settings, 2]
+            if cob is None or kind > _SYNCHRONOUS:
+                continue
+            pdo.syncs += 1
+            data = self._packed(pdo)
+            if pdo.syncs >= kind if kind else data != pdo.last:
+                pdo.syncs, pdo.last = 0, data
+                frames.append((cob, data))
+        return frames
+
+    def due_by_event(self, now: float) -> list[tuple[int, bytes]]:
+        """Identifier and data of what goes out because it has changed, or because its event timer says so."""
+        frames = []
+        for pdo in self._sent:
+            cob = pdo.cob(self._dictionary)
+            if cob is None or self._dictionary[pdo.settings, 2] <= _SYNCHRONOUS:
+                continue
+            since = now - pdo.last_sent
+            if since < 1e-4 * self._dictionary[pdo.settings, 3]:
+                continue
+            data, timer = self._packed(pdo), 1e-3 * self._dictionary[pdo.settings, 5]
+            if data != pdo.last or 0.0 < timer <= since:
+                pdo.last, pdo.last_sent = data, now
+                frames.append((cob, data))
+        return frames
+
+    def _packed(self, pdo: _Pdo) -> bytes:
+        dictionary = self._dictionary
+        return b"".join(
+            dictionary.packed(dictionary.entry(index, sub)) for index, sub, bits in pdo.places(dictionary) if bits
+        )
+
+    def _unpacked(self, pdo: _Pdo, data: bytes) -> list[tuple[Entry, bytes]]:
+        places = pdo.places(self._dictionary)
+        if len(data) < sum(bits for *_, bits in places) // 8:
+            return []  # a frame too short is not used at all (CiA 301)
+        writes, at = [], 0
+        for index, sub, bits in places:
+            writes.append((self._dictionary.entry(index, sub), data[at : at + bits // 8]))
+            at += bits // 8
+        return [(entry, part) for (entry, part) in writes if part]

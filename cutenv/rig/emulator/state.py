@@ -1,0 +1,98 @@
+"""The state machine of a CiA 402 drive: what a controlword does in which state, and what the statusword then says."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+from cutenv.rig.samples import DriveState
+
+S = DriveState
+
+STATUS = {
+    S.NOT_READY: 0x0000,
+    S.DISABLED: 0x0040,
+    S.READY: 0x0021,
+    S.SWITCHED_ON: 0x0033,
+    S.ENABLED: 0x0037,
+    S.QUICK_STOP: 0x0017,
+    S.REACTING: 0x001F,
+    S.FAULT: 0x0008,
+}
+"""Bits 0 to 6 of the statusword (6041), the power stage's voltage (bit 4) among them: masked by 0x6F, CiA 402's."""
+
+POWERED = frozenset({S.ENABLED, S.QUICK_STOP, S.REACTING})
+"""States in which the motor has torque."""
+
+
+class Status(IntEnum):
+    """Other bits of the statusword."""
+
+    REMOTE = 0x0200
+    TARGET_REACHED = 0x0400
+    INTERNAL_LIMIT = 0x0800
+    AT_REST = 0x1000
+    """In profile velocity mode; in homing mode: home is found."""
+    FOLLOWING_ERROR = 0x2000
+
+
+class Command(IntEnum):
+    """What the low byte of a controlword (6040) asks for, as CiA 402 masks it."""
+
+    DISABLE_VOLTAGE = 0
+    QUICK_STOP = 1
+    SHUTDOWN = 2
+    SWITCH_ON = 3
+    ENABLE = 4
+
+
+FAULT_RESET = 0x80
+HALT = 0x100
+
+
+def command(controlword: int) -> Command:
+    """The command in a controlword, without its fault reset."""
+    if not controlword & 0x02:
+        return Command.DISABLE_VOLTAGE
+    if not controlword & 0x04:
+        return Command.QUICK_STOP
+    if not controlword & 0x01:
+        return Command.SHUTDOWN
+    return Command.ENABLE if controlword & 0x08 else Command.SWITCH_ON
+
+
+_NEXT = {
+    (S.DISABLED, Command.SHUTDOWN): S.READY,
+    (S.READY, Command.SWITCH_ON): S.SWITCHED_ON,
+    (S.READY, Command.ENABLE): S.ENABLED,  # by way of switched on
+    (S.READY, Command.DISABLE_VOLTAGE): S.DISABLED,
+    (S.READY, Command.QUICK_STOP): S.DISABLED,
+    (S.SWITCHED_ON, Command.ENABLE): S.ENABLED,
+    (S.SWITCHED_ON, Command.SHUTDOWN): S.READY,
+    (S.SWITCHED_ON, Command.DISABLE_VOLTAGE): S.DISABLED,
+    (S.SWITCHED_ON, Command.QUICK_STOP): S.DISABLED,
+    (S.ENABLED, Command.SWITCH_ON): S.SWITCHED_ON,
+    (S.ENABLED, Command.SHUTDOWN): S.READY,
+    (S.ENABLED, Command.DISABLE_VOLTAGE): S.DISABLED,
+    (S.ENABLED, Command.QUICK_STOP): S.QUICK_STOP,
+    (S.QUICK_STOP, Command.DISABLE_VOLTAGE): S.DISABLED,
+}
+
+
+def after(state: DriveState, controlword: int, before: int, *, quick_stop_option: int) -> DriveState:
+    """The state after a controlword.
+
+    Parameters
+    ----------
+    state : DriveState
+        Present one.
+    controlword, before : int
+        The new one, and the one before it: a fault is reset by a rising edge of bit 7.
+    quick_stop_option : int
+        605A: from 5 on the drive stays in quick stop, and may be enabled again.
+    """
+    if state is S.FAULT:
+        return S.DISABLED if controlword & FAULT_RESET and not before & FAULT_RESET else S.FAULT
+    asked = command(controlword)
+    if state is S.QUICK_STOP and asked is Command.ENABLE and quick_stop_option >= 5:
+        return S.ENABLED
+    return _NEXT.get((state, asked), state)
