@@ -19,6 +19,7 @@ from cutenv.envs.tissue_source import TissueSource
 from cutenv.rig.causes import Cause, RigStopped
 from cutenv.rig.operator import Operator
 from cutenv.rig.session import RigSession
+from cutenv.rig.settings import RigSettings
 from cutenv.rig.supply import SpecimenKey
 from cutenv.task.beginning import drawn_length
 from cutenv.task.gentle_cutting import GentleCutting
@@ -130,7 +131,14 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.observation_space = spaces.Box(-BOUND, BOUND, (len(COMPONENTS),), np.float32)
         self.render_mode = None
 
-        self._source = RigSource(rig, self.constants, operator=operator, records=records)
+        self._source = RigSource(
+            rig,
+            self.constants,
+            specimen_class=specimen_class,
+            tissue=None if tissue is None else Path(tissue),
+            operator=operator,
+            records=records,
+        )
         settings = self._source.settings
         mode = settings.angle_mode if angle_mode is None else one_of("angle_mode", angle_mode, ("free", "fixed"))
         if mode == "free" and settings.angle_mode == "fixed":
@@ -158,6 +166,16 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.cutting: GentleCutting
         self.specimen: Specimen | None = None
         """As drawn for an emulated or fake rig; nobody knows a real one."""
+
+    @property
+    def settings(self) -> RigSettings:
+        """Of the rig, known without connecting to it."""
+        return self._source.settings
+
+    @property
+    def draws_specimens(self) -> bool:
+        """Whether specimens are drawn by program, as for an emulated or fake rig, and not laid by hand."""
+        return self._source.draws
 
     @property
     def session(self) -> RigSession:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.provenance import Provenance
 from cutenv.rig.causes import Cause
 from cutenv.rig.drivers import RigError
+from cutenv.rig.emulator.bench import Laid
 from cutenv.rig.fake import CutBench, FakeRig, fake_settings
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operator import AutomaticOperator, Operator, TerminalOperator
@@ -26,9 +28,12 @@ from cutenv.rig.session import RigSession
 from cutenv.rig.settings import RigSettings
 from cutenv.rig.supply import HandSupply, SpecimenKey
 from cutenv.rig.toml_file import read
-from cutenv.tissue.description import measured_liver
+from cutenv.tissue.description import load_description, measured_liver
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Reading
+
+if TYPE_CHECKING:
+    from cutenv.rig.emulator.control import EmulatorControl
 
 FAKE, EMULATOR = "fake", "emulator"
 
@@ -59,6 +64,64 @@ class FakeSupply:
         return None
 
 
+class EmulatorSupply:
+    """Has an emulated rig lay the specimens that are drawn here, which it draws itself from the same key."""
+
+    def __init__(self, control: EmulatorControl, specimen_class: str, tissue: Path | None) -> None:
+        self._control, self._class, self._tissue = control, specimen_class, tissue
+
+    def lay(self, key: SpecimenKey) -> NDArray[np.float64] | None:
+        """Lay it; its depth is known to the one who has drawn it.
+
+        Raises
+        ------
+        RigError
+            If the specimen is another one than the emulator draws.
+        """
+        laid = Laid(
+            seed=key.seed,
+            episode=key.episode,
+            specimen_class=self._class,
+            tissue=None if self._tissue is None else load_description(self._tissue),
+        )
+        if key.specimen is None or key.specimen.to_json() != laid.drawn().to_json():
+            raise RigError('an emulated rig draws its specimens itself: give seed and episode, or rig="fake".')
+        self._control.specimen(seed=key.seed, episode=key.episode, specimen_class=self._class, tissue=self._tissue)
+        return None
+
+
+_OPTIONS_OF_EMULATOR = {
+    "motor_lag": ("--lag-ms", 1e3),
+    "dead_time": ("--dead-time-ms", 1e3),
+    "backlash": ("--backlash-mm", 1e3),
+    "force_delay": ("--force-delay-ms", 1e3),
+    "force_noise": ("--force-noise-N", 1.0),
+}
+
+
+def emulator_options(constants: Constants) -> list[str]:
+    """Options of ``cutenv rig emulate`` for the constants of drive and sensor that are not the default.
+
+    Raises
+    ------
+    ValueError
+        If the emulator has no option for one of them.
+    """
+    plain = Constants()
+    options = []
+    for own, default in ((constants.drive, plain.drive), (constants.sensor, plain.sensor), (constants.law, plain.law)):
+        for field in dataclasses.fields(own):
+            value = getattr(own, field.name)
+            if value == getattr(default, field.name):
+                continue
+            if field.name not in _OPTIONS_OF_EMULATOR:
+                known = ", ".join(_OPTIONS_OF_EMULATOR)
+                raise ValueError(f'{field.name}: an emulated rig has no such option, but {known}; or take rig="fake".')
+            option, scale = _OPTIONS_OF_EMULATOR[field.name]
+            options += [option, f"{scale * value:.9g}"]
+    return options
+
+
 class RigSource:
     """The rig that an environment's argument names, and the records of its cuts.
 
@@ -68,6 +131,10 @@ class RigSource:
         "fake", "emulator", or a TOML file.
     constants : Constants
         Of an emulated or fake rig's drive and sensor.
+    specimen_class : str
+        Of the specimens that an emulated rig draws.
+    tissue : Path, optional
+        Description that it draws them from; default pig liver.
     operator : Operator, optional
         Asked before anything moves.  Default: a person at the terminal, nobody for an emulated or fake rig.
     records : str or Path, optional
@@ -91,12 +158,16 @@ class RigSource:
         rig: str | Path,
         constants: Constants,
         *,
+        specimen_class: str = "mixed",
+        tissue: Path | None = None,
         operator: Operator | None = None,
         records: str | Path | None = None,
     ) -> None:
         self._rig, self._constants, self._operator = str(rig), constants, operator
         self.draws = self._rig in (FAKE, EMULATOR)
         self.settings: RigSettings = fake_settings(name=self._rig) if self.draws else read(rig)
+        self._class, self._tissue = specimen_class, tissue
+        self._emulator_options = emulator_options(constants) if self._rig == EMULATOR else []
         self._folder = None if records is None else Path(records)
         self._record: AppendingRecord | None = None
         self.records: list[Path] = []
@@ -108,8 +179,24 @@ class RigSource:
             fake = FakeRig(_practice_bench, self.settings)
             operator = self._operator or AutomaticOperator(self.settings)
             return RigSession(fake.plant, operator, FakeSupply(fake, self._constants))
+        if self._rig == EMULATOR:
+            return self._emulated()
         operator = self._operator or TerminalOperator()
         return RigSession(rig_plant(self.settings), operator, HandSupply(self.settings, operator))
+
+    def _emulated(self) -> RigSession:
+        """A session with an emulated rig that is started now, and ended with it."""
+        from cutenv.rig.emulator.process import start
+
+        emulator = start(arguments=self._emulator_options)
+        try:
+            settings = emulator.settings
+            supply = EmulatorSupply(emulator.control, self._class, self._tissue)
+            operator = self._operator or AutomaticOperator(settings)
+            return RigSession(rig_plant(settings), operator, supply, release=emulator.close)
+        except BaseException:
+            emulator.close()
+            raise
 
     def begin_record(self, plant: RigPlant, *, seed: int, episode: int, **metadata: Any) -> None:
         """Begin the record of a cut, if records are kept; a disk that takes no more stops the blade."""
