@@ -4,7 +4,8 @@
     python agents/evaluate.py all --specimens 500 --out runs/all     every baseline; CSV files into a folder
     python agents/evaluate.py --list                                 names of the baselines
 
-A policy is a baseline's name or the folder of a trained one (policy.safetensors and card.json).
+A policy is a baseline's name, a shipped one's (ppo-free), or the folder of a trained one (policy.safetensors and
+card.json).
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from tqdm import tqdm
 
 import cutenv  # registers the environment
 from cutenv.atomic import replacing
-from cutenv.policy import BASELINES, Policy, SeesTruth, TrainedPolicy
+from cutenv.policy import BASELINES, SHIPPED, Policy, SeesTruth, trained
 from cutenv.tissue.specimen import CLASSES
 
 ENVIRONMENT = "cutenv/GentleCut-v0"
@@ -225,13 +226,16 @@ def print_differences(rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def contestant(name: str) -> Contestant:
-    """The baseline of that name, or the trained policy in that folder; an error names what there is."""
+    """The baseline or shipped policy of that name, or the one in that folder; an error names what there is."""
     if name in BASELINES:
         return Contestant(BASELINES[name]())
-    if Path(name).is_dir():
-        policy = TrainedPolicy.load(Path(name))
+    if name in SHIPPED or Path(name).is_dir():
+        policy = trained(name)
         return Contestant(policy, policy.environment_arguments)
-    raise SystemExit(f"{name!r} is neither a baseline nor a folder; baselines: all, {', '.join(BASELINES)}")
+    raise SystemExit(
+        f"{name!r} is neither a baseline nor a folder nor shipped; baselines: all, {', '.join(BASELINES)}; "
+        f"shipped: {', '.join(SHIPPED)}"
+    )
 
 
 def main() -> None:

@@ -45,9 +45,10 @@ class Command:
 
 
 COMMANDS = {
+    "demo": Command(module="cutenv.commands.demo", summary="a trained agent beside the best script, in half a minute"),
     "calibrate": Command(module="cutenv.commands.calibrate", summary="make a tissue of your own records of cuts"),
     "play": Command(module="cutenv.commands.play", summary="cut by mouse or gamepad in a window"),
-    "rig": Command(module="cutenv.commands.rig", summary="a real or emulated rig: its file, its checks, its cuts"),
+    "rig": Command(module="cutenv.commands.rig", summary="the real rig: a motor and a force sensor; or their emulator"),
     "score": Command(module="cutenv.commands.score", summary="score cuts by their force: a card and a page"),
     "study": Command(module="cutenv.commands.study", summary="reliability, separation and learning of several people"),
     "view": Command(module="cutenv.commands.view", summary="show a recorded cut in 3-D: a page that opens from disk"),

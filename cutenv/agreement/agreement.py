@@ -134,7 +134,7 @@ class Agreement:
     Notes
     -----
     The margin of a measure is the larger of three: what noise alone does to a single cut (root mean square of the
-    difference of two simulated ones: a rig whose typical cut lies within that is one more draw of the noise), 2 % of
+    difference of two simulated ones: a rig whose typical cut lies within that is one more draw of the noise), 1 % of
     the simulator's mean, and what the instruments resolve (:mod:`cutenv.agreement.measures`).
 
     Several dozen measures are looked at.  "agree" needs every one of them to be within its margin at 5 % (two

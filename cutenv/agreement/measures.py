@@ -11,9 +11,9 @@ from cutenv.agreement.curves import force_rmse, position_rmse
 from cutenv.agreement.cut import ComparedCut
 from cutenv.scoring import METRICS
 
-RELATIVE = 0.02
+RELATIVE = 0.01
 """Of the simulator's mean, below which a difference is none whatever the noise: a force sensor's gain, a depth by
-caliper and a SYNC grid of 5 ms are not known better."""
+caliper and a grid of SYNCs are not known better."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +119,7 @@ _BESIDE = (
     Measure(
         name="force_rmse",
         unit="N",
-        meaning="Difference of force at equal positions from the simulator's cuts of the same specimen, up to a retreat.",
+        meaning="Difference of force at equal positions from the simulator's cuts of the specimen, up to the first retreat.",
         least_margin=_FORCE,
         paired=True,
         value=_beside(lambda cut, other: force_rmse(cut.trace, other.trace)),

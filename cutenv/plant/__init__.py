@@ -2,6 +2,7 @@
 
 from cutenv.plant.interface import Plant
 from cutenv.plant.protocol import Leg, forward_backward, run, to_trace
+from cutenv.plant.replay import ReplayPlant
 from cutenv.plant.simulator import SimulatedPlant
 
-__all__ = ["Leg", "Plant", "SimulatedPlant", "forward_backward", "run", "to_trace"]
+__all__ = ["Leg", "Plant", "ReplayPlant", "SimulatedPlant", "forward_backward", "run", "to_trace"]

@@ -7,6 +7,7 @@ from cutenv.policy.interface import Policy, SeesTruth
 from cutenv.policy.network import Network
 from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
 from cutenv.policy.scripted import ConstantFeed, FastThenSlow, InclineBetween, NoAction, RandomAction, Script
+from cutenv.policy.shipped import SHIPPED, shipped, trained
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.policy.trained import PolicyCard, TrainedPolicy, save_policy
 from cutenv.policy.unloading import StopAndUnload
@@ -19,6 +20,7 @@ __all__ = [
     "GRID_SPEEDS",
     "IDLE",
     "SCRIPTS",
+    "SHIPPED",
     "ConstantFeed",
     "FastThenSlow",
     "Features",
@@ -40,4 +42,6 @@ __all__ = [
     "feed_name",
     "past_dead_zone",
     "save_policy",
+    "shipped",
+    "trained",
 ]

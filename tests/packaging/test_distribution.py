@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import subprocess
 import sys
 import zipfile
@@ -10,11 +11,18 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-DATA = [ROOT / "assets" / folder for folder in ("derived", "reference", "tables")]  # pictures are for the README
+DATA = [
+    ROOT / "assets" / folder for folder in ("derived", "policies", "reference", "tables")
+]  # pictures are for the README
 ASSETS = {path.relative_to(ROOT).as_posix() for folder in DATA for path in folder.rglob("*") if path.is_file()}
 CODE = (".py", ".js", ".css")
 MODULES = {path.relative_to(ROOT).as_posix() for path in (ROOT / "cutenv").rglob("*") if path.suffix in CODE}
 
+LOAD_A_POLICY = """
+import cutenv, cutenv.policy
+name = cutenv.policy.SHIPPED[0]
+print(cutenv.__file__, name, cutenv.policy.shipped(name).card.sha256, sep="\\n")
+"""
 READ_A_TABLE = """
 import cutenv, cutenv.resources
 table = cutenv.resources.path("tables/table_6_1.csv")
@@ -66,6 +74,16 @@ def test_wheel_reads_its_own_tables_from_anywhere(wheel: Path, tmp_path: Path) -
     assert Path(module) == site / "cutenv" / "__init__.py"
     assert Path(table) == site / "cutenv" / "assets" / "tables" / "table_6_1.csv"
     assert int(length) == len((ROOT / "assets" / "tables" / "table_6_1.csv").read_text())
+
+
+def test_wheel_loads_the_policies_that_it_ships(wheel: Path, tmp_path: Path) -> None:
+    pytest.importorskip("safetensors", reason="trained policies are an extra: pip install 'cutenv[view]'")
+    run("-m", "pip", "install", "--no-deps", "--no-index", "--quiet", "--target", tmp_path, wheel, cwd=tmp_path)
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}){LOAD_A_POLICY}"
+    module, name, digest = run("-c", code, cwd=tmp_path).split()
+    assert Path(module) == tmp_path / "cutenv" / "__init__.py"
+    shipped = ROOT / "assets" / "policies" / name / "policy.safetensors"
+    assert hashlib.sha256(shipped.read_bytes()).hexdigest() == digest
 
 
 def test_wheel_declares_version_licence_and_command(wheel: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gymnasium
 
 import cutenv  # noqa: F401  registers the environment
-from cutenv.rig.identified import environment_arguments
+from cutenv.rig.identified import SIMULATED, environment_arguments
 from cutenv.rig.settings import Identified
 
 
@@ -16,10 +16,12 @@ def test_only_what_was_measured_is_passed_on() -> None:
 
 def test_the_simulator_takes_what_was_measured() -> None:
     measured = {
-        "motor_lag": 0.05, "acceleration": 0.2, "force_noise": 0.03, "force_resolution": 0.0, "force_drift": 0.01,
+        "motor_lag": 0.05, "dead_time": 0.012, "backlash": 3e-5, "acceleration": 0.2,
+        "force_noise": 0.03, "force_resolution": 0.0, "force_drift": 0.01,
     }  # fmt: skip
     arguments = environment_arguments(Identified(**measured))
     assert arguments == measured
+    assert set(SIMULATED) == measured.keys()
     env = gymnasium.make("cutenv/GentleCut-v0", **arguments)
     assert env.spec is not None
     assert measured.items() <= env.spec.kwargs.items()

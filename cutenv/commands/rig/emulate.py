@@ -35,7 +35,8 @@ def main(argv: Sequence[str]) -> int:
         from cutenv.rig.emulator.process import serve
 
         parent = os.getppid() if arguments.with_parent == 0 else arguments.with_parent
-        serve(_options(arguments), faults=[parsed_fault(text) for text in arguments.fault], parent=parent)
+        faults = [parsed_fault(text) for text in arguments.fault]
+        serve(_options(arguments), faults=faults, parent=parent, real_time=arguments.real_time)
     except (OSError, ValueError, TypeError) as error:
         print(f"cutenv rig emulate: {error}", file=sys.stderr)
         return 2
@@ -107,5 +108,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--host", default="127.0.0.1", help="where it listens; default 127.0.0.1, this computer alone")
     for name in ("can", "sensor", "page", "control"):
         add(f"--{name}-port", type=int, default=0, metavar="PORT", help="default: a free one")
+    add("--real-time", action="store_true", help="take priority over other processes, if the system allows")
     add("--with-parent", type=int, nargs="?", const=0, metavar="PID", help="end when the process that started it ends")
     return parser

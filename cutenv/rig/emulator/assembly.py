@@ -96,6 +96,8 @@ class EmulatedRig:
         By name, "blade" and perhaps "angle".
     stalls, worst_stall : int, float
         How often the loop was late by more than :data:`STALL`, and by how much at most [s].
+    real_time : bool
+        Whether it has priority over other processes.
     stopped : threading.Event
         Set it, and :meth:`run` returns.
     """
@@ -104,12 +106,13 @@ class EmulatedRig:
         self.options = options or Options()
         self.lock = threading.RLock()
         self.stopped = threading.Event()
-        self.stalls, self.worst_stall, self.worst_step = 0, 0.0, 0.0
+        self.stalls, self.worst_stall = 0, 0.0
+        self.real_time = False
         self.force_limit = self.options.force_limit
         self.active: dict[tuple[str, str], dict[str, Any]] = {}
         self._events: deque[dict[str, Any]] = deque(maxlen=_KEPT_EVENTS)
         self._counted = 0
-        self._time = time.monotonic()  # of the tick that is being done
+        self._due: float | None = None  # when the next millisecond ends; None: time stands
         self._still = _STANDS_AFTER
         self._planned: list[tuple[float, str, dict[str, Any]]] = []
         self.bench: Bench = Bench(self.options.sensor)
@@ -148,6 +151,7 @@ class EmulatedRig:
     def _receive(self, frame: Frame) -> None:
         now = self.now()
         with self.lock:
+            self._catch_up(now)  # what a drive answers is of now, even where the loop is late
             for node in self.nodes.values():
                 node.receive(frame, now)
 
@@ -216,23 +220,33 @@ class EmulatedRig:
 
     def run(self) -> None:
         """Let a millisecond pass every millisecond, until :attr:`stopped` is set; late ones are made up for."""
-        begun = due = self.now()
+        begun = self.now()
+        with self.lock:
+            self._due = begun
         while not self.stopped.is_set():
-            late = self.now() - due
-            if late < 0.0:
-                time.sleep(-late)
-                continue
+            while self._planned and self.now() - begun >= self._planned[0][0]:
+                _, name, given = self._planned.pop(0)
+                self.inject(name, given)
+            due = self._catch_up(self.now())
+            if (left := due - self.now()) > 0.0:
+                time.sleep(left)
+
+    def _catch_up(self, now: float) -> float:
+        """Let all milliseconds pass that are due, none before :meth:`run` has begun; return when the next one is."""
+        with self.lock:
+            if self._due is None:
+                return now
+            late = now - self._due
             if late > STALL:
                 self.stalls += 1
                 self.worst_stall = max(self.worst_stall, late)
                 self.happened("stall", late_s=late)
                 if late > _FORGIVEN:
-                    due += late
-            while self._planned and due - begun >= self._planned[0][0]:
-                _, name, given = self._planned.pop(0)
-                self.inject(name, given)
-            self.step(due)
-            due += TICK
+                    self._due = now
+            while self._due <= now:
+                self.step(self._due)
+                self._due += TICK
+            return self._due
 
     def step(self, due: float) -> None:
         """Let one millisecond pass, that of time ``due`` [s]."""

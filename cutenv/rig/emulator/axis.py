@@ -24,6 +24,7 @@ from cutenv.rig.settings import Axis
 
 _DISABLED = 0xFFFFFFFF  # a following-error window that never closes
 _HOMING, _NEW_TASK = 6, 0x10  # mode; bit of the controlword that starts homing
+_FURTHEST_AHEAD = 0.002  # [s]
 _SLOW = 1e-4  # [m/s or rad/s], below which an axis rests
 
 
@@ -81,11 +82,12 @@ class EmulatedAxis:
         """One unit of velocity of the drive [m/s or rad/s]."""
         return self._revolution(dictionary) / (60.0 if dictionary[0x60A9] == RPM else 60000.0)
 
-    def increments(self) -> int:
-        """What the encoder counts."""
+    def increments(self, ahead: float = 0.0) -> int:
+        """What the encoder counts, ``ahead`` [s] of the motor's last millisecond."""
         if self.encoder_stuck:
             return self._stuck_at
-        return math.floor(float(self.motor["position"]) / self._increment + 0.5) + self._shift
+        position = float(self.motor["position"]) + ahead * float(self.motor["speed"])
+        return math.floor(position / self._increment + 0.5) + self._shift
 
     def _demanded(self) -> int:
         return math.floor(float(self.motor["demand_position"]) / self._increment + 0.5) + self._shift
@@ -134,10 +136,14 @@ class EmulatedAxis:
 
     # What the drive tells of the motor.
 
-    def tell(self, dictionary: Dictionary, state: DriveState, operational: bool) -> None:
-        """Set the objects that tell how the axis is."""
+    def tell(self, dictionary: Dictionary, state: DriveState, operational: bool, *, ahead: float = 0.0) -> None:
+        """Set the objects that tell how the axis is, ``ahead`` [s] of its last millisecond.
+
+        A drive latches its encoder when SYNC comes: told as of the millisecond before, a constant speed would seem
+        to change by a fifth from one SYNC to the next.
+        """
         motor, unit = self.motor, self._velocity(dictionary)
-        position, demanded = self.increments(), self._demanded()
+        position, demanded = self.increments(min(max(ahead, 0.0), _FURTHEST_AHEAD)), self._demanded()
         speed = 0 if self.encoder_stuck else round(motor["speed"] / unit)
         dictionary[0x6061] = dictionary[0x6060]
         dictionary[0x6064], dictionary[0x6062] = position, demanded

@@ -62,6 +62,7 @@ def _state(rig: EmulatedRig, request: Request) -> Request:
             "clients": {"can": rig.hub.clients, "sensor": rig.sensor.clients},
             "stalls": rig.stalls,
             "worst_stall_s": rig.worst_stall,
+            "real_time": rig.real_time,
             "force_limit_N": rig.force_limit,
             "now_s": rig.now(),
         }

@@ -90,7 +90,7 @@ class Node:
         self._then: DriveState | None = None  # the state after the ramp that is being run
         self._controlword = 0
         self._since = now  # of the present state [s]
-        self._now = now
+        self._now = self._ticked = now
         self._master: float | None = None  # when its last heartbeat came [s]
         self._beat = now
         self.nmt = Nmt.BOOTING
@@ -117,6 +117,7 @@ class Node:
         elif identifier == self.dictionary[0x1005]:
             if self.nmt is Nmt.OPERATIONAL:
                 self._write_all(self._pdo.synchronised())
+                self.axis.tell(self.dictionary, self.state, True, ahead=now - self._ticked)
                 for cob, sent in self._pdo.due_at_sync():
                     self._send(cob, sent)
         elif identifier == 0x600 + self.number:
@@ -125,6 +126,8 @@ class Node:
         elif identifier == 0x700 + (self.dictionary[0x1016, 1] >> 16 & 0x7F) and len(data) == 1:
             if self.dictionary[0x1016, 1] & 0xFFFF:
                 self._master = now
+                if self.dictionary[0x603F] == Emergency.HEARTBEAT and self.state is not DriveState.FAULT:
+                    self._clear()
         elif self.nmt is Nmt.OPERATIONAL:
             self._write_all(self._pdo.received(identifier, data))
 
@@ -189,7 +192,7 @@ class Node:
 
     def tick(self, now: float) -> None:
         """Do what a millisecond asks for, before the motor moves through it."""
-        self._now = now
+        self._now = self._ticked = now
         if not self._powered:
             return
         if self.nmt is Nmt.BOOTING:

@@ -45,7 +45,11 @@ def warm_up() -> None:
 
 
 def serve(
-    options: Options, *, faults: Sequence[tuple[str, dict[str, Any], float]] = (), parent: int | None = None
+    options: Options,
+    *,
+    faults: Sequence[tuple[str, dict[str, Any], float]] = (),
+    parent: int | None = None,
+    real_time: bool = False,
 ) -> None:
     """Run an emulated rig until it is told to end: by signal, by the control port, or by the end of its parent.
 
@@ -59,6 +63,8 @@ def serve(
         What goes wrong, and how long after the start [s].
     parent : int, optional
         Process without which it ends.
+    real_time : bool
+        Take priority over other processes, if the system allows; the control port's "state" says whether it did.
 
     Raises
     ------
@@ -69,7 +75,9 @@ def serve(
     """
     sys.setswitchinterval(_SWITCH)
     warm_up()
+    first = real_time and _comes_first()  # before there are threads: they inherit it
     rig = EmulatedRig(options)
+    rig.real_time = first
     control = None
     try:
         for name, given, seconds in faults:
@@ -90,6 +98,17 @@ def serve(
         if control is not None:
             control.close()
         rig.close()
+
+
+def _comes_first() -> bool:
+    """Take the least of the real-time priorities; whether the system has let it."""
+    if not hasattr(os, "sched_setscheduler"):
+        return False
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+    except PermissionError:
+        return False
+    return True
 
 
 def _watch_parent(rig: EmulatedRig, parent: int) -> None:
@@ -209,6 +228,7 @@ def start(
     specimen_class: str = "liver",
     free_air: bool = False,
     angle_deg: float | None = None,
+    real_time: bool = True,
     arguments: Sequence[str] = (),
     timeout: float = STARTS_WITHIN,
 ) -> RunningEmulator:
@@ -220,6 +240,8 @@ def start(
         Of the specimen at the start; ``free_air``: none.
     angle_deg : float, optional
         Fixes the blade at this angle [degrees]; else a second axis turns it.
+    real_time : bool
+        Take priority over other processes, if the system allows.
     arguments : sequence of str
         More options of ``cutenv rig emulate``.
     timeout : float
@@ -232,6 +254,7 @@ def start(
     """
     given = ["--seed", str(seed), "--episode", str(episode), "--class", specimen_class]
     given += ["--free-air"] if free_air else []
+    given += ["--real-time"] if real_time else []
     given += [] if angle_deg is None else ["--angle", "fixed", "--angle-deg", str(angle_deg)]
     return RunningEmulator(
         [*given, *arguments],

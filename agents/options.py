@@ -1,0 +1,36 @@
+"""A dataclass of arguments as a command line: a field is an option, its default the option's, its help the meaning."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+_KINDS = {"str": str, "int": int, "float": float}
+
+
+def option(default: Any, meaning: str, choices: tuple[str, ...] | None = None) -> Any:
+    """A field of the arguments that is an option of the command line; a tuple as default takes several texts."""
+    return dataclasses.field(default=default, metadata={"help": meaning, "choices": choices})
+
+
+def parse(kind: type[T], about: str | None) -> T:
+    """The arguments, of a frozen dataclass whose fields are :func:`option`, as the command line gives them."""
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for field in dataclasses.fields(kind):  # type: ignore[arg-type]
+        flag, meaning, choices = "--" + field.name.replace("_", "-"), field.metadata["help"], field.metadata["choices"]
+        if isinstance(field.default, bool):
+            parser.add_argument(flag, action="store_true", help=meaning)
+        elif isinstance(field.default, tuple):
+            parser.add_argument(flag, nargs="+", metavar="FILE", default=field.default, help=meaning)
+        else:
+            of = _KINDS[str(field.type)]
+            default = f" (default {field.default})" if field.default != "" else ""
+            shown = None if choices else of.__name__.upper()
+            parser.add_argument(
+                flag, type=of, choices=choices, metavar=shown, default=field.default, help=meaning + default
+            )
+    given = vars(parser.parse_args())
+    return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in given.items()})

@@ -1,0 +1,179 @@
+"""Watch a trained agent cut: a shipped policy beside the best script on a few drawn specimens, in half a minute."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cutenv.tissue.specimen import CLASSES
+from cutenv.validation import in_range
+
+if TYPE_CHECKING:
+    from cutenv.cutting.records import Records
+    from cutenv.plant.simulator import SimulatedPlant
+    from cutenv.policy import Policy
+
+SCRIPT = "probe and creep"
+"""The best script, of the README's table."""
+UNSEEN = 3_000_000
+"""First seed beyond those that agents are trained, chosen and tested on."""
+
+_ANGLES = ("angle_mode", "fixed_angle_deg")
+_WIDTH = 24  # of the table's first column
+
+
+@dataclass(frozen=True, kw_only=True)
+class DemoCut:
+    """One cut: its scores, and what is needed to draw it."""
+
+    reward: float
+    success: bool
+    tip_error_mm: float
+    peak_force_N: float
+    time_s: float
+    specimen_class: str
+    target_length: float
+    force_limit_per_depth: float
+    readings: Records
+    plant: SimulatedPlant
+
+
+def main(argv: Sequence[str]) -> int:
+    """Cut, print the table, write the picture; 2 if an option is bad."""
+    arguments = _parser().parse_args(argv)
+    try:
+        _demo(arguments)
+    except (OSError, ValueError) as error:
+        print(f"cutenv demo: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _demo(arguments: argparse.Namespace) -> None:
+    from cutenv.policy import BASELINES, trained
+
+    count = int(in_range("--specimens", arguments.specimens, 1, 1000, "1", "A handful is enough to look at."))
+    seed = UNSEEN + int(in_range("--seed", arguments.seed, 0, 10**9, "1", "Give a whole number from 0."))
+    for path in (arguments.out, arguments.page):
+        if path is not None and not path.absolute().parent.is_dir():
+            raise FileNotFoundError(f"{path}: no such folder; make it first.")
+    policy = trained(arguments.policy)
+    name = Path(arguments.policy).name
+    print(f"{count} specimens of class {arguments.specimen_class} on which nothing was trained or chosen\n")
+    agent = cuts(policy, policy.environment_arguments, arguments.specimen_class, seed, count)
+    # Fixed or free, the script gets the angle that the agent has; it decides as often as it was tuned for.
+    angles = {key: policy.environment_arguments[key] for key in _ANGLES if key in policy.environment_arguments}
+    script = cuts(BASELINES[SCRIPT](), angles, arguments.specimen_class, seed, count)
+    _print_table({name: agent, SCRIPT: script})
+    _write(agent[0], script[0], name, arguments)
+
+
+def cuts(
+    policy: Policy, environment_arguments: Mapping[str, Any], specimen_class: str, seed: int, count: int
+) -> list[DemoCut]:
+    """Cut ``count`` specimens, the episodes of ``seed`` from 0 on, to each one's end."""
+    from cutenv.envs.gentle_cut import GentleCutEnv
+
+    env = GentleCutEnv(specimen_class=specimen_class, **environment_arguments)
+    return [_cut(env, policy, seed, episode) for episode in range(count)]
+
+
+def _cut(env: Any, policy: Policy, seed: int, episode: int) -> DemoCut:
+    observation, _ = env.reset(seed=seed, options={"episode": episode})
+    policy.reset(np.random.default_rng((seed, episode)))
+    rewards, parts, ended = [], [], False
+    while not ended:
+        observation, reward, ended, _, info = env.step(policy(observation))
+        rewards.append(reward)
+        parts.append(env.cutting.readings.copy())
+    readings, truth = np.concatenate(parts), info["truth"]
+    return DemoCut(
+        reward=math.fsum(rewards),
+        success=bool(info["is_success"]),
+        tip_error_mm=1e3 * abs(truth["tip_m"] - truth["target_length_m"]),
+        peak_force_N=float(readings["true_force"].max()),
+        time_s=float(readings["time"][-1]),
+        specimen_class=truth["specimen_class"],
+        target_length=float(truth["target_length_m"]),
+        force_limit_per_depth=env.force_limit_per_depth,
+        readings=readings,
+        plant=env.plant,
+    )
+
+
+_COLUMNS: dict[str, Callable[[DemoCut], float]] = {
+    "return": lambda cut: cut.reward,
+    "success": lambda cut: float(cut.success),
+    "tip error [mm]": lambda cut: cut.tip_error_mm,
+    "peak force [N]": lambda cut: cut.peak_force_N,
+    "time [s]": lambda cut: cut.time_s,
+}
+
+
+def _print_table(by_policy: Mapping[str, Sequence[DemoCut]]) -> None:
+    """Every specimen, then the means."""
+    print(" " * _WIDTH + "".join(title.rjust(16) for title in _COLUMNS))
+    for number, same in enumerate(zip(*by_policy.values(), strict=True), 1):
+        print(f"specimen {number}: {same[0].specimen_class}, cut to {1e3 * same[0].target_length:.0f} mm")
+        for name, cut in zip(by_policy, same, strict=True):
+            _print_row(name, [cut])
+    print("mean")
+    for name, own in by_policy.items():
+        _print_row(name, own)
+
+
+def _print_row(name: str, own: Sequence[DemoCut]) -> None:
+    means = [float(np.mean([value(cut) for cut in own])) for value in _COLUMNS.values()]
+    print(f"  {name}".ljust(_WIDTH) + "".join(f"{mean:.2f}".rjust(16) for mean in means))
+
+
+def _write(agent: DemoCut, script: DemoCut, name: str, arguments: argparse.Namespace) -> None:
+    """The first specimen as the agent cut it: a picture, and the page in 3-D."""
+    from cutenv.report.cut_figure import draw_cut
+
+    draw_cut(
+        arguments.out,
+        agent.readings,
+        agent.plant.depth,
+        target_length=agent.target_length,
+        force_limit_per_depth=agent.force_limit_per_depth,
+        title=f"{name}, specimen 1: return {agent.reward:.2f} ({SCRIPT}: {script.reward:.2f})",
+    )
+    print(f"\npicture: {arguments.out}")
+    if arguments.page is not None:
+        from cutenv.plant import to_trace
+        from cutenv.viewer.solid import ShownCut, write_view
+
+        trace = to_trace(agent.plant, agent.readings, name=f"{name}, specimen 1", target_length_m=agent.target_length)
+        write_view(arguments.page, ShownCut.of(trace))
+        print(f"page: {arguments.page}")
+
+
+def _parser() -> argparse.ArgumentParser:
+    from cutenv.policy import SHIPPED
+
+    parser = argparse.ArgumentParser(
+        prog="cutenv demo",
+        description=__doc__,
+        epilog="Nothing is trained and nothing is downloaded. A few cuts show how an agent cuts, not how good it is: "
+        "agents/evaluate.py compares on hundreds.",
+    )
+    parser.add_argument(
+        "--policy",
+        default=SHIPPED[0],
+        metavar="NAME",
+        help=f"shipped ({', '.join(SHIPPED)}), or the folder of a trained policy; default {SHIPPED[0]}",
+    )
+    parser.add_argument("--specimens", type=int, default=5, metavar="N", help="default 5")
+    parser.add_argument("--seed", type=int, default=0, help="draws other specimens; default 0")
+    parser.add_argument("--class", dest="specimen_class", choices=CLASSES, default="mixed", help="default mixed")
+    parser.add_argument("--out", type=Path, default=Path("demo.png"), metavar="FILE", help="default demo.png")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="also the cut in 3-D, a page that opens from disk")
+    return parser

@@ -1,0 +1,54 @@
+"""The trained policies that come with the package, by name; and any policy by what a person calls it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cutenv import resources
+from cutenv.policy.trained import CARD, TrainedPolicy
+from cutenv.validation import one_of
+
+_FOLDER = "policies"
+
+SHIPPED = tuple(sorted(card.parent.name for card in resources.path(_FOLDER).glob(f"*/{CARD}")))
+"""Names of the policies in ``assets/policies``."""
+
+
+def shipped(name: str) -> TrainedPolicy:
+    """A trained policy that comes with the package.
+
+    Parameters
+    ----------
+    name : str
+        One of :data:`SHIPPED`, such as ``"ppo-free"``: PPO of ``agents/ppo.py``, free angle, ten decisions a second.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name (the nearest is named), or its files are damaged.
+    ModuleNotFoundError
+        If safetensors is not installed.
+    """
+    return TrainedPolicy.load(resources.path(f"{_FOLDER}/{one_of('policy', name, SHIPPED)}"))
+
+
+def trained(name: str | Path) -> TrainedPolicy:
+    """A shipped policy by its name, or the one in a folder: what a command line takes for a policy.
+
+    Raises
+    ------
+    ValueError
+        If it is neither; names what is shipped.  Or if the policy's files are damaged.
+    FileNotFoundError
+        If the folder lacks one of a policy's files.
+    ModuleNotFoundError
+        If safetensors is not installed.
+    """
+    if name in SHIPPED:
+        return shipped(str(name))
+    if not Path(name).is_dir():
+        raise ValueError(
+            f"policy {str(name)!r} is neither shipped ({', '.join(SHIPPED)}) nor the folder of one. "
+            "Give such a name, or the folder that holds its card.json."
+        )
+    return TrainedPolicy.load(name)

@@ -1,0 +1,252 @@
+"""Cuts as a Minari data set: nothing is lost on the way, the force is in newtons, and a clone can be taught by it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+minari = pytest.importorskip("minari", reason="data sets are an extra: pip install 'cutenv[data]'")
+pytest.importorskip("h5py", reason="data sets are an extra: pip install 'cutenv[data]'")
+
+import datasets  # noqa: E402
+from datasets import Arguments, lessons, lessons_by_cut, of_policy, of_records, write  # noqa: E402
+from demonstrated import ESTIMATED, FELT, HIDDEN, recorded  # noqa: E402
+
+from cutenv.cutting.records import TICK  # noqa: E402
+from cutenv.plant import Leg, SimulatedPlant, run, to_trace  # noqa: E402
+from cutenv.policy import Features, past_dead_zone  # noqa: E402
+from cutenv.recording import save  # noqa: E402
+from cutenv.task.observation import in_units  # noqa: E402
+from cutenv.tissue import Specimen  # noqa: E402
+from cutenv.trace import Trace  # noqa: E402
+
+SHORT: dict[str, Any] = {"cuts": 2, "specimen_class": "liver"}
+ID = "cutenv/test/cuts-v0"
+
+
+@pytest.fixture
+def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Let Minari keep its data sets in a folder of this test."""
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "kept"))
+    return tmp_path / "kept"
+
+
+@pytest.fixture(scope="module")
+def trace() -> Trace:
+    """Make a record of a cut to 70 mm at 1.27 cm/s with a return stroke and a rest."""
+    plant = SimulatedPlant(Specimen.drawn(3))
+    legs = [Leg(position=0.075, speed=0.0127, dwell=0.2), Leg(position=0.065, speed=0.005, dwell=0.6)]
+    return to_trace(plant, run(plant, legs), target_length_m=0.07, operator="P07")
+
+
+@pytest.mark.parametrize("policy", ["probe and creep", "ppo-free", "planner with truth"])
+def test_a_round_trip_loses_nothing(kept: Path, policy: str) -> None:
+    keywords, cuts = of_policy(Arguments(dataset=ID, policy=policy, **SHORT))
+    write(ID, policy, keywords, cuts)
+    loaded = minari.load_dataset(ID)
+    assert loaded.total_episodes == len(cuts) == 2
+    for cut, episode in zip(cuts, loaded.iterate_episodes(), strict=True):
+        for name in ("observations", "actions", "rewards"):
+            given, back = getattr(cut, name), getattr(episode, name)
+            assert given.dtype == back.dtype
+            assert (given == back).all()
+        assert set(episode.infos) == set(FELT | HIDDEN)
+        assert all((episode.infos[name] == values).all() for name, values in cut.infos.items())
+        assert list(np.flatnonzero(episode.terminations)) == [len(cut.actions) - 1]
+        assert not episode.truncations.any()
+
+
+def test_replayed_in_the_recovered_environment_the_actions_earn_the_recorded_rewards(kept: Path) -> None:
+    arguments = Arguments(dataset=ID, policy="fast then slow", angle_mode="fixed", control_hz=20, **SHORT)
+    write(ID, "script", *of_policy(arguments))
+    loaded = minari.load_dataset(ID)
+    env = loaded.recover_environment()
+    assert env.spec.kwargs == {"specimen_class": "liver", "angle_mode": "fixed", "control_hz": 20}
+    facts = loaded.storage.get_episode_metadata(loaded.episode_indices)
+    for episode, about in zip(loaded.iterate_episodes(), facts, strict=True):
+        observation, info = env.reset(seed=about["seed"])
+        assert (observation == episode.observations[0]).all()
+        assert json.loads(about["about"]) == {"target_length_m": info["truth"]["target_length_m"]}
+        for k, action in enumerate(episode.actions):
+            observation, reward, ended, _, info = env.step(action)
+            assert (observation == episode.observations[k + 1]).all()
+            assert reward == episode.rewards[k]
+            assert info["truth"]["tip_m"] == episode.infos["tip_m"][k + 1]
+            assert env.unwrapped.cutting.readings["force"][-1] == episode.infos["force_N"][k + 1]
+        assert ended
+        assert info["is_success"] == episode.infos["is_success"][-1]
+
+
+def test_what_is_felt_is_what_the_observation_says_in_the_units_of_the_names(kept: Path) -> None:
+    _, (cut, _) = of_policy(Arguments(dataset=ID, policy="90-45-90", **SHORT))
+    seen = in_units(cut.observations)
+    for name, info in {
+        "force": "force_N",
+        "force_mean": "force_mean_N",
+        "force_min": "force_min_N",
+        "force_max": "force_max_N",
+        "position": "position_m",
+        "speed": "speed_m_s",
+        "depth": "depth_m",
+    }.items():
+        assert cut.infos[info] == pytest.approx(seen[name], abs=1e-5), info
+    assert np.radians(cut.infos["angle_deg"]) == pytest.approx(seen["angle"], abs=1e-5)
+    assert 30.0 - cut.infos["time_s"] == pytest.approx(seen["time_left"], abs=1e-5)
+    assert cut.infos["force_N"].max() > 1.0
+
+
+def test_metadata_say_what_the_numbers_are(kept: Path) -> None:
+    write(ID, "probe and creep", *of_policy(Arguments(dataset=ID, policy="probe and creep", **SHORT)))
+    told = minari.load_dataset(ID).storage.metadata["cutenv"]
+    assert told["infos"] == FELT | HIDDEN
+    assert [component["unit"] for component in told["observations"]][:6] == ["N", "N", "N", "N", "m", "m/s"]
+    assert "2.54 cm/s" in told["actions"][0]
+
+
+def test_a_persons_record_becomes_observations_and_the_actions_that_move_a_blade_alike(trace: Trace) -> None:
+    cut = recorded(trace, control_hz=20)
+    ticks = round(1.0 / (20 * TICK))
+    last = np.arange(1, len(cut.actions) + 1) * ticks - 1
+    assert (cut.infos["force_N"][1:-1] == trace.force[last[:-1]]).all()  # the task ends within the last decision
+    assert (cut.infos["position_m"][1:-1] == trace.position[last[:-1]]).all()
+    moved = np.cumsum(cut.actions[:, 0].astype(float)) * 0.0254 / 20
+    assert trace.position[0] + moved == pytest.approx(trace.position[last], abs=1e-5)
+    assert cut.observations.shape == (len(cut.actions) + 1, 12)
+    assert set(cut.infos) == set(FELT | ESTIMATED)
+    assert cut.terminated
+    assert cut.infos["is_success"][-1] == 1.0
+    assert cut.about["operator"] == "P07"
+    assert cut.about["faster_than_reach"] == 0.0
+    assert 0.3 < cut.rewards.sum() < 1.0
+
+
+def test_a_record_that_ends_before_the_task_is_truncated(trace: Trace) -> None:
+    cut = recorded(trace.select(slice(0, 2000)), control_hz=10)
+    assert not cut.terminated
+    assert len(cut.actions) == 20
+
+
+def test_records_become_a_data_set_in_an_environment_that_assesses_by_estimates(
+    kept: Path, trace: Trace, tmp_path: Path
+) -> None:
+    save(trace, tmp_path / "mine.csv")
+    write(ID, "people", *of_records(Arguments(dataset=ID, records=(str(tmp_path / "mine.csv"),))))
+    loaded = minari.load_dataset(ID)
+    assert loaded.recover_environment().spec.kwargs["reward_from"] == "estimate"
+    (facts,) = loaded.storage.get_episode_metadata([0])
+    assert json.loads(facts["about"])["record"] == "mine.csv"
+    assert "seed" not in facts
+    assert loaded.storage.metadata["cutenv"]["infos"] == FELT | ESTIMATED
+    assert loaded[0].infos["force_N"].max() == pytest.approx(trace.force.max(), abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"angle": None}, r"mine\.csv, cut 1: a replay needs angle"),
+        ({"depth": None}, r"mine\.csv, cut 1: a replay needs depth"),
+        ({"metadata": {}}, r"mine\.csv, cut 1: the record tells no target_length_m.*--target-mm"),
+    ],
+)
+def test_a_record_that_lacks_something_is_named_with_it(
+    trace: Trace, tmp_path: Path, changes: dict[str, Any], told: str
+) -> None:
+    save(dataclasses.replace(trace, **changes), tmp_path / "mine.csv")
+    with pytest.raises(ValueError, match=told):
+        of_records(Arguments(dataset=ID, records=(str(tmp_path / "mine.csv"),)))
+
+
+def test_a_target_that_the_record_does_not_tell_can_be_given(trace: Trace, tmp_path: Path) -> None:
+    save(dataclasses.replace(trace, metadata={}), tmp_path / "mine.csv")
+    _, (cut,) = of_records(Arguments(dataset=ID, records=(str(tmp_path / "mine.csv"),), target_mm=72.0))
+    assert cut.about["target_length_m"] == pytest.approx(0.072)
+
+
+def test_lessons_are_the_features_that_an_agent_sees_and_the_actions_before_its_dead_zone(kept: Path) -> None:
+    dataset = write(ID, "script", *of_policy(Arguments(dataset=ID, policy="force feedback", **SHORT)))
+    shown, taught = lessons(dataset, history=2, dead_zone=0.25)
+    cuts = list(lessons_by_cut(dataset, history=2, dead_zone=0.25))
+    assert (np.concatenate([own for own, _ in cuts]) == shown).all()
+    assert past_dead_zone(taught, 0.25) == pytest.approx(
+        np.concatenate([episode.actions for episode in dataset.iterate_episodes()]), abs=1e-6
+    )
+    features = Features(history=2)
+    second = dataset[1]
+    expected = [features(observation) for observation in second.observations[:-1]]
+    assert (shown[-len(expected) :] == expected).all()  # nothing of the first cut is remembered
+
+
+def test_a_clone_learns_from_a_loaded_data_set_in_a_few_hundred_steps(kept: Path) -> None:
+    torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
+    write(ID, "script", *of_policy(Arguments(dataset=ID, policy="probe and creep", **SHORT)))
+    shown, taught = map(torch.as_tensor, lessons(minari.load_dataset(ID), history=1, dead_zone=0.25))
+    torch.manual_seed(0)
+    network = torch.nn.Sequential(torch.nn.Linear(shown.shape[1], 32), torch.nn.Tanh(), torch.nn.Linear(32, 2))
+    optimizer = torch.optim.Adam(network.parameters(), lr=1e-2)
+    losses = []
+    for _ in range(300):
+        loss = ((network(shown) - taught) ** 2).mean()
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        losses.append(loss.item())
+    spread = float(taught.var(dim=0).mean())
+    assert losses[-1] < 0.3 * min(spread, losses[0])  # better than the one action that is best on the average
+
+
+def test_a_data_set_of_another_environment_teaches_nothing(kept: Path) -> None:
+    from minari.data_collector import EpisodeBuffer
+
+    buffer = EpisodeBuffer(
+        observations=np.zeros((2, 4), np.float32),  # type: ignore[arg-type]
+        actions=np.zeros(1, np.int64),  # type: ignore[arg-type]
+        rewards=[1.0],
+        terminations=[True],
+        truncations=[False],
+    )
+    with pytest.warns(UserWarning, match="is set to None"):
+        other = minari.create_dataset_from_buffers("other/cart-v0", [buffer], env="CartPole-v1")
+    with pytest.raises(ValueError, match=r"'other/cart-v0' has observations of shape \(4,\)"):
+        lessons(other, history=0, dead_zone=0.0)
+
+
+def test_an_id_that_is_taken_is_refused_and_the_first_stays(kept: Path) -> None:
+    keywords, cuts = of_policy(Arguments(dataset=ID, policy="nothing", cuts=1))
+    write(ID, "nothing", keywords, cuts)
+    with pytest.raises(FileExistsError, match="give another id"):
+        write(ID, "nothing", keywords, cuts * 2)
+    assert minari.load_dataset(ID).total_episodes == 1
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"dataset": "mine", "policy": "random"}, "id with a version"),
+        ({"dataset": ID}, "either --policy"),
+        ({"dataset": ID, "policy": "random", "records": ("a.csv",)}, "either --policy"),
+        ({"dataset": ID, "policy": "random", "seed": 999_999, "cuts": 2}, "kept for validation and test"),
+        ({"dataset": ID, "policy": "random", "control_hz": 30}, "does not divide 1000"),
+    ],
+)
+def test_bad_arguments_are_refused_in_words(given: dict[str, Any], told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        Arguments(**given)
+
+
+def test_the_program_records_and_says_where(kept: Path, tmp_path: Path) -> None:
+    program = [sys.executable, datasets.__file__, "--dataset", ID, "--policy", "nothing", "--cuts", "1"]
+    done = subprocess.run(program, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert f"1 cuts, 300 decisions in {kept / ID}" in done.stdout
+    assert minari.load_dataset(ID).total_steps == 300
+    again = subprocess.run(program, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert again.returncode != 0
+    assert "Traceback" not in again.stderr
+    assert "give another id" in again.stderr

@@ -1,0 +1,81 @@
+"""Tissue on the emulated rig: the simulator's law and sensor under the motor's blade."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from cutenv.cutting.parameters import law_records, profile_records
+from cutenv.cutting.records import READING, TICK, new_state
+from cutenv.cutting.sensor import Sensor, SensorParameters
+from cutenv.cutting.simulate import follow
+from cutenv.rig.drivers import RigError
+from cutenv.rig.emulator.bench import Bench, Laid
+from cutenv.tissue.specimen import Specimen
+
+UPRIGHT = math.pi / 2
+WAY = np.concatenate([np.linspace(0.0, 0.04, 2001)[1:], np.linspace(0.04, 0.035, 500)])
+
+
+def laid(seed=3, episode=1, sensor=None):
+    bench, what = Bench(sensor), Laid(seed=seed, episode=episode)
+    bench.lay(what.drawn(), what, position=0.0, angle=UPRIGHT)
+    return bench
+
+
+def true_forces(specimen):
+    readings = np.zeros(len(WAY), READING)
+    state = new_state(1, UPRIGHT)[0]
+    follow(
+        state,
+        profile_records([specimen])[0],
+        law_records([specimen])[0],
+        WAY,
+        np.full(len(WAY), UPRIGHT),
+        TICK,
+        readings,
+    )
+    return readings["true_force"]
+
+
+def test_the_blade_feels_what_the_law_says_of_its_way():
+    bench, forces = laid(), []
+    for position in WAY:
+        bench.advance(position, UPRIGHT)
+        forces.append(bench.true_force)
+    expected = true_forces(Specimen.drawn(3, 1))
+    assert max(forces) > 1.0
+    assert forces == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_sensor_has_the_simulators_noise_of_the_same_key():
+    bench, sensor = laid(), Sensor(SensorParameters(), seed=3, episode=1)
+    read = [bench.advance(position, UPRIGHT) for position in WAY]
+    assert read == [sensor.measure(force) for force in true_forces(Specimen.drawn(3, 1))]
+    other = laid(episode=2)
+    assert read != [other.advance(position, UPRIGHT) for position in WAY]
+
+
+def test_free_air_is_felt_as_nothing():
+    bench = laid(sensor=SensorParameters(force_noise=0.0))
+    bench.take_away()
+    assert {bench.advance(position, UPRIGHT) for position in WAY} == {0.0}
+    assert bench.laid is None
+
+
+def test_a_specimen_is_laid_only_with_the_blade_at_the_clamp():
+    bench, what = Bench(), Laid()
+    with pytest.raises(RigError, match=r"30\.0 mm: drive it to the clamp"):
+        bench.lay(what.drawn(), what, position=0.03, angle=UPRIGHT)
+
+
+def test_an_added_force_is_felt_and_outlives_a_specimen():
+    bench = laid(sensor=SensorParameters(force_noise=0.0, force_delay=0.0))
+    bench.add_force(25.0)
+    assert bench.advance(0.0, UPRIGHT) == 25.0
+    bench.lay(Laid().drawn(), Laid(), position=0.0, angle=UPRIGHT)
+    assert bench.advance(0.0, UPRIGHT) == 25.0
+    bench.add_force(0.0)
+    assert bench.advance(0.0, UPRIGHT) == 0.0
