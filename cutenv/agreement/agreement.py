@@ -16,6 +16,7 @@ from cutenv.agreement.measures import MEASURES, RELATIVE, Measure
 from cutenv.agreement.shift import FEWEST, Shift, holm, mean_shift, signed_rank_shift
 
 ALPHA = 0.05
+_NAMED = 6  # measures, in one line
 Answer = Literal["agree", "differ", "undecided"]
 
 
@@ -107,9 +108,14 @@ class Verdict:
         if self.answer == "agree":
             return "agree: every measure is within its margin"
         if self.answer == "differ":
-            return f"differ: {', '.join(self.differ)}"
+            return f"differ: {_listed(self.differ)}"
         enough = "more than 1000 specimens" if self.needed is None else f"about {self.needed} specimens"
-        return f"undecided: {', '.join(self.open)}; {enough} would do"
+        return f"undecided: {_listed(self.open)}; {enough} would do"
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
 
 
 class Agreement:
@@ -133,9 +139,10 @@ class Agreement:
 
     Notes
     -----
-    The margin of a measure is the larger of three: what noise alone does to a single cut (root mean square of the
+    The margin of a measure is the largest of these: what noise alone does to a single cut (root mean square of the
     difference of two simulated ones: a rig whose typical cut lies within that is one more draw of the noise), 1 % of
-    the simulator's mean, and what the instruments resolve (:mod:`cutenv.agreement.measures`).
+    the simulator's mean, and what the instruments resolve (:mod:`cutenv.agreement.measures`); of the force over
+    position also what a record that is displaced by 0.3 mm shows against itself.
 
     Several dozen measures are looked at.  "agree" needs every one of them to be within its margin at 5 % (two
     one-sided tests): the chance that this is said although one is beyond stays below 5 % without any correction
@@ -193,7 +200,7 @@ class Agreement:
         if len(known) < FEWEST:
             return Untold(f"{len(known)} specimens have it on both sides, and {FEWEST} are needed")
         rig, simulator = np.array([own for own, _ in known]), np.array([theirs.mean() for _, theirs in known])
-        noise, margin = _margin(measure, [theirs for _, theirs in known])
+        noise, margin = _margin(measure, [theirs for _, theirs in known], self.simulator)
         differences = rig - simulator
         # Bonett & Price 2012: with one more of each kind, a share of none in a dozen is no certainty.
         counted = np.append(differences, [1.0, -1.0]) if measure.share else differences
@@ -215,7 +222,7 @@ class Agreement:
         if min(len(rig), len(known)) < FEWEST:
             return Untold(f"{len(rig)} cuts of the rig and {len(known)} specimens of the simulator have it")
         simulator = np.array([theirs.mean() for theirs in known])
-        noise, margin = _margin(measure, known)
+        noise, margin = _margin(measure, known, self.simulator)
         counted = [np.append(each, [0.0, 1.0]) if measure.share else each for each in (rig, simulator)]
         parts = [float(each.var(ddof=1)) / len(each) for each in counted]
         square = sum(parts)
@@ -235,9 +242,13 @@ def _values(measure: Measure, cuts: Sequence[ComparedCut]) -> NDArray[np.float64
     return np.array([value for value in found if value is not None])
 
 
-def _margin(measure: Measure, simulated: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
+def _margin(
+    measure: Measure, simulated: Sequence[NDArray[np.float64]], cuts: Sequence[Sequence[ComparedCut]]
+) -> tuple[float, float]:
     """What noise alone does to a single cut, and the margin."""
     noise = math.sqrt(2.0 * float(np.mean([values.var(ddof=1) for values in simulated])))
     level = abs(float(np.mean([values.mean() for values in simulated])))
-    relative = 0.0 if measure.share else RELATIVE * level
-    return noise, max(noise, relative, measure.least_margin)
+    relative = 0.0 if measure.share or measure.paired else RELATIVE * level
+    harmless = [measure.harmless(each[0]) for each in cuts] if measure.harmless is not None else []
+    known = [value for value in harmless if value is not None]
+    return noise, max(noise, relative, measure.least_margin, float(np.mean(known)) if known else 0.0)

@@ -43,22 +43,42 @@ def force_over_position(trace: Trace) -> tuple[Array, Array]:
     return at, np.interp(at, position[new], force[new])
 
 
-def force_rmse(first: Trace, second: Trace) -> float | None:
-    """Root mean square of the difference of force at equal positions of the blade, up to the first retreat of either.
+def force_difference(first: Trace, second: Trace, *, displaced: float = 0.0) -> Array | None:
+    """First less second force at equal positions of the blade, up to the first retreat of either.
+
+    Parameters
+    ----------
+    first, second : Trace
+        With position.
+    displaced : float
+        By which the second is taken to lie farther from the clamp than it does [m].
 
     Returns
     -------
-    float or None
-        In the traces' unit; None if they have less than 5 mm in common.
+    ndarray of shape (n,) or None
+        In the traces' unit, ``STEP`` apart; None if they have less than 5 mm in common.
     """
     (at, force), (other_at, other) = force_over_position(first), force_over_position(second)
     if not len(at) or not len(other_at):
         return None
+    other_at = other_at + displaced
     low, high = max(at[0], other_at[0]), min(at[-1], other_at[-1])
     if high - low < _SHORTEST:
         return None
     common = np.arange(low, high, STEP)
-    return rms(np.interp(common, at, force) - np.interp(common, other_at, other))
+    return np.interp(common, at, force) - np.interp(common, other_at, other)
+
+
+def force_rmse(first: Trace, second: Trace, *, displaced: float = 0.0) -> float | None:
+    """Root mean square of :func:`force_difference`."""
+    difference = force_difference(first, second, displaced=displaced)
+    return None if difference is None else rms(difference)
+
+
+def force_offset(first: Trace, second: Trace) -> float | None:
+    """Size of the mean of :func:`force_difference`: a zero that wanders, where runs of the crack cancel out."""
+    difference = force_difference(first, second)
+    return None if difference is None else abs(float(difference.mean()))
 
 
 def position_rmse(first: Trace, second: Trace) -> float | None:

@@ -290,7 +290,7 @@ class RigPlant:
         now = self.clock.now()
         if self._commanded is not None and self._ticks:
             self.timing.periods.append(now - self._commanded)
-        if self._forces:
+        if self._ticks:  # the first command of a cut rests on no reading of it
             self.timing.latencies.append(now - self._newest_known)
         self._commanded = now
 
