@@ -17,12 +17,19 @@ from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.plant.protocol import to_trace
 from cutenv.policy import Policy, SeesTruth
 from cutenv.recording import save
+from cutenv.rig.causes import Cause
 from cutenv.rig.drivers import RigError
 from cutenv.rig.identified import environment_arguments
+from cutenv.task.records import STOPPED
 from cutenv.validation import in_range
 
 DRAWS = 5
 """Simulated cuts of each specimen, which differ by the noise of the force sensor alone."""
+LOST_TIME = (
+    Cause.FORCE_STALE, Cause.FORCE_LATE, Cause.FORCE_LOST, Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.OVERRUN,
+)  # fmt: skip
+"""Stops after which a specimen is cut anew: the computer was elsewhere, which tells nothing of policy or rig."""
+_ATTEMPTS = 5  # for a specimen
 _NOISE_KEY = 1_000_003  # added to a seed for every further draw of noise
 Told = Callable[[str, int], None]
 
@@ -41,15 +48,15 @@ class SideBySide:
         Whether both cut the same specimens.
     clock : ClockKept
         The rig's.
-    stopped : str
-        Why the rig ended before all specimens were cut; "" if it did not.
+    between : list of str
+        Cuts that were made anew, and why the rig ended early, if it did.
     """
 
     simulator: list[list[ComparedCut]]
     rig: list[ComparedCut]
     paired: bool
     clock: ClockKept
-    stopped: str = ""
+    between: list[str]
 
     @property
     def agreement(self) -> Agreement:
@@ -95,6 +102,8 @@ def cut_once(env: GentleCutEnv | RigCutEnv, policy: Policy, *, seed: int, episod
     ------
     ValueError
         If the policy wants to see hidden state.
+    RigError
+        If a check of the rig fails, its operator does not agree, or it was stopped before the blade had moved.
     """
     if isinstance(policy, SeesTruth):
         raise ValueError("this policy is shown the hidden state, which no rig knows; take another.")
@@ -111,6 +120,8 @@ def cut_once(env: GentleCutEnv | RigCutEnv, policy: Policy, *, seed: int, episod
         value += reward
         assert cutting.readings is not None  # there has been a step
         parts.append(cutting.readings.copy())
+    if sum(map(len, parts)) < 2:
+        raise RigError("the blade was stopped before it had moved: there is no cut.")
     about = {"target_length_m": cutting.target_length, "specimen_seed": seed, "specimen_episode": episode}
     trace = to_trace(
         plant, np.concatenate(parts), name=f"{seed}-{episode}", end=cutting.end, success=cutting.success, **about
@@ -132,36 +143,50 @@ def simulate(
 
 def cut_on_rig(
     env: RigCutEnv, policy: Policy, *, seed: int, specimens: int, told: Told | None = None
-) -> tuple[list[ComparedCut], ClockKept, str]:
-    """Cut every specimen once.
+) -> tuple[list[ComparedCut], ClockKept, list[str]]:
+    """Cut every specimen once; anew, up to four times, where the rig was stopped because time was lost.
 
     Returns
     -------
-    tuple of list of ComparedCut, ClockKept, str
-        Cuts, the control clock over all of them, and why it ended early, "" if it did not: what was cut until then
-        is worth keeping.
+    tuple of list of ComparedCut, ClockKept, list of str
+        Cuts, the control clock over all of them, and what came between: cuts that were made anew, and why the rig ended
+        early if it did, for what was cut until then is worth keeping.
 
     Raises
     ------
     RigError
-        If the rig ends before any cut.
+        If the rig cannot be made.
     """
     cuts: list[ComparedCut] = []
-    parts = []
-    stopped = ""
+    parts: list[tuple[list[float], list[float], int, float, int]] = []
+    between: list[str] = []
     for episode in range(specimens):
-        try:
-            cuts.append(cut_once(env, policy, seed=seed, episode=episode))
-        except RigError as error:
-            if not cuts:
-                raise
-            stopped = f"after {len(cuts)} of {specimens} cuts: {error}"
+        for _ in range(_ATTEMPTS):
+            try:
+                cut = cut_once(env, policy, seed=seed, episode=episode)
+            except RigError as error:
+                between.append(f"specimen {episode + 1}: {error}")
+                if not _time_was_lost(env):
+                    return cuts, ClockKept.of(env.ticks * TICK, parts), between
+                continue
+            if cut.end == STOPPED and _time_was_lost(env):
+                between.append(f"specimen {episode + 1} was cut anew: {env.session.plant.supervisor.report}")
+                continue
+            cuts.append(cut)
             break
+        else:
+            return cuts, ClockKept.of(env.ticks * TICK, parts), between
         timing = env.session.plant.timing
         parts.append((timing.periods, timing.latencies, timing.overruns, timing.skipped, timing.garbled))
         if told is not None:
-            told("rig", episode + 1)
-    return cuts, ClockKept.of(env.ticks * TICK, parts), stopped
+            told("rig", len(cuts))
+    return cuts, ClockKept.of(env.ticks * TICK, parts), between
+
+
+def _time_was_lost(env: RigCutEnv) -> bool:
+    """Whether the rig is stopped for a reason that tells of computers, not of the cut."""
+    supervisor = env.session.plant.supervisor
+    return supervisor.phase == "stopped" and supervisor.report is not None and supervisor.report.cause in LOST_TIME
 
 
 def side_by_side(
@@ -192,8 +217,8 @@ def side_by_side(
     in_range("specimens", specimens, FEWEST, 10_000, "1", "A dozen is a beginning.")
     in_range("draws", draws, 2, 100, "1", "Noise is told from two simulated cuts or more.")
     simulated = simulate(simulator, policy, seed=seed, specimens=specimens, draws=draws, told=told)
-    cuts, clock, stopped = cut_on_rig(rig, policy, seed=seed, specimens=specimens, told=told)
-    return SideBySide(simulator=simulated, rig=cuts, paired=rig.draws_specimens, clock=clock, stopped=stopped)
+    cuts, clock, between = cut_on_rig(rig, policy, seed=seed, specimens=specimens, told=told)
+    return SideBySide(simulator=simulated, rig=cuts, paired=rig.draws_specimens, clock=clock, between=between)
 
 
 def save_records(folder: Path, cuts: Sequence[Sequence[ComparedCut]], about: Mapping[str, Any]) -> list[Path]:

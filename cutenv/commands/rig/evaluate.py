@@ -39,9 +39,11 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _evaluated(arguments: argparse.Namespace) -> Evaluation:
+    from cutenv.agreement import FEWEST
     from cutenv.envs.rig_cut import RigCutEnv
     from cutenv.envs.side_by_side import save_records, side_by_side, simulator_like
     from cutenv.report.evaluation import Evaluation
+    from cutenv.rig.drivers import RigError
     from cutenv.rig.identified import environment_arguments
 
     _check_out(arguments)
@@ -65,6 +67,9 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
             )  # fmt: skip
         given = environment_arguments(rig.settings.identified)
         name = _rig_name(arguments.rig, rig)
+    if len(cuts.rig) < FEWEST:
+        said = "; ".join(cuts.between)
+        raise RigError(f"{len(cuts.rig)} specimens were cut on the rig, and {FEWEST} are needed. {said}")
     if out is not None:
         save_records(out / _RECORDS / "simulator", cuts.simulator, {"policy": arguments.policy})
     return Evaluation(
@@ -77,7 +82,7 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
         given=given,
         changed=changed,
         notes=tuple(
-            [f"the rig ended {cuts.stopped}"] * bool(cuts.stopped)
+            cuts.between
             + ["constants of the rig were changed: " + ", ".join(f"{k} = {v:g}" for k, v in changed.items())]
             * bool(changed)
         ),
