@@ -12,11 +12,15 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from cutenv.compiled import announce
+from cutenv.cutting.simulate import hold
 from cutenv.envs.constants import Constants
 from cutenv.envs.gentle_cut import checked_episode, checked_length
 from cutenv.envs.rig_source import RigSource
 from cutenv.envs.tissue_source import TissueSource
+from cutenv.plant import Plant, SimulatedPlant
 from cutenv.rig.causes import Cause, RigStopped
+from cutenv.rig.fake import FakeRig
 from cutenv.rig.operator import Operator
 from cutenv.rig.session import RigSession
 from cutenv.rig.settings import RigSettings
@@ -24,7 +28,7 @@ from cutenv.rig.supply import SpecimenKey
 from cutenv.task.beginning import drawn_length
 from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task.observation import BOUND, COMPONENTS, within_reach
-from cutenv.tissue.description import measured_liver
+from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.specimen import CLASSES, Specimen
 from cutenv.validation import in_range, one_of
 
@@ -77,6 +81,9 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                                hand refuses "free"
     fixed_angle_deg None       angle of the blade if fixed [deg]; None: as the rig has it
     records         None       folder for a record of every cut, written while it goes on; None: none
+    lower_limits    None       limits of the rig's file made lower, by name in SI: ``{"force": 5.0}``; see
+                               :data:`cutenv.rig.settings.LOWERED`
+    dry_run         False      cut drawn specimens on a fake with this rig's settings: nothing is connected
     operator        None       a :class:`cutenv.rig.operator.Operator`; None: the terminal, and nobody
                                for an emulated rig
     =============== ========== ========================================================================
@@ -111,6 +118,8 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         angle_mode: str | None = None,
         fixed_angle_deg: float | None = None,
         records: str | Path | None = None,
+        lower_limits: dict[str, float] | None = None,
+        dry_run: bool = False,
         operator: Operator | None = None,
         render_mode: None = None,
         **constants: float,
@@ -132,14 +141,9 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = None
 
         self._source = RigSource(
-            rig,
-            self.constants,
-            specimen_class=specimen_class,
-            tissue=None if tissue is None else Path(tissue),
-            operator=operator,
-            records=records,
+            rig, self.constants, operator=operator, records=records, lower_limits=lower_limits, dry_run=dry_run
         )
-        settings = self._source.settings
+        settings = self.settings
         mode = settings.angle_mode if angle_mode is None else one_of("angle_mode", angle_mode, ("free", "fixed"))
         if mode == "free" and settings.angle_mode == "fixed":
             raise ValueError(
@@ -166,16 +170,6 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.cutting: GentleCutting
         self.specimen: Specimen | None = None
         """As drawn for an emulated or fake rig; nobody knows a real one."""
-
-    @property
-    def settings(self) -> RigSettings:
-        """Of the rig, known without connecting to it."""
-        return self._source.settings
-
-    @property
-    def draws_specimens(self) -> bool:
-        """Whether specimens are drawn by program, as for an emulated or fake rig, and not laid by hand."""
-        return self._source.draws
 
     @property
     def session(self) -> RigSession:
@@ -208,23 +202,15 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if options.get("target_length") is not None:
             length = checked_length(options["target_length"])
         self._ended = True
+        if self._session is None:
+            self._warm_up()
         self.specimen = self._specimen(options.get("specimen"), episode)
         plant = self.session.plant
         if self.specimen is not None:
             plant.depth = self.constants.knowledge.measure_depth(self.specimen.depth, self._seed, episode)
         self.session.next_cut(SpecimenKey(seed=self._seed, episode=episode, specimen=self.specimen), self.start_angle)
         tissue = self.specimen.tissue if self.specimen is not None else self.tissue.tissue or measured_liver()
-        self.cutting = GentleCutting(
-            plant,
-            tissue,
-            self.constants.weights,
-            self.constants.limits,
-            truth=None,
-            friction_per_depth=tissue.friction_share * tissue.fracture_resistance,
-            target_length=length,
-            deadline=self.deadline,
-            ticks=self.ticks,
-        )
+        self.cutting = self._cutting(plant, tissue, length)
         self._source.begin_record(
             plant,
             target_length_m=length,
@@ -235,6 +221,28 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._episode = episode + 1
         self._ended, self._stop = False, None
         return self.cutting.rest(self.start_angle), self._info()
+
+    def _warm_up(self) -> None:
+        """Compile what a decision needs, before a rig is connected: it would stall the threads that watch."""
+        announce(hold)
+        practice = Specimen.drawn(0, 0)
+        cutting = self._cutting(SimulatedPlant(practice), practice.tissue, 0.06)
+        cutting.rest(self.start_angle)
+        cutting.step(np.zeros(2))
+        cutting.stopped(cutting.plant.advance(0.0, _UPRIGHT, self.ticks))
+
+    def _cutting(self, plant: Plant, tissue: TissueDescription, length: float) -> GentleCutting:
+        return GentleCutting(
+            plant,
+            tissue,
+            self.constants.weights,
+            self.constants.limits,
+            truth=None,
+            friction_per_depth=tissue.friction_share * tissue.fracture_resistance,
+            target_length=length,
+            deadline=self.deadline,
+            ticks=self.ticks,
+        )
 
     def _specimen(self, option: Any, episode: int) -> Specimen | None:
         if not self._source.draws:
@@ -261,6 +269,8 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._finish()
             raise ValueError(f"action = {action!r} must hold 2 numbers in [-1, 1] (speed, angle), and none may be NaN.")
         cutting = self.cutting
+        if not cutting.time:
+            self.session.start()
         try:
             observation, reward = cutting.step(command)
         except RigStopped as stop:
@@ -295,6 +305,22 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 "limited": plant.supervisor.limited,
             },
         }
+
+    @property
+    def settings(self) -> RigSettings:
+        """Of the rig."""
+        return self._source.settings
+
+    @property
+    def draws_specimens(self) -> bool:
+        """Whether specimens are drawn by program, as for an emulated or fake rig, and not laid by hand."""
+        return self._source.draws
+
+    def the_fake(self) -> FakeRig:
+        """The fake rig; ValueError if it is another kind."""
+        if self.session is None or self._source.fake is None:
+            raise ValueError(f"rig {self.settings.name!r} is not a fake one.")
+        return self._source.fake
 
     @property
     def records(self) -> list[Path]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,12 @@ from cutenv.envs.constants import Constants
 from cutenv.plant.protocol import depth_along
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.provenance import Provenance
+from cutenv.rig.bench import CutBench
 from cutenv.rig.causes import Cause
 from cutenv.rig.drivers import RigError
-from cutenv.rig.emulator.bench import Laid
-from cutenv.rig.fake import CutBench, FakeRig, fake_settings
+from cutenv.rig.emulator.control import EmulatorControl
+from cutenv.rig.emulator.process import RunningEmulator, start
+from cutenv.rig.fake import FakeRig, fake_settings
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operator import AutomaticOperator, Operator, TerminalOperator
 from cutenv.rig.plant import RigPlant
@@ -28,12 +30,9 @@ from cutenv.rig.session import RigSession
 from cutenv.rig.settings import RigSettings
 from cutenv.rig.supply import HandSupply, SpecimenKey
 from cutenv.rig.toml_file import read
-from cutenv.tissue.description import load_description, measured_liver
+from cutenv.tissue.description import measured_liver
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Reading
-
-if TYPE_CHECKING:
-    from cutenv.rig.emulator.control import EmulatorControl
 
 FAKE, EMULATOR = "fake", "emulator"
 
@@ -64,62 +63,45 @@ class FakeSupply:
         return None
 
 
-class EmulatorSupply:
-    """Has an emulated rig lay the specimens that are drawn here, which it draws itself from the same key."""
+class EmulatedSupply:
+    """Lays drawn specimens on an emulated rig."""
 
-    def __init__(self, control: EmulatorControl, specimen_class: str, tissue: Path | None) -> None:
-        self._control, self._class, self._tissue = control, specimen_class, tissue
+    def __init__(self, control: EmulatorControl) -> None:
+        self._control = control
 
     def lay(self, key: SpecimenKey) -> NDArray[np.float64] | None:
-        """Lay it; its depth is known to the one who has drawn it.
-
-        Raises
-        ------
-        RigError
-            If the specimen is another one than the emulator draws.
-        """
-        laid = Laid(
-            seed=key.seed,
-            episode=key.episode,
-            specimen_class=self._class,
-            tissue=None if self._tissue is None else load_description(self._tissue),
-        )
-        if key.specimen is None or key.specimen.to_json() != laid.drawn().to_json():
-            raise RigError('an emulated rig draws its specimens itself: give seed and episode, or rig="fake".')
-        self._control.specimen(seed=key.seed, episode=key.episode, specimen_class=self._class, tissue=self._tissue)
+        """Lay it; its depth is known to the one who has drawn it."""
+        if key.specimen is None:
+            raise RigError("an emulated rig cuts drawn specimens only.")
+        self._control.lay(key.specimen, seed=key.seed, episode=key.episode)
         return None
 
 
-_OPTIONS_OF_EMULATOR = {
-    "motor_lag": ("--lag-ms", 1e3),
-    "dead_time": ("--dead-time-ms", 1e3),
-    "backlash": ("--backlash-mm", 1e3),
-    "force_delay": ("--force-delay-ms", 1e3),
-    "force_noise": ("--force-noise-N", 1.0),
-}
+EMULATED = ("motor_lag", "dead_time", "backlash", "force_delay", "force_noise")
+"""Constants of drive and sensor that an emulated rig can be given."""
 
 
-def emulator_options(constants: Constants) -> list[str]:
-    """Options of ``cutenv rig emulate`` for the constants of drive and sensor that are not the default.
+def emulator_arguments(constants: Constants) -> list[str]:
+    """Options of ``cutenv rig emulate`` that give an emulated rig the simulator's drive and sensor.
 
     Raises
     ------
     ValueError
-        If the emulator has no option for one of them.
+        If the emulator has no option for a constant that is not the default.
     """
-    plain = Constants()
-    options = []
-    for own, default in ((constants.drive, plain.drive), (constants.sensor, plain.sensor), (constants.law, plain.law)):
-        for field in dataclasses.fields(own):
-            value = getattr(own, field.name)
-            if value == getattr(default, field.name):
-                continue
-            if field.name not in _OPTIONS_OF_EMULATOR:
-                known = ", ".join(_OPTIONS_OF_EMULATOR)
-                raise ValueError(f'{field.name}: an emulated rig has no such option, but {known}; or take rig="fake".')
-            option, scale = _OPTIONS_OF_EMULATOR[field.name]
-            options += [option, f"{scale * value:.9g}"]
-    return options
+    sensor, drive, plain = constants.sensor, constants.drive, Constants()
+    for own, default in ((drive, plain.drive), (sensor, plain.sensor), (constants.law, plain.law)):
+        for name in (field.name for field in dataclasses.fields(own)):
+            if name not in EMULATED and getattr(own, name) != getattr(default, name, None):
+                raise ValueError(
+                    f'{name}: an emulated rig has no such option, but {", ".join(EMULATED)}; rig="fake" has.'
+                )
+    arguments = ["--force-delay-ms", f"{1e3 * sensor.force_delay:.6g}", "--force-noise-N", f"{sensor.force_noise:.6g}"]
+    if isinstance(drive, Rig):
+        arguments += ["--lag-ms", f"{1e3 * drive.motor_lag:.6g}", "--dead-time-ms", f"{1e3 * drive.dead_time:.6g}"]
+        if drive.backlash > 0.0:
+            arguments += ["--backlash-mm", f"{1e3 * drive.backlash:.6g}"]
+    return arguments
 
 
 class RigSource:
@@ -131,14 +113,14 @@ class RigSource:
         "fake", "emulator", or a TOML file.
     constants : Constants
         Of an emulated or fake rig's drive and sensor.
-    specimen_class : str
-        Of the specimens that an emulated rig draws.
-    tissue : Path, optional
-        Description that it draws them from; default pig liver.
     operator : Operator, optional
         Asked before anything moves.  Default: a person at the terminal, nobody for an emulated or fake rig.
     records : str or Path, optional
         Folder for the records of cuts.
+    lower_limits : dict, optional
+        Limits that are to be lower than the rig's, see :meth:`cutenv.rig.settings.Limits.lowered`.
+    dry_run : bool
+        Whether a fake stands for the rig, with its settings.
 
     Attributes
     ----------
@@ -158,17 +140,23 @@ class RigSource:
         rig: str | Path,
         constants: Constants,
         *,
-        specimen_class: str = "mixed",
-        tissue: Path | None = None,
         operator: Operator | None = None,
         records: str | Path | None = None,
+        lower_limits: dict[str, float] | None = None,
+        dry_run: bool = False,
     ) -> None:
         self._rig, self._constants, self._operator = str(rig), constants, operator
+        self._lower = dict(lower_limits or {})
+        named = self._rig in (FAKE, EMULATOR)
+        self.settings = self._lowered(fake_settings(name=self._rig) if named else read(rig))
+        if dry_run:
+            self._rig, self.settings = FAKE, dataclasses.replace(self.settings, emulated=True)
         self.draws = self._rig in (FAKE, EMULATOR)
-        self.settings: RigSettings = fake_settings(name=self._rig) if self.draws else read(rig)
-        self._class, self._tissue = specimen_class, tissue
-        self._emulator_options = emulator_options(constants) if self._rig == EMULATOR else []
+        self.fake: FakeRig | None = None
+        """Of a fake rig in use."""
         self._folder = None if records is None else Path(records)
+        self.emulator: RunningEmulator | None = None
+        """Of an emulated rig that runs."""
         self._record: AppendingRecord | None = None
         self.records: list[Path] = []
         """Of finished cuts."""
@@ -176,27 +164,20 @@ class RigSource:
     def session(self) -> RigSession:
         """Make the rig; it is connected to at its first cut."""
         if self._rig == FAKE:
-            fake = FakeRig(_practice_bench, self.settings)
+            self.fake = fake = FakeRig(_practice_bench, self.settings)
             operator = self._operator or AutomaticOperator(self.settings)
             return RigSession(fake.plant, operator, FakeSupply(fake, self._constants))
         if self._rig == EMULATOR:
-            return self._emulated()
+            emulator = start(free_air=True, arguments=emulator_arguments(self._constants))
+            self.emulator, self.settings = emulator, self._lowered(emulator.settings)
+            operator = self._operator or AutomaticOperator(self.settings)
+            supply = EmulatedSupply(emulator.control)
+            return RigSession(rig_plant(self.settings), operator, supply, release=emulator.close)
         operator = self._operator or TerminalOperator()
         return RigSession(rig_plant(self.settings), operator, HandSupply(self.settings, operator))
 
-    def _emulated(self) -> RigSession:
-        """A session with an emulated rig that is started now, and ended with it."""
-        from cutenv.rig.emulator.process import start
-
-        emulator = start(arguments=self._emulator_options)
-        try:
-            settings = emulator.settings
-            supply = EmulatorSupply(emulator.control, self._class, self._tissue)
-            operator = self._operator or AutomaticOperator(settings)
-            return RigSession(rig_plant(settings), operator, supply, release=emulator.close)
-        except BaseException:
-            emulator.close()
-            raise
+    def _lowered(self, settings: RigSettings) -> RigSettings:
+        return dataclasses.replace(settings, limits=settings.limits.lowered(**self._lower))
 
     def begin_record(self, plant: RigPlant, *, seed: int, episode: int, **metadata: Any) -> None:
         """Begin the record of a cut, if records are kept; a disk that takes no more stops the blade."""
@@ -229,7 +210,7 @@ class RigSource:
             columns = [readings[field].tolist() for field in ("time", "force", "position", "speed", "angle")]
             try:
                 record.append(map(Reading._make, zip(*columns, depth.tolist(), strict=True)))
-            except RecordingFailed as error:
+            except (RecordingFailed, TypeError, ValueError) as error:  # a full disk, or what no record holds
                 plant.supervisor.trip(Cause.EXCEPTION, f"the record cannot be kept: {error}")
 
         plant.keep = keep

@@ -12,22 +12,21 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import date
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.cutting.drive import Rig
-from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.records import TICK
 from cutenv.cutting.sensor import SensorParameters
-from cutenv.plant.simulator import SimulatedPlant
+from cutenv.plant import ReplayPlant
+from cutenv.rig.bench import Bench, CutBench, ReplayBench
 from cutenv.rig.clock import FakeClock, Repeating
 from cutenv.rig.drivers import ForceListener, MotionListener, RigError
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.samples import DriveState, ForceSample, MotionSample
 from cutenv.rig.settings import Axis, Calibration, RigSettings
-from cutenv.tissue.specimen import N_POINTS, SPACING, Specimen
+from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace
 
 _COUNTS = 1e6  # of the fake sensor for a newton
@@ -68,104 +67,6 @@ class Faults:
     bus_off: bool = False
 
 
-class _Bench(Protocol):
-    """What blade and sensor are about."""
-
-    def step(self, speed: float, turn: float, stopping: bool) -> None:
-        """A millisecond under a commanded speed [m/s] and rate of turn [rad/s]."""
-        ...
-
-    def block(self) -> None:
-        """A millisecond in which nothing can move."""
-        ...
-
-    @property
-    def motion(self) -> tuple[float, float, float]:
-        """Position [m], speed [m/s] and angle [rad]."""
-        ...
-
-    @property
-    def force(self) -> float:
-        """As the sensor has it [N]."""
-        ...
-
-
-class CutBench:
-    """A specimen under the cutting law, with the simulator's own drive and sensor."""
-
-    def __init__(
-        self, specimen: Specimen, settings: RigSettings, *, drive: Rig | None = None,
-        sensor: SensorParameters | None = None, law: LawParameters | None = None, seed: int = 0, episode: int = 0,
-    ) -> None:  # fmt: skip
-        self._drive = drive or Rig()
-        self.plant = SimulatedPlant(
-            specimen, drive=self._drive, sensor=sensor, law=law, seed=seed, episode=episode, angle=settings.fixed_angle
-        )
-        self._angle = settings.fixed_angle
-        self._quick_stop = settings.blade.quick_stop
-        self._reading = self.plant.advance(0.0, self._angle, 1)
-
-    def step(self, speed: float, turn: float, stopping: bool) -> None:
-        """A millisecond; a quick stop brakes at its own rate, without the velocity loop's lag."""
-        self._angle = min(max(self._angle + turn * TICK, math.radians(45.0)), math.radians(90.0))
-        speed = 0.0 if stopping else speed
-        self.plant.cuts["drive"]["acceleration"] = self._quick_stop if stopping else self._drive.acceleration
-        self.plant.cuts["drive"]["lag"] = TICK if stopping else self._drive.motor_lag
-        self._reading = self.plant.advance(speed, self._angle, 1)
-
-    def block(self) -> None:
-        """A millisecond in which nothing can move."""
-        self.plant.cuts["state"]["hand_speed"] = 0.0
-        self._reading = self.plant.advance(0.0, self._angle, 1)
-
-    @property
-    def motion(self) -> tuple[float, float, float]:
-        """Position [m], speed [m/s] and angle [rad]."""
-        reading = self._reading[0]
-        return float(reading["position"]), float(reading["speed"]), float(reading["angle"])
-
-    @property
-    def force(self) -> float:
-        """As the sensor has it [N]."""
-        return float(self._reading[0]["force"])
-
-
-class ReplayBench:
-    """A recorded cut, millisecond by millisecond, whatever is commanded; at its end the blade rests."""
-
-    def __init__(self, trace: Trace) -> None:
-        time, force, position = trace.require("time", "force", "position", by="a replay")
-        trace.require_newtons(by="a replay")
-        grid = np.arange(time[0], time[-1], TICK)
-        self._force, self._position = np.interp(grid, time, force), np.interp(grid, time, position)
-        angle = np.full(len(time), math.pi / 2) if trace.angle is None else trace.angle
-        self._angle = np.interp(grid, time, angle)
-        self._speed = np.gradient(self._position, TICK)
-        self._at = 0
-        self._holding = False
-
-    def step(self, speed: float, turn: float, stopping: bool) -> None:
-        """The next millisecond; a quick stop holds the record."""
-        if not stopping and self._at < len(self._force) - 1:
-            self._at += 1
-        self._holding = stopping or self._at == len(self._force) - 1
-
-    def block(self) -> None:
-        """The record is held."""
-        self._holding = True
-
-    @property
-    def motion(self) -> tuple[float, float, float]:
-        """Position [m], speed [m/s] and angle [rad]."""
-        speed = 0.0 if self._holding else float(self._speed[self._at])
-        return float(self._position[self._at]), speed, float(self._angle[self._at])
-
-    @property
-    def force(self) -> float:
-        """As the sensor had it [N]."""
-        return float(self._force[self._at])
-
-
 class FakeDrive:
     """An axis that does at once what a drive would: a :class:`~cutenv.rig.drivers.MotionDriver`."""
 
@@ -190,6 +91,7 @@ class FakeDrive:
     def command(self, speed: float) -> None:
         """A new target speed, unless the bus is off."""
         self._rig.reach(self.name)
+        self._rig.heard(self._rig.clock.now(), self.name, speed)
         if self.state is DriveState.ENABLED:
             self.target = speed
 
@@ -271,13 +173,15 @@ class FakeRig:
     ----------
     plant : RigPlant
         To be opened.
+    heard : callable
+        Told every command: time [s], axis, speed [m/s or rad/s].
     faults : Faults
         To be changed at any instant.
     """
 
     def __init__(
         self,
-        bench: Callable[[RigSettings], _Bench],
+        bench: Callable[[RigSettings], Bench],
         settings: RigSettings | None = None,
         *,
         follows: bool = True,
@@ -294,6 +198,7 @@ class FakeRig:
         self.plant = RigPlant(
             self.settings, self.clock, self.blade, self.sensor, angle=self.angle, depth=depth, follows=follows
         )
+        self.heard: Callable[[float, str, float], None] = lambda time, axis, speed: None
         self._listeners: dict[str, MotionListener | None] = {}
         self._sequence = 0
         self._lost = 0
@@ -307,7 +212,7 @@ class FakeRig:
             self.clock.every(_HEARTBEAT, self._beat, "heartbeat"),
         ]
 
-    def lay(self, bench: Callable[[RigSettings], _Bench] | None = None) -> None:
+    def lay(self, bench: Callable[[RigSettings], Bench] | None = None) -> None:
         """Lay a new specimen, with the blade at the clamp."""
         self._make = bench or self._make
         self.bench = self._make(self.settings)
@@ -427,8 +332,4 @@ def fake_rig(
 
 def replayed_rig(trace: Trace, settings: RigSettings | None = None) -> FakeRig:
     """A fake rig on which a recorded cut happens again, whatever is commanded."""
-    depth = None
-    if trace.depth is not None and trace.position is not None:
-        order = np.argsort(trace.position)
-        depth = np.interp(np.arange(N_POINTS) * SPACING, trace.position[order], trace.depth[order])
-    return FakeRig(lambda settings: ReplayBench(trace), settings, follows=False, depth=depth)
+    return FakeRig(lambda settings: ReplayBench(trace), settings, follows=False, depth=ReplayPlant(trace).depth)

@@ -12,7 +12,9 @@ from cutenv.rig.settings import RigSettings
 
 STANDSTILL = 1e-4
 """Speed below which the blade counts as standing [m/s]."""
-_SAMPLES = 3  # over which speed and acceleration are measured: a speed that the drive misreports hides nothing
+_SAMPLES = 3  # over which acceleration is measured, and standing
+_LONG = 9  # over which speed is measured from the position: one that the drive misreports hides nothing
+_JITTER = 1.2  # of such a speed over its limit: samples come when they come
 
 
 class MotionWatch:
@@ -34,7 +36,7 @@ class MotionWatch:
     def __init__(self, settings: RigSettings, *, follows: bool) -> None:
         self._limits, self._sync = settings.limits, settings.bus.sync
         self.newest: dict[str, MotionSample] = {}
-        self._blade: deque[MotionSample] = deque(maxlen=_SAMPLES)
+        self._blade: deque[MotionSample] = deque(maxlen=_LONG)
         self._following = Following(settings)
         self._follows = follows
 
@@ -45,7 +47,8 @@ class MotionWatch:
     @property
     def standing(self) -> bool:
         """Whether the blade stands, as far as is known."""
-        return len(self._blade) == _SAMPLES and all(abs(sample.speed) < STANDSTILL for sample in self._blade)
+        last = list(self._blade)[-_SAMPLES:]
+        return len(last) == _SAMPLES and all(abs(sample.speed) < STANDSTILL for sample in last)
 
     def note(self, axis: str, sample: MotionSample) -> None:
         """Take a sample."""
@@ -70,11 +73,10 @@ class MotionWatch:
         limits = self._limits
         stuck, off = self._following.watch(sample, command) if self._follows else (False, 0.0)
         first = self._blade[0]
-        # A stalled computer gets several samples at once; they are a SYNC apart all the same.
-        elapsed = max(sample.time - first.time, (len(self._blade) - 1) * self._sync, 1e-6)
-        travelled = (sample.position - first.position) / elapsed
-        acceleration = (sample.speed - first.speed) / elapsed
-        fastest = max(sample.speed, travelled, key=abs)
+        travelled = (sample.position - first.position) / self._elapsed(len(self._blade))
+        recent = self._blade[-min(_SAMPLES, len(self._blade))]
+        acceleration = (sample.speed - recent.speed) / self._elapsed(_SAMPLES)
+        fastest = max(sample.speed, travelled / _JITTER, key=abs)
         if not limits.low <= sample.position <= limits.high:
             allowed = f"{1e3 * limits.low:g} to {1e3 * limits.high:g} mm"
             return Breach(Cause.TRAVEL, f"blade at {1e3 * sample.position:.2f} mm, outside {allowed}")
@@ -87,3 +89,11 @@ class MotionWatch:
         if abs(off) > limits.following:
             return Breach(Cause.FOLLOWING, f"{1e3 * off:+.2f} mm from where the blade should be")
         return None
+
+    def _elapsed(self, count: int) -> float:
+        """From the first of the last ``count`` samples to the newest [s].
+
+        A stalled computer gets several at once; they are a SYNC apart all the same.
+        """
+        count = min(count, len(self._blade))
+        return max(self._blade[-1].time - self._blade[-count].time, (count - 1) * self._sync, 1e-6)

@@ -23,7 +23,9 @@ from cutenv.tissue.specimen import N_POINTS
 from cutenv.validation import array_in_range, in_range
 
 _LATE = 0.002  # [s] beyond the end of a period, from which a command counts as an overrun
-_TURN_GAIN = 25.0  # [1/s] of the angle's loop, closed at every SYNC
+_TURN_GAIN = 16.0  # [1/s] of the angle's loop, closed at every SYNC
+_TURN_LAG = 0.040  # [s] of the hinge's own loop, which this one looks ahead by: no overshoot
+_TURN_RATE = math.radians(90.0)  # [rad/s], as the simulated rig's
 _AIMED = math.radians(0.05)  # [rad], closer than which it rests
 _ARRIVED = 2e-5  # [m]
 _SLICE = 0.02  # [s] of waiting at a time
@@ -290,7 +292,7 @@ class RigPlant:
         now = self.clock.now()
         if self._commanded is not None and self._ticks:
             self.timing.periods.append(now - self._commanded)
-        if self._ticks:  # the first command of a cut rests on no reading of it
+        if self._newest_known > self._grid:
             self.timing.latencies.append(now - self._newest_known)
         self._commanded = now
 
@@ -305,10 +307,11 @@ class RigPlant:
                 now = self.clock.sleep_until(min(now + _SLICE, moment))
 
     def _rate_of_turn(self, wanted: float) -> float:
-        off = wanted - self._angle_now()
-        assert self._angle is not None
-        top = self.settings.angle.speed if self.settings.angle is not None else 0.0
-        return 0.0 if abs(off) < _AIMED else min(max(_TURN_GAIN * off, -top), top)
+        sample = self.supervisor.axis("angle")
+        if sample is None or abs(wanted - sample.position) < _AIMED:
+            return 0.0
+        off = wanted - (sample.position + _TURN_LAG * sample.speed)
+        return min(max(_TURN_GAIN * off, -_TURN_RATE), _TURN_RATE)
 
     def _turned(self, wanted: float) -> bool:
         return self._angle is None or abs(wanted - self._angle_now()) < 4 * _AIMED

@@ -7,14 +7,19 @@ from contextlib import ExitStack
 from datetime import date
 from typing import Any
 
+from cutenv.rig.causes import WATCH
+from cutenv.rig.clock import SystemClock
+from cutenv.rig.drivers import RigError
 from cutenv.rig.guard import guarded
 from cutenv.rig.operator import Operator
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.preparation import SETTLE, Check, prepare
+from cutenv.rig.real_time import preferred
 from cutenv.rig.supply import SpecimenKey, Supply
 
 RETURN_SPEED = 0.005
 """Of the way back to the clamp between cuts [m/s]: never fast."""
+_PATIENCE = 1.0  # [s] with a computer that was busy a moment ago: readings have to be fresh again
 AT_CLAMP = 0.0
 """Position of the blade at the start of a cut [m]."""
 
@@ -39,6 +44,8 @@ class RigSession:
     ----------
     checks : list of Check
         Of the preparation; empty before.
+    real_time : bool
+        Whether the operating system runs the rig's threads before others.
     """
 
     def __init__(
@@ -53,6 +60,7 @@ class RigSession:
         self.plant, self.operator = plant, operator
         self._supply, self._today = supply, today or date.today()
         self.checks: list[Check] = []
+        self.real_time = False
         self._stack = ExitStack()
         if release is not None:
             self._stack.callback(release)
@@ -61,6 +69,8 @@ class RigSession:
     def open(self) -> None:
         """Connect, and be ready to stop whatever happens; nothing moves.  Once is enough."""
         if not self._opened:
+            if isinstance(self.plant.clock, SystemClock):
+                self.real_time = self._stack.enter_context(preferred())
             self._stack.callback(self.plant.close)
             self.plant.open()
             self._stack.enter_context(guarded(self.plant.supervisor, self.plant.clock))
@@ -68,7 +78,7 @@ class RigSession:
             self._opened = True
 
     def next_cut(self, key: SpecimenKey, angle: float) -> None:
-        """Prepare if that was not done, go slowly to the clamp, have a new specimen laid, tare, and be ready to cut.
+        """Prepare if that was not done, go slowly to the clamp, have a new specimen laid, and tare.
 
         Parameters
         ----------
@@ -92,8 +102,8 @@ class RigSession:
             self.checks = []
         if not self.checks:
             self.checks = prepare(plant, self.operator, today=self._today)
-        elif supervisor.phase == "unready":
-            supervisor.release()
+        else:
+            self.start()
         self.operator.tell(f"The blade returns to the clamp at {1e3 * RETURN_SPEED:g} mm/s.")
         plant.travel(AT_CLAMP, speed=RETURN_SPEED, angle=angle)
         supervisor.lock()
@@ -102,8 +112,24 @@ class RigSession:
             plant.depth = depth
         plant.clock.sleep_until(plant.clock.now() + SETTLE)
         plant.tare()
-        supervisor.release()
         plant.begin()
+
+    def start(self) -> None:
+        """Let the cut's commands through; until here the rig is locked, however long a policy takes to be ready.
+
+        Raises
+        ------
+        RigError
+            If something is missing or wrong, and stays so.
+        """
+        clock, deadline = self.plant.clock, self.plant.clock.now() + _PATIENCE
+        while True:
+            try:
+                return self.plant.supervisor.release()
+            except RigError:
+                if clock.now() > deadline:
+                    raise
+            clock.sleep_until(clock.now() + WATCH)
 
     def end_cut(self) -> None:
         """Bring the blade to rest and lock the rig."""

@@ -1,4 +1,4 @@
-"""The axis against a slave of others' making: what it promises when all is well, and when it is not."""
+"""The axis against a slave of others' making: what it promises when all is well, and when somebody else is there."""
 
 from __future__ import annotations
 
@@ -8,48 +8,17 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from made_up_drive import FAULT, QUICK_STOP, SWITCHED_ON, Ear, MadeUpDrive, until
+from canopen_bench import Bench, kept_benches
+from made_up_drive import until
 
-from cutenv.rig.canopen import CanNetwork, CanopenAxis
-from cutenv.rig.clock import SystemClock
 from cutenv.rig.drivers import RigError
 from cutenv.rig.samples import DriveState
-from cutenv.rig.settings import Axis, Bus
-
-
-class Bench:
-    """One drive, its axis, and what the axis has told."""
-
-    def __init__(self, settings: Axis | None = None, **drive) -> None:
-        self.drive = MadeUpDrive(**drive)
-        clock = SystemClock()
-        self.network = CanNetwork(Bus(interface="virtual", channel=self.drive.channel), clock)
-        self.axis = CanopenAxis(self.network, settings or Axis(), clock)
-        self.ear = Ear()
-
-    def ready(self) -> Bench:
-        self.axis.open(self.ear)
-        self.axis.enable()
-        return self
-
-    def close(self) -> None:
-        self.axis.close()
-        self.drive.close()
+from cutenv.rig.settings import Axis
 
 
 @pytest.fixture
 def benches() -> Iterator[type[Bench]]:
-    made: list[Bench] = []
-
-    class Kept(Bench):
-        def __init__(self, *arguments, **drive) -> None:
-            super().__init__(*arguments, **drive)
-            made.append(self)
-
-    yield Kept
-    for bench in made:
-        bench.close()
-    assert not [thread.name for thread in threading.enumerate() if thread.name.startswith("cutenv ")]
+    yield from kept_benches()
 
 
 def test_samples_come_in_si_units_as_soon_as_it_is_open(benches):
@@ -62,6 +31,15 @@ def test_samples_come_in_si_units_as_soon_as_it_is_open(benches):
     assert sample.torque == 0.125
     assert sample.state is DriveState.DISABLED
     assert bench.axis.units.steps == 1000
+    assert bench.axis.units.speed_step == pytest.approx(1e-3 / 132_000)
+
+
+def test_the_drives_heartbeat_is_told_again_and_again(benches):
+    bench = benches()
+    bench.axis.open(bench.ear)
+    until(lambda: len(bench.ear.heartbeats) >= 4)
+    assert bench.drive.value(0x1017, 0) == 50
+    assert bench.ear.heartbeats == sorted(bench.ear.heartbeats)
 
 
 def test_a_command_turns_the_motor_and_the_speed_comes_back(benches):
@@ -118,6 +96,19 @@ def test_a_node_that_does_not_answer_is_named_with_what_to_look_at(benches):
     bench.axis.open(bench.ear)  # once it is there
 
 
+def test_a_drive_that_is_still_booting_is_waited_for(benches):
+    bench = benches()
+    bench.drive.mute = True
+
+    def boot() -> None:
+        bench.drive.mute = False
+
+    booting = threading.Timer(0.7, boot)
+    booting.start()
+    bench.axis.open(bench.ear)
+    booting.join()
+
+
 def test_an_object_that_the_drive_refuses_is_named_with_the_reason(benches):
     bench = benches()
     bench.drive.refused[0x6085, 0] = 0x06090031
@@ -149,149 +140,6 @@ def test_a_drive_that_counts_in_another_unit_than_revolutions_is_refused(benches
         bench.axis.open(bench.ear)
 
 
-def test_a_drive_in_fault_is_opened_told_and_not_enabled_before_it_is_cleared(benches):
-    bench = benches(status=FAULT)
-    bench.axis.open(bench.ear)
-    assert bench.ear.samples[-1].state is DriveState.FAULT
-    with pytest.raises(RigError, match='in "fault"; clear it first'):
-        bench.axis.enable()
-    assert 0x80 not in bench.drive.controlwords
-    bench.axis.clear()
-    bench.axis.enable()
-
-
-def test_a_fault_whose_cause_stays_is_told_by_its_emergency(benches):
-    bench = benches().ready()
-    bench.drive.fault_stays = True
-    bench.drive.fail(0x8611)
-    until(lambda: bench.ear.emergencies)
-    assert bench.ear.emergencies == [("blade", 0x8611, "following error")]
-    with pytest.raises(RigError, match="0x8611, following error"):
-        bench.axis.command(0.01)
-    until(lambda: bench.ear.samples[-1].state is DriveState.FAULT)
-    with pytest.raises(RigError, match="does not leave its fault"):
-        bench.axis.clear()
-
-
-def test_no_command_follows_an_emergency_even_before_the_statusword_tells(benches):
-    bench = benches().ready()
-    bench.drive.send(0x081, bytes.fromhex("20 32 04 00 00 00 00 00"))  # under-voltage; the status stays enabled
-    until(lambda: bench.ear.emergencies)
-    with pytest.raises(RigError, match="supply voltage too low"):
-        bench.axis.command(0.01)
-
-
-def test_the_end_of_an_error_is_no_emergency(benches):
-    bench = benches().ready()
-    bench.drive.send(0x081, bytes(8))
-    bench.drive.send(0x081, bytes.fromhex("11 86 20 00 00 00 00 00"))
-    until(lambda: bench.ear.emergencies)
-    assert [code for _, code, _ in bench.ear.emergencies] == [0x8611]
-
-
-def test_after_a_quick_stop_nothing_moves_it_before_it_is_cleared(benches):
-    bench = benches().ready()
-    bench.axis.command(0.02)
-    until(lambda: bench.drive.velocity != 0)
-    bench.axis.quick_stop()
-    with pytest.raises(RigError):
-        bench.axis.command(0.02)
-    with pytest.raises(RigError):
-        bench.axis.enable()
-    until(lambda: bench.ear.samples[-1].speed == 0.0)
-    assert bench.drive.status == QUICK_STOP
-    assert bench.drive.controlwords[-1] == 0x0B
-    bench.axis.clear()
-    assert bench.drive.status == 0x40
-    bench.axis.enable()
-    bench.axis.command(0.01)
-
-
-def test_a_quick_stop_while_it_is_powered_on_wins(benches):
-    bench = benches()
-    bench.axis.open(bench.ear)
-    bench.drive.never = 0x27
-    failed: list[RigError] = []
-
-    def enable() -> None:
-        try:
-            bench.axis.enable()
-        except RigError as error:
-            failed.append(error)
-
-    thread = threading.Thread(target=enable)
-    thread.start()
-    until(lambda: bench.drive.status == SWITCHED_ON and bench.drive.controlwords[-1] == 0x0F)
-    bench.axis.quick_stop()
-    thread.join()
-    assert failed
-    assert bench.drive.controlwords[bench.drive.controlwords.index(0x0B) :] == [0x0B]
-
-
-def hurry(axis: CanopenAxis, going: threading.Event) -> None:
-    """Command for as long as it is allowed."""
-    try:
-        while True:
-            axis.command(0.001)
-            going.set()
-    except RigError:
-        return
-
-
-def test_a_stop_against_a_hasty_commander_has_the_last_word(benches):
-    bench = benches().ready()
-    for _ in range(20):
-        going = threading.Event()
-
-        thread = threading.Thread(target=hurry, args=(bench.axis, going))
-        thread.start()
-        going.wait(5.0)
-        bench.axis.quick_stop()
-        thread.join()
-        words = [data[0] for number, data in bench.drive.frames() if number == 0x201]
-        assert 0x0F in words
-        assert words[-1] == 0x0B
-        until(lambda: bench.drive.controlwords[-1:] == [0x0B])
-        bench.axis.clear()
-        bench.axis.enable()
-
-
-def test_a_quick_stop_does_not_wait_for_an_answer_to_an_sdo(benches):
-    bench = benches().ready()
-    bench.drive.silent_on.add((0x607D, 1))
-    failed = threading.Event()
-
-    def ask() -> None:
-        with pytest.raises(RigError, match="0x607D:01"):
-            bench.axis.limits()
-        failed.set()
-
-    thread = threading.Thread(target=ask)
-    thread.start()
-    time.sleep(0.05)  # the request is out, its answer will never come
-    bench.axis.quick_stop()
-    until(lambda: 0x0B in bench.drive.controlwords)
-    assert not failed.is_set(), "the stop has waited for the SDO"
-    thread.join()
-    assert failed.is_set()
-
-
-@pytest.mark.parametrize("state", ["closed", "opened", "enabled", "fault"])
-def test_a_quick_stop_is_sent_whatever_the_state(benches, state):
-    bench = benches()
-    if state == "closed":
-        with pytest.raises(RigError, match="not open"):
-            bench.axis.quick_stop()
-        return
-    bench.axis.open(bench.ear)
-    if state == "enabled":
-        bench.axis.enable()
-    if state == "fault":
-        bench.drive.fail(0x2310)
-    bench.axis.quick_stop()
-    until(lambda: bench.drive.controlwords[-1] == 0x0B)
-
-
 def test_a_lost_drive_leaves_every_question_with_an_error_in_time(benches):
     bench = benches().ready()
     bench.drive.die()
@@ -306,56 +154,12 @@ def test_a_lost_drive_leaves_every_question_with_an_error_in_time(benches):
     assert (samples, beats) == (len(bench.ear.samples), len(bench.ear.heartbeats))
 
 
-def test_a_drive_that_has_restarted_is_broken_for_its_set_up_is_lost(benches):
-    bench = benches().ready()
-    bench.drive.send(0x701, b"\x00")
-    until(lambda: bench.ear.breaks)
-    assert "restarted" in bench.ear.breaks[0][1]
-    with pytest.raises(RigError, match="restarted"):
-        bench.axis.command(0.01)
-    bench.axis.close()
-    bench.axis.open(bench.ear)
-    bench.axis.enable()
-
-
-def test_a_drive_that_is_sent_out_of_operation_is_broken(benches):
-    bench = benches().ready()
-    bench.drive.send(0x701, b"\x7f")
-    bench.drive.send(0x701, b"\x7f")
-    until(lambda: bench.ear.breaks)
-    assert "not operational" in bench.ear.breaks[0][1]
-    time.sleep(0.05)
-    assert len(bench.ear.breaks) == 1
-
-
 def test_a_drive_that_does_not_power_on_is_told_by_its_state(benches):
     bench = benches()
     bench.axis.open(bench.ear)
     bench.drive.never = 0x27
     with pytest.raises(RigError, match=r'does not leave "switched on" within .*safe torque off'):
         bench.axis.enable()
-
-
-def test_a_moving_blade_is_not_left_without_power(benches):
-    bench = benches().ready()
-    bench.axis.command(0.02)
-    until(lambda: bench.ear.samples[-1].speed != 0.0)
-    with pytest.raises(RigError, match="does not come to rest"):
-        bench.axis.disable()
-    assert bench.drive.status == 0x27
-
-
-def test_closing_stops_a_moving_blade_signs_off_and_may_be_repeated(benches):
-    bench = benches().ready()
-    bench.axis.command(0.02)
-    until(lambda: bench.ear.samples[-1].speed != 0.0)
-    bench.axis.close()
-    assert (bench.drive.status, bench.drive.velocity) == (0x40, 0)
-    assert bench.drive.value(0x1016, 1) == 0, "the drive still waits for a heartbeat"
-    assert bench.drive.controlwords.index(0x0B) < len(bench.drive.controlwords) - 1
-    bench.axis.close()
-    with pytest.raises(RigError, match="not open"):
-        bench.axis.limits()
 
 
 @pytest.mark.parametrize("speed", [math.nan, math.inf, 0.0382, -1.0, None, "fast"])
@@ -382,13 +186,3 @@ def test_opening_twice_is_refused(benches):
     bench.axis.open(bench.ear)
     with pytest.raises(RigError, match="open already"):
         bench.axis.open(bench.ear)
-
-
-def test_a_drive_in_quick_stop_by_itself_is_not_set_going_again(benches):
-    bench = benches().ready()
-    bench.drive.status = QUICK_STOP
-    until(lambda: bench.ear.samples[-1].state is DriveState.QUICK_STOP)
-    with pytest.raises(RigError, match="quick stop active"):
-        bench.axis.command(0.01)
-    assert bench.drive.controlwords[-1] == 0x0F  # the one that powered it on
-    assert bench.drive.status == QUICK_STOP

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import subprocess
 import sys
 import threading
 import time
@@ -98,6 +99,11 @@ def test_a_library_that_is_missing_is_named_for_the_command_line_to_cure(monkeyp
     assert caught.value.name == module
 
 
+def test_the_package_is_imported_without_the_libraries_of_its_extra():
+    code = "import sys, cutenv.rig.canopen; assert not {'can', 'canopen', 'serial'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
 def test_a_heartbeat_too_slow_for_the_drives_is_refused():
     with pytest.raises(ValueError, match=r"bus.heartbeat = 0.08 s"):
         CanNetwork(Bus(heartbeat=0.08), SystemClock())
@@ -134,8 +140,9 @@ def test_who_meets_the_break_while_holding_a_lock_that_the_listener_needs_does_n
 
     class Locking(Ear):
         def broken(self, axis: str, why: str, time: float) -> None:
-            with lock:
+            if lock.acquire(timeout=2.0):  # else it would have waited for ever
                 super().broken(axis, why, time)
+                lock.release()
 
     ear = Locking()
     network, axis = opened(drive, ear)

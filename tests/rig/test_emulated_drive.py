@@ -9,6 +9,8 @@ from hand_moved_drive import INCREMENT, MILLI_RPM_PER_M_S, SYNC, HandMovedDrive
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cutenv.cutting.drive import Rig, advance_command, made_up
+from cutenv.cutting.records import TICK, new_state
 from cutenv.rig.emulator.hub import Frame
 
 
@@ -190,6 +192,21 @@ def test_speed_and_position_are_told_in_the_drives_units():
     assert velocity == pytest.approx(0.01 * MILLI_RPM_PER_M_S, rel=0.002)
     assert mode == 3
     assert drive.position() == pytest.approx(float(drive.axis.motor["position"]), abs=INCREMENT)
+
+
+@pytest.mark.parametrize("speed", [0.01, 0.0254])
+def test_a_commanded_step_and_stop_is_the_simulated_drives_within_a_tenth_of_a_millimetre(speed):
+    drive, positions = HandMovedDrive().enabled(), []
+    for target in (speed, 0.0):
+        drive.command(0x0F, target)
+        for _ in range(1000):
+            drive.wait(0.001)
+            positions.append(float(drive.axis.motor["carriage"]))
+    simulated, state = Rig().records(travel=0.149)[0], new_state(1, 1.5)[0]
+    for i, position in enumerate(positions):
+        target = speed if i < 1000 else 0.0
+        advance_command(state, simulated, made_up(simulated, TICK), target, TICK)
+        assert position == pytest.approx(float(state.hand), abs=0.1e-3)
 
 
 def test_whole_rpm_and_milli_rpm_mean_the_same_speed():

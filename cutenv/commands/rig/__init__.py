@@ -23,6 +23,7 @@ RIG_COMMANDS = {
     ),
     "evaluate": RigCommand(module="cutenv.commands.rig.evaluate", summary="a policy on a rig beside the simulator"),
     "init": RigCommand(module="cutenv.commands.rig.init", summary="write the file of a new rig, to be filled in"),
+    "run": RigCommand(module="cutenv.commands.rig.run", summary="cut with a policy from simulation, unchanged"),
 }
 
 

@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 _STATE_LIMIT = 1.0  # [s] for a drive to change its state
 _STATUS_LIMIT = 0.3  # [s] for a statusword to come
 _REST = 0.01  # of the top speed, below which an axis counts as standing
-_COMMAND, _STATUS, _MEASURED = o.COMMAND.layout, o.STATUS.layout, o.MEASURED.layout
+_STATUS, _MEASURED = o.STATUS.layout, o.MEASURED.layout
 _UNPOWERED = (DriveState.DISABLED, DriveState.READY, DriveState.SWITCHED_ON, DriveState.NOT_READY)
 
 
@@ -136,8 +136,8 @@ class CanopenAxis:
             # Sign off: the drive would take the end of the heartbeat for a fault.
             self._book.put(o.CONSUMER_HEARTBEAT, 0)
             self._network.manage(o.NMT_PRE_OPERATIONAL, self._settings.node)
-        except RigError as error:
-            log.warning("%s: not closed in order: %s", self.name, error)
+        except Exception as error:  # a lost drive, or whatever else: the bus is left all the same
+            log.warning("%s: not closed in order: %s", self.name, error, exc_info=not isinstance(error, RigError))
         finally:
             self._leave()
 
@@ -233,15 +233,22 @@ class CanopenAxis:
         RigError
             If the fault stays, because its cause does, or the drive does not answer.
         """
-        self._power_off()
-        if self._state is DriveState.FAULT:
-            self._control(o.DISABLE_VOLTAGE)  # the drive resets at the rising edge of the bit, so it must see it low
-            self._fresh()
-            self._error = ""
-            self._control(o.FAULT_RESET)
-            self._await(lambda: self._state is not DriveState.FAULT, "leave its fault")
+        self._stopped = False  # first: a quick stop of another thread from here on is another stop, and stays
+        try:
             self._power_off()
-        self._stopped = False
+            if self._state is DriveState.FAULT:
+                self._reset_fault()
+        except RigError:
+            self._stopped = True
+            raise
+
+    def _reset_fault(self) -> None:
+        self._control(o.DISABLE_VOLTAGE)  # the drive resets at the rising edge of the bit, so it must see it low
+        self._fresh()
+        self._error = ""
+        self._control(o.FAULT_RESET)
+        self._await(lambda: self._state is not DriveState.FAULT, "leave its fault")
+        self._power_off()
 
     def _power_off(self) -> None:
         self._may_move = False
@@ -267,9 +274,7 @@ class CanopenAxis:
             raise RigError(f"{self.name}: stopped; clear it first.")
 
     def _control(self, controlword: int, velocity: int = 0) -> None:
-        self._network.send_message(
-            o.COMMAND.frame + self._settings.node, _COMMAND.pack(controlword, velocity, o.PROFILE_VELOCITY)
-        )
+        self._network.send_message(*o.command_frame(self._settings.node, controlword, velocity))
 
     # What it tells; called by the network's reader
 

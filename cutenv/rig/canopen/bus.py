@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import socket
 from importlib import import_module
 from typing import Any
@@ -42,6 +43,8 @@ def open_bus(settings: Bus) -> Any:
     if settings.interface == "slcan":
         import_module("serial")  # python-can would hide which module is missing
     if settings.interface == "socketcand":
+        # It warns of every frame that TCP has split in two, and then reads it rightly.
+        logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)
         _meet_gateway(settings)
     try:
         return can.Bus(interface=settings.interface, ignore_config=True, **bus_arguments(settings))

@@ -14,6 +14,7 @@ from cutenv.rig.settings import Axis, Bus
 
 PRODUCER_PERIOD = 0.050
 """Between two heartbeats of a drive [s]."""
+_FIRST_QUESTIONS = 4  # times the answer limit of an SDO: a drive that has just got its power is booting
 
 
 def check_identity(dictionary: Dictionary, name: str, axis: Axis, bus: Bus) -> None:
@@ -24,14 +25,17 @@ def check_identity(dictionary: Dictionary, name: str, axis: Axis, bus: Bus) -> N
     RigError
         If it is not; names what was found and what was expected.
     """
-    try:
-        device = dictionary.read(o.DEVICE_TYPE)
-    except Unanswered as error:
-        raise RigError(
-            f"{name}: node {axis.node} does not answer on {bus.interface} {bus.channel} ({error}) Is the drive powered,"
-            f" is its node number {axis.node} and its bit rate {bus.bitrate} bit/s, is the bus terminated by 120 ohm"
-            " at both ends?"
-        ) from error
+    for left in reversed(range(_FIRST_QUESTIONS)):
+        try:
+            device = dictionary.read(o.DEVICE_TYPE)
+            break
+        except Unanswered as error:
+            if not left:
+                raise RigError(
+                    f"{name}: node {axis.node} does not answer on {bus.interface} {bus.channel}. Is the drive powered,"
+                    f" is its node number {axis.node} and its bit rate {bus.bitrate} bit/s, is the bus terminated by"
+                    " 120 ohm at both ends?"
+                ) from error
     vendor = dictionary.read(o.VENDOR)
     for entry, found, expected in ((o.DEVICE_TYPE, device, o.SERVO_402), (o.VENDOR, vendor, o.MAXON)):
         if found != expected:
@@ -54,18 +58,19 @@ def configure(dictionary: Dictionary, name: str, axis: Axis, bus: Bus) -> AxisUn
         units = AxisUnits(axis=axis, steps=_velocity_steps(dictionary, name))
     except ValueError as error:
         raise RigError(f"{name}: {error}") from error
-    for entry, value in set_up(axis, units, bus).items():
+    for entry, value in set_up(axis, units).items():
         dictionary.write(entry, value)
     for pdo in (o.COMMAND, o.STATUS, o.MEASURED):
         _map(dictionary, pdo, axis.node)
+    # Last: a drive whose set-up fails half way does not fall into fault when this computer goes.
+    dictionary.write(o.CONSUMER_HEARTBEAT, bus.node << 16 | round(1e3 * DRIVE_PATIENCE))
     return units
 
 
-def set_up(axis: Axis, units: AxisUnits, bus: Bus) -> dict[o.Entry, int]:
-    """Every object that is written, in order, with its value."""
+def set_up(axis: Axis, units: AxisUnits) -> dict[o.Entry, int]:
+    """Every object of motion and its limits that is written, in order, with its value."""
     ends = sorted((units.increments(axis.low), units.increments(axis.high)))
     return {
-        o.CONSUMER_HEARTBEAT: bus.node << 16 | round(1e3 * DRIVE_PATIENCE),
         o.PRODUCER_HEARTBEAT: round(1e3 * PRODUCER_PERIOD),
         o.ABORT_CONNECTION: o.ABORT_BY_QUICK_STOP,
         o.QUICK_STOP_OPTION: o.STOP_AND_STAY,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import struct
 import threading
 from typing import Any
@@ -49,6 +50,8 @@ class Dictionary:
         client.RESPONSE_TIMEOUT = _ANSWER_LIMIT
         client.network = network
         self._client = client
+        # It logs as an error what it raises as well, and a first question is asked again.
+        logging.getLogger("canopen.sdo.client").setLevel(logging.CRITICAL)
         network.listen(SDO_RESPONSE_FRAME + node, self._answer)
 
     def close(self) -> None:

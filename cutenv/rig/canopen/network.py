@@ -36,8 +36,9 @@ class Member(Protocol):
 class CanNetwork:
     """One CAN bus with this computer as its master; opened by the first axis that joins, closed by the last to leave.
 
-    It breaks, once, at the first frame that cannot be sent, read or handled, or when the bus goes off.  From then on
-    neither SYNC nor heartbeat is sent, so that the drives stop by themselves; other frames are still tried.
+    It breaks, once, at the first frame that cannot be sent, read or handled, or when the bus goes off; a gateway that
+    has gone is met by the second SYNC after.  From then on neither SYNC nor heartbeat is sent, so that the drives stop
+    by themselves; other frames are still tried.
 
     Parameters
     ----------
@@ -125,7 +126,7 @@ class CanNetwork:
         try:
             bus.send(message, timeout=_SEND_LIMIT)
         except Exception as error:  # python-can's interfaces raise what their libraries do
-            raise self._break(f"frame 0x{can_id:03X} could not be sent: {error}") from error
+            raise self._break(f"frame 0x{can_id:03X} could not be sent: {_brief(error)}") from error
         finally:
             self._sending.release()
 
@@ -183,7 +184,7 @@ class CanNetwork:
                 message = bus.recv(_READ_LIMIT)
             except Exception as error:  # python-can's interfaces raise what their libraries do
                 if not ending.is_set():
-                    self._break(f"nothing can be read any more: {error}")
+                    self._break(f"nothing can be read any more: {_brief(error)}")
                 return
             if message is None:
                 if self.broken is not None:
@@ -218,3 +219,8 @@ class CanNetwork:
     def _tell(self, why: str, time: float) -> None:
         for member in tuple(self._members):
             member.lost(why, time)
+
+
+def _brief(error: Exception) -> str:
+    """The error's own words, without the traceback that some of python-can's interfaces put into them."""
+    return str(error).partition("Traceback")[0].strip() or repr(error)

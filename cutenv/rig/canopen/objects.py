@@ -227,3 +227,8 @@ def error_meaning(code: int) -> str:
     if code >> 8 == 0:
         return "no error"
     return _ERRORS.get(code) or _KINDS.get(code >> 12, "not of the standard")
+
+
+def command_frame(node: int, controlword: int, velocity: int = 0) -> tuple[int, bytes]:
+    """Number and data of the frame (RPDO1) that commands a drive; velocity in its own unit."""
+    return COMMAND.frame + node, COMMAND.layout.pack(controlword, velocity, PROFILE_VELOCITY)

@@ -134,7 +134,11 @@ class EmulatedRig:
         self.sensor = SensorServer(
             host=self.options.host, port=self.options.sensor_port, page_port=self.options.page_port
         )
-        self.hub = Hub(self._receive, host=self.options.host, port=self.options.can_port)
+        try:
+            self.hub = Hub(self._receive, host=self.options.host, port=self.options.can_port)
+        except OSError:
+            self.sensor.close()
+            raise
 
     def now(self) -> float:
         """Of the machine's monotonic clock [s]."""

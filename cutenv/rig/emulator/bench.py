@@ -63,9 +63,13 @@ class Laid:
     episode: int = 0
     specimen_class: str = "liver"
     tissue: TissueDescription | None = None
+    specimen: Specimen | None = None
+    """Not drawn but given; seed and episode are those of the sensor's noise then."""
 
     def drawn(self) -> Specimen:
         """The specimen; ValueError if seed, episode or class are none."""
+        if self.specimen is not None:
+            return self.specimen
         return Specimen.drawn(self.seed, self.episode, specimen_class=self.specimen_class, tissue=self.tissue)
 
 

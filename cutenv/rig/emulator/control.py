@@ -9,7 +9,6 @@ import socketserver
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from cutenv.rig.drivers import RigError
@@ -17,6 +16,7 @@ from cutenv.rig.emulator.assembly import EmulatedRig
 from cutenv.rig.emulator.bench import Laid
 from cutenv.rig.emulator.faults import FAULTS
 from cutenv.tissue.description import load_description
+from cutenv.tissue.specimen import Specimen
 from cutenv.validation import in_range, one_of
 
 _LONGEST = 1 << 16  # bytes of a request
@@ -34,6 +34,7 @@ def _specimen(rig: EmulatedRig, request: Request) -> Request:
         episode=int(in_range("episode", request.get("episode", 0), 0, 2**63, "1", cure)),
         specimen_class=str(request.get("class", "liver")),
         tissue=None if tissue is None else load_description(Path(str(tissue))),
+        specimen=Specimen.from_json(str(request["json"])) if "json" in request else None,
     )
     rig.lay(laid)
     return {"seed": laid.seed, "episode": laid.episode, "class": laid.specimen_class}
@@ -102,7 +103,7 @@ def _shutdown(rig: EmulatedRig, request: Request) -> Request:
 
 
 REQUESTS: dict[str, tuple[Callable[[EmulatedRig, Request], Request], tuple[str, ...] | None]] = {
-    "specimen": (_specimen, ("seed", "episode", "class", "tissue")),
+    "specimen": (_specimen, ("seed", "episode", "class", "tissue", "json")),
     "inject": (_inject, None),
     "clear": (_clear, ("fault",)),
     "events": (_events, ("since",)),
@@ -181,7 +182,7 @@ class EmulatorControl:
     Parameters
     ----------
     port : int
-        As the emulator told it when it was ready.
+        As the emulator told it when it was ready; kept as an attribute.
     host : str
         Where it runs.
     timeout : float
@@ -194,20 +195,23 @@ class EmulatorControl:
     """
 
     def __init__(self, port: int, *, host: str = "127.0.0.1", timeout: float = 5.0) -> None:
+        self.port = port
+        self._address, self._timeout = (host, port), timeout
+        self.ask("state")  # whoever is there answers
+
+    def ask(self, do: str, **fields: Any) -> Request:
+        """Send one request, over a connection of its own, and return the answer."""
+        host, port = self._address
         try:
-            self._socket = socket.create_connection((host, port), timeout=timeout)
-        except OSError as error:
+            with socket.create_connection(self._address, timeout=self._timeout) as connected:
+                connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                connected.sendall(json.dumps({"do": do, **fields}).encode() + b"\n")
+                with connected.makefile("rb") as lines:
+                    line = lines.readline()
+        except ConnectionRefusedError as error:
             raise RigError(
                 f"no emulator answers at {host}:{port} ({error}): start one by 'cutenv rig emulate'."
             ) from error
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._lines = self._socket.makefile("rb")
-
-    def ask(self, do: str, **fields: Any) -> Request:
-        """Send one request, return the answer."""
-        try:
-            self._socket.sendall(json.dumps({"do": do, **fields}).encode() + b"\n")
-            line = self._lines.readline()
         except OSError as error:
             raise RigError(f"the emulator does not answer {do!r} ({error}): is it still running?") from error
         if not line:
@@ -223,6 +227,12 @@ class EmulatorControl:
         """Lay a fresh specimen, with the blade at the clamp; ``tissue`` is a description's file."""
         extra = {} if tissue is None else {"tissue": str(Path(tissue).absolute())}
         return self.ask("specimen", seed=seed, episode=episode, **{"class": specimen_class}, **extra)
+
+    def lay(self, specimen: Specimen, *, seed: int = 0, episode: int = 0) -> Request:
+        """Lay a given specimen; seed and episode are the key of the sensor's noise."""
+        return self.ask(
+            "specimen", seed=seed, episode=episode, json=specimen.to_json(), **{"class": specimen.specimen_class}
+        )
 
     def inject(self, fault: str, **parameters: Any) -> Request:
         """Let something go wrong: one of :data:`~cutenv.rig.emulator.faults.FAULTS`."""
@@ -258,18 +268,3 @@ class EmulatorControl:
     def shutdown(self) -> None:
         """End the emulator."""
         self.ask("shutdown")
-
-    def close(self) -> None:
-        """Hang up; may be called twice."""
-        self._lines.close()
-        self._socket.close()
-
-    def __enter__(self) -> EmulatorControl:
-        """Return itself; it is connected."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        """Hang up."""
-        self.close()

@@ -23,6 +23,7 @@ from cutenv.rig.emulator.assembly import BLADE, HINGE, EmulatedRig, Options
 from cutenv.rig.emulator.bench import Laid, feel
 from cutenv.rig.emulator.control import ControlServer, EmulatorControl
 from cutenv.rig.emulator.motor import turn_motor
+from cutenv.rig.real_time import prefer
 from cutenv.rig.settings import Bus, Calibration, RigSettings, Sensor
 
 STARTS_WITHIN = 180.0
@@ -75,7 +76,7 @@ def serve(
     """
     sys.setswitchinterval(_SWITCH)
     warm_up()
-    first = real_time and _comes_first()  # before there are threads: they inherit it
+    first = real_time and prefer()  # only now: compiling takes seconds; before there are threads: they inherit it
     rig = EmulatedRig(options)
     rig.real_time = first
     control = None
@@ -98,17 +99,6 @@ def serve(
         if control is not None:
             control.close()
         rig.close()
-
-
-def _comes_first() -> bool:
-    """Take the least of the real-time priorities; whether the system has let it."""
-    if not hasattr(os, "sched_setscheduler"):
-        return False
-    try:
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
-    except PermissionError:
-        return False
-    return True
 
 
 def _watch_parent(rig: EmulatedRig, parent: int) -> None:
@@ -205,9 +195,13 @@ class RunningEmulator:
         if self._process.stdout is not None:
             self._process.stdout.close()
 
+    @property
+    def status(self) -> int | None:
+        """How the process has ended; None: it runs."""
+        return self._process.poll()
+
     def close(self) -> None:
         """End the process; may be called twice."""
-        self.control.close()
         self._end()
 
     def __enter__(self) -> RunningEmulator:

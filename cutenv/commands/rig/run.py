@@ -1,0 +1,194 @@
+"""Cut on a rig with a trained policy or a script, unchanged from simulation; every cut is recorded and scored.
+
+A software stop is not a safety function: wire the stop button to the drive's safe torque off before anything moves.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cutenv.tissue.specimen import CLASSES
+
+if TYPE_CHECKING:
+    from cutenv.envs.rig_cut import RigCutEnv
+    from cutenv.policy import Policy
+
+_STOPPED, _BAD, _INTERRUPTED = 3, 2, 130
+
+
+def main(argv: Sequence[str]) -> int:
+    """Cut; 0 if all cuts ended by themselves, 3 if the rig's safety stopped one, 2 if something is bad."""
+    from cutenv.rig.drivers import RigError
+
+    arguments = _parser().parse_args(argv)
+    try:
+        return _dry_run(arguments) if arguments.dry_run is not None else _run(arguments)
+    except KeyboardInterrupt:
+        print("cutenv rig run: interrupted; nothing moves", file=sys.stderr)
+        return _INTERRUPTED
+    except (OSError, ValueError, RigError) as error:
+        print(f"cutenv rig run: {error}", file=sys.stderr)
+        return _BAD
+
+
+def chosen_policy(name: str) -> tuple[Policy, dict[str, Any]]:
+    """A script by its name, or a trained policy by name or folder, and what its environment has to be made with.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        If it is none of them.
+    """
+    from cutenv.policy import BASELINES, trained
+    from cutenv.policy.interface import SeesTruth
+
+    if name in BASELINES:
+        policy = BASELINES[name]()
+        if isinstance(policy, SeesTruth):
+            raise ValueError(f"policy {name!r} is shown the hidden state, which no rig knows. Take another.")
+        return policy, {}
+    try:
+        learned = trained(name)
+    except ValueError as error:
+        raise ValueError(f"{error} Or a script: {', '.join(BASELINES)}.") from None
+    return learned, learned.environment_arguments
+
+
+def _target(arguments: argparse.Namespace) -> float | None:
+    return None if arguments.target_mm is None else 1e-3 * arguments.target_mm
+
+
+def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more: Any) -> RigCutEnv:
+    from cutenv.envs.rig_cut import RigCutEnv
+
+    lower = {
+        "force": arguments.force_limit_N,
+        "speed": None if arguments.speed_limit_cm_s is None else 1e-2 * arguments.speed_limit_cm_s,
+        "high": None if arguments.travel_limit_mm is None else 1e-3 * arguments.travel_limit_mm,
+    }
+    return RigCutEnv(
+        rig=arguments.rig,
+        specimen_class=arguments.specimen_class,
+        target_length=_target(arguments),
+        tissue=arguments.tissue,
+        lower_limits={name: value for name, value in lower.items() if value is not None},
+        **keywords,
+        **more,
+    )
+
+
+def _dry_run(arguments: argparse.Namespace) -> int:
+    """Cut a drawn specimen on a fake with the rig's settings, and print every frame that would command a drive."""
+    import numpy as np
+
+    from cutenv.rig.dry_run import Transcript
+
+    policy, keywords = chosen_policy(arguments.policy)
+    env = _environment(arguments, keywords, dry_run=True)
+    fake = env.the_fake()
+    transcript = Transcript(env.settings, fake.clock.now(), print)
+    fake.heard = transcript.heard
+    transcript.note("self-test, the blade in air: a millimetre to and fro, and the way to the clamp")
+    observation, _ = env.reset(seed=arguments.seed)
+    policy.reset(np.random.default_rng(arguments.seed))
+    transcript.note(f"the cut, on a drawn specimen, to {1e3 * env.cutting.target_length:.1f} mm")
+    began, ended = fake.clock.now(), False
+    while not ended and fake.clock.now() - began < arguments.dry_run:
+        observation, _, ended, _, _ = env.step(policy(observation))
+    env.close()
+    transcript.note("end of the dry run; nothing was connected, nothing was sent")
+    return 0
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    policy, keywords = chosen_policy(arguments.policy)
+    env = _environment(arguments, keywords, records=arguments.out)
+    stopped = 0
+    try:
+        for number in range(arguments.cuts):
+            told = cut(env, policy, seed=arguments.seed, episode=number)
+            stopped += told["end"] == "stopped"
+            print(_line(number, told, env), flush=True)
+            if arguments.json is not None:
+                with arguments.json.open("a") as file:
+                    file.write(json.dumps(told) + "\n")
+    finally:
+        env.close()
+    return _STOPPED if stopped else 0
+
+
+def cut(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -> dict[str, Any]:
+    """One cut; what is told of it, as JSON holds it."""
+    import numpy as np
+
+    observation, _ = env.reset(seed=seed, options={"episode": episode})
+    policy.reset(np.random.default_rng([seed, episode]))
+    total, ended = 0.0, False
+    info: dict[str, Any] = {}
+    while not ended:
+        observation, reward, ended, _, info = env.step(policy(observation))
+        total += reward
+    timing, cutting = env.session.plant.timing, env.cutting
+    return {
+        "seed": seed,
+        "episode": episode,
+        "end": info["end"],
+        "success_estimated": info["is_success"],
+        "return_estimated": total,
+        "tip_error_estimated_mm": 1e3 * abs(cutting.tip - cutting.target_length),
+        "time_s": cutting.time,
+        "overruns": timing.overruns,
+        "longest_period_s": max(timing.periods, default=math.nan),
+        "stop": info.get("stop"),
+        "record": str(env.records[-1]) if env.records else None,
+    }
+
+
+def _line(number: int, told: dict[str, Any], env: RigCutEnv) -> str:
+    line = (
+        f"cut {number + 1}: {told['end']} after {told['time_s']:.1f} s; estimated: return "
+        f"{told['return_estimated']:.3f}, tip error {told['tip_error_estimated_mm']:.1f} mm; overruns: {told['overruns']}"
+    )
+    if told["stop"] is not None:
+        stop = told["stop"]
+        line += f"\n  STOPPED, {stop['cause']}: {stop['detail']}"
+        if stop["time_to_standstill_s"] is not None:
+            time, way = 1e3 * stop["time_to_standstill_s"], 1e3 * (stop["distance_to_standstill_m"] or 0.0)
+            line += f"; at rest {time:.0f} ms and {way:.2f} mm later"
+    if told["record"] is not None:
+        line += f"\n  in full: cutenv score {told['record']}"
+    return line
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="cutenv rig run",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="Limits given here may only be lower than those of the rig's file. A rig that moves needs the file's "
+        "armed_by, a valid calibration, and the operator's typed word.",
+    )
+    add = parser.add_argument
+    add("--policy", required=True, help="a folder of a trained policy, a shipped one's name, or a script's")
+    add("--rig", required=True, help='the rig\'s TOML file, "emulator" or "fake"')
+    add("--cuts", type=int, default=1, metavar="N", help="one after the other; default 1")
+    add("--seed", type=int, default=0, help="of target lengths, and of specimens that are drawn; default 0")
+    add("--target-mm", type=float, metavar="MM", help="length of every cut; default drawn from 60 to 100")
+    add("--class", dest="specimen_class", choices=CLASSES, default="mixed", help="of drawn specimens; default mixed")
+    add("--tissue", type=Path, metavar="FILE", help="tissue that the rig believes to cut; default measured pig liver")
+    add("--out", type=Path, default=Path("cuts"), metavar="FOLDER", help="for records; default cuts/")
+    add("--json", type=Path, metavar="FILE", help="append a line of JSON for every cut")
+    add("--force-limit-N", type=float, metavar="N", help="of each axis of the force; lower than the file's")
+    add("--speed-limit-cm-s", type=float, metavar="V", help="lower than the file's")
+    add("--travel-limit-mm", type=float, metavar="MM", help="lower than the file's")
+    add(
+        "--dry-run", type=float, nargs="?", const=2.0, metavar="SECONDS",
+        help="connect to nothing; print what would be sent in the first seconds (default 2)",
+    )  # fmt: skip
+    return parser

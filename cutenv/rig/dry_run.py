@@ -1,0 +1,48 @@
+"""What would be sent: every command of a fake rig as the frame that a drive would get."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from cutenv.rig.canopen.objects import ENABLE_OPERATION, command_frame
+from cutenv.rig.canopen.units import AxisUnits
+from cutenv.rig.settings import RigSettings
+
+_STEPS = 1000  # milli-rpm, which the axis asks its drive for
+
+
+class Transcript:
+    """Writes commands down, one a line: time, axis, speed, CAN frame.  What repeats the last one is counted only.
+
+    Parameters
+    ----------
+    settings : RigSettings
+        Gear, lead, encoder and node of each axis.
+    start : float
+        Time that counts as zero [s].
+    write : callable
+        Takes a line.
+    """
+
+    def __init__(self, settings: RigSettings, start: float, write: Callable[[str], None]) -> None:
+        self._axes = {"blade": settings.blade} | ({} if settings.angle is None else {"angle": settings.angle})
+        self._units = {name: AxisUnits(axis=axis, steps=_STEPS) for name, axis in self._axes.items()}
+        self._start, self._write = start, write
+        self._last: dict[str, tuple[float, int]] = {}
+
+    def heard(self, time: float, axis: str, speed: float) -> None:
+        """A command at ``time`` [s] to an axis, speed in m/s or rad/s."""
+        last, count = self._last.get(axis, (math.nan, 0))
+        if speed == last:
+            self._last[axis] = last, count + 1
+            return
+        self._last[axis] = speed, 1
+        number, data = command_frame(self._axes[axis].node, ENABLE_OPERATION, self._units[axis].velocity(speed))
+        shown = f"{1e3 * speed:+8.3f} mm/s" if axis == "blade" else f"{math.degrees(speed):+8.2f} deg/s"
+        again = f"   (the one before {count} times)" if count > 1 else ""
+        self._write(f"{time - self._start:8.3f} s  {axis:<6}{shown}  {number:03X}#{data.hex(' ').upper()}{again}")
+
+    def note(self, text: str) -> None:
+        """A line of its own."""
+        self._write(f"-- {text}")
