@@ -16,7 +16,7 @@ from cutenv.agreement.measures import MEASURES, RELATIVE, Measure
 from cutenv.agreement.shift import FEWEST, Shift, holm, mean_shift, signed_rank_shift
 
 ALPHA = 0.05
-_NAMED = 6  # measures, in one line
+_NAMED = 3  # measures, in one line
 Answer = Literal["agree", "differ", "undecided"]
 
 

@@ -152,6 +152,7 @@ class RigSource:
         if dry_run:
             self._rig, self.settings = FAKE, dataclasses.replace(self.settings, emulated=True)
         self.draws = self._rig in (FAKE, EMULATOR)
+        self._emulated = emulator_arguments(constants) if self._rig == EMULATOR else []
         self.fake: FakeRig | None = None
         """Of a fake rig in use."""
         self._folder = None if records is None else Path(records)
@@ -168,7 +169,7 @@ class RigSource:
             operator = self._operator or AutomaticOperator(self.settings)
             return RigSession(fake.plant, operator, FakeSupply(fake, self._constants))
         if self._rig == EMULATOR:
-            emulator = start(free_air=True, arguments=emulator_arguments(self._constants))
+            emulator = start(free_air=True, arguments=self._emulated)
             self.emulator, self.settings = emulator, self._lowered(emulator.settings)
             operator = self._operator or AutomaticOperator(self.settings)
             supply = EmulatedSupply(emulator.control)

@@ -13,7 +13,6 @@ from cutenv.tissue.specimen import CLASSES
 
 if TYPE_CHECKING:
     from cutenv.envs.rig_cut import RigCutEnv
-    from cutenv.policy import Policy
     from cutenv.report.evaluation import Evaluation
 
 AGREE, DIFFER, BAD = 0, 1, 2
@@ -40,6 +39,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _evaluated(arguments: argparse.Namespace) -> Evaluation:
     from cutenv.agreement import FEWEST
+    from cutenv.commands.rig.run import chosen_policy
     from cutenv.envs.rig_cut import RigCutEnv
     from cutenv.envs.side_by_side import save_records, side_by_side, simulator_like
     from cutenv.report.evaluation import Evaluation
@@ -47,7 +47,7 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
     from cutenv.rig.identified import environment_arguments
 
     _check_out(arguments)
-    policy, wanted = named_policy(arguments.policy)
+    policy, wanted = chosen_policy(arguments.policy)
     changed: dict[str, Any] = dict(_constant(text) for text in arguments.change)
     out: Path | None = arguments.out
     shared: dict[str, Any] = {"specimen_class": arguments.specimen_class, "tissue": arguments.tissue}
@@ -87,27 +87,6 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
             * bool(changed)
         ),
     )
-
-
-def named_policy(name: str) -> tuple[Policy, dict[str, Any]]:
-    """A baseline, a shipped policy or the one in a folder, and what it asks of an environment.
-
-    Raises
-    ------
-    ValueError
-        If it is none of these; names them.
-    """
-    from cutenv.policy import BASELINES, SHIPPED, trained
-
-    if name in BASELINES:
-        return BASELINES[name](), {}
-    if name not in SHIPPED and not Path(name).is_dir():
-        raise ValueError(
-            f"--policy {name!r} is neither a baseline ({', '.join(BASELINES)}), "
-            f"nor shipped ({', '.join(SHIPPED)}), nor the folder of a policy."
-        )
-    policy = trained(name)
-    return policy, policy.environment_arguments
 
 
 def _rig_name(given: str, rig: RigCutEnv) -> str:
