@@ -312,6 +312,11 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Of the rig."""
         return self._source.settings
 
+    @property
+    def draws_specimens(self) -> bool:
+        """Whether specimens are drawn by program, as for an emulated or fake rig, and not laid by hand."""
+        return self._source.draws
+
     def the_fake(self) -> FakeRig:
         """The fake rig; ValueError if it is another kind."""
         if self.session is None or self._source.fake is None:

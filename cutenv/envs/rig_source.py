@@ -77,9 +77,25 @@ class EmulatedSupply:
         return None
 
 
+EMULATED = ("motor_lag", "dead_time", "backlash", "force_delay", "force_noise")
+"""Constants of drive and sensor that an emulated rig can be given."""
+
+
 def emulator_arguments(constants: Constants) -> list[str]:
-    """Options of ``cutenv rig emulate`` that give an emulated rig the simulator's drive and sensor."""
-    sensor, drive = constants.sensor, constants.drive
+    """Options of ``cutenv rig emulate`` that give an emulated rig the simulator's drive and sensor.
+
+    Raises
+    ------
+    ValueError
+        If the emulator has no option for a constant that is not the default.
+    """
+    sensor, drive, plain = constants.sensor, constants.drive, Constants()
+    for own, default in ((drive, plain.drive), (sensor, plain.sensor), (constants.law, plain.law)):
+        for name in (field.name for field in dataclasses.fields(own)):
+            if name not in EMULATED and getattr(own, name) != getattr(default, name, None):
+                raise ValueError(
+                    f'{name}: an emulated rig has no such option, but {", ".join(EMULATED)}; rig="fake" has.'
+                )
     arguments = ["--force-delay-ms", f"{1e3 * sensor.force_delay:.6g}", "--force-noise-N", f"{sensor.force_noise:.6g}"]
     if isinstance(drive, Rig):
         arguments += ["--lag-ms", f"{1e3 * drive.motor_lag:.6g}", "--dead-time-ms", f"{1e3 * drive.dead_time:.6g}"]
@@ -136,6 +152,7 @@ class RigSource:
         if dry_run:
             self._rig, self.settings = FAKE, dataclasses.replace(self.settings, emulated=True)
         self.draws = self._rig in (FAKE, EMULATOR)
+        self._emulated = emulator_arguments(constants) if self._rig == EMULATOR else []
         self.fake: FakeRig | None = None
         """Of a fake rig in use."""
         self._folder = None if records is None else Path(records)
@@ -152,7 +169,7 @@ class RigSource:
             operator = self._operator or AutomaticOperator(self.settings)
             return RigSession(fake.plant, operator, FakeSupply(fake, self._constants))
         if self._rig == EMULATOR:
-            emulator = start(free_air=True, arguments=emulator_arguments(self._constants))
+            emulator = start(free_air=True, arguments=self._emulated)
             self.emulator, self.settings = emulator, self._lowered(emulator.settings)
             operator = self._operator or AutomaticOperator(self.settings)
             supply = EmulatedSupply(emulator.control)

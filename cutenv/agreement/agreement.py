@@ -1,0 +1,254 @@
+"""Does a rig make of a policy what the simulator makes of it: every measure, and the verdict over all of them."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.agreement.cut import ComparedCut
+from cutenv.agreement.measures import MEASURES, RELATIVE, Measure
+from cutenv.agreement.shift import FEWEST, Shift, holm, mean_shift, signed_rank_shift
+
+ALPHA = 0.05
+_NAMED = 3  # measures, in one line
+Answer = Literal["agree", "differ", "undecided"]
+
+
+@dataclass(frozen=True)
+class Untold:
+    """Why a measure cannot be compared."""
+
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One measure on both sides.
+
+    Attributes
+    ----------
+    measure : Measure
+        Which.
+    rig, simulator : float
+        Means over the specimens that count.
+    noise : float
+        Root mean square of the difference that nothing but the sensor's noise makes between two simulated cuts.
+    shift : Shift
+        Rig minus simulator.
+    mean : Shift
+        The mean difference, with its t interval.
+    p_differ : float
+        That the shift is within its margin, adjusted for the number of measures.
+    """
+
+    measure: Measure
+    rig: float
+    simulator: float
+    noise: float
+    shift: Shift
+    mean: Shift
+    p_differ: float = 1.0
+
+    @property
+    def answer(self) -> Answer:
+        """Of this measure."""
+        if self.shift.p_within < ALPHA:
+            return "agree"
+        return "differ" if self.p_differ < ALPHA else "undecided"
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON holds it."""
+        shift, mean = self.shift, self.mean
+        return {
+            "measure": self.measure.name,
+            "unit": self.measure.unit,
+            "answer": self.answer,
+            "specimens": shift.number,
+            "rig": self.rig,
+            "simulator": self.simulator,
+            "difference": shift.value,
+            "difference_low_95": shift.low,
+            "difference_high_95": shift.high,
+            "mean_difference": mean.value,
+            "mean_difference_low_95": mean.low,
+            "mean_difference_high_95": mean.high,
+            "margin": shift.margin,
+            "noise": self.noise,
+            "p_within_margin": shift.p_within,
+            "p_beyond_margin_holm": self.p_differ,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """Over all measures.
+
+    Attributes
+    ----------
+    answer : {"agree", "differ", "undecided"}
+        "agree": every measure is within its margin; "differ": one at least is beyond it.
+    differ, open : tuple of str
+        Measures that differ, and those that are not decided.
+    needed : int or None
+        Specimens that would probably decide the open ones; None: more than 1000, or nothing is open.
+    """
+
+    answer: Answer
+    differ: tuple[str, ...]
+    open: tuple[str, ...]
+    needed: int | None
+
+    def __str__(self) -> str:
+        if self.answer == "agree":
+            return "agree: every measure is within its margin"
+        if self.answer == "differ":
+            return f"differ: {_listed(self.differ)}"
+        enough = "more than 1000 specimens" if self.needed is None else f"about {self.needed} specimens"
+        return f"undecided: {_listed(self.open)}; {enough} would do"
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
+
+
+class Agreement:
+    """The same policy on the same specimens, on a rig and in the simulator.
+
+    Parameters
+    ----------
+    rig : sequence of ComparedCut
+        One for each specimen.
+    simulator : sequence of sequence of ComparedCut
+        For each specimen two cuts or more that differ by the noise of the force sensor alone.  A rig's cut is compared
+        with their mean, and they with each other: that is what noise alone does.
+    paired : bool
+        Whether both sides cut the same specimens.  Those of a real rig are nobody's draw: then the sides are two
+        samples (Welch's t), and nothing can be compared cut by cut.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than 6 specimens, or a specimen without two simulated cuts.
+
+    Notes
+    -----
+    The margin of a measure is the largest of these: what noise alone does to a single cut (root mean square of the
+    difference of two simulated ones: a rig whose typical cut lies within that is one more draw of the noise), 1 % of
+    the simulator's mean, and what the instruments resolve (:mod:`cutenv.agreement.measures`); of the force over
+    position also what a record that is displaced by 0.3 mm shows against itself.
+
+    Several dozen measures are looked at.  "agree" needs every one of them to be within its margin at 5 % (two
+    one-sided tests): the chance that this is said although one is beyond stays below 5 % without any correction
+    (Berger 1982, intersection-union).  "differ" needs one that is beyond, and there chance has several dozen tries:
+    Holm's correction keeps the chance of any false one below 5 %.
+    """
+
+    def __init__(
+        self, rig: Sequence[ComparedCut], simulator: Sequence[Sequence[ComparedCut]], *, paired: bool = True
+    ) -> None:
+        if len(rig) < FEWEST or len(simulator) < FEWEST or (paired and len(rig) != len(simulator)):
+            raise ValueError(
+                f"{len(rig)} specimens on the rig and {len(simulator)} in the simulator; give {FEWEST} or more of "
+                "each" + ", and the same ones." * paired
+            )
+        if short := [place for place, cuts in enumerate(simulator) if len(cuts) < 2]:
+            raise ValueError(f"specimen {short[0]} has fewer than 2 simulated cuts: noise cannot be told from it.")
+        self.rig, self.simulator, self.paired = list(rig), [list(cuts) for cuts in simulator], paired
+
+    @functools.cached_property
+    def findings(self) -> list[Finding]:
+        """Every measure that can be compared, in the order of :data:`~cutenv.agreement.measures.MEASURES`."""
+        found = [each for each in self._compared.values() if isinstance(each, Finding)]
+        adjusted = holm([each.shift.p_beyond for each in found])
+        return [Finding(**{**vars(each), "p_differ": p}) for each, p in zip(found, adjusted, strict=True)]
+
+    @property
+    def untold(self) -> dict[str, str]:
+        """Why the other measures cannot be compared, by name."""
+        return {name: each.reason for name, each in self._compared.items() if isinstance(each, Untold)}
+
+    @property
+    def verdict(self) -> Verdict:
+        """Over all findings."""
+        answers = {each.measure.name: each.answer for each in self.findings}
+        differ = tuple(name for name, answer in answers.items() if answer == "differ")
+        still = tuple(name for name, answer in answers.items() if answer == "undecided")
+        needed = [each.shift.needed for each in self.findings if each.answer == "undecided"]
+        enough = None if not needed or None in needed else max(each for each in needed if each is not None)
+        return Verdict(
+            answer="differ" if differ else "undecided" if still else "agree", differ=differ, open=still, needed=enough
+        )
+
+    @functools.cached_property
+    def _compared(self) -> dict[str, Finding | Untold]:
+        measures = [each for each in MEASURES.values() if self.paired or not each.paired]
+        return {each.name: self._pairs(each) if self.paired else self._samples(each) for each in measures}
+
+    def _pairs(self, measure: Measure) -> Finding | Untold:
+        known: list[tuple[float, NDArray[np.float64]]] = []
+        for cut, simulated in zip(self.rig, self.simulator, strict=True):
+            own, theirs = measure.value(cut, simulated), _values(measure, simulated)
+            if own is not None and len(theirs) >= 2:
+                known.append((own, theirs))
+        if len(known) < FEWEST:
+            return Untold(f"{len(known)} specimens have it on both sides, and {FEWEST} are needed")
+        rig, simulator = np.array([own for own, _ in known]), np.array([theirs.mean() for _, theirs in known])
+        noise, margin = _margin(measure, [theirs for _, theirs in known], self.simulator)
+        differences = rig - simulator
+        # Bonett & Price 2012: with one more of each kind, a share of none in a dozen is no certainty.
+        counted = np.append(differences, [1.0, -1.0]) if measure.share else differences
+        error = float(counted.std(ddof=1)) / math.sqrt(len(counted))
+        mean = mean_shift(float(counted.mean()), error, len(counted) - 1, margin, len(known))
+        return Finding(
+            measure=measure,
+            rig=float(rig.mean()),
+            simulator=float(simulator.mean()),
+            noise=noise,
+            shift=mean if measure.share else signed_rank_shift(differences, margin),
+            mean=mean,
+        )
+
+    def _samples(self, measure: Measure) -> Finding | Untold:
+        """Two samples that have no specimen in common."""
+        rig = np.array([own for cut in self.rig if (own := measure.value(cut, [])) is not None])
+        known = [theirs for cuts in self.simulator if len(theirs := _values(measure, cuts)) >= 2]
+        if min(len(rig), len(known)) < FEWEST:
+            return Untold(f"{len(rig)} cuts of the rig and {len(known)} specimens of the simulator have it")
+        simulator = np.array([theirs.mean() for theirs in known])
+        noise, margin = _margin(measure, known, self.simulator)
+        counted = [np.append(each, [0.0, 1.0]) if measure.share else each for each in (rig, simulator)]
+        parts = [float(each.var(ddof=1)) / len(each) for each in counted]
+        square = sum(parts)
+        spread = sum(part**2 / (len(each) - 1) for part, each in zip(parts, counted, strict=True))
+        degrees = square**2 / spread if spread > 0.0 else float(len(rig))
+        value = float(counted[0].mean() - counted[1].mean())
+        shift = mean_shift(value, math.sqrt(square), degrees, margin, len(rig))
+        return Finding(
+            measure=measure, rig=float(rig.mean()), simulator=float(simulator.mean()), noise=noise, shift=shift,
+            mean=shift,
+        )  # fmt: skip
+
+
+def _values(measure: Measure, cuts: Sequence[ComparedCut]) -> NDArray[np.float64]:
+    """A measure of each simulated cut of a specimen, beside the others of it; those without one are left out."""
+    found = [measure.value(cut, [other for other in cuts if other is not cut]) for cut in cuts]
+    return np.array([value for value in found if value is not None])
+
+
+def _margin(
+    measure: Measure, simulated: Sequence[NDArray[np.float64]], cuts: Sequence[Sequence[ComparedCut]]
+) -> tuple[float, float]:
+    """What noise alone does to a single cut, and the margin."""
+    noise = math.sqrt(2.0 * float(np.mean([values.var(ddof=1) for values in simulated])))
+    level = abs(float(np.mean([values.mean() for values in simulated])))
+    relative = 0.0 if measure.share or measure.paired else RELATIVE * level
+    harmless = [measure.harmless(each[0]) for each in cuts] if measure.harmless is not None else []
+    known = [value for value in harmless if value is not None]
+    return noise, max(noise, relative, measure.least_margin, float(np.mean(known)) if known else 0.0)

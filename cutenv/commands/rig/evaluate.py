@@ -1,0 +1,171 @@
+"""Run the same policy on the same specimens in the simulator and on a rig, and tell whether they agree."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cutenv.tissue.specimen import CLASSES
+
+if TYPE_CHECKING:
+    from cutenv.envs.rig_cut import RigCutEnv
+    from cutenv.report.evaluation import Evaluation
+
+AGREE, DIFFER, BAD = 0, 1, 2
+_OF_BOTH = ("control_hz", "deadline_s", "angle_mode", "fixed_angle_deg")
+_PAGE, _RECORDS = "evaluation.html", "records"
+
+
+def main(argv: Sequence[str]) -> int:
+    """Evaluate; 0 if both agree or too little is known, 1 if they differ, 2 if an option is bad or the rig refuses."""
+    from cutenv.rig.drivers import RigError
+
+    arguments = _parser().parse_args(argv)
+    try:
+        evaluation = _evaluated(arguments)
+        print("\n".join(evaluation.lines()))
+        _write(arguments, evaluation)
+    except (ImportError, OSError, ValueError, TypeError, RigError) as error:
+        if isinstance(error, ModuleNotFoundError):
+            raise  # the command line names the extra
+        print(f"cutenv rig evaluate: {error}", file=sys.stderr)
+        return BAD
+    return DIFFER if evaluation.agreement.verdict.answer == "differ" else AGREE
+
+
+def _evaluated(arguments: argparse.Namespace) -> Evaluation:
+    from cutenv.agreement import FEWEST
+    from cutenv.commands.rig.run import chosen_policy
+    from cutenv.envs.rig_cut import RigCutEnv
+    from cutenv.envs.side_by_side import save_records, side_by_side, simulator_like
+    from cutenv.report.evaluation import Evaluation
+    from cutenv.rig.drivers import RigError
+    from cutenv.rig.identified import environment_arguments
+
+    _check_out(arguments)
+    policy, wanted = chosen_policy(arguments.policy)
+    changed: dict[str, Any] = dict(_constant(text) for text in arguments.change)
+    out: Path | None = arguments.out
+    shared: dict[str, Any] = {"specimen_class": arguments.specimen_class, "tissue": arguments.tissue}
+    shared |= {name: wanted[name] for name in _OF_BOTH if name in wanted}
+    with ExitStack() as stack:
+        records = None if out is None else out / _RECORDS / "rig"
+        rig = RigCutEnv(rig=arguments.rig, records=records, **shared, **changed)
+        stack.callback(rig.close)
+        if changed and not rig.draws_specimens:
+            raise ValueError("--change is for an emulated or fake rig: what a real one is like, its file says.")
+        simulated = {name: value for name, value in shared.items() if name not in ("angle_mode", "fixed_angle_deg")}
+        simulator = simulator_like(rig, **simulated)
+        with _Progress(arguments.specimens) as told:
+            cuts = side_by_side(
+                rig, simulator, policy,
+                seed=arguments.seed, specimens=arguments.specimens, draws=arguments.draws, told=told,
+            )  # fmt: skip
+        given = environment_arguments(rig.settings.identified)
+        name = _rig_name(arguments.rig, rig)
+    if len(cuts.rig) < FEWEST:
+        said = "; ".join(cuts.between)
+        raise RigError(f"{len(cuts.rig)} specimens were cut on the rig, and {FEWEST} are needed. {said}")
+    if out is not None:
+        save_records(out / _RECORDS / "simulator", cuts.simulator, {"policy": arguments.policy})
+    return Evaluation(
+        policy=str(arguments.policy),
+        rig=name,
+        specimen_class=arguments.specimen_class,
+        seed=arguments.seed,
+        agreement=cuts.agreement,
+        clock=cuts.clock,
+        given=given,
+        changed=changed,
+        notes=tuple(
+            cuts.between
+            + ["constants of the rig were changed: " + ", ".join(f"{k} = {v:g}" for k, v in changed.items())]
+            * bool(changed)
+        ),
+    )
+
+
+def _rig_name(given: str, rig: RigCutEnv) -> str:
+    return f"the {given} rig" if rig.draws_specimens else rig.settings.name
+
+
+def _constant(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        raise ValueError(f"--change {text!r} is no NAME=NUMBER, such as force_delay=0.04 (SI).") from None
+
+
+def _check_out(arguments: argparse.Namespace) -> None:
+    """Refuse what could not be written, before any work."""
+    out: Path | None = arguments.out
+    if out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise FileExistsError(f"--out {out} is there already and not empty; give another folder.")
+    if arguments.json is not None and not arguments.json.parent.is_dir():
+        raise FileNotFoundError(f"--json {arguments.json}: no such folder: {arguments.json.parent}; make it first.")
+
+
+def _write(arguments: argparse.Namespace, evaluation: Evaluation) -> None:
+    from cutenv.atomic import replacing
+    from cutenv.report.evaluation_page import write_evaluation
+
+    if arguments.json is not None:
+        with replacing(arguments.json) as part:
+            part.write_text(evaluation.to_json() + "\n", encoding="utf-8")
+        print(f"json: {arguments.json}")
+    if arguments.out is not None:
+        arguments.out.mkdir(parents=True, exist_ok=True)
+        write_evaluation(arguments.out / _PAGE, evaluation)
+        print(f"page: {arguments.out / _PAGE}; records: {arguments.out / _RECORDS}")
+
+
+class _Progress:
+    """A bar for each side."""
+
+    def __init__(self, specimens: int) -> None:
+        self._specimens = specimens
+        self._bars: dict[str, Any] = {}
+
+    def __call__(self, side: str, done: int) -> None:
+        from tqdm import tqdm  # an extra
+
+        if side not in self._bars:
+            self._bars[side] = tqdm(total=self._specimens, desc=side, unit="specimen", file=sys.stderr)
+        self._bars[side].update(done - self._bars[side].n)
+
+    def __enter__(self) -> _Progress:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for bar in self._bars.values():
+            bar.close()
+
+
+def _parser() -> argparse.ArgumentParser:
+    from cutenv.envs.side_by_side import DRAWS
+
+    parser = argparse.ArgumentParser(
+        prog="cutenv rig evaluate",
+        description=__doc__,
+        epilog="Exit status: 0 where both agree or more specimens are needed, 1 where they differ, 2 for an error.",
+    )
+    add = parser.add_argument
+    add("--policy", required=True, metavar="P", help="a baseline, a shipped policy, or a policy's folder")
+    add("--rig", required=True, metavar="R", help='"emulator", "fake" (in memory), or a rig\'s TOML file')
+    add("--specimens", type=int, default=20, metavar="N", help="6 or more; default 20")
+    add("--class", dest="specimen_class", choices=CLASSES, default="mixed", help="of drawn specimens; default mixed")
+    add("--tissue", type=Path, metavar="FILE", help="description that they are drawn from; default pig liver")
+    add("--seed", type=int, default=0, help="of the specimens; default 0")
+    add("--draws", type=int, default=DRAWS, metavar="N", help=f"of noise, for each simulated specimen; default {DRAWS}")
+    add(
+        "--change", action="append", default=[], metavar="NAME=NUMBER",
+        help="a constant of an emulated or fake rig, in SI, to see whether it shows: force_delay=0.04",
+    )  # fmt: skip
+    add("--out", type=Path, metavar="FOLDER", help=f"for {_PAGE} and the records of all cuts; made here")
+    add("--json", type=Path, metavar="FILE", help="everything that was found")
+    return parser

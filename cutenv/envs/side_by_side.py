@@ -1,0 +1,233 @@
+"""The same policy on the same specimens, in the simulator and on a rig: every cut recorded and judged alike."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutenv.agreement import FEWEST, Agreement, ClockKept, ComparedCut
+from cutenv.cutting.records import TICK
+from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.rig_cut import RigCutEnv
+from cutenv.plant.protocol import to_trace
+from cutenv.policy import Policy, SeesTruth
+from cutenv.recording import save
+from cutenv.rig.causes import Cause
+from cutenv.rig.drivers import RigError
+from cutenv.rig.identified import environment_arguments
+from cutenv.task.records import STOPPED
+from cutenv.validation import in_range
+
+DRAWS = 5
+"""Simulated cuts of each specimen, which differ by the noise of the force sensor alone."""
+LOST_TIME = (
+    Cause.FORCE_STALE, Cause.FORCE_LATE, Cause.FORCE_LOST, Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.OVERRUN,
+)  # fmt: skip
+"""Stops after which a specimen is cut anew: the computer was elsewhere, which tells nothing of policy or rig."""
+_ATTEMPTS = 5  # for a specimen
+_NOISE_KEY = 1_000_003  # added to a seed for every further draw of noise
+Told = Callable[[str, int], None]
+
+
+@dataclass(kw_only=True)
+class SideBySide:
+    """What was cut.
+
+    Attributes
+    ----------
+    simulator : list of list of ComparedCut
+        Several for each specimen.
+    rig : list of ComparedCut
+        One for each specimen.
+    paired : bool
+        Whether both cut the same specimens.
+    clock : ClockKept
+        The rig's.
+    between : list of str
+        Cuts that were made anew, and why the rig ended early, if it did.
+    """
+
+    simulator: list[list[ComparedCut]]
+    rig: list[ComparedCut]
+    paired: bool
+    clock: ClockKept
+    between: list[str]
+
+    @property
+    def agreement(self) -> Agreement:
+        """Of the specimens that were cut on both sides."""
+        simulator = self.simulator[: len(self.rig)] if self.paired else self.simulator
+        return Agreement(self.rig, simulator, paired=self.paired)
+
+
+def simulator_like(rig: RigCutEnv, **arguments: Any) -> GentleCutEnv:
+    """The simulator's environment for what a rig is asked: rewards from estimates, constants as identified on it.
+
+    Parameters
+    ----------
+    rig : RigCutEnv
+        What the simulator is to be like.
+    **arguments
+        Keywords of :class:`~cutenv.envs.gentle_cut.GentleCutEnv`, which win over what was identified.
+    """
+    fixed = rig.fixed_angle is not None
+    return GentleCutEnv(
+        reward_from="estimate",
+        angle_mode="fixed" if fixed else "free",
+        fixed_angle_deg=float(np.degrees(rig.start_angle)) if fixed else 90.0,
+        **{**environment_arguments(rig.settings.identified), **arguments},
+    )
+
+
+def cut_once(env: GentleCutEnv | RigCutEnv, policy: Policy, *, seed: int, episode: int, noise: int = 0) -> ComparedCut:
+    """Cut one specimen.
+
+    Parameters
+    ----------
+    env : GentleCutEnv or RigCutEnv
+        Where.
+    policy : Policy
+        Who; its own chance depends on seed and episode alone.
+    seed, episode : int
+        Of the specimen.
+    noise : int
+        Number of the draw of the simulated sensor's noise; a rig's has its own.
+
+    Raises
+    ------
+    ValueError
+        If the policy wants to see hidden state.
+    RigError
+        If a check of the rig fails, its operator does not agree, or it was stopped before the blade had moved.
+    """
+    if isinstance(policy, SeesTruth):
+        raise ValueError("this policy is shown the hidden state, which no rig knows; take another.")
+    observation, _ = env.reset(seed=seed, options={"episode": episode})
+    if noise and isinstance(env, GentleCutEnv):
+        length, depth = env.cutting.target_length, env.plant.depth
+        env.set_up(env.specimen, length, seed=seed + noise * _NOISE_KEY, episode=episode, depth=depth)
+        observation = env.cutting.rest(env.start_angle)
+    policy.reset(np.random.default_rng([seed, episode]))
+    cutting, plant = env.cutting, env.cutting.plant
+    parts, value, ended = [], 0.0, False
+    while not ended:
+        observation, reward, ended, _, _ = env.step(policy(observation))
+        value += reward
+        assert cutting.readings is not None  # there has been a step
+        parts.append(cutting.readings.copy())
+    if sum(map(len, parts)) < 2:
+        raise RigError("the blade was stopped before it had moved: there is no cut.")
+    about = {"target_length_m": cutting.target_length, "specimen_seed": seed, "specimen_episode": episode}
+    trace = to_trace(
+        plant, np.concatenate(parts), name=f"{seed}-{episode}", end=cutting.end, success=cutting.success, **about
+    )
+    return ComparedCut(trace=trace, value=value, success=cutting.success, end=cutting.end)
+
+
+def simulate(
+    env: GentleCutEnv, policy: Policy, *, seed: int, specimens: int, draws: int = DRAWS, told: Told | None = None
+) -> list[list[ComparedCut]]:
+    """Cut every specimen several times, with one draw of the sensor's noise after the other."""
+    cuts = []
+    for episode in range(specimens):
+        cuts.append([cut_once(env, policy, seed=seed, episode=episode, noise=draw) for draw in range(draws)])
+        if told is not None:
+            told("simulator", episode + 1)
+    return cuts
+
+
+def cut_on_rig(
+    env: RigCutEnv, policy: Policy, *, seed: int, specimens: int, told: Told | None = None
+) -> tuple[list[ComparedCut], ClockKept, list[str]]:
+    """Cut every specimen once; anew, up to four times, where the rig was stopped because time was lost.
+
+    Returns
+    -------
+    tuple of list of ComparedCut, ClockKept, list of str
+        Cuts, the control clock over all of them, and what came between: cuts that were made anew, and why the rig ended
+        early if it did, for what was cut until then is worth keeping.
+
+    Raises
+    ------
+    RigError
+        If the rig cannot be made.
+    """
+    cuts: list[ComparedCut] = []
+    parts: list[tuple[list[float], list[float], int, float, int]] = []
+    between: list[str] = []
+    for episode in range(specimens):
+        for _ in range(_ATTEMPTS):
+            try:
+                cut = cut_once(env, policy, seed=seed, episode=episode)
+            except RigError as error:
+                between.append(f"specimen {episode + 1}: {error}")
+                if not _time_was_lost(env):
+                    return cuts, ClockKept.of(env.ticks * TICK, parts), between
+                continue
+            if cut.end == STOPPED and _time_was_lost(env):
+                between.append(f"specimen {episode + 1} was cut anew: {env.session.plant.supervisor.report}")
+                continue
+            cuts.append(cut)
+            break
+        else:
+            return cuts, ClockKept.of(env.ticks * TICK, parts), between
+        timing = env.session.plant.timing
+        parts.append((timing.periods, timing.latencies, timing.overruns, timing.skipped, timing.garbled))
+        if told is not None:
+            told("rig", len(cuts))
+    return cuts, ClockKept.of(env.ticks * TICK, parts), between
+
+
+def _time_was_lost(env: RigCutEnv) -> bool:
+    """Whether the rig is stopped for a reason that tells of computers, not of the cut."""
+    supervisor = env.session.plant.supervisor
+    return supervisor.phase == "stopped" and supervisor.report is not None and supervisor.report.cause in LOST_TIME
+
+
+def side_by_side(
+    rig: RigCutEnv,
+    simulator: GentleCutEnv,
+    policy: Policy,
+    *,
+    seed: int = 0,
+    specimens: int = 12,
+    draws: int = DRAWS,
+    told: Told | None = None,
+) -> SideBySide:
+    """Let a policy cut the same specimens in the simulator and on a rig.
+
+    Parameters
+    ----------
+    rig, simulator : RigCutEnv, GentleCutEnv
+        Where; see :func:`simulator_like`.
+    policy : Policy
+        Who.
+    seed, specimens : int
+        Specimens are the episodes 0, 1, ... of the seed.
+    draws : int
+        Simulated cuts of each specimen, 2 to 100.
+    told : callable, optional
+        Told the side and how many specimens it has cut.
+    """
+    in_range("specimens", specimens, FEWEST, 10_000, "1", "A dozen is a beginning.")
+    in_range("draws", draws, 2, 100, "1", "Noise is told from two simulated cuts or more.")
+    simulated = simulate(simulator, policy, seed=seed, specimens=specimens, draws=draws, told=told)
+    cuts, clock, between = cut_on_rig(rig, policy, seed=seed, specimens=specimens, told=told)
+    return SideBySide(simulator=simulated, rig=cuts, paired=rig.draws_specimens, clock=clock, between=between)
+
+
+def save_records(folder: Path, cuts: Sequence[Sequence[ComparedCut]], about: Mapping[str, Any]) -> list[Path]:
+    """Write simulated cuts as records, ``EPISODE-DRAW.csv``, as a rig writes its own; ``about`` goes into each."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for episode, draws in enumerate(cuts):
+        for draw, cut in enumerate(draws):
+            metadata = {**cut.trace.metadata, **about, "noise_draw": draw}
+            paths.append(folder / f"{episode:03d}-{draw}.csv")
+            save(dataclasses.replace(cut.trace, metadata=metadata), paths[-1])
+    return paths

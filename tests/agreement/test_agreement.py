@@ -1,0 +1,143 @@
+"""What two benches make of the same cuts: equal ones agree, changed ones differ, in what was changed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from compared_cuts import SPEED, made_up_agreement, made_up_cut
+
+from cutenv.agreement import (
+    MEASURES,
+    Agreement,
+    ClockKept,
+    force_over_position,
+    force_rmse,
+    position_rmse,
+)
+from cutenv.agreement.curves import force_offset
+from cutenv.scoring import METRICS
+from cutenv.trace import Trace
+
+
+def test_every_metric_of_a_score_is_compared() -> None:
+    assert set(METRICS) < set(MEASURES)
+    assert {"return", "success", "end_agreement", "force_rmse", "position_rmse"} < set(MEASURES)
+    assert all(each.least_margin >= 0.0 for each in MEASURES.values())
+
+
+def test_another_draw_of_noise_agrees() -> None:
+    verdict = made_up_agreement().verdict
+    assert verdict.answer == "agree", str(verdict)
+
+
+def check_it_is_found(name: str, **of_rig: object) -> None:
+    agreement = made_up_agreement(**of_rig)
+    assert agreement.verdict.answer == "differ"
+    assert name in agreement.verdict.differ
+
+
+def test_a_force_that_is_too_large_is_found() -> None:
+    check_it_is_found("force_offset", offset=0.2)
+    check_it_is_found("mean_force_per_depth", offset=0.2)
+
+
+def test_a_force_that_comes_late_is_found() -> None:
+    check_it_is_found("force_rmse", delay=0.08)
+
+
+def test_cuts_that_end_otherwise_are_found() -> None:
+    check_it_is_found("end_agreement", end="overshoot", success=False)
+    check_it_is_found("success", end="overshoot", success=False)
+
+
+def test_a_force_as_it_should_be_is_not_found() -> None:
+    with pytest.raises(AssertionError):
+        check_it_is_found("force_offset", offset=0.0)
+
+
+def test_few_specimens_leave_it_open_and_say_how_many_would_do() -> None:
+    verdict = made_up_agreement(specimens=6, offset=0.045).verdict
+    assert verdict.answer == "undecided"
+    assert "specimens would do" in str(verdict)
+
+
+def test_chance_alone_says_differ_in_one_of_twenty_evaluations_at_most() -> None:
+    """All measures at once, each at its margin: only Holm's correction keeps the family's level."""
+    rng = np.random.default_rng(2)
+    from cutenv.agreement import holm, signed_rank_shift
+
+    wrong = [
+        min(holm([signed_rank_shift(1.0 + rng.standard_normal(16), 1.0).p_beyond for _ in range(28)])) < 0.05
+        for _ in range(200)
+    ]
+    assert np.mean(wrong) < 0.08
+
+
+def test_unpaired_sides_need_nothing_in_common_and_compare_nothing_cut_by_cut() -> None:
+    agreement = made_up_agreement(paired=False)
+    names = {each.measure.name for each in agreement.findings}
+    assert "peak_force" in names
+    assert not {"force_rmse", "end_agreement", "position_rmse"} & names
+    paired = {each.measure.name: each for each in made_up_agreement().findings}
+    of = {each.measure.name: each for each in agreement.findings}
+    width = of["peak_force"].shift.high - of["peak_force"].shift.low
+    assert width > 5.0 * (paired["peak_force"].shift.high - paired["peak_force"].shift.low)
+
+
+def test_too_few_specimens_are_refused_with_a_cure() -> None:
+    with pytest.raises(ValueError, match="give 6 or more of each, and the same ones"):
+        made_up_agreement(specimens=5)
+    cuts = [made_up_cut(k, 0) for k in range(6)]
+    with pytest.raises(ValueError, match="fewer than 2 simulated cuts"):
+        Agreement(cuts, [[each] for each in cuts])
+
+
+def ramp(*, start: float = 0.0, back: bool = False) -> Trace:
+    """Force is 100 N a metre of the blade's way, from ``start`` [m] on; with a retreat of 5 mm half-way."""
+    position = start + np.linspace(0.0, 0.04, 400)
+    if back:
+        position = np.concatenate([position[:200], position[150:200][::-1], position[150:]])
+    return Trace(time=0.01 * np.arange(len(position)), force=100.0 * position, position=position)
+
+
+def test_the_force_of_equal_cuts_differs_by_nothing_and_of_displaced_ones_by_its_slope() -> None:
+    assert force_rmse(ramp(), ramp()) == pytest.approx(0.0, abs=1e-12)
+    assert force_rmse(ramp(), ramp(), displaced=0.001) == pytest.approx(0.1, rel=1e-6)
+    assert force_offset(ramp(), ramp()) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_after_a_retreat_nothing_is_compared() -> None:
+    at, force = force_over_position(ramp(back=True))
+    assert at[-1] == pytest.approx(0.02, abs=2e-4)
+    assert force == pytest.approx(100.0 * at, abs=1e-9)
+
+
+def test_cuts_without_way_in_common_have_no_difference() -> None:
+    assert force_rmse(ramp(), ramp(start=0.036)) is None
+
+
+def test_positions_are_compared_at_equal_times() -> None:
+    late = made_up_cut(0, 0).trace
+    moved = Trace(time=late.time, force=late.force, position=late.position + 0.001)
+    assert position_rmse(late, moved) == pytest.approx(0.001)
+    assert SPEED > 0.0
+
+
+def test_the_clocks_jitter_and_quantiles_are_those_of_its_periods() -> None:
+    periods = np.full(1000, 0.020)
+    periods[::2] += 0.001
+    periods[1::2] -= 0.001
+    clock = ClockKept.of(0.020, [(periods[:500], [0.002] * 500, 1, 0.0, 0), (periods[500:], [0.003] * 500, 2, 0.5, 4)])
+    assert clock.jitter == pytest.approx(0.001)
+    assert clock.spread("periods")["max"] == pytest.approx(0.021)
+    assert clock.spread("latencies")["p99"] == pytest.approx(0.003)
+    assert (clock.overruns, clock.skipped, clock.garbled) == (3, 0.5, 4)
+
+
+def test_a_clock_without_periods_has_no_quantiles() -> None:
+    assert ClockKept.of(0.020, []).spread("periods") == {}
+
+
+def test_a_clock_in_milliseconds_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"20 ms is 0\.02"):
+        ClockKept.of(20.0, [])

@@ -1,0 +1,192 @@
+"""A policy side by side on a rig and in the simulator: nominal constants do not differ, changed ones do."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import pytest
+
+from cutenv.agreement import Agreement
+from cutenv.commands.rig import main
+from cutenv.envs.rig_cut import RigCutEnv
+from cutenv.envs.side_by_side import SideBySide, cut_on_rig, cut_once, side_by_side, simulate, simulator_like
+from cutenv.policy import BASELINES
+from cutenv.recording import load_one
+from cutenv.rig.operator import ScriptedOperator
+
+SPECIMENS, DRAWS, SEED = 14, 3, 11
+SHORT = {"target_length": 0.04, "specimen_class": "liver"}
+
+
+def feed():
+    return BASELINES["constant 1.65 cm/s 90 deg"]()
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    with_rig = RigCutEnv(rig="fake", **SHORT)
+    return simulate(simulator_like(with_rig, **SHORT), feed(), seed=SEED, specimens=SPECIMENS, draws=DRAWS)
+
+
+def verdict_of(simulated, **constants):
+    env = RigCutEnv(rig="fake", **SHORT, **constants)
+    cuts, clock, between = cut_on_rig(env, feed(), seed=SEED, specimens=SPECIMENS)
+    env.close()
+    assert not between
+    assert clock.overruns == 0
+    assert clock.spread("periods")["max"] == pytest.approx(0.02)
+    assert 0.0 <= clock.spread("latencies")["max"] <= 0.0011  # the newest reading is a millisecond old at most
+    return Agreement(cuts, simulated).verdict
+
+
+def test_a_nominal_rig_does_not_differ_from_the_simulator(simulated):
+    verdict = verdict_of(simulated)
+    assert verdict.answer != "differ", str(verdict)
+    assert len(verdict.open) <= 4, str(verdict)
+
+
+def test_a_late_force_and_a_slow_motor_show(simulated):
+    verdict = verdict_of(simulated, force_delay=0.040, motor_lag=0.120)
+    assert verdict.answer == "differ"
+    assert {"position_rmse", "duration"} & set(verdict.differ)
+
+
+def test_a_force_whose_zero_wanders_shows(simulated):
+    verdict = verdict_of(simulated, force_drift=0.3)
+    assert verdict.answer == "differ"
+    assert "force_offset" in verdict.differ
+
+
+def test_a_nominal_rig_is_not_taken_for_a_changed_one(simulated):
+    with pytest.raises(AssertionError):
+        assert verdict_of(simulated).answer == "differ"
+
+
+def test_draws_of_noise_differ_and_specimens_do_not(simulated):
+    first, second = simulated[0][:2]
+    assert first.trace.metadata["specimen_seed"] == SEED
+    assert (first.trace.force[:100] != second.trace.force[:100]).any()
+    assert (first.trace.depth[:1000] == second.trace.depth[:1000]).all()
+    assert first.trace.metadata["target_length_m"] == second.trace.metadata["target_length_m"] == 0.04
+
+
+def test_the_simulator_is_given_what_was_identified():
+    env = RigCutEnv(rig="fake")
+    identified = dataclasses.replace(env.settings.identified, motor_lag=0.061)
+    env._source.settings = dataclasses.replace(env.settings, identified=identified)
+    simulator = simulator_like(env)
+    assert simulator.constants.drive.motor_lag == 0.061
+    assert simulator.from_truth is False
+    assert simulator_like(env, motor_lag=0.05).constants.drive.motor_lag == 0.05
+
+
+def test_a_policy_that_sees_the_truth_is_refused():
+    env = RigCutEnv(rig="fake")
+    with pytest.raises(ValueError, match="hidden state"):
+        cut_once(env, BASELINES["planner with truth"](), seed=0, episode=0)
+
+
+def test_a_rig_that_ends_early_leaves_what_was_cut():
+    operator = ScriptedOperator([("will move", "fake")])
+    env = RigCutEnv(rig="fake", operator=operator, **SHORT)
+    first = feed()
+
+    class BreaksDown:
+        cuts = 0
+
+        def reset(self, rng):
+            first.reset(rng)
+            self.cuts += 1
+
+        def __call__(self, observation):
+            if self.cuts == 2 and observation[4] > 0.2:
+                env.the_fake().faults.extra_force = 40.0
+            return first(observation)
+
+    operator.unasked.append(("was stopped", False))
+    cuts, _, between = cut_on_rig(env, BreaksDown(), seed=SEED, specimens=3)
+    assert [cut.end for cut in cuts] == ["finished", "stopped"]  # a limit of force is the cut's own doing
+    assert len(between) == 1
+    assert "not agreed" in between[0]
+
+
+def test_a_specimen_is_cut_anew_where_the_computer_lost_time():
+    env = RigCutEnv(rig="fake", **SHORT)
+    own = feed()
+
+    class Stalls:
+        cuts = 0
+
+        def reset(self, rng):
+            own.reset(rng)
+            self.cuts += 1
+
+        def __call__(self, observation):
+            fake = env.the_fake()
+            if self.cuts == 1 and observation[4] > 0.2:
+                fake.faults.force_silent = True
+                fake.clock.every(0.3, lambda now: vars(fake.faults).update(force_silent=False), "mended")
+            return own(observation)
+
+    cuts, _, between = cut_on_rig(env, Stalls(), seed=SEED, specimens=2)
+    env.close()
+    assert [cut.end for cut in cuts] == ["finished", "finished"]
+    assert len(between) == 1
+    assert "force stale" in between[0]
+
+
+def test_specimens_that_nobody_drew_are_compared_unpaired(simulated):
+    shifted = SideBySide(
+        simulator=simulated, rig=[cuts[0] for cuts in simulated[:7]], paired=False, clock=None, between=[]
+    )
+    assert not shifted.agreement.paired
+    assert len(shifted.agreement.simulator) == SPECIMENS
+
+
+def test_few_specimens_are_refused_before_anything_moves():
+    env = RigCutEnv(rig="fake")
+    with pytest.raises(ValueError, match="specimens = 3"):
+        side_by_side(env, simulator_like(env), feed(), specimens=3)
+    assert env._session is None
+
+
+def test_the_command_prints_a_screen_and_writes_page_json_and_records(tmp_path, capsys):
+    pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
+    out, numbers = tmp_path / "out", tmp_path / "numbers.json"
+    status = main(
+        ["evaluate", "--policy", "constant 2.54 cm/s 90 deg", "--rig", "fake", "--specimens", "6", "--draws", "2",
+         "--change", "motor_lag=0.12", "--out", str(out), "--json", str(numbers)]
+    )  # fmt: skip
+    printed = capsys.readouterr().out
+    assert status in (0, 1)
+    assert "verdict: " in printed
+    assert "control clock: " in printed
+    assert len(printed.splitlines()) <= 45
+    assert max(map(len, printed.splitlines()[:-6])) <= 120
+    told = json.loads(numbers.read_text())
+    assert told["changed_si"] == {"motor_lag": 0.12}
+    assert len(told["findings"]) + len(told["not_compared"]) == 29
+    assert {each["answer"] for each in told["findings"]} <= {"agree", "differ", "undecided"}
+    assert (out / "evaluation.html").is_file()
+    assert len(list((out / "records" / "rig").glob("*.csv"))) == 6
+    assert len(list((out / "records" / "simulator").glob("*.csv"))) == 12
+    assert load_one(out / "records" / "simulator" / "000-0.csv").metadata["specimen_seed"] == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--policy", "nobody"], "Or a script"),
+        (["--policy", "planner with truth"], "hidden state"),
+        (["--rig", "missing.toml"], "no such file"),
+        (["--change", "motor_lag"], "NAME=NUMBER"),
+        (["--change", "motor_lap=0.1"], "motor_lag"),
+        (["--rig", "emulator", "--change", "force_drift=0.1"], "an emulated rig has no such option"),
+        (["--specimens", "2"], "specimens = 2"),
+    ],
+)
+def test_bad_options_are_refused_in_the_readers_words(options, said, capsys):
+    given = ["--policy", "nothing", "--rig", "fake", *options]
+    assert main(["evaluate", *given]) == 2
+    assert said in capsys.readouterr().err
