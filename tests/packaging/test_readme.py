@@ -72,7 +72,7 @@ def test_the_units_that_are_listed_are_those_that_are_understood():
 
 
 def test_there_is_an_example_of_each_use():
-    assert len(EXAMPLES) == 7
+    assert len(EXAMPLES) == 8
 
 
 def update(*arguments: str) -> subprocess.CompletedProcess[str]:
