@@ -19,12 +19,13 @@ from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.provenance import Provenance
 from cutenv.rig.bench import CutBench
 from cutenv.rig.causes import Cause
+from cutenv.rig.connection import EMULATOR, FAKE, operator_of
 from cutenv.rig.drivers import RigError
 from cutenv.rig.emulator.control import EmulatorControl
 from cutenv.rig.emulator.process import RunningEmulator, start
 from cutenv.rig.fake import FakeRig, fake_settings
 from cutenv.rig.hardware import rig_plant
-from cutenv.rig.operator import AutomaticOperator, Operator, TerminalOperator
+from cutenv.rig.operator import AutomaticOperator, Operator
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.session import RigSession
 from cutenv.rig.settings import RigSettings
@@ -33,8 +34,6 @@ from cutenv.rig.toml_file import read
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Reading
-
-FAKE, EMULATOR = "fake", "emulator"
 
 
 class FakeSupply:
@@ -174,7 +173,7 @@ class RigSource:
             operator = self._operator or AutomaticOperator(self.settings)
             supply = EmulatedSupply(emulator.control)
             return RigSession(rig_plant(self.settings), operator, supply, release=emulator.close)
-        operator = self._operator or TerminalOperator()
+        operator = self._operator or operator_of(self.settings)
         return RigSession(rig_plant(self.settings), operator, HandSupply(self.settings, operator))
 
     def _lowered(self, settings: RigSettings) -> RigSettings:

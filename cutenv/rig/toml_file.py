@@ -28,6 +28,7 @@ _UNFINISHED = f"""\
 # Not finished: replace each line that begins with '{_TO_FILL.strip()}' by what is true of this rig, without that
 # beginning.  Until then the file is refused, and what is missing is listed.  The section [angle] may stay as it is.
 """
+_EMULATED_BUSES, _HERE = ("socketcand", "virtual"), ("127.0.0.1", "localhost", "::1")
 _WIDTH = 116  # of a comment, after its mark
 
 
@@ -138,9 +139,21 @@ def _settings(text: str, path: Path) -> RigSettings:
     settings: RigSettings = _made(RigSettings, {**top, **parts}, str(path))
     try:
         check_depth_profile(settings.depth_profile, reach_of(settings))
+        _check_emulated(settings)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return settings
+
+
+def _check_emulated(settings: RigSettings) -> None:
+    """Refuse a rig that calls itself emulated, and so moves without an operator, but is not on this computer."""
+    here = settings.bus.interface in _EMULATED_BUSES and settings.bus.host in _HERE and settings.sensor.address in _HERE
+    if settings.emulated and not here:
+        raise ValueError(
+            "emulated = true is for an emulator on this computer: bus.interface socketcand or virtual, bus.host and"
+            f" sensor.address 127.0.0.1; here they are {settings.bus.interface}, {settings.bus.host} and"
+            f" {settings.sensor.address}. Set it to false: what is real moves beside people, who must be asked."
+        )
 
 
 def _by_name() -> dict[str, Section]:

@@ -128,6 +128,7 @@ REFUSED = {
     "bool": (("force_N = 15.0", "force_N = true"), r"\[limits\] force_N must be one real number in N"),
     "broken number": (("pulses = 1024\n# 1", "pulses = 1024.0\n# 1"), r"\[blade\] pulses must be a whole number"),
     "bool as number": (("direction = 1\n# One", "direction = true\n# One"), "direction must be a whole number"),
+    "hardware called emulated": (("emulated = false", "emulated = true"), "emulated = true is for an emulator on this"),
     "number as bool": (("emulated = false", "emulated = 0"), "emulated must be true or false, got 0"),
     "number as text": (('name = "bench 2"', "name = 2"), "name must be a text in quotation marks"),
     "direction": (("direction = 1\n# One", "direction = 2\n# One"),
@@ -193,7 +194,7 @@ def any_settings(draw: st.DrawFn) -> RigSettings:
     return RigSettings(
         name=draw(text),
         armed_by=draw(text),
-        emulated=draw(st.booleans()),
+        emulated=False,
         angle_mode="free" if free else "fixed",
         fixed_angle=draw(st.floats(math.pi / 4, math.pi / 2)),
         bus=some(Bus, channel=draw(text), node=draw(st.integers(1, 127))),
