@@ -17,6 +17,7 @@ from cutenv.envs.constants import Constants
 from cutenv.plant.protocol import depth_along
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.provenance import Provenance
+from cutenv.rig.air_bench import AirBench
 from cutenv.rig.bench import CutBench
 from cutenv.rig.causes import Cause
 from cutenv.rig.connection import EMULATOR, FAKE, operator_of
@@ -31,8 +32,6 @@ from cutenv.rig.session import RigSession
 from cutenv.rig.settings import RigSettings
 from cutenv.rig.supply import HandSupply, SpecimenKey
 from cutenv.rig.toml_file import read
-from cutenv.tissue.description import measured_liver
-from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Reading
 
 
@@ -164,7 +163,7 @@ class RigSource:
     def session(self) -> RigSession:
         """Make the rig; it is connected to at its first cut."""
         if self._rig == FAKE:
-            self.fake = fake = FakeRig(_practice_bench, self.settings)
+            self.fake = fake = FakeRig(_at_clamp, self.settings)
             operator = self._operator or AutomaticOperator(self.settings)
             return RigSession(fake.plant, operator, FakeSupply(fake, self._constants))
         if self._rig == EMULATOR:
@@ -228,10 +227,6 @@ def _forget(readings: Records) -> None:
     """Keep no record."""
 
 
-def _practice_bench(settings: RigSettings) -> CutBench:
-    """What lies on a fake rig before the first specimen: mean tissue, 2 cm deep."""
-    tissue = measured_liver()
-    mean = Specimen.homogeneous(
-        modulus=tissue.intercept_90, fracture_resistance=tissue.fracture_resistance, depth=0.02, tissue=tissue
-    )
-    return CutBench(mean, settings)
+def _at_clamp(settings: RigSettings) -> AirBench:
+    """The bench of a fake rig until a specimen is laid."""
+    return AirBench(settings, start=0.0)

@@ -26,15 +26,23 @@ class AirBench:
         Of the blade.
     sensor : SensorParameters, optional
         Of the force.
+    start : float, optional
+        Where the blade stands at first [m]; default the middle of its travel.
     """
 
     def __init__(
-        self, settings: RigSettings, *, drive: Rig | None = None, sensor: SensorParameters | None = None
+        self,
+        settings: RigSettings,
+        *,
+        drive: Rig | None = None,
+        sensor: SensorParameters | None = None,
+        start: float | None = None,
     ) -> None:
         self._drive = drive or Rig()
         self._records = self._drive.records(2.0 * _FAR)
         self._states = np.zeros(1, STATE)
-        self._states["hand"] = _FAR + _MIDDLE * (settings.limits.low + settings.limits.high)
+        middle = _MIDDLE * (settings.limits.low + settings.limits.high)
+        self._states["hand"] = _FAR + (middle if start is None else start)
         self._quick_stop = settings.blade.quick_stop
         self._angle = settings.fixed_angle
         self._sensor = Sensor(sensor)
