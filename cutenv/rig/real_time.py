@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Iterator
@@ -27,14 +28,21 @@ def prefer() -> bool:
 
 @contextmanager
 def preferred() -> Iterator[bool]:
-    """Within the block, run before others, and switch between threads more often; whether the former was allowed."""
+    """Within the block, run before others, and switch between threads more often; whether the former was allowed.
+
+    What is in memory is not searched for garbage meanwhile: among all that numba and scipy load, that takes a tenth of
+    a second in which no thread runs, and a drive takes it for the end of this computer.
+    """
     switch = sys.getswitchinterval()
     before = (os.sched_getscheduler(0), os.sched_getparam(0)) if hasattr(os, "sched_getscheduler") else None
+    gc.collect()
+    gc.freeze()
     allowed = prefer()
     sys.setswitchinterval(_SWITCH)
     try:
         yield allowed
     finally:
+        gc.unfreeze()
         sys.setswitchinterval(switch)
         if allowed and before is not None:
             os.sched_setscheduler(0, *before)
