@@ -1,4 +1,4 @@
-"""Behaviour cloning: teach a policy network what a script does, as the start of learning by trial.
+"""Behaviour cloning: teach a policy network what a script does, alone or as the start of learning by trial.
 
 The script acts with some noise, so that the clone learns how to come back from small mistakes; what it is taught is
 what the script would have done.
@@ -6,10 +6,13 @@ what the script would have done.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 import torch
+from torch.nn.utils.rnn import pad_sequence
 from tqdm import tqdm
 from vectorised import CutVecEnv
 
@@ -17,6 +20,81 @@ from cutenv.policy import Policy
 from cutenv.task.observation import SPEED_SCALE
 
 _REST = 1e-6 / SPEED_SCALE  # of an action's speed, below which it means rest
+
+Batch = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
+"""What is shown, shape (..., size), what is taught, shape (..., 2), and 1 or 0 for what counts or not, shape (...)."""
+
+
+class Demonstrations(NamedTuple):
+    """Decisions of a script in n environments, one after the other."""
+
+    shown: np.ndarray
+    """What the environments showed, shape (decisions, n, size)."""
+    taught: np.ndarray
+    """What the script would do about it, shape (decisions, n, 2)."""
+    begun: np.ndarray
+    """Whether a cut begins there, shape (decisions, n)."""
+
+    def decisions(self) -> Lessons:
+        """One by one, for a network that remembers nothing."""
+        return Lessons(self.shown.reshape(-1, self.shown.shape[-1]), self.taught.reshape(-1, self.taught.shape[-1]))
+
+    def cuts(self) -> CutLessons:
+        """Cut by cut, the unfinished ones too, for a network that remembers."""
+        result = CutLessons([], [])
+        for n in range(self.begun.shape[1]):
+            beginnings = np.flatnonzero(self.begun[:, n])
+            for first, last in zip(beginnings, (*beginnings[1:], len(self.begun)), strict=True):
+                result.shown.append(torch.as_tensor(self.shown[first:last, n]))
+                result.taught.append(torch.as_tensor(self.taught[first:last, n]))
+        return result
+
+
+class Lessons:
+    """Decisions with what is taught about them; ``batch_size`` counts decisions."""
+
+    def __init__(self, shown: np.ndarray, taught: np.ndarray) -> None:
+        self.shown, self.taught = torch.as_tensor(shown), torch.as_tensor(taught)
+
+    def count(self, batch_size: int) -> int:
+        """How many batches make an epoch."""
+        return -(-len(self.shown) // batch_size)
+
+    def batches(self, batch_size: int, generator: torch.Generator) -> Iterator[Batch]:
+        """All of them once, in random order."""
+        for batch in torch.randperm(len(self.shown), generator=generator).split(batch_size):
+            yield self.shown[batch], self.taught[batch], torch.ones(len(batch))
+
+
+class CutLessons(NamedTuple):
+    """Whole cuts, shapes (decisions, size) and (decisions, 2), padded to the longest of a batch."""
+
+    shown: list[torch.Tensor]
+    taught: list[torch.Tensor]
+
+    def _groups(self, batch_size: int) -> list[list[int]]:
+        """Cuts of like length together, so that little is padded: about ``batch_size`` decisions."""
+        groups: list[list[int]] = [[]]
+        for cut in sorted(range(len(self.shown)), key=lambda n: len(self.shown[n])):
+            if groups[-1] and (len(groups[-1]) + 1) * len(self.shown[cut]) > batch_size:
+                groups.append([])
+            groups[-1].append(cut)
+        return groups
+
+    def count(self, batch_size: int) -> int:
+        """How many batches make an epoch."""
+        return len(self._groups(batch_size))
+
+    def batches(self, batch_size: int, generator: torch.Generator) -> Iterator[Batch]:
+        """All of them once, the batches in random order; axes (decision, cut, ...)."""
+        groups = self._groups(batch_size)
+        for k in torch.randperm(len(groups), generator=generator).tolist():
+            counts = [torch.ones(len(self.shown[n])) for n in groups[k]]
+            yield (
+                pad_sequence([self.shown[n] for n in groups[k]]),
+                pad_sequence([self.taught[n] for n in groups[k]]),
+                pad_sequence(counts),
+            )
 
 
 def before_dead_zone(actions: np.ndarray, width: float) -> np.ndarray:
@@ -30,53 +108,105 @@ def before_dead_zone(actions: np.ndarray, width: float) -> np.ndarray:
 
 def demonstrations(
     environments: CutVecEnv, make_script: Callable[[], Policy], *, decisions: int, noise: float, seed: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """What environments showed, shape (n, size), and what the script would do about it, shape (n, 2).
-
-    ``decisions`` in all; ``noise`` is the standard deviation of what is added to half of the environments' actions.
-    """
+) -> Demonstrations:
+    """``decisions`` in all; ``noise`` is the standard deviation of what is added to the actions in every other cut."""
     rng = np.random.default_rng(seed)
     count = environments.num_envs
     scripts = [make_script() for _ in range(count)]
     for script in scripts:
         script.reset(rng)
     amount = np.where(np.arange(count) % 2, noise, 0.0)[:, None]
-    seen = environments.reset()
-    shown, taught = [], []
+    seen, begins = environments.reset(), np.ones(count, bool)
+    shown, taught, begun = [], [], []
     for _ in tqdm(range(-(-decisions // count)), desc="demonstrating", unit="decision", unit_scale=count):
         wanted = np.stack([script(o) for script, o in zip(scripts, environments.observations, strict=True)])
         label = before_dead_zone(wanted, environments.dead_zone)
         shown.append(seen)
         taught.append(label)
-        seen, _, dones, _ = environments.step(label + amount * rng.standard_normal(label.shape).astype(np.float32))
-        for n in np.flatnonzero(dones):
+        begun.append(begins)
+        seen, _, begins, _ = environments.step(label + amount * rng.standard_normal(label.shape).astype(np.float32))
+        begins = np.array(begins)
+        for n in np.flatnonzero(begins):
             scripts[n].reset(rng)
-    return np.concatenate(shown), np.concatenate(taught)
+    return Demonstrations(np.stack(shown), np.stack(taught), np.stack(begun))
+
+
+class Cloning:
+    """Fitting a network to what was taught by least squares, epoch after epoch.
+
+    An epoch's order depends on seed and number alone, so that an interrupted cloning goes on as if it had not been.
+
+    Parameters
+    ----------
+    network : callable
+        From what is shown to actions.
+    parameters : list of torch.nn.Parameter
+        Of the network, that are fitted.
+    lessons : Lessons or CutLessons
+        What is taught.
+    epochs, batch_size, learning_rate, seed
+        The rate falls along half a cosine to zero.
+    """
+
+    def __init__(
+        self,
+        network: Callable[[torch.Tensor], torch.Tensor],
+        parameters: list[torch.nn.Parameter],
+        lessons: Lessons | CutLessons,
+        *,
+        epochs: int = 30,
+        batch_size: int = 1024,
+        learning_rate: float = 2e-3,
+        seed: int = 0,
+    ) -> None:
+        self._network, self._lessons = network, lessons
+        self._epochs, self._batch_size, self._rate, self._seed = epochs, batch_size, learning_rate, seed
+        self.optimizer = torch.optim.Adam(parameters, lr=learning_rate)
+        self.epoch = 0
+        """How many are done."""
+
+    def go_on(self) -> None:
+        """One epoch."""
+        generator = torch.Generator().manual_seed(1000 * self._seed + self.epoch)
+        per_epoch = self._lessons.count(self._batch_size)
+        for k, batch in enumerate(self._lessons.batches(self._batch_size, generator)):
+            share = (self.epoch + k / per_epoch) / self._epochs
+            for group in self.optimizer.param_groups:
+                group["lr"] = 0.5 * self._rate * (1.0 + math.cos(math.pi * share))
+            squares, counted = self._squares(batch)
+            self.optimizer.zero_grad()
+            (squares / counted).backward()
+            self.optimizer.step()
+        self.epoch += 1
+
+    def error(self) -> float:
+        """Root of the mean squared difference between the network's actions and the taught ones."""
+        total = counted = 0.0
+        with torch.no_grad():
+            for batch in self._lessons.batches(self._batch_size, torch.Generator().manual_seed(0)):
+                squares, own = self._squares(batch)
+                total, counted = total + float(squares), counted + float(own)
+        return math.sqrt(total / counted)
+
+    def _squares(self, batch: Batch) -> tuple[torch.Tensor, torch.Tensor]:
+        shown, taught, counts = batch
+        return (((self._network(shown) - taught) ** 2).mean(-1) * counts).sum(), counts.sum()
 
 
 def clone(
     network: Callable[[torch.Tensor], torch.Tensor],
     parameters: list[torch.nn.Parameter],
-    shown: np.ndarray,
-    taught: np.ndarray,
+    lessons: Lessons | CutLessons,
     *,
     epochs: int = 30,
     batch_size: int = 1024,
     learning_rate: float = 2e-3,
     seed: int = 0,
 ) -> float:
-    """Fit ``network`` to what was taught by least squares; return the root of the mean squared error."""
-    generator = torch.Generator().manual_seed(seed)
-    inputs, targets = torch.as_tensor(shown), torch.as_tensor(taught)
-    steps = epochs * -(-len(inputs) // batch_size)
-    optimizer = torch.optim.Adam(parameters, lr=learning_rate)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
+    """Clone all at once, see :class:`Cloning`; return the root of the mean squared error."""
+    cloning = Cloning(
+        network, parameters, lessons, epochs=epochs, batch_size=batch_size, learning_rate=learning_rate, seed=seed
+    )
     for _ in tqdm(range(epochs), desc="cloning", unit="epoch"):
-        for batch in torch.randperm(len(inputs), generator=generator).split(batch_size):
-            loss = ((network(inputs[batch]) - targets[batch]) ** 2).mean()
-            optimizer.zero_grad()
-            loss.backward()
-            optimizer.step()
-            schedule.step()
-    with torch.no_grad():
-        return float(((network(inputs) - targets) ** 2).mean().sqrt())
+        cloning.go_on()
+    return cloning.error()

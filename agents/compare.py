@@ -34,7 +34,6 @@ from cutenv.policy import BASELINES, BOUND, GRID, IDLE, SCRIPTS, RandomAction
 from cutenv.report import CutPicture, TrainingResult, draw_cut, write_training_page
 
 TEXTS = ("policy", "specimen_class", "end")
-AGENT, UNTRAINED = "PPO", "PPO untrained"
 
 
 def compare(
@@ -45,17 +44,19 @@ def compare(
     ``facts`` is what ``run.json`` holds; everything is written into ``run``.  ``baselines_of`` is another run on the
     same specimens, whose baselines are taken over instead of being run again: they cut the same.
     """
-    arguments = facts["arguments"]
+    arguments, agent = facts["arguments"], facts["agent"]
+    learned = {agent: run / "policy"}
+    if (run / "untrained" / "card.json").is_file():
+        learned[f"{agent} untrained"] = run / "untrained"
     seeds = TEST_SEEDS[: arguments["specimens"]]
     shared = {"specimen_class": arguments["specimen_class"], "angle_mode": arguments["angle_mode"]}
     rate = {"control_hz": arguments["control_hz"]}
     contestants = {
-        AGENT: contestant(str(run / "policy")),
+        **{name: contestant(str(folder)) for name, folder in learned.items()},
         **{name: Contestant(make()) for name, make in BASELINES.items()},
         "random": Contestant(RandomAction(), rate),  # as often as the agent: rarer changes go further
-        UNTRAINED: contestant(str(run / "untrained")),
     }
-    own = {name: one for name, one in contestants.items() if baselines_of is None or name in (AGENT, UNTRAINED)}
+    own = {name: one for name, one in contestants.items() if baselines_of is None or name in learned}
     rows = evaluate(own, seeds, shared, processes=processes)
     if baselines_of is not None:
         rows += known_rows(baselines_of / "scores.csv", [name for name in contestants if name not in own], seeds)
@@ -64,19 +65,19 @@ def compare(
     write_csv(run / "summary.csv", summary)
     script = best_script(summary, [*GRID, *SCRIPTS])
     feed = best_script(summary, GRID)
-    shown = [AGENT, feed, *SCRIPTS, BOUND, *IDLE, UNTRAINED]
-    paired = differences([row for row in rows if row["policy"] in shown], AGENT)
+    shown = [*learned, feed, *SCRIPTS, BOUND, *IDLE]
+    paired = differences([row for row in rows if row["policy"] in shown], agent)
     write_csv(run / "differences.csv", paired)
 
-    seed = typical(rows, seeds)
-    cuts = [picture(name, contestants[name], seed, shared) for name in (AGENT, script)]
+    seed = typical(rows, seeds, agent)
+    cuts = [picture(name, contestants[name], seed, shared) for name in (agent, script)]
     draw_cut(
         run / "cut.png",
         cuts[0].readings,
         cuts[0].depth,
         target_length=cuts[0].target_length,
         force_limit_per_depth=cuts[0].force_limit_per_depth,
-        title=f"{AGENT} on held-out specimen {seed}: {cuts[0].caption}",
+        title=f"{agent} on held-out specimen {seed}: {cuts[0].caption}",
     )
     curve = read_rows(run / "learning_curve.csv")
     validated = [point for point in curve if "validation_return" in point]
@@ -85,11 +86,11 @@ def compare(
         run / "report.html",
         TrainingResult(
             title=f"Learning to cut gently: {run.name}",
-            subtitle=f"PPO on simulated slices of measured liver, class {arguments['specimen_class']}",
+            subtitle=f"{agent} on simulated slices of measured liver, class {arguments['specimen_class']}",
             facts=shown_facts(facts),
             summary=[row for row in summary if row["policy"] in shown],
             differences=paired,
-            agent=AGENT,
+            agent=agent,
             best_script=script,
             bound=BOUND,
             grid=grid_rows(summary),
@@ -102,7 +103,7 @@ def compare(
     print_table([row for row in summary if row["policy"] in shown], SHOWN[:4] + SHOWN[5:])
     print_differences([row for row in paired if row["baseline"] in (script, feed, BOUND)])
     print(f"\nWritten to {run}/: report.html (open it in a browser), policy/ (safetensors and card, needs no torch),")
-    print("scores.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json, cut.png, policy.zip")
+    print("scores.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json, cut.png")
 
 
 def known_rows(path: Path, policies: Sequence[str], seeds: Sequence[int]) -> list[dict[str, Any]]:
@@ -119,9 +120,9 @@ def known_rows(path: Path, policies: Sequence[str], seeds: Sequence[int]) -> lis
     return result
 
 
-def typical(rows: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> int:
+def typical(rows: Sequence[Mapping[str, Any]], seeds: Sequence[int], agent: str) -> int:
     """The specimen on which the agent's return is its median: neither a show-piece nor an accident."""
-    own = sorted((row["return"], row["seed"]) for row in rows if row["policy"] == AGENT)
+    own = sorted((row["return"], row["seed"]) for row in rows if row["policy"] == agent)
     assert len(own) == len(seeds)
     return int(own[len(own) // 2][1])
 
@@ -162,12 +163,14 @@ def shown_facts(facts: Mapping[str, Any]) -> dict[str, str]:
         "specimen class": arguments["specimen_class"],
         "held-out specimens": str(arguments["specimens"]),
         "seed": str(arguments["seed"]),
-        "decisions": f"{arguments['timesteps']:,}".replace(",", " "),
+        "decisions": f"{arguments['timesteps' if 'timesteps' in arguments else 'demonstrations']:,}".replace(",", " "),
         "environment": facts["environment"],
         "commit": facts["commit"] or "unknown",
     }
     if "training_minutes" in facts:
         result["training took"] = f"{facts['training_minutes']} minutes"
+    if facts.get("level_with_script_after_s") is not None:
+        result["level with its teacher after"] = f"{facts['level_with_script_after_s']:.0f} s"
     if "environments_share" in facts:
         result["of that, the environments"] = f"{100.0 * facts['environments_share']:.0f} %"
     result |= {f"seeds of {name}": f"{first} to {last}" for name, (first, last) in facts["seeds"].items()}

@@ -11,24 +11,28 @@ card.json).
 from __future__ import annotations
 
 import argparse
+import contextlib
 import csv
 import math
 import multiprocessing
 import os
 import threading
-from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
+from finished_cut import FinishedCut
+from side_by_side import cuts_side_by_side
 from tqdm import tqdm
 
 import cutenv  # registers the environment
 from cutenv.atomic import replacing
-from cutenv.policy import BASELINES, SHIPPED, Policy, SeesTruth, trained
+from cutenv.cores import set_cores
+from cutenv.policy import BASELINES, SHIPPED, Policy, SeesTruth, TrainedPolicy, trained
 from cutenv.tissue.specimen import CLASSES
 
 ENVIRONMENT = "cutenv/GentleCut-v0"
@@ -41,6 +45,7 @@ TEST_SEEDS = range(2_000_000, 3_000_000)
 
 SHOWN = ("return", "success", "tip_error_mm", "peak_force_N", "largest_jump_mm", "time_s")
 _CHUNK = 10  # cuts that a process is given at once
+_SIDE_BY_SIDE = 100  # of a trained policy, which makes them together
 
 
 @dataclass(frozen=True)
@@ -51,38 +56,37 @@ class Contestant:
     arguments: Mapping[str, Any] = field(default_factory=dict)
 
 
-def run_cut(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> tuple[dict[str, Any], np.ndarray]:
-    """One episode: its scores, and every reading at 1 kHz (hidden tip included), shape (n,)."""
+def finished_cut(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> FinishedCut:
+    """One episode."""
     observation, _ = env.reset(seed=seed)
     policy.reset(np.random.default_rng(seed))
-    cutting = env.unwrapped.cutting  # type: ignore[attr-defined]
+    unwrapped: Any = env.unwrapped
+    cutting = unwrapped.cutting
     if isinstance(policy, SeesTruth):
         policy.look_into(cutting)
-    parts = []
+    parts, over_limit = [], 0.0
     ended = False
     while not ended:
         observation, _, ended, _, info = env.step(policy(observation))
         parts.append(cutting.readings.copy())
-    readings = np.concatenate(parts)
-    truth, terms = info["truth"], cutting.reward_totals
-    scores = {
-        "seed": seed,
-        "specimen_class": truth["specimen_class"],
-        "target_length_mm": 1e3 * truth["target_length_m"],
-        "return": math.fsum(terms.values()),
-        "success": float(info["is_success"]),
-        "end": info["end"],
-        "tip_error_mm": 1e3 * abs(truth["tip_m"] - truth["target_length_m"]),
-        "overshoot_mm": 1e3 * max(truth["tip_m"] - truth["target_length_m"], 0.0),
-        "time_s": float(readings["time"][-1]),
-        "peak_force_N": float(readings["true_force"].max()),
-        "mean_force_N": float(readings["true_force"].mean()),
-        "uncontrolled_share": truth["uncontrolled_m"] / max(truth["tip_m"], 1e-9),
-        "largest_jump_mm": 1e3 * float(readings["jump"].max()),
-        "runs": truth["units"],
-        **{f"reward_{name}": value for name, value in terms.items()},
-    }
-    return scores, readings
+        over_limit = max(over_limit, info["cost"]["force_N"])
+    return FinishedCut(
+        seed=seed,
+        end=info["end"],
+        success=info["is_success"],
+        truth=info["truth"],
+        reward_totals=dict(cutting.reward_totals),
+        over_limit_N=over_limit,
+        readings=np.concatenate(parts),
+        depth=unwrapped.specimen.depth,
+        resistance=unwrapped.specimen.fracture_resistance,
+    )
+
+
+def run_cut(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> tuple[dict[str, Any], np.ndarray]:
+    """One episode: its scores, and every reading at 1 kHz (hidden tip included), shape (n,)."""
+    cut = finished_cut(env, policy, seed)
+    return cut.scores(), cut.readings
 
 
 def _end_with_parent() -> None:
@@ -97,11 +101,39 @@ def _end_with_parent() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def _cuts(contestant: Contestant, arguments: Mapping[str, Any], seeds: Sequence[int]) -> list[dict[str, Any]]:
-    env = gymnasium.make(ENVIRONMENT, **{**arguments, **contestant.arguments})
-    rows = [run_cut(env, contestant.policy, seed)[0] for seed in seeds]
+def _begin_worker() -> None:
+    """One core each: the processes are as many as the cores."""
+    set_cores(1)
+    _end_with_parent()
+
+
+@contextlib.contextmanager
+def workers(processes: int | None = None) -> Iterator[Executor]:
+    """Processes to evaluate in, by default one per core; what is left to do is dropped where an error ends it."""
+    # Fresh processes: a fork of one that runs threads (torch, Numba) may hang.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes or os.cpu_count(), context, initializer=_begin_worker) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _rows(
+    contestant: Contestant, arguments: Mapping[str, Any], seeds: Sequence[int], metrics: bool
+) -> list[dict[str, Any]]:
+    whole = {**arguments, **contestant.arguments}
+    if isinstance(contestant.policy, TrainedPolicy):
+        return [_row(cut, metrics) for cut in cuts_side_by_side(contestant.policy, seeds, whole)]
+    env = gymnasium.make(ENVIRONMENT, **whole)
+    rows = [_row(finished_cut(env, contestant.policy, seed), metrics) for seed in seeds]
     env.close()
     return rows
+
+
+def _row(cut: FinishedCut, metrics: bool) -> dict[str, Any]:
+    return cut.scores() | (cut.metrics() if metrics else {})
 
 
 def evaluate(
@@ -111,30 +143,25 @@ def evaluate(
     *,
     processes: int | None = None,
     description: str = "evaluating",
+    metrics: bool = False,
+    pool: Executor | None = None,
 ) -> list[dict[str, Any]]:
     """Scores of every contestant on every seed, one row a cut, in order; all meet the same specimens.
 
-    ``arguments`` are keywords of the environment; ``processes`` run side by side, by default one per core.
+    ``arguments`` are keywords of the environment; ``processes`` run side by side, by default one per core, or those of
+    the ``pool`` of :func:`workers`.  With ``metrics`` the score card's are added.
     """
-    chunks = [seeds[k : k + _CHUNK] for k in range(0, len(seeds), _CHUNK)]
-    jobs = [(name, k) for name in contestants for k in range(len(chunks))]
-    done: dict[tuple[str, int], list[dict[str, Any]]] = {}
-    # Fresh processes: a fork of one that runs threads (torch, Numba) may hang.
-    context = multiprocessing.get_context("spawn")
-    with (
-        tqdm(total=len(contestants) * len(seeds), desc=description, unit="cut") as bar,
-        ProcessPoolExecutor(processes or os.cpu_count(), context, initializer=_end_with_parent) as pool,
-    ):
-        futures = {pool.submit(_cuts, contestants[name], arguments, chunks[k]): (name, k) for name, k in jobs}
-        try:
-            for future in as_completed(futures):
-                name, k = futures[future]
-                done[name, k] = [{"policy": name, **row} for row in future.result()]
-                bar.update(len(chunks[k]))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    return [row for job in jobs for row in done[job]]
+    with contextlib.ExitStack() as stack:
+        pool = stack.enter_context(workers(processes)) if pool is None else pool
+        bar = stack.enter_context(tqdm(total=len(contestants) * len(seeds), desc=description, unit="cut"))
+        futures = {}
+        for name, one in contestants.items():
+            size = _SIDE_BY_SIDE if isinstance(one.policy, TrainedPolicy) else _CHUNK
+            for k in range(0, len(seeds), size):
+                futures[pool.submit(_rows, one, arguments, seeds[k : k + size], metrics)] = name
+        for future in as_completed(futures):
+            bar.update(len(future.result()))
+    return [{"policy": name, **row} for future, name in futures.items() for row in future.result()]
 
 
 def mean_with_interval(values: Iterable[float]) -> dict[str, float]:

@@ -12,25 +12,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 from evaluate import write_csv
-from seeing_critic import actor_parameters
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
 from cutenv.atomic import replacing
 
 if TYPE_CHECKING:
-    from ppo import Arguments
+    from learning import TrialArguments
 
 
-def validate(model: Any, arguments: Arguments) -> tuple[float, float]:
+def validate(model: Any, arguments: TrialArguments) -> tuple[float, float]:
     """Mean return and success of the most likely actions on the validation specimens."""
     seeds = arguments.validation_seeds
     environments = arguments.environments_at(seeds)
     observations = environments.reset()
     results: dict[int, tuple[float, float]] = {}
+    memory, begun = None, np.ones(len(seeds), bool)
     while len(results) < len(seeds):
-        actions, _ = model.predict(observations, deterministic=True)
+        actions, memory = model.predict(observations, state=memory, episode_start=begun, deterministic=True)
         observations, _, dones, infos = environments.step(actions)
+        begun = np.array(dones)
         for n in np.flatnonzero(dones):
             results.setdefault(int(n), (infos[n]["episode"]["r"], float(infos[n]["is_success"])))
     returns, successes = zip(*results.values(), strict=True)
@@ -38,18 +39,48 @@ def validate(model: Any, arguments: Arguments) -> tuple[float, float]:
 
 
 class Progress(BaseCallback):
-    """Progress bar, learning curve, checkpoints, and the best of them by validation."""
+    """Progress bar, learning curve, checkpoints, and the best of them by validation.
 
-    def __init__(self, run: Path, arguments: Arguments, curve: list[dict[str, float]]) -> None:
+    Parameters
+    ----------
+    run : Path
+        The run's folder.
+    arguments : TrialArguments
+        What it depends on.
+    curve : list of dict
+        The learning curve of an interrupted run, or nothing.
+    begun : float, optional
+        When the work began (``time.monotonic``); default now.
+    """
+
+    def __init__(
+        self, run: Path, arguments: TrialArguments, curve: list[dict[str, float]], begun: float | None = None
+    ) -> None:
         super().__init__()
         self._run, self._arguments, self.curve = run, arguments, curve
         self.averages: list[torch.Tensor] = []
         self._saved = time.monotonic()
-        self._every = max(arguments.timesteps // arguments.validations, 1)
+        earlier = curve[-1].get("seconds", 0.0) if curve else 0.0
+        self._begun = (self._saved if begun is None else begun) - earlier
+        # Demonstrations count as time, but not as a share of the trial, by which critic and exploration go.
+        self._taught = curve[0].get("seconds", 0.0) if curve else self.seconds
+
+    @property
+    def seconds(self) -> float:
+        """Of work so far, before an interruption too."""
+        return time.monotonic() - self._begun
+
+    @property
+    def share(self) -> float:
+        """Of the trial that is done: of its decisions or of its minutes, whichever is more."""
+        a, of_time = self._arguments, 0.0
+        if a.minutes:
+            of_time = (self.seconds - self._taught) / max(60.0 * a.minutes - self._taught, 1.0)
+        return min(max(self.num_timesteps / a.timesteps, of_time), 1.0)
 
     def average(self) -> None:
         """Follow the actor's parameters at a distance: their average cuts better, and less by chance, than the last."""
-        present = [parameter.detach() for parameter in actor_parameters(self.model)]
+        present = [parameter.detach() for parameter in self.model.policy.actor_parameters()]
         if not self.averages:
             self.averages = [parameter.clone() for parameter in present]
         for average, parameter in zip(self.averages, present, strict=True):
@@ -58,7 +89,7 @@ class Progress(BaseCallback):
     @contextlib.contextmanager
     def averaged(self) -> Iterator[None]:
         """The model with the average for its actor."""
-        actor = actor_parameters(self.model)
+        actor = self.model.policy.actor_parameters()
         present = [parameter.detach().clone() for parameter in actor]
         self.assign(self.averages or present)
         try:
@@ -69,7 +100,7 @@ class Progress(BaseCallback):
     def assign(self, values: list[torch.Tensor]) -> None:
         """Give the actor these parameters."""
         with torch.no_grad():
-            for parameter, value in zip(actor_parameters(self.model), values, strict=True):
+            for parameter, value in zip(self.model.policy.actor_parameters(), values, strict=True):
                 parameter.copy_(value)
 
     def _on_training_start(self) -> None:
@@ -80,30 +111,34 @@ class Progress(BaseCallback):
             unit="decision",
             smoothing=0.05,
         )
-        self._next = (self.num_timesteps // self._every + 1) * self._every
+        self._validated = int(self.share * self._arguments.validations)
 
     def _on_rollout_start(self) -> None:
         # Given, not learned: a policy that may keep its noise learns to lean on it, and stalls without.
         self.average()
         a = self._arguments
-        share = min(self.num_timesteps / a.timesteps, 1.0)
-        for parameter in actor_parameters(self.model):  # a critic that knows nothing yet would spoil a clone
+        share = self.share
+        for parameter in self.model.policy.actor_parameters():  # a critic that knows nothing yet would spoil a clone
             parameter.requires_grad_(not a.demonstrations or share >= a.critic_first)
         deviation = a.exploration * (a.last_exploration / a.exploration) ** share
         self.model.policy.log_std.data.fill_(math.log(deviation))
 
     def _on_step(self) -> bool:
-        return True
+        minutes = self._arguments.minutes
+        return not minutes or self.seconds < 60.0 * minutes
 
     def _on_rollout_end(self) -> None:
+        self.model.learning_rate.share = self.share
         episodes = self.model.ep_info_buffer or []
         if episodes:
             mean_return = float(np.mean([episode["r"] for episode in episodes]))
             success = float(np.mean(self.model.ep_success_buffer or [0.0]))
-            self.curve.append({"decisions": float(self.num_timesteps), "return": mean_return, "success": success})
+            point = {"decisions": float(self.num_timesteps), "seconds": round(self.seconds, 1)}
+            self.curve.append(point | {"return": mean_return, "success": success})
             self._bar.set_postfix_str(f"return {mean_return:.2f}, success {success:.2f}")
-        if self.num_timesteps >= self._next:
-            self._next += self._every
+        due = int(self.share * self._arguments.validations)
+        if due > self._validated:
+            self._validated = due
             self.validate()
         self._bar.update(min(self.num_timesteps, self._bar.total) - self._bar.n)
         if time.monotonic() - self._saved > self._arguments.checkpoint_seconds:
@@ -118,6 +153,8 @@ class Progress(BaseCallback):
             mean_return, success = validate(self.model, self._arguments)
             if self.curve:  # else no cut has been finished yet
                 self.curve[-1] |= {"validation_return": mean_return, "validation_success": success}
+            self.logger.record("validation/return", mean_return)
+            self.logger.record("validation/success", success)
             if mean_return > best:
                 save(self.model, self._run / "policy.zip")
                 write_csv(self._run / "learning_curve.csv", self.curve)

@@ -1,4 +1,4 @@
-"""An actor that sees the features, and a critic that sees the hidden state as well, for Stable-Baselines3."""
+"""An actor that sees the features, and a critic that may see the hidden state as well, for Stable-Baselines3."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from torch import nn
 
 
 class Extractor(nn.Module):
-    """Two towers of tanh layers: the policy's sees the features, the critic's the hidden state as well."""
+    """Two towers of tanh layers: the policy's sees the features, the critic's what it may see."""
 
-    def __init__(self, features: int, everything: int, hidden: int) -> None:
+    def __init__(self, features: int, critic: int, hidden: int) -> None:
         super().__init__()
-        self._features = features
-        self.policy_net, self.value_net = _tower(features, hidden), _tower(everything, hidden)
+        self._features, self._critic = features, critic
+        self.policy_net, self.value_net = _tower(features, hidden), _tower(critic, hidden)
         self.latent_dim_pi = self.latent_dim_vf = hidden
 
     def forward(self, seen: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -28,7 +28,7 @@ class Extractor(nn.Module):
 
     def forward_critic(self, seen: torch.Tensor) -> torch.Tensor:
         """Latent values of the critic."""
-        return self.value_net(seen)
+        return self.value_net(seen[..., : self._critic])
 
 
 def _tower(inputs: int, hidden: int) -> nn.Sequential:
@@ -36,25 +36,26 @@ def _tower(inputs: int, hidden: int) -> nn.Sequential:
 
 
 class SeeingCritic(ActorCriticPolicy):
-    """SB3's policy with :class:`Extractor`."""
+    """SB3's policy with :class:`Extractor`: the actor sees the first ``features`` numbers, the critic ``critic``."""
 
-    def __init__(self, *args: Any, features: int, hidden: int, **kwargs: Any) -> None:
-        self._sizes = features, hidden
+    def __init__(self, *args: Any, features: int, critic: int, hidden: int, **kwargs: Any) -> None:
+        self._sizes = {"features": features, "critic": critic, "hidden": hidden}
         super().__init__(*args, **kwargs)
 
     def _build_mlp_extractor(self) -> None:
-        features, hidden = self._sizes
-        self.mlp_extractor = Extractor(features, self.features_dim, hidden)
+        self.mlp_extractor = Extractor(**self._sizes)
 
     def _build(self, lr_schedule: Any) -> None:
         super()._build(lr_schedule)
         self.log_std.requires_grad_(False)  # see Progress
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
-        features, hidden = self._sizes
-        return super()._get_constructor_parameters() | {"features": features, "hidden": hidden}
+        return super()._get_constructor_parameters() | self._sizes
 
+    def actor_parameters(self) -> list[nn.Parameter]:
+        """Those of the actor; it shares none with the critic."""
+        return [*self.mlp_extractor.policy_net.parameters(), *self.action_net.parameters()]
 
-def actor_parameters(model: Any) -> list[nn.Parameter]:
-    """The parameters of the actor; it shares none with the critic."""
-    return [*model.policy.mlp_extractor.policy_net.parameters(), *model.policy.action_net.parameters()]
+    def action_for(self, seen: torch.Tensor) -> torch.Tensor:
+        """The most likely action, before it is clipped."""
+        return self.action_net(self.mlp_extractor.forward_actor(seen))

@@ -19,7 +19,7 @@ from ppo import Arguments, new_model
 def speed(arguments: Arguments, updates: int) -> dict[str, float]:
     """Train for so many updates after the first one, which compiles and begins every environment."""
     torch.set_num_threads(1)  # as in training: two pools of threads on two cores fight
-    model = new_model(arguments)
+    model = new_model(arguments, arguments.environments_at(arguments.training_seeds))
     rollout = arguments.environments * arguments.rollout
     model.learn(rollout)
     environments = model.get_env()

@@ -17,7 +17,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
 from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.policy.features import extract_batch, feature_count, forget, new_memory, past_dead_zone
+from cutenv.policy.features import FeatureBatch, past_dead_zone
 from cutenv.task.hidden import HIDDEN, reveal
 from cutenv.task.observation import BOUND
 
@@ -131,13 +131,17 @@ class CutVecEnv(NativeVecEnv):
         Decisions of history among the features.
     dead_zone : float
         Share of the speed's action that means rest.
+    force : bool
+        Whether the features feel the force.
     **arguments
         Keywords of ``cutenv/GentleCut-v0``.
     """
 
-    def __init__(self, seeds: Sequence[int], *, history: int, dead_zone: float, **arguments: Any) -> None:
-        self.features, self.dead_zone = feature_count(history), dead_zone
-        self._memory, self._frames = new_memory(len(seeds), history)
+    def __init__(
+        self, seeds: Sequence[int], *, history: int, dead_zone: float, force: bool = True, **arguments: Any
+    ) -> None:
+        self._seen = FeatureBatch(len(seeds), history=history, force=force)
+        self.features, self.dead_zone = self._seen.size, dead_zone
         super().__init__(seeds, **arguments)
 
     def space(self) -> gymnasium.Space[Any]:
@@ -150,15 +154,14 @@ class CutVecEnv(NativeVecEnv):
 
     def see(self) -> np.ndarray:
         """Features and hidden state, once per decision: features keep it in mind."""
-        features = extract_batch(self._memory, self._frames, self.observations)
-        return np.concatenate((features, self._revealed()), axis=1)
+        return np.concatenate((self._seen(self.observations), self._revealed()), axis=1)
 
     def see_beginning(self, seen: np.ndarray, begun: np.ndarray) -> None:
         """Forget the last cut first."""
         for n in begun:
-            forget(self._memory, self._frames, n)
+            self._seen.forget(n)
             own = slice(n, n + 1)
-            seen[own, : self.features] = extract_batch(self._memory[own], self._frames[own], self.observations[own])
+            seen[own, : self.features] = self._seen(self.observations[own], own)
         seen[begun, self.features :] = self._revealed()[begun]
 
     def _revealed(self) -> np.ndarray:

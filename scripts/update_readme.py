@@ -2,6 +2,7 @@
 
     python scripts/update_readme.py parameters agreement specimens calibration speed headroom
     python scripts/update_readme.py training --runs runs/NAME ...  one run for each seed
+    python scripts/update_readme.py benchmark --runs FOLDER        what agents/benchmark.py left; default runs/benchmark
     python scripts/update_readme.py --check parameters          fails if a block is not what it would print
     python scripts/update_readme.py --picture                   draws assets/pictures/cut.png
 
@@ -39,6 +40,7 @@ from cutenv.tissue.specimen import CLASSES
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "agents"))
 import headroom  # noqa: E402  a program, not a package
+import leaderboard  # noqa: E402
 from evaluate import mean_with_interval  # noqa: E402
 
 SCORES = ("return", "success", "tip_error_mm", "peak_force_N", "time_s")
@@ -172,6 +174,12 @@ def headroom_block(_: argparse.Namespace) -> str:
     return "```\n" + "\n\n".join(printed) + "\n```"
 
 
+def benchmark(arguments: argparse.Namespace) -> str:
+    """The comparison of all agents, from its summary.csv."""
+    folders = arguments.runs or [ROOT / "runs" / "benchmark"]
+    return leaderboard.markdown(folders[0])
+
+
 BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "parameters": parameters,
     "agreement": agreement,
@@ -180,6 +188,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "speed": speed,
     "training": training,
     "headroom": headroom_block,
+    "benchmark": benchmark,
 }
 
 
@@ -216,7 +225,7 @@ def main() -> None:
     """Rewrite or check blocks."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("blocks", nargs="*", choices=[*BLOCKS, []], metavar="BLOCK", help=", ".join(BLOCKS))
-    parser.add_argument("--runs", type=Path, nargs="+", help="folders of the training runs to quote, one for each seed")
+    parser.add_argument("--runs", type=Path, nargs="+", help="folders of the runs to quote, for training one a seed")
     parser.add_argument("--check", action="store_true", help="compare instead of writing")
     parser.add_argument("--picture", action="store_true", help="draw the picture")
     arguments = parser.parse_args()

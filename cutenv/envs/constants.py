@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from cutenv.cutting.drive import Hand, Rig
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.parameter import check_parameters, parameter
+from cutenv.rig.identified import environment_arguments
+from cutenv.rig.toml_file import read
 from cutenv.task.beginning import measure_depth
 from cutenv.task.weights import Limits, RewardWeights
 from cutenv.tissue.description import TissueDescription
@@ -48,6 +51,27 @@ class Knowledge:
         measured = np.empty(N_POINTS)
         measure_depth(np.uint64(seed), np.uint64(episode), self.depth_noise, self.depth_modes(), depth, measured)
         return measured
+
+
+def identified_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, float]:
+    """Keywords of what ``cutenv rig identify --write`` has put into a rig's file; SI.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If the file cannot be read, nothing was identified, a value is none that the simulator can take, or the blade
+        is not driven by a rig.
+    """
+    if drive != "rig":
+        raise ValueError(f'rig = {str(rig)!r} tells of a motor, and drive = "{drive}" has none: leave one of them out.')
+    measured = environment_arguments(read(rig).identified)
+    if not measured:
+        raise ValueError(f"{rig}: nothing in it was identified yet. Run 'cutenv rig identify {rig} --write' first.")
+    try:
+        Constants.from_keywords(measured)
+    except ValueError as error:
+        raise ValueError(f"{rig}: [identified] {error}") from None
+    return measured
 
 
 @dataclass(frozen=True, kw_only=True)

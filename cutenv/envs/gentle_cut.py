@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cutenv.compiled import announce
 from cutenv.cutting.simulate import hold
-from cutenv.envs.constants import Constants
+from cutenv.envs.constants import Constants, identified_constants
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant.simulator import ANGLE_RANGE, SimulatedPlant
 from cutenv.task.beginning import drawn_length
@@ -128,12 +128,14 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     fixed_angle_deg 90.0    angle of the blade if fixed [deg], 45 to 90
     reward_from     "truth" "truth" or "estimate" (tip from force, as on a rig)
     drive           "rig"   "rig" (holds position) or "hand" (yields to force)
+    rig             None    a rig's TOML file, whose identified values replace the parameter table's
     render_mode     None    "rgb_array" or "human"
     =============== ======= ===========================================================================
 
-    Besides, each constant of the parameter table (``acceleration``, ``motor_lag``, ``rotation_rate``, ``force_noise``,
-    ``force_resolution``, ``force_delay``, ``force_limit_per_depth``, ...; SI units) and each weight
-    (``weight_<term>``) can be given by keyword; an unknown name is an error that names the nearest.
+    Besides, each constant of the parameter table (``acceleration``, ``motor_lag``, ``rotation_rate``, ``dead_time``,
+    ``backlash``, ``force_noise``, ``force_resolution``, ``force_delay``, ``force_limit_per_depth``, ...; SI units) and
+    each weight (``weight_<term>``) can be given by keyword, and wins over the rig's file; an unknown name is an error
+    that names the nearest.
 
     Reset options: ``specimen`` (a :class:`~cutenv.tissue.Specimen` or its JSON text), ``target_length`` [m],
     ``episode`` (number of the episode under the current seed).
@@ -164,6 +166,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         fixed_angle_deg: float = 90.0,
         reward_from: str = "truth",
         drive: str = "rig",
+        rig: str | Path | None = None,
         render_mode: str | None = None,
         **constants: float,
     ) -> None:
@@ -190,7 +193,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.ticks = round(_UPDATES_HZ / control_hz)
         self.fixed_angle = math.radians(fixed_angle_deg) if angle_mode == "fixed" else None
         self.from_truth = reward_from == "truth"
-        self.constants = Constants.from_keywords(constants, drive=drive, others=_ARGUMENTS)
+        measured = {} if rig is None else identified_constants(rig, drive=drive)
+        self.constants = Constants.from_keywords({**measured, **constants}, drive=drive, others=_ARGUMENTS)
         self._told = np.zeros(TOLD)
         self._seed: int | None = None
         self._episode = 0

@@ -124,6 +124,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         render_mode: None = None,
         **constants: float,
     ) -> None:
+        self._arguments = {name: value for name, value in locals().items() if name in _ARGUMENTS} | constants
         one_of("specimen_class", specimen_class, CLASSES)
         if in_range("control_hz", control_hz, 1, _UPDATES_HZ, "Hz") % 1 or _UPDATES_HZ % control_hz:
             raise ValueError(f"control_hz = {control_hz} must divide {_UPDATES_HZ}: 10, 20, 25, 50 and 100 do.")
@@ -321,6 +322,13 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self.session is None or self._source.fake is None:
             raise ValueError(f"rig {self.settings.name!r} is not a fake one.")
         return self._source.fake
+
+    def rehearsal(self) -> RigCutEnv:
+        """The same environment on a fake with this rig's settings: try a policy there before anything moves.
+
+        What a policy compiles or imports at its first decisions stalls the threads that watch a rig, which stop it.
+        """
+        return RigCutEnv(**{**self._arguments, "records": None, "operator": None, "dry_run": True})
 
     @property
     def records(self) -> list[Path]:

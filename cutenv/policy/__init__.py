@@ -1,15 +1,16 @@
 """Policies that need no learning library: they see an observation and answer with an action."""
 
 from cutenv.policy.baselines import BASELINES, BOUND, GRID, GRID_ANGLES, GRID_SPEEDS, IDLE, SCRIPTS, feed_name
-from cutenv.policy.features import Features, past_dead_zone
+from cutenv.policy.features import FeatureBatch, Features, past_dead_zone
 from cutenv.policy.feedback import ForceFeedback, ProbeAndCreep
 from cutenv.policy.interface import Policy, SeesTruth
 from cutenv.policy.network import Network
 from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
+from cutenv.policy.recurrent import RecurrentNetwork
 from cutenv.policy.scripted import ConstantFeed, FastThenSlow, InclineBetween, NoAction, RandomAction, Script
 from cutenv.policy.shipped import SHIPPED, shipped, trained
 from cutenv.policy.tip_estimate import TipEstimate
-from cutenv.policy.trained import PolicyCard, TrainedPolicy, save_policy
+from cutenv.policy.trained import PolicyBatch, PolicyCard, TrainedPolicy, save_policy
 from cutenv.policy.unloading import StopAndUnload
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "SHIPPED",
     "ConstantFeed",
     "FastThenSlow",
+    "FeatureBatch",
     "Features",
     "ForceFeedback",
     "InclineBetween",
@@ -31,9 +33,11 @@ __all__ = [
     "PlannerNominal",
     "PlannerWithTruth",
     "Policy",
+    "PolicyBatch",
     "PolicyCard",
     "ProbeAndCreep",
     "RandomAction",
+    "RecurrentNetwork",
     "Script",
     "SeesTruth",
     "StopAndUnload",

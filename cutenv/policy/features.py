@@ -72,13 +72,64 @@ MEMORY: np.dtype[Any] = np.dtype(
 """What is remembered of a cut."""
 
 
-class Features:
-    """The features of one cut, decision after decision.
+class FeatureBatch:
+    """The features of many cuts side by side, decision after decision; bit for bit those of single cuts.
 
     Parameters
     ----------
+    count : int
+        How many cuts.
     history : int
         How many past decisions are kept: mean, least and greatest force, position and angle of each.
+    force : bool
+        Whether the force is felt; else every force counts as zero, also in what is worked out from it.
+
+    Attributes
+    ----------
+    size : int
+        Number of features of a cut.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a count or a history that is no whole number, and for a ``force`` that is not True or False.
+    """
+
+    def __init__(self, count: int, *, history: int = 6, force: bool = True) -> None:
+        if in_range("count", count, 1, 10**7, "1", "Give the number of cuts.") % 1.0:
+            raise ValueError(f"count = {count} is not a whole number of cuts.")
+        if in_range("history", history, 0, 1000, "1", "A handful of decisions is enough.") % 1.0:
+            raise ValueError(f"history = {history} is not a whole number of decisions.")
+        if not isinstance(force, bool):
+            raise TypeError(f"force = {force!r} must be True (felt) or False (not felt).")
+        self._memory, self._frames = new_memory(int(count), int(history))
+        self._force = force
+        self.size = feature_count(int(history))
+        for cut in range(int(count)):
+            self.forget(cut)
+
+    def forget(self, cut: int) -> None:
+        """Begin one of the cuts anew."""
+        forget(self._memory, self._frames, cut)
+
+    def __call__(self, observations: NDArray[np.float32], cuts: slice = slice(None)) -> NDArray[np.float32]:
+        """The features, shape (n, size) float32, of the ``cuts`` with these observations, shape (n, 12)."""
+        seen = checked_observation(observations).astype(np.float32)
+        memory, frames = self._memory[cuts], self._frames[cuts]
+        if seen.shape[:-1] != (len(memory),):
+            raise ValueError(f"observations have shape {seen.shape}; give ({len(memory)}, {seen.shape[-1]}).")
+        if not self._force:
+            seen[:, : _MAX + 1] = 0.0
+        return extract_batch(memory, frames, seen)
+
+
+class Features:
+    """The features of one cut, decision after decision: :class:`FeatureBatch` of one.
+
+    Parameters
+    ----------
+    history, force
+        As in :class:`FeatureBatch`.
 
     Attributes
     ----------
@@ -86,26 +137,18 @@ class Features:
         Number of features.
     """
 
-    def __init__(self, *, history: int = 6) -> None:
-        if in_range("history", history, 0, 1000, "1", "A handful of decisions is enough.") % 1.0:
-            raise ValueError(f"history = {history} is not a whole number of decisions.")
-        self._memory, self._frames = new_memory(1, int(history))
-        self.size = feature_count(int(history))
-        self.reset()
+    def __init__(self, *, history: int = 6, force: bool = True) -> None:
+        self._batch = FeatureBatch(1, history=history, force=force)
+        self.size = self._batch.size
 
     def reset(self) -> None:
         """Forget the last cut."""
-        forget(self._memory, self._frames, 0)
+        self._batch.forget(0)
 
     def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The features, shape (size,) float32 within the observation's bounds, for an observation, shape (12,)."""
-        checked_observation(observation)
-        features = np.empty((1, self.size), np.float32)
-        extract_all(
-            self._memory, self._frames, _NOMINAL_STIFFNESS, _NOMINAL_FRICTION, np.asarray(observation)[None], features
-        )
-        result: NDArray[np.float32] = features[0]
-        return result
+        features: NDArray[np.float32] = self._batch(np.asarray(observation)[None])[0]
+        return features
 
 
 def past_dead_zone(action: NDArray[np.float32], width: float) -> NDArray[np.float32]:

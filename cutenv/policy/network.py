@@ -48,7 +48,7 @@ class Network:
         if not self.layers:
             raise ValueError("layers is empty; give at least one (weight, bias).")
         checked = tuple(
-            (_checked(k, "weight", weight, 2), _checked(k, "bias", bias, 1))
+            (checked_array(_name(k, "weight"), weight, 2), checked_array(_name(k, "bias"), bias, 1))
             for k, (weight, bias) in enumerate(self.layers)
         )
         inputs = checked[0][0].shape[1]
@@ -73,9 +73,8 @@ class Network:
         activate = ACTIVATIONS[self.activation]
         *hidden, (last_weight, last_bias) = self.layers
         for weight, bias in hidden:
-            values = activate(values @ weight.T + bias)
-        output: Array32 = values @ last_weight.T + last_bias
-        return output
+            values = activate(row_by_row(values, weight) + bias)
+        return row_by_row(values, last_weight) + last_bias
 
     def to_arrays(self) -> dict[str, Array32]:
         """Weights and biases by name: ``layer_0.weight``, ``layer_0.bias``, ``layer_1.weight`` and so on."""
@@ -129,6 +128,15 @@ class Network:
         return cls(tuple(_layer(arrays, prefix) for prefix in prefixes), activation)
 
 
+def row_by_row(values: Array32, weight: Array32) -> Array32:
+    """``values``, shape (..., inputs), times ``weight``, shape (outputs, inputs): each row as if it were alone.
+
+    One product of all rows rounds otherwise than each alone, and a cut magnifies the last bit.
+    """
+    product: Array32 = (values[..., None, :] @ weight.T)[..., 0, :]
+    return product
+
+
 def _name(number: int, part: str) -> str:
     return f"layer_{number}.{part}"
 
@@ -141,17 +149,17 @@ def _layer(arrays: Mapping[str, Array32], prefix: str) -> Layer:
     return arrays[f"{prefix}.weight"], arrays[f"{prefix}.bias"]
 
 
-def _checked(number: int, part: str, values: Array32, dimensions: int) -> Array32:
-    """A read-only copy, in rows."""
+def checked_array(name: str, values: Array32, dimensions: int) -> Array32:
+    """A read-only copy, in rows; ValueError for what is not float32, has other axes or is not finite."""
     array = np.array(values, order="C")
     if array.dtype != np.float32:
-        raise ValueError(f"{_name(number, part)} is {array.dtype}; give float32: array.astype(numpy.float32).")
+        raise ValueError(f"{name} is {array.dtype}; give float32: array.astype(numpy.float32).")
     if array.ndim != dimensions or array.size == 0:
-        raise ValueError(f"{_name(number, part)} has shape {array.shape}; it must have {dimensions} axes, none empty.")
+        raise ValueError(f"{name} has shape {array.shape}; it must have {dimensions} axes, none empty.")
     wrong = int(np.count_nonzero(~np.isfinite(array)))
     if wrong:
         raise ValueError(
-            f"{_name(number, part)} holds {wrong} of {array.size} numbers that are NaN or infinite: training came "
+            f"{name} holds {wrong} of {array.size} numbers that are NaN or infinite: training came "
             "apart. Take an earlier checkpoint."
         )
     array.setflags(write=False)

@@ -4,114 +4,64 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import itertools
-import json
-import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.atomic import replacing
-from cutenv.policy.features import Features, past_dead_zone
-from cutenv.policy.network import ACTIVATIONS, Network
-from cutenv.task.observation import COMPONENTS, checked_observation
-from cutenv.tissue.description import checked_fields
-from cutenv.validation import in_range, one_of
+from cutenv.policy.card import PolicyCard, check_scaling, observation_scaling
+from cutenv.policy.features import FeatureBatch, past_dead_zone
+from cutenv.policy.network import Network
+from cutenv.policy.recurrent import RecurrentNetwork
+
+__all__ = ["PolicyBatch", "PolicyCard", "TrainedPolicy", "observation_scaling", "save_policy"]
 
 Array32 = NDArray[np.float32]
 
-SCHEMA = "cutenv-policy/1"
 WEIGHTS, CARD = "policy.safetensors", "card.json"
 _ACTIONS = 2
-_SCALING = ("name", "unit", "scale", "offset")
 _AGAIN = "Copy the whole folder again, or save the policy again with this version of cutenv."
 
 
-def observation_scaling() -> list[dict[str, Any]]:
-    """How this version of cutenv scales an observation: name, unit, scale and offset of its numbers, in order."""
-    return [{key: getattr(component, key) for key in _SCALING} for component in COMPONENTS]
-
-
-@dataclass(frozen=True, kw_only=True)
-class PolicyCard:
-    """What must be known of a network to act with it; all values as JSON holds them.
+class PolicyBatch:
+    """A trained network in ``count`` cuts side by side, each bit for bit as :class:`TrainedPolicy` acts in it.
 
     Parameters
     ----------
-    environment : str
-        Id of the environment that it was trained in, such as ``cutenv/GentleCut-v0``.
-    environment_arguments : dict
-        With what an environment must be made so that observations and actions mean the same, such as
-        ``{"control_hz": 10, "angle_mode": "free"}``.
-    layers : tuple of int
-        How many numbers stand between the network's layers, from input to output.
-    activation : {"tanh", "relu"}
-        After every layer but the last.
-    features : dict
-        Keywords of :class:`cutenv.policy.features.Features`.
-    dead_zone : float
-        Share of the speed's action that means rest, 0 to 0.9 [1].
-    sha256 : str
-        Of ``policy.safetensors``, in hexadecimal digits.
-    training : dict
-        Facts about the training: seed, decisions, versions, commit and the like.  Nothing depends on them.
-    scaling : list of dict
-        Name, unit, scale and offset of the observation's numbers; default :func:`observation_scaling`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a value is out of range or cannot be held by JSON; names the field.
+    card : PolicyCard
+        What must be known of the network.
+    network : Network or RecurrentNetwork
+        From features to the action.
+    count : int
+        How many cuts.
     """
 
-    schema: ClassVar[str] = SCHEMA
+    def __init__(self, card: PolicyCard, network: Network | RecurrentNetwork, count: int) -> None:
+        self._dead_zone = card.dead_zone
+        self._network = network
+        self._features = _features(card, count)
+        self._state = network.start(count) if isinstance(network, RecurrentNetwork) else None
 
-    environment: str
-    environment_arguments: dict[str, Any]
-    layers: tuple[int, ...]
-    activation: str
-    features: dict[str, Any]
-    dead_zone: float
-    sha256: str
-    training: dict[str, Any]
-    scaling: list[dict[str, Any]] = dataclasses.field(default_factory=observation_scaling)
+    def forget(self, cut: int) -> None:
+        """Begin one of the cuts anew."""
+        self._features.forget(cut)
+        if self._state is not None:
+            for values in self._state:
+                values[cut] = 0.0
 
-    def __post_init__(self) -> None:
-        if not (isinstance(self.environment, str) and self.environment):
-            raise TypeError(f"environment must be an id such as 'cutenv/GentleCut-v0', got {self.environment!r}.")
-        if not (isinstance(self.sha256, str) and re.fullmatch("[0-9a-f]{64}", self.sha256)):
-            raise ValueError(f"sha256 must be 64 hexadecimal digits, got {self.sha256!r}.")
-        one_of("activation", self.activation, ACTIVATIONS)
-        kept: dict[str, Any] = {
-            "environment_arguments": _mapping("environment_arguments", self.environment_arguments),
-            "layers": _sizes(self.layers),
-            "features": _mapping("features", self.features),
-            "dead_zone": in_range("dead_zone", self.dead_zone, 0.0, 0.9, "1", "A quarter is 0.25."),
-            "training": _mapping("training", self.training),
-            "scaling": _plain("scaling", self.scaling),
-        }
-        for name, value in kept.items():
-            object.__setattr__(self, name, value)
-
-    def to_json(self) -> str:
-        """JSON text, read back exactly by :meth:`from_json`."""
-        return json.dumps({"schema": SCHEMA, **dataclasses.asdict(self)}, indent=1)
-
-    @classmethod
-    def from_json(cls, text: str) -> PolicyCard:
-        """Read :meth:`to_json`'s text.
-
-        Raises
-        ------
-        TypeError, ValueError
-            For another schema, an unknown or a missing field, or a value that is refused.
-        """
-        return cls(**checked_fields(text, SCHEMA, {field.name for field in dataclasses.fields(cls)}))
+    def __call__(self, observations: Array32) -> Array32:
+        """The actions, shape (count, 2), for the observations of all cuts, shape (count, 12)."""
+        features = self._features(observations)
+        if isinstance(self._network, RecurrentNetwork):
+            assert self._state is not None
+            actions, self._state = self._network(features, self._state)
+        else:
+            actions = self._network(features)
+        return past_dead_zone(np.clip(actions, np.float32(-1.0), np.float32(1.0)), self._dead_zone)
 
 
 class TrainedPolicy:
@@ -123,7 +73,7 @@ class TrainedPolicy:
     ----------
     card : PolicyCard
         What must be known of the network.
-    network : Network
+    network : Network or RecurrentNetwork
         From features to the action.
 
     Raises
@@ -132,19 +82,23 @@ class TrainedPolicy:
         If the card belongs to another network or to another version of observation or features.
     """
 
-    def __init__(self, card: PolicyCard, network: Network) -> None:
+    def __init__(self, card: PolicyCard, network: Network | RecurrentNetwork) -> None:
         check_scaling(card.scaling)
         self._card, self._network = card, network
-        self._features = _features(card)
+        size = _features(card, 1).size
+        if isinstance(network, RecurrentNetwork) != (card.memory is not None):
+            kind = "one" if isinstance(network, RecurrentNetwork) else "none"
+            raise ValueError(f"memory is {card.memory!r}, but the network has {kind}. {_AGAIN}")
         if network.sizes != card.layers:
             found = _shown(network.sizes)
             raise ValueError(f"layers is {_shown(card.layers)}, but the network's are {found}. {_AGAIN}")
-        needed = (self._features.size, _ACTIONS)
+        needed = (size, _ACTIONS)
         if (network.sizes[0], network.sizes[-1]) != needed:
             raise ValueError(
                 f"layers is {_shown(card.layers)}; with features {card.features} it must begin with {needed[0]} and "
                 f"end with {needed[1]}. Train with the features that the card names."
             )
+        self._one = self.batch(1)
 
     @property
     def card(self) -> PolicyCard:
@@ -158,13 +112,16 @@ class TrainedPolicy:
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the last cut; ``rng`` is not used."""
-        self._features.reset()
+        self._one.forget(0)
 
     def __call__(self, observation: Array32) -> Array32:
         """The action, shape (2,), for an observation, shape (12,), of the cut since :meth:`reset`."""
-        checked_observation(observation)
-        action = np.clip(self._network(self._features(observation)), np.float32(-1.0), np.float32(1.0))
-        return past_dead_zone(action, self._card.dead_zone)
+        action: Array32 = self._one(np.asarray(observation)[None])[0]
+        return action
+
+    def batch(self, count: int) -> PolicyBatch:
+        """The same policy for ``count`` cuts side by side, none of them begun."""
+        return PolicyBatch(self._card, self._network, count)
 
     @classmethod
     def load(cls, folder: str | Path) -> TrainedPolicy:
@@ -191,14 +148,15 @@ class TrainedPolicy:
                 raise ValueError(
                     f"its SHA-256 is {found}, but {CARD} says {card.sha256}: changed or damaged since it was saved."
                 )
-            network = Network.from_arrays(_unpacked(content), card.activation)
+            kind = Network if card.memory is None else RecurrentNetwork
+            network = kind.from_arrays(_unpacked(content), card.activation)
         with _named(folder / CARD):
             return cls(card, network)
 
 
 def save_policy(
     folder: str | Path,
-    network: Network,
+    network: Network | RecurrentNetwork,
     *,
     environment: str,
     environment_arguments: Mapping[str, Any],
@@ -215,7 +173,7 @@ def save_policy(
     ----------
     folder : path
         Made if it is missing.  The same policy may be there already, also with other facts about its training.
-    network : Network
+    network : Network or RecurrentNetwork
         From features to the action.
     environment, environment_arguments, features, dead_zone, training
         As in :class:`PolicyCard`.
@@ -246,6 +204,7 @@ def save_policy(
         dead_zone=dead_zone,
         sha256=hashlib.sha256(content).hexdigest(),
         training=dict(training),
+        memory="lstm" if isinstance(network, RecurrentNetwork) else None,
     )
     TrainedPolicy(card, network)  # refuses now what loading would refuse
     folder = Path(folder)
@@ -261,46 +220,12 @@ def save_policy(
     return card
 
 
-def check_scaling(scaling: list[dict[str, Any]]) -> None:
-    """Refuse an observation that is scaled in another way than this version of cutenv scales it."""
-    if not isinstance(scaling, list):
-        raise TypeError(f"scaling must be a list with {', '.join(_SCALING)} of each component, got {scaling!r}.")
-    for given, component, ours in itertools.zip_longest(scaling, COMPONENTS, observation_scaling()):
-        if given != ours:  # exactly: JSON keeps every digit
-            name = f"component {component.name!r}" if component else f"a component after {COMPONENTS[-1].name!r}"
-            raise ValueError(
-                f"scaling: {name} is {given} in the card and {ours} in this version of cutenv. "
-                "Use the version that the policy was trained with, or train it again."
-            )
-
-
-def _features(card: PolicyCard) -> Features:
+def _features(card: PolicyCard, count: int) -> FeatureBatch:
     """The features that a card names: the one place that knows their keywords."""
     try:
-        return Features(**card.features)
+        return FeatureBatch(count, **card.features)
     except (TypeError, ValueError) as error:
         raise ValueError(f"features {card.features} are not understood: {error} {_AGAIN}") from None
-
-
-def _mapping(name: str, value: Any) -> dict[str, Any]:
-    if not (isinstance(value, dict) and all(isinstance(key, str) for key in value)):
-        raise TypeError(f"{name} must be a mapping with text as keys, got {value!r}.")
-    copy: dict[str, Any] = _plain(name, value)
-    return copy
-
-
-def _plain(name: str, value: Any) -> Any:
-    """A copy, as JSON gives it back."""
-    try:
-        return json.loads(json.dumps(value, allow_nan=False))
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name} must hold what JSON can: {error}. Give finite plain numbers, text, lists.") from None
-
-
-def _sizes(layers: Any) -> tuple[int, ...]:
-    if not (isinstance(layers, (list, tuple)) and len(layers) > 1 and all(type(n) is int and n > 0 for n in layers)):
-        raise ValueError(f"layers must be two or more positive whole numbers, from input to output, got {layers!r}.")
-    return tuple(layers)
 
 
 def _shown(sizes: tuple[int, ...]) -> str:

@@ -104,6 +104,15 @@ class FakeClock:
         return turn
 
 
+class PacedClock(FakeClock):
+    """A fake clock whose time passes no faster than the machine's: for a person who watches."""
+
+    def sleep_until(self, moment: float) -> float:
+        """Really wait for so long, then do what is due."""
+        time.sleep(max(moment - self.now(), 0.0))
+        return super().sleep_until(moment)
+
+
 class _Turn:
     def __init__(self, period: float, action: Callable[[float], None]) -> None:
         self.period, self.action, self.stopped = period, action, False

@@ -43,6 +43,22 @@ class ForceListener(Protocol):
         ...
 
 
+class Witness(Protocol):
+    """Who is told along with the supervisor; in the drivers' threads, so it never waits."""
+
+    def force(self, sample: ForceSample) -> None:
+        """A reading has arrived."""
+        ...
+
+    def motion(self, axis: str, sample: MotionSample) -> None:
+        """A sample of an axis has arrived."""
+        ...
+
+    def alive(self, axis: str, time: float) -> None:
+        """A drive's heartbeat has arrived, at ``time`` [s]."""
+        ...
+
+
 class MotionDriver(Protocol):
     """One axis under velocity control: the carriage of the blade, or its angle.
 
@@ -81,6 +97,10 @@ class MotionDriver(Protocol):
         """Read back from the drive: "low", "high" (software limits), "speed", "acceleration", "quick_stop"."""
         ...
 
+    def about(self) -> dict[str, float | str]:
+        """What the open drive tells of itself, by name; a number's name ends with its unit."""
+        ...
+
     def close(self) -> None:
         """Leave the axis at rest without power, and the bus; never raises, and may be called twice."""
         ...
@@ -98,6 +118,10 @@ class ForceDriver(Protocol):
 
     def tare(self, samples: int = 200) -> tuple[float, float, float]:
         """Take the mean of so many readings as zero; return what was subtracted since the start [N]."""
+        ...
+
+    def about(self) -> dict[str, float | str]:
+        """What the open sensor tells of itself, by name; a number's name ends with its unit."""
         ...
 
     def close(self) -> None:

@@ -115,6 +115,10 @@ class FakeDrive:
         """As they would have been written."""
         return drive_limits(self._rig.settings.blade if self.name == "blade" else self._rig.settings.angle or Axis())
 
+    def about(self) -> dict[str, float | str]:
+        """That it is none."""
+        return {"kind": "fake drive"}
+
     def close(self) -> None:
         """Nothing arrives any more."""
         self._rig.listen(self.name, None)
@@ -152,6 +156,10 @@ class FakeSensor:
         self.zero += float(np.mean(list(self.last)[-samples:]))
         return (self.zero, 0.0, 0.0)
 
+    def about(self) -> dict[str, float | str]:
+        """That it is none."""
+        return {"kind": "fake sensor", "rate_Hz": self.rate}
+
     def close(self) -> None:
         """Nothing arrives any more."""
         self.listener = None
@@ -186,9 +194,10 @@ class FakeRig:
         *,
         follows: bool = True,
         depth: NDArray[np.float64] | None = None,
+        clock: FakeClock | None = None,
     ) -> None:
         self.settings = settings or fake_settings()
-        self.clock = FakeClock()
+        self.clock = clock or FakeClock()
         self.faults = Faults()
         self._make, self._follows = bench, follows
         self.bench = bench(self.settings)

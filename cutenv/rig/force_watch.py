@@ -10,6 +10,7 @@ from cutenv.rig.netft.sample_clock import SampleClock
 from cutenv.rig.samples import ForceSample
 from cutenv.rig.settings import Limits
 
+_SEQUENCES = 2**32
 _RISE_OVER = 0.010  # [s], over which a rise of force is measured: noise is not one
 _LOSS_OVER = 0.100  # [s], over which the share of lost readings is taken
 
@@ -57,11 +58,14 @@ class ForceWatch:
 
         limits = self._limits
         rise = norm - self._norms[0] if len(self._norms) == self._norms.maxlen else 0.0  # a fall is a crack that runs
-        share = self._lost / (self._lost + len(self._losses))
+        share = self._lost / max(self._lost + len(self._losses), _LOSS_OVER * self._rate)  # of the first few is none
         if not math.isfinite(norm):
             return Breach(Cause.NOT_A_NUMBER, f"the sensor reads {sample.force} N")
         if sample.status:
             return Breach(Cause.FORCE_STATUS, f"the sensor's status is 0x{sample.status:08X}")
+        if last is not None and (sample.sequence - last.sequence - 1 - sample.lost) % _SEQUENCES:
+            counts = f"{sample.sequence} comes after {last.sequence}"
+            return Breach(Cause.FORCE_STATUS, f"the sensor was restarted, its zero may be gone: reading {counts}")
         if max(map(abs, sample.force)) > limits.force:
             return Breach(Cause.FORCE, f"{_newtons(sample)} beyond {limits.force:g} N in an axis")
         if norm > limits.force_norm:

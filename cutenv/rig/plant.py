@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cutenv.cutting.records import READING, TICK, Records
 from cutenv.rig.causes import WATCH, Cause, RigStopped, StopReport
 from cutenv.rig.clock import Clock, Repeating
-from cutenv.rig.drivers import ForceDriver, MotionDriver, RigError
+from cutenv.rig.drivers import ForceDriver, MotionDriver, RigError, Witness
 from cutenv.rig.motion_watch import STANDSTILL
 from cutenv.rig.samples import ForceSample, MotionSample
 from cutenv.rig.settings import RigSettings
@@ -79,6 +79,8 @@ class RigPlant:
         Safety; whoever wants motion has to have it released.
     keep : callable
         Told all readings as they are made, for a record on disk.
+    witness : Witness or None
+        Told samples, readings and heartbeats after the supervisor, for measurements of the rig itself.
     timing : Timing
         Of the control clock.
     """
@@ -102,6 +104,7 @@ class RigPlant:
         self.supervisor = Supervisor(settings, clock, self._axes, rate=sensor.rate, follows=follows)
         self.depth = np.zeros(N_POINTS) if depth is None else depth
         self.keep: Callable[[Records], None] = lambda readings: None
+        self.witness: Witness | None = None
         self.timing = Timing()
         self._watchdog: Repeating | None = None
         self._forces: deque[ForceSample] = deque(maxlen=round(_KEPT * sensor.rate))
@@ -168,6 +171,10 @@ class RigPlant:
         """What each drive answers for its own limits, by axis."""
         return {axis.name: axis.limits() for axis in self._axes}
 
+    def about(self) -> dict[str, dict[str, float | str]]:
+        """What drives and sensor tell of themselves, by name."""
+        return {axis.name: axis.about() for axis in self._axes} | {"sensor": self._sensor.about()}
+
     def tare(self) -> tuple[float, float, float]:
         """Take the present force for zero; see :meth:`ForceDriver.tare`."""
         return self._sensor.tare()
@@ -181,6 +188,8 @@ class RigPlant:
             sample = sample._replace(force=(self._gain * x, self._gain * y, self._gain * z))
         self.supervisor.force(sample)
         self._forces.append(sample)
+        if self.witness is not None:
+            self.witness.force(sample)
 
     def garbled(self, why: str, time: float) -> None:
         """Count what is no reading."""
@@ -190,10 +199,14 @@ class RigPlant:
         """Take a sample of an axis."""
         self.supervisor.motion(axis, sample)
         self._motions[axis].append(sample)
+        if self.witness is not None:
+            self.witness.motion(axis, sample)
 
     def alive(self, axis: str, time: float) -> None:
         """Take a heartbeat."""
         self.supervisor.alive(axis, time)
+        if self.witness is not None:
+            self.witness.alive(axis, time)
 
     def emergency(self, axis: str, code: int, meaning: str, time: float) -> None:
         """Take an error report of a drive."""

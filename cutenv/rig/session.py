@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from datetime import date
 from typing import Any
 
-from cutenv.rig.causes import WATCH
+from cutenv.rig.causes import WATCH, RigStopped
 from cutenv.rig.clock import SystemClock
 from cutenv.rig.drivers import RigError
 from cutenv.rig.guard import guarded
@@ -19,6 +19,7 @@ from cutenv.rig.supply import SpecimenKey, Supply
 
 RETURN_SPEED = 0.005
 """Of the way back to the clamp between cuts [m/s]: never fast."""
+_ATTEMPTS = 3  # to get to the clamp; the operator agrees to each
 _PATIENCE = 1.0  # [s] with a computer that was busy a moment ago: readings have to be fresh again
 AT_CLAMP = 0.0
 """Position of the blade at the start of a cut [m]."""
@@ -96,16 +97,15 @@ class RigSession:
         """
         self.open()
         plant, supervisor = self.plant, self.plant.supervisor
-        if supervisor.phase == "stopped":
-            question = f"The blade was stopped ({supervisor.report}). Is the cause removed, and may the stop be reset?"
-            supervisor.reset(agreed=self.operator.confirm(question))
-            self.checks = []
-        if not self.checks:
-            self.checks = prepare(plant, self.operator, today=self._today)
-        else:
-            self.start()
-        self.operator.tell(f"The blade returns to the clamp at {1e3 * RETURN_SPEED:g} mm/s.")
-        plant.travel(AT_CLAMP, speed=RETURN_SPEED, angle=angle)
+        for attempt in range(1, _ATTEMPTS + 1):
+            self._be_ready()
+            self.operator.tell(f"The blade returns to the clamp at {1e3 * RETURN_SPEED:g} mm/s.")
+            try:
+                plant.travel(AT_CLAMP, speed=RETURN_SPEED, angle=angle)
+                break
+            except RigStopped:
+                if attempt == _ATTEMPTS:
+                    raise
         supervisor.lock()
         depth = self._supply.lay(key)
         if depth is not None:
@@ -113,6 +113,18 @@ class RigSession:
         plant.clock.sleep_until(plant.clock.now() + SETTLE)
         plant.tare()
         plant.begin()
+
+    def _be_ready(self) -> None:
+        """Reset a stop if the operator agrees, prepare if that has to be done, and release."""
+        supervisor = self.plant.supervisor
+        if supervisor.phase == "stopped":
+            question = f"The blade was stopped ({supervisor.report}). Is the cause removed, and may the stop be reset?"
+            supervisor.reset(agreed=self.operator.confirm(question))
+            self.checks = []
+        if not self.checks:
+            self.checks = prepare(self.plant, self.operator, today=self._today)
+        else:
+            self.start()
 
     def start(self) -> None:
         """Let the cut's commands through; until here the rig is locked, however long a policy takes to be ready.

@@ -20,9 +20,11 @@ from cutenv.rig.settings import RigSettings
 
 Phase = Literal["unready", "ready", "stopped"]
 
-_MARGIN = 1.04  # of the speed's limit over what is commanded at most: a loop overshoots
+MARGIN = 1.04
+"""Of the speed's limit over what is commanded at most: a loop overshoots."""
+BRAKING = 0.16
+"""Time in which a blade near the end of its travel would arrive [s]: its command fades before."""
 _SHORT = 1e-4  # [m] before the end of travel, where commands have faded out
-_BRAKING = 0.16  # [s] in which a blade near the end of its travel would arrive: its command fades before
 
 
 class Supervisor:
@@ -156,8 +158,8 @@ class Supervisor:
     def _allowed(self, speed: float) -> float:
         """A speed within the limit, that fades out toward the ends of travel."""
         blade = self._motions.newest["blade"]
-        braking = _BRAKING + abs(blade.speed) / (2.0 * self.settings.blade.acceleration)
-        top = min(self.limits.speed / _MARGIN, self.settings.blade.speed)
+        braking = BRAKING + abs(blade.speed) / (2.0 * self.settings.blade.acceleration)
+        top = min(self.limits.speed / MARGIN, self.settings.blade.speed)
         highest = max(self.limits.high - _SHORT - blade.position, 0.0) / braking
         lowest = max(blade.position - self.limits.low - _SHORT, 0.0) / braking
         return min(max(speed, -min(top, lowest)), min(top, highest))

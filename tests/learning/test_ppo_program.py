@@ -21,6 +21,9 @@ from cutenv.policy.features import feature_count
 stable_baselines3 = pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
+from learning import level_after  # noqa: E402
+from ppo import Arguments  # noqa: E402
+
 PROGRAM = str(Path(__file__).parents[2] / "agents" / "ppo.py")
 SMALL = (
     "--name", "small", "--environments", "4", "--rollout", "64", "--batch-size", "64", "--specimens", "2",
@@ -64,6 +67,22 @@ def test_every_policy_met_the_same_specimens(finished):
         seeds[row["policy"]].append(row["seed"])
     assert set(seeds) == {"PPO", "PPO untrained", *BASELINES}
     assert len({tuple(own) for own in seeds.values()}) == 1
+
+
+def test_it_is_told_when_the_agent_was_level_with_its_teacher_or_that_it_never_was(finished):
+    run, printed = finished
+    told = json.loads((run / "run.json").read_text())["level_with_script_after_s"]
+    assert told is None or told > 0.0
+    assert "level with 'probe and creep' on the validation specimens: " in printed
+
+
+def test_level_is_when_validation_first_reaches_what_the_script_gets():
+    easy = Arguments(validation_specimens=4, script="force feedback")
+    curve = [{"seconds": 1.0, "return": 9.0}] + [
+        {"seconds": 10.0 * n, "return": 0.0, "validation_return": value} for n, value in enumerate((-2.0, 0.99, 1.0), 1)
+    ]
+    assert level_after(easy, curve) == 20.0
+    assert level_after(easy, curve[:2]) is None
 
 
 def test_intervals_hold_their_means(finished):

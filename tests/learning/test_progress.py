@@ -9,7 +9,8 @@ pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip in
 
 import progress  # noqa: E402
 from ppo import Arguments, new_model  # noqa: E402
-from seeing_critic import actor_parameters  # noqa: E402
+from stable_baselines3.common.logger import Logger  # noqa: E402
+from tqdm import tqdm  # noqa: E402
 
 SMALL = Arguments(
     environments=2, rollout=8, batch_size=16, demonstrations=0, averaging=0.25, timesteps=64, validations=2,
@@ -17,22 +18,27 @@ SMALL = Arguments(
 )  # fmt: skip
 
 
+def untrained(arguments):
+    return new_model(arguments, arguments.environments_at(arguments.training_seeds))
+
+
 @pytest.fixture
 def watching(tmp_path):
     result = progress.Progress(tmp_path, SMALL, [])
-    result.init_callback(new_model(SMALL))
+    result.init_callback(untrained(SMALL))
+    result.model.set_logger(Logger(None, []))
     return result
 
 
 def first_weights(model):
-    return actor_parameters(model)[0].detach().clone()
+    return model.policy.actor_parameters()[0].detach().clone()
 
 
 def test_the_average_follows_the_actor_at_a_distance_and_the_actor_stays_as_it_is(watching):
     watching.average()
     start = first_weights(watching.model)
     with torch.no_grad():
-        actor_parameters(watching.model)[0].add_(1.0)
+        watching.model.policy.actor_parameters()[0].add_(1.0)
     watching.average()
     with watching.averaged():
         assert torch.allclose(first_weights(watching.model), start + 0.25)
@@ -42,7 +48,7 @@ def test_the_average_follows_the_actor_at_a_distance_and_the_actor_stays_as_it_i
 def test_the_actor_comes_back_even_if_validation_is_interrupted(watching):
     watching.average()
     with torch.no_grad():
-        actor_parameters(watching.model)[0].add_(1.0)
+        watching.model.policy.actor_parameters()[0].add_(1.0)
     present = first_weights(watching.model)
     with pytest.raises(KeyboardInterrupt), watching.averaged():
         raise KeyboardInterrupt
@@ -72,8 +78,36 @@ def test_exploration_falls_and_is_not_learned(watching):
 def test_while_only_the_critic_learns_the_actor_does_not(tmp_path):
     taught = Arguments(environments=2, rollout=8, batch_size=16, demonstrations=100, critic_first=0.5, timesteps=64)
     watching = progress.Progress(tmp_path, taught, [])
-    watching.init_callback(new_model(taught))
+    watching.init_callback(untrained(taught))
     for decisions, learns in ((0, False), (31, False), (32, True)):
         watching.num_timesteps = decisions
         watching._on_rollout_start()
-        assert all(parameter.requires_grad == learns for parameter in actor_parameters(watching.model))
+        assert all(parameter.requires_grad == learns for parameter in watching.model.policy.actor_parameters())
+
+
+def test_with_minutes_the_share_goes_by_the_clock_from_the_end_of_teaching_to_the_end_of_training(
+    tmp_path, monkeypatch
+):
+    now = [1000.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    arguments = Arguments(environments=2, rollout=8, batch_size=16, minutes=1.0, timesteps=10**9)
+    watching = progress.Progress(tmp_path, arguments, [], begun=980.0)  # 20 s were spent on demonstrations
+    watching.init_callback(untrained(arguments))
+    for seconds, share, goes_on in ((0.0, 0.0, True), (10.0, 0.25, True), (30.0, 0.75, True), (40.0, 1.0, False)):
+        now[0] = 1000.0 + seconds
+        assert watching.share == pytest.approx(share, abs=1e-6)
+        assert watching._on_step() == goes_on
+    resumed = progress.Progress(tmp_path, arguments, [{"seconds": 20.0}, {"seconds": 45.0}])
+    resumed.init_callback(watching.model)
+    now[0] += 5.0
+    assert resumed.share == pytest.approx(0.75)
+
+
+def test_the_rate_of_learning_falls_to_a_twentieth_by_that_share(watching):
+    rate = watching.model.learning_rate
+    assert rate(1.0) == pytest.approx(SMALL.learning_rate)
+    watching._bar = tqdm(total=SMALL.timesteps, disable=True)
+    watching._validated = SMALL.validations
+    watching.num_timesteps = SMALL.timesteps
+    watching._on_rollout_end()
+    assert watching.model.lr_schedule(0.5) == pytest.approx(SMALL.learning_rate / 20.0)

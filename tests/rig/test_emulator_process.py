@@ -117,8 +117,8 @@ def test_a_foreign_master_sets_it_up_and_moves_it(emulator):
 def test_a_specimen_is_laid_at_the_clamp_and_named(emulator):
     truth = emulator.control.truth()
     assert truth["specimen"] == {"seed": 3, "episode": 0, "class": "liver"}
-    with EmulatorControl(emulator.control.port) as other:
-        other.specimen(seed=5, episode=2, specimen_class="vascular")
+    other = EmulatorControl(emulator.control.port)
+    other.specimen(seed=5, episode=2, specimen_class="vascular")
     assert emulator.control.truth()["specimen"] == {"seed": 5, "episode": 2, "class": "vascular"}
     emulator.control.free_air()
     assert emulator.control.truth()["specimen"] is None

@@ -17,12 +17,15 @@ class RigCommand:
 
 
 RIG_COMMANDS = {
+    "check": RigCommand(module="cutenv.commands.rig.check", summary="look at a rig without moving it"),
     "emulate": RigCommand(
         module="cutenv.commands.rig.emulate",
         summary="run an emulated rig: drive, tissue and force sensor on real wires",
     ),
     "evaluate": RigCommand(module="cutenv.commands.rig.evaluate", summary="a policy on a rig beside the simulator"),
+    "identify": RigCommand(module="cutenv.commands.rig.identify", summary="measure a rig's constants, blade in air"),
     "init": RigCommand(module="cutenv.commands.rig.init", summary="write the file of a new rig, to be filled in"),
+    "jog": RigCommand(module="cutenv.commands.rig.jog", summary="move the blade while a key is held"),
     "run": RigCommand(module="cutenv.commands.rig.run", summary="cut with a policy from simulation, unchanged"),
 }
 

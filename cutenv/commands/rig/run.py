@@ -90,7 +90,7 @@ def _dry_run(arguments: argparse.Namespace) -> int:
     from cutenv.rig.dry_run import Transcript
 
     policy, keywords = chosen_policy(arguments.policy)
-    env = _environment(arguments, keywords, dry_run=True)
+    env = _environment(arguments, keywords).rehearsal()
     fake = env.the_fake()
     transcript = Transcript(env.settings, fake.clock.now(), print)
     fake.heard = transcript.heard
@@ -109,6 +109,7 @@ def _dry_run(arguments: argparse.Namespace) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     policy, keywords = chosen_policy(arguments.policy)
     env = _environment(arguments, keywords, records=arguments.out)
+    rehearse(env, policy, seed=arguments.seed)
     stopped = 0
     try:
         for number in range(arguments.cuts):
@@ -121,6 +122,15 @@ def _run(arguments: argparse.Namespace) -> int:
     finally:
         env.close()
     return _STOPPED if stopped else 0
+
+
+def rehearse(env: RigCutEnv, policy: Policy, *, seed: int) -> None:
+    """Cut once on a fake with the rig's settings: a policy that fails does so here; what it compiles, it does here."""
+    fake = env.rehearsal()
+    try:
+        cut(fake, policy, seed=seed, episode=0)
+    finally:
+        fake.close()
 
 
 def cut(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -> dict[str, Any]:
@@ -152,8 +162,8 @@ def cut(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -> dict[str,
 
 def _line(number: int, told: dict[str, Any], env: RigCutEnv) -> str:
     line = (
-        f"cut {number + 1}: {told['end']} after {told['time_s']:.1f} s; estimated: return "
-        f"{told['return_estimated']:.3f}, tip error {told['tip_error_estimated_mm']:.1f} mm; overruns: {told['overruns']}"
+        f"cut {number + 1}: {told['end']} after {told['time_s']:.1f} s, {told['overruns']} overruns; estimated are "
+        f"return {told['return_estimated']:.3f} and tip error {told['tip_error_estimated_mm']:.1f} mm"
     )
     if told["stop"] is not None:
         stop = told["stop"]

@@ -161,6 +161,20 @@ class CanopenAxis:
         """
         return configuration.read_limits(self._book, self.units)
 
+    def about(self) -> dict[str, float | str]:
+        """What the drive tells of itself: identity, gear, encoder, units, and how fast it answers.
+
+        Raises
+        ------
+        RigError
+            If it is not open, or the drive does not answer.
+        """
+        asked = self._clock.now()
+        self._book.read(o.STATUSWORD)
+        trip = self._clock.now() - asked
+        told = configuration.read_identity(self._book, self.units)
+        return {**told, "sdo_round_trip_ms": 1e3 * trip, "state": self._state.value, "garbled_frames": self.garbled}
+
     # What it is told
 
     def enable(self) -> None:

@@ -100,6 +100,20 @@ def read_limits(dictionary: Dictionary, units: AxisUnits) -> dict[str, float]:
     }
 
 
+def read_identity(dictionary: Dictionary, units: AxisUnits) -> dict[str, float | str]:
+    """What a drive tells of itself, one question each."""
+    return {
+        "device_type": f"0x{dictionary.read(o.DEVICE_TYPE):08X}",
+        "vendor": f"0x{dictionary.read(o.VENDOR):08X}",
+        "gear": f"{dictionary.read(o.GEAR_NUMERATOR)}/{dictionary.read(o.GEAR_DENOMINATOR)}",
+        "encoder_pulses": dictionary.read(o.ENCODER_PULSES),
+        "velocity_unit_rpm": 1.0 / units.steps,
+        "current_limit_A": 1e-3 * dictionary.read(o.CURRENT_LIMIT),
+        "following_window_increments": dictionary.read(o.FOLLOWING_WINDOW),
+        "producer_heartbeat_ms": dictionary.read(o.PRODUCER_HEARTBEAT),
+    }
+
+
 def _check_mechanics(dictionary: Dictionary, name: str, axis: Axis) -> None:
     numerator, denominator = dictionary.read(o.GEAR_NUMERATOR), dictionary.read(o.GEAR_DENOMINATOR)
     if not denominator or not math.isclose(numerator / denominator, axis.gear, rel_tol=1e-6):

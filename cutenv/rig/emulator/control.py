@@ -210,7 +210,7 @@ class EmulatorControl:
                     line = lines.readline()
         except ConnectionRefusedError as error:
             raise RigError(
-                f"no emulator answers at {host}:{port} ({error}): start one by 'cutenv rig emulate'."
+                f"no emulator answers at {host}:{port} ({error}): is it still running? 'cutenv rig emulate' starts one."
             ) from error
         except OSError as error:
             raise RigError(f"the emulator does not answer {do!r} ({error}): is it still running?") from error

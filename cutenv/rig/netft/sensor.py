@@ -173,6 +173,14 @@ class NetftSensor:
         mean, zero = self._mean_of(samples), self._zero
         return self._newtons((mean[0] - zero[0], mean[1] - zero[1], mean[2] - zero[2]))
 
+    def about(self) -> dict[str, float | str]:
+        """What the open sensor tells of itself, and what has arrived from it."""
+        told: dict[str, float | str] = {"address": "{}:{}".format(*self._address), "rate_Hz": self.rate}
+        if self.page is not None:
+            told["counts_per_N"] = 1.0 / self.page.newtons_per_count
+            told["counts_per_Nm"] = 1.0 / self.page.newton_metres_per_count
+        return told | {f"{name}_packets": count for name, count in self.counters._asdict().items()}
+
     def close(self) -> None:
         """Stop streaming; never raises, and may be called twice."""
         opened, thread, self._socket, self._thread = self._socket, self._thread, None, None

@@ -1,0 +1,136 @@
+"""What every agent's program takes: one dataclass of arguments is its configuration and its command line."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from evaluate import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
+from options import option
+from vectorised import CutVecEnv
+
+from cutenv.policy import SCRIPTS
+from cutenv.tissue.specimen import CLASSES
+
+MAX_ENVIRONMENTS = 1000  # seeds that one training run may take of TRAINING_SEEDS
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentArguments:
+    """What every agent's run depends on; every field is an option of the command line."""
+
+    name: str = option("", "folder below runs/; default: date and time")
+    seed: int = option(0, "of networks, exploration and training specimens")
+    minutes: float = option(0.0, "of wall clock, demonstrations among them, after which training ends; 0: no limit")
+    specimen_class: str = option("mixed", "tissue to train and test on", CLASSES)
+    angle_mode: str = option("free", "whether the agent turns the blade", ("free", "fixed"))
+    control_hz: int = option(10, "decisions per second")
+    history: int = option(6, "past decisions among the features")
+    force: str = option("felt", "whether the agent feels the force", ("felt", "unfelt"))
+    dead_zone: float = option(0.25, "share of the speed's action that means rest")
+    environments: int = option(64, "side by side")
+    hidden: int = option(64, "units in each layer")
+    demonstrations: int = option(200_000, "decisions of a script that the actor is taught first; 0: none")
+    script: str = option("probe and creep", "that is demonstrated", tuple(SCRIPTS))
+    demonstration_noise: float = option(0.15, "standard deviation of what is added to half of them")
+    validation_specimens: int = option(200, "on which checkpoints are compared")
+    validations: int = option(16, "times that this is done")
+    specimens: int = option(200, "held-out specimens of the evaluation; 0: none, the policy is written all the same")
+    checkpoint_seconds: float = option(20.0, "between checkpoints")
+    tensorboard: bool = option(False, "write events for TensorBoard into the run's folder")
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in self.limits().items():
+            if not low <= getattr(self, name) <= high:
+                raise SystemExit(f"--{name.replace('_', '-')} {getattr(self, name)} is outside {low} to {high}")
+        if self.specimens == 1:
+            raise SystemExit("--specimens 1 tells no interval; give 2 or more, or 0 for no evaluation")
+
+    @classmethod
+    def limits(cls) -> dict[str, tuple[float, float]]:
+        """What the numbers must lie within."""
+        return {
+            "seed": (0, len(TRAINING_SEEDS) // MAX_ENVIRONMENTS - 1),
+            "minutes": (0.0, 1e6),
+            "history": (0, 100),
+            "dead_zone": (0.0, 0.9),
+            "environments": (1, MAX_ENVIRONMENTS),
+            "hidden": (1, 4096),
+            "demonstrations": (0, 10**9),
+            "demonstration_noise": (0.0, 1.0),
+            "validation_specimens": (2, len(VALIDATION_SEEDS)),
+            "validations": (1, 10**6),
+            "specimens": (0, len(TEST_SEEDS)),
+        }
+
+    @property
+    def environment(self) -> dict[str, Any]:
+        """Keywords of the environment that the agent is trained and tested in."""
+        return {name: getattr(self, name) for name in ("specimen_class", "angle_mode", "control_hz")}
+
+    @property
+    def features(self) -> dict[str, Any]:
+        """Keywords of :class:`cutenv.policy.Features`; the force is named where it is not felt."""
+        return {"history": self.history} | ({} if self.force == "felt" else {"force": False})
+
+    @property
+    def training_seeds(self) -> range:
+        """Seeds of the training environments."""
+        first = self.seed * MAX_ENVIRONMENTS
+        return range(first, first + self.environments)
+
+    @property
+    def validation_seeds(self) -> range:
+        """Seeds of the specimens on which checkpoints are compared."""
+        return VALIDATION_SEEDS[: self.validation_specimens]
+
+    def environments_at(self, seeds: range) -> CutVecEnv:
+        """Environments with those seeds."""
+        return CutVecEnv(seeds, dead_zone=self.dead_zone, **self.features, **self.environment)
+
+
+Given = TypeVar("Given", bound=AgentArguments)
+
+
+def parse(kind: type[Given], about: str | None, prefix: str, quick: Mapping[str, Any]) -> tuple[Given, Path, bool]:
+    """The command line: arguments, folder of the run, whether to resume it.
+
+    ``prefix`` begins the name of a run that is given none; ``quick`` is what ``--quick`` replaces.
+    """
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for field in dataclasses.fields(kind):
+        flag, meaning = "--" + field.name.replace("_", "-"), field.metadata["help"]
+        if str(field.type) == "bool":
+            parser.add_argument(flag, action="store_const", const=True, help=meaning)
+            continue
+        of = {"str": str, "int": int, "float": float}[str(field.type)]
+        choices = field.metadata["choices"]
+        default = f" (default {field.default})" if field.default != "" else ""
+        shown = None if choices else of.__name__.upper()
+        parser.add_argument(flag, type=of, choices=choices, metavar=shown, help=meaning + default)
+    replaced = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in quick.items())
+    parser.add_argument("--quick", action="store_true", help=f"some two minutes in all: {replaced}")
+    parser.add_argument("--resume", type=Path, metavar="RUN", help="folder of an interrupted run to go on with")
+    given = vars(parser.parse_args())
+    is_quick, resume = given.pop("quick"), given.pop("resume")
+    chosen = {name: value for name, value in given.items() if value is not None}
+    if resume is not None:
+        if not any(resume.glob("checkpoint.*")):
+            raise SystemExit(f"{resume} holds no checkpoint.zip; give the folder of an interrupted run.")
+        kept = json.loads((resume / "run.json").read_text())["arguments"]
+        return kind(**(kept | chosen)), resume, True
+    if is_quick:
+        for name, value in quick.items():
+            chosen.setdefault(name, value)
+    arguments = kind(**chosen)
+    name = arguments.name or time.strftime(f"{prefix}-%Y%m%d-%H%M%S")
+    run = Path("runs") / name
+    if run.exists():
+        raise SystemExit(f"{run} exists; give another --name, or --resume {run} to go on with it.")
+    return dataclasses.replace(arguments, name=name), run, False

@@ -1,0 +1,191 @@
+"""Clone a script by behaviour cloning, without any trial, compare the clone with every baseline, report.
+
+    python agents/bc.py                     some three minutes on 2 cores; writes runs/<name>/
+    python agents/bc.py --quick             some two minutes
+    python agents/bc.py --resume runs/NAME  goes on from the checkpoint of an interrupted run
+
+The clone sees what an agent of ppo.py sees, and is a network of the same size; it is what that agent starts from,
+taught longer.  It cannot be better than its teacher but by chance: it shows what trial adds.  Kept is the epoch that
+does best on validation specimens.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import safetensors
+import safetensors.torch
+import torch
+from arguments import AgentArguments, option, parse
+from cloning import Cloning, demonstrations
+from compare import compare, read_rows
+from evaluate import write_csv
+from progress import validate
+from run_folder import export, record_run, write_facts
+from tqdm import tqdm
+
+from cutenv.atomic import replacing
+from cutenv.policy import BASELINES, Network
+from cutenv.policy.features import feature_count
+
+QUICK = {"demonstrations": 50_000, "epochs": 20, "validations": 4, "validation_specimens": 50, "specimens": 30}
+NAME = "behaviour cloning"
+_MOMENTS = ("exp_avg", "exp_avg_sq", "step")  # Adam's, of each parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments(AgentArguments):
+    """What a run depends on; every field is an option of the command line."""
+
+    demonstrations: int = option(400_000, "decisions of the script")
+    epochs: int = option(60, "passes over them")
+    batch_size: int = option(1024, "decisions of a gradient step")
+    learning_rate: float = option(2e-3, "at the start; falls along half a cosine to zero")
+
+    @classmethod
+    def limits(cls) -> dict[str, tuple[float, float]]:
+        """What the numbers must lie within."""
+        return super().limits() | {"demonstrations": (1, 10**9), "epochs": (1, 10**6)}
+
+
+class Clone:
+    """The network that is taught; :func:`progress.validate` asks it as it asks a model of Stable-Baselines3."""
+
+    def __init__(self, arguments: Arguments) -> None:
+        torch.manual_seed(arguments.seed)
+        self._inputs, units = feature_count(arguments.history), arguments.hidden
+        self.module = torch.nn.Sequential(
+            torch.nn.Linear(self._inputs, units),
+            torch.nn.Tanh(),
+            torch.nn.Linear(units, units),
+            torch.nn.Tanh(),
+            torch.nn.Linear(units, 2),
+        )
+
+    def __call__(self, seen: torch.Tensor) -> torch.Tensor:
+        """Actions for what environments show; the hidden state, which comes last, is cut off."""
+        return self.module(seen[..., : self._inputs])
+
+    def predict(
+        self, seen: np.ndarray, state: None, episode_start: Any, deterministic: bool
+    ) -> tuple[np.ndarray, None]:
+        """The actions, and no state."""
+        with torch.no_grad():
+            return self(torch.as_tensor(seen)).numpy(), None
+
+    def network(self) -> Network:
+        """The same in NumPy."""
+        dense = [layer for layer in self.module if isinstance(layer, torch.nn.Linear)]
+        return Network(tuple((layer.weight.detach().numpy(), layer.bias.detach().numpy()) for layer in dense), "tanh")
+
+
+def save_checkpoint(path: Path, clone: Clone, cloning: Cloning) -> None:
+    """Write network, Adam's moments and the number of epochs, all at once."""
+    content = {f"network.{name}": values for name, values in clone.module.state_dict().items()}
+    for n, moments in cloning.optimizer.state_dict()["state"].items():
+        content |= {f"adam.{n}.{name}": moments[name] for name in _MOMENTS}
+    with replacing(path) as part:
+        safetensors.torch.save_file(content, part, {"epoch": str(cloning.epoch)})
+
+
+def load_checkpoint(path: Path, clone: Clone, cloning: Cloning) -> None:
+    """Go on where :func:`save_checkpoint` was."""
+    content = safetensors.torch.load_file(path)
+    clone.module.load_state_dict(
+        {name.removeprefix("network."): values for name, values in content.items() if name.startswith("network.")}
+    )
+    with safetensors.safe_open(path, "pt") as file:
+        cloning.epoch = int(file.metadata()["epoch"])
+    whole = cloning.optimizer.state_dict()
+    count = len(whole["param_groups"][0]["params"])
+    whole["state"] = {n: {name: content[f"adam.{n}.{name}"] for name in _MOMENTS} for n in range(count)}
+    cloning.optimizer.load_state_dict(whole)
+
+
+def train(arguments: Arguments, run: Path, facts: dict[str, Any], resume: bool) -> None:
+    """Teach; leaves ``policy/``, ``learning_curve.csv`` and, while it goes on, ``checkpoint.safetensors``."""
+    begun = time.monotonic()
+    torch.set_num_threads(1)  # as in ppo.py
+    curve = read_rows(run / "learning_curve.csv") if resume else []
+    begun -= curve[-1]["seconds"] if curve else 0.0
+    clone = Clone(arguments)
+    shown = demonstrations(  # the same again after an interruption: they hang on seeds alone
+        arguments.environments_at(arguments.training_seeds),
+        BASELINES[arguments.script],
+        decisions=arguments.demonstrations,
+        noise=arguments.demonstration_noise,
+        seed=arguments.seed,
+    )
+    cloning = Cloning(
+        clone,
+        list(clone.module.parameters()),
+        shown.decisions(),
+        epochs=arguments.epochs,
+        batch_size=arguments.batch_size,
+        learning_rate=arguments.learning_rate,
+        seed=arguments.seed,
+    )
+    if resume:
+        load_checkpoint(run / "checkpoint.safetensors", clone, cloning)
+        print(f"resuming after {cloning.epoch} epochs")
+    every = max(arguments.epochs // arguments.validations, 1)
+    events = event_writer(arguments, run)
+    saved = time.monotonic()
+    for _ in tqdm(range(cloning.epoch, arguments.epochs), desc="cloning", unit="epoch"):
+        cloning.go_on()
+        seconds = time.monotonic() - begun
+        last = cloning.epoch == arguments.epochs or bool(arguments.minutes and seconds > 60.0 * arguments.minutes)
+        if last or cloning.epoch % every == 0:
+            best = max((point["validation_return"] for point in curve), default=-np.inf)
+            mean_return, success = validate(clone, arguments)
+            point = {"decisions": float(cloning.epoch * arguments.demonstrations), "seconds": round(seconds, 1)}
+            point |= {"return": mean_return, "success": success, "error": cloning.error()}
+            curve.append(point | {"validation_return": mean_return, "validation_success": success})
+            if mean_return > best:
+                export(arguments, run / "policy", clone.network(), {**facts, "decisions": int(point["decisions"])})
+            for name in ("return", "success", "error"):
+                if events is not None:
+                    events.add_scalar(f"validation/{name}", point[name], cloning.epoch)
+        if last or cloning.epoch % every == 0 or time.monotonic() - saved > arguments.checkpoint_seconds:
+            save_checkpoint(run / "checkpoint.safetensors", clone, cloning)
+            if curve:
+                write_csv(run / "learning_curve.csv", curve)
+            saved = time.monotonic()
+        if last:
+            break
+    if events is not None:
+        events.close()
+
+
+def event_writer(arguments: Arguments, run: Path) -> Any:
+    """Of TensorBoard's events, if they are wanted."""
+    if not arguments.tensorboard:
+        return None
+    from torch.utils.tensorboard import SummaryWriter
+
+    return SummaryWriter(str(run / "tensorboard"))
+
+
+def main() -> None:
+    """Teach, evaluate, report."""
+    arguments, run, resume = parse(Arguments, __doc__, "bc", QUICK)
+    facts = record_run(arguments, run, NAME)
+    try:
+        train(arguments, run, facts, resume)
+        curve = read_rows(run / "learning_curve.csv")
+        print(f"the clone's actions differ from those of {arguments.script!r} by {curve[-1]['error']:.3f}")
+        facts["training_minutes"] = round(curve[-1]["seconds"] / 60.0, 1)
+        write_facts(run, facts)
+        if arguments.specimens:
+            compare(run, facts)
+    except KeyboardInterrupt:
+        print(f"\ninterrupted. Go on with: python agents/bc.py --resume {run}")
+        raise SystemExit(130) from None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,211 @@
+"""The table of the comparison as text for the README and as a page, both printed from summary.csv and sweeps.csv.
+
+python agents/leaderboard.py [FOLDER]       prints the README's part; default runs/benchmark
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from evaluate import write_csv
+from leaderboard_page import write_page_of
+from protocol import ENTRIES, REFERENCE, Protocol, kept_protocol
+from standings import ALL, Line, metric_scores, read_summary, rows_of, summary, sweep_lines, verdict
+
+from cutenv.policy import BOUND, IDLE
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of the table: which number of the summary, its heading, factor and digits."""
+
+    score: str
+    heading: str
+    factor: float = 1.0
+    digits: int = 2
+    statistic: str = "interquartile mean"
+
+
+COLUMNS = (
+    Column("return", "return (IQM)", digits=3),
+    Column("success", "success [%]", 100.0, 0, "mean"),
+    Column("tip_error_mm", "tip error [mm]"),
+    Column("peak_force_N", "peak force [N]"),
+    Column("largest_jump_mm", "largest jump [mm]"),
+    Column("over_limit_N", "cost: force over limit [N]"),
+    Column("time_s", "time [s]", digits=1),
+)
+
+
+class Table:
+    """The summary, asked by contestant, class, score and statistic."""
+
+    def __init__(self, lines: Sequence[Line], protocol: Protocol, sweeps: Sequence[dict[str, str]]) -> None:
+        self.lines, self.protocol, self.sweeps = lines, protocol, sweeps
+        self._by_key = {(line.contestant, line.specimen_class, line.score, line.statistic): line for line in lines}
+        self.headline = protocol.training_class
+        self.contestants = sorted(
+            {line.contestant for line in lines},
+            key=lambda name: -self._by_key[name, self.headline, "return", "interquartile mean"].interval.value,
+        )
+
+    def line(self, name: str, kind: str, score: str, statistic: str = "interquartile mean") -> Line | None:
+        """One number, if it is known."""
+        return self._by_key.get((name, kind, score, statistic))
+
+    def shown(self, line: Line | None, factor: float = 1.0, digits: int = 2, sign: str = "") -> str:
+        """A number with its interval; a dash where there is none."""
+        if line is None:
+            return "–"
+        value, low, high = (factor * number for number in (line.interval.value, line.interval.low, line.interval.high))
+        return f"{value:{sign}.{digits}f} [{low:{sign}.{digits}f}, {high:{sign}.{digits}f}]"
+
+    @property
+    def script(self) -> str | None:
+        """The best script: what every difference but those of ablations is from."""
+        scores = [line.score for line in self.lines if line.score.startswith("return minus ")]
+        names = {score.removeprefix("return minus ") for score in scores} - {REFERENCE}
+        return next(iter(names), None)
+
+    def kind(self, name: str) -> str:
+        """What a contestant is."""
+        if name in ENTRIES:
+            return "ablation" if ENTRIES[name].leaves_out else "learned"
+        if name == self.script:
+            return "best script"
+        return "upper bound: sees hidden state" if name == BOUND else "idle" if name in IDLE else "script"
+
+    def difference(self, name: str, other: str, score: str = "return") -> Line | None:
+        """Paired, on the headline's specimens."""
+        return self.line(name, self.headline, f"{score} minus {other}", "mean")
+
+    def main(self) -> tuple[list[str], list[list[str]]]:
+        """Heading and rows of the main table, the best return first."""
+        difference = f"return minus {self.script or 'best script'}"
+        columns = [column.heading for column in COLUMNS]
+        heading = ["policy", "kind", columns[0], difference, *columns[1:], "training decisions", "training [min]"]
+        rows = []
+        for name in self.contestants:
+            cells = [
+                self.shown(self.line(name, self.headline, c.score, c.statistic), c.factor, c.digits) for c in COLUMNS
+            ]
+            cells.insert(1, self.shown(self.difference(name, self.script or ""), digits=3, sign="+"))
+            decisions, minutes = (self.line(name, "", f"training_{what}", "mean") for what in ("decisions", "minutes"))
+            cells.append("–" if decisions is None else f"{decisions.interval.value / 1e6:.2f} million")
+            cells.append("–" if minutes is None else f"{minutes.interval.value:.1f}")
+            rows.append([name, self.kind(name), *cells])
+        return heading, rows
+
+    def verdicts(self) -> list[str]:
+        """Of every learned agent, one sentence."""
+        sentences = []
+        for name in self.contestants:
+            found = self.difference(name, self.script or "")
+            if name in ENTRIES and found is not None:
+                by = self.shown(found, digits=3, sign="+")
+                sentences.append(f"{name} against {self.script}: {verdict(found.interval)} ({by}).")
+        return sentences
+
+    def classes(self) -> tuple[list[str], list[list[str]]]:
+        """Return on every class of specimens."""
+        kinds = [*self.protocol.classes, ALL]
+        rows = [
+            [name, *(self.shown(self.line(name, kind, "return"), digits=3) for kind in kinds)]
+            for name in self.contestants
+        ]
+        return ["policy", *kinds], rows
+
+    def ablations(self) -> tuple[list[str], list[list[str]]]:
+        """What each thing left out costs, paired by specimen and training seed."""
+        rows = []
+        for name, entry in ENTRIES.items():
+            found = [self.difference(name, REFERENCE, score) for score in ("return", "success")]
+            if entry.leaves_out and found[0] is not None:
+                cells = [self.shown(found[0], digits=3, sign="+"), self.shown(found[1], 100.0, 1, "+")]
+                rows.append([entry.leaves_out, name, *cells])
+        return ["left out", "agent", f"return minus {REFERENCE}", "success, percentage points"], rows
+
+    def metrics(self) -> tuple[list[str], list[list[str]]]:
+        """Every metric of the score card."""
+        names = metric_scores(self.lines)
+        rows = []
+        for score in names:
+            found = [self.line(name, self.headline, score) for name in self.contestants]
+            rows.append(
+                [score.removeprefix("metric_"), *("–" if f is None else f"{f.interval.value:.4g}" for f in found)]
+            )
+        return ["metric", *self.contestants], rows
+
+    def robustness(self) -> tuple[list[str], list[list[str]]]:
+        """Return with other constants."""
+        names = [name for name in self.contestants if any(row["contestant"] == name for row in self.sweeps)]
+        settings: dict[tuple[str, ...], dict[str, str]] = {}
+        for row in self.sweeps:
+            number = f"{float(row['return']):.3f} [{float(row['low_95']):.3f}, {float(row['high_95']):.3f}]"
+            about = tuple(row[key] for key in ("constant", "unit", "default", "set_to"))
+            settings.setdefault(about, {})[row["contestant"]] = number
+        rows = [
+            [f"{constant} [{unit}]", f"{float(default):.4g}", f"{float(value):.4g}", *(own.get(n, "–") for n in names)]
+            for (constant, unit, default, value), own in settings.items()
+        ]
+        return ["constant", "in training", "set to", *names], rows
+
+
+def markdown_table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table."""
+    lines = [heading, ["---"] * len(heading), *rows]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+
+
+def markdown(folder: Path) -> str:
+    """The README's part: main table, verdicts, ablations, robustness."""
+    table = read_table(folder)
+    parts = [about(table), markdown_table(*table.main())]
+    if table.verdicts():
+        parts.append("\n".join(f"- {sentence}" for sentence in table.verdicts()))
+    for title, content in (
+        ("Return on every class of specimens", table.classes()),
+        ("What each thing left out costs", table.ablations()),
+        ("Return where a constant is not what it was in training", table.robustness()),
+    ):
+        if content[1]:
+            parts += [f"{title}:", markdown_table(*content)]
+    return "\n\n".join(parts)
+
+
+def about(table: Table) -> str:
+    """What the numbers are, in one paragraph."""
+    p = table.protocol
+    return (
+        f"Protocol {p.version}: {p.specimens} held-out specimens of class {p.training_class}, {len(p.training_seeds)} "
+        f"training runs of {p.training_minutes:g} minutes on one core each; interquartile mean (success: mean) with "
+        f"95 % stratified bootstrap interval over runs and specimens. Differences are paired by specimen, and means. "
+        f"{len(p.training_seeds)} runs are few: an interval does not know of runs that did not happen."
+    )
+
+
+def read_table(folder: Path) -> Table:
+    """The table of a comparison that was written before."""
+    return Table(read_summary(folder / "summary.csv"), kept_protocol(folder), rows_of(folder / "sweeps.csv"))
+
+
+def write_tables(folder: Path, protocol: Protocol) -> None:
+    """Write summary.csv, sweeps.csv, leaderboard.md and leaderboard.html; print the table."""
+    write_csv(folder / "summary.csv", [line.as_row() for line in summary(folder, protocol)])
+    sweeps: list[dict[str, Any]] = sweep_lines(folder, protocol)
+    if sweeps:
+        write_csv(folder / "sweeps.csv", sweeps)
+    text = markdown(folder)
+    (folder / "leaderboard.md").write_text(text + "\n")
+    table = read_table(folder)
+    write_page_of(folder, table, about(table))
+    print(text)
+    print(f"\nWritten to {folder}/: summary.csv, sweeps.csv, leaderboard.md, leaderboard.html")
+
+
+if __name__ == "__main__":
+    print(markdown(Path(sys.argv[1]) if len(sys.argv) > 1 else Path("runs") / "benchmark"))

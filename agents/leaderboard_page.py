@@ -1,0 +1,146 @@
+"""The table of the comparison as a page of one file that opens without a network."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from protocol import ENTRIES
+
+from cutenv.report.page import (
+    Html,
+    Row,
+    Section,
+    definitions,
+    escaped,
+    folded,
+    joined,
+    page,
+    paragraph,
+    picture,
+    table,
+    write_page,
+)
+from cutenv.report.training_figures import Bar, returns_figure
+
+if TYPE_CHECKING:
+    from leaderboard import Table
+
+_CHIPS = {"learned": "learned", "best script": "best script", "upper bound: sees hidden state": "upper bound"}
+_ROLES = {"learned": "agent", "best script": "script", "upper bound: sees hidden state": "bound"}
+_NOT_SAID = (
+    "Cuts are simulated: nobody has measured how these policies do on a rig. Intervals tell of specimens and of a few "
+    "training runs, not of the assumptions of the model; the sweep of constants tells of some of those."
+)
+
+
+def write_page_of(folder: Path, standings: Table, about: str) -> None:
+    """Write ``leaderboard.html`` of a comparison, whose paragraph ``about`` says what the numbers are."""
+    sections = [
+        Section("table", "Standings", joined(paragraph(about), _main(standings), _picture(standings))),
+        Section("classes", "By class of specimens", _plain("Return, interquartile mean", *standings.classes())),
+        Section("ablations", "What each thing left out costs", _ablations(standings)),
+        Section("robustness", "Where a constant is not what it was in training", _robustness(standings)),
+        Section("metrics", "Every metric of the score card", _metrics(standings)),
+        Section("meaning", "What this page does not say", paragraph(_NOT_SAID)),
+        Section("facts", "Facts", definitions(_facts(folder, standings), "facts")),
+    ]
+    write_page(
+        folder / "leaderboard.html",
+        page("Gentle cutting: who cuts best", f"Protocol {standings.protocol.version}", _lead(standings), sections),
+    )
+
+
+def _lead(standings: Table) -> Html:
+    sentences = standings.verdicts()
+    won = [sentence for sentence in sentences if ": beats it" in sentence]
+    kind, word = ("good", "An agent beats the best script") if won else ("bad", "No agent beats the best script")
+    if not sentences:
+        kind, word = "open", "No agent has been trained"
+    said = "\n".join(paragraph(sentence) for sentence in sentences)
+    return Html(f'<div class="verdict {kind}">\n{paragraph(word, "word")}\n{said}\n</div>')
+
+
+def _main(standings: Table) -> Html:
+    heading, rows = standings.main()
+    shown = []
+    for name, kind, *cells in rows:
+        chip = f' <span class="chip">{_CHIPS[kind]}</span>' if kind in _CHIPS else ""
+        shown.append(Row([Html(f"{escaped(name)}{chip}"), *map(_cell, cells)], "own" if kind == "learned" else ""))
+    caption = f"Held-out specimens of class {standings.headline}, the best return first"
+    return table(caption, [escaped(name) for name in (heading[0], *heading[2:])], shown)
+
+
+def _cell(text: str) -> Html:
+    """A number, with its interval in small type."""
+    number, _, interval = text.partition(" [")
+    if not interval:
+        return escaped(text)
+    number, interval = (part.replace("-", "\u2212") for part in (number, interval))  # as print sets it
+    return Html(f'{escaped(number)} <span class="interval">[{escaped(interval)}</span>')
+
+
+def _plain(caption: str, heading: Sequence[str], rows: Sequence[Sequence[str]]) -> Html:
+    shown = [Row([escaped(name), *map(_cell, cells)], "own" if name in ENTRIES else "") for name, *cells in rows]
+    return table(caption, [escaped(name) for name in heading], shown)
+
+
+def _picture(standings: Table) -> Html:
+    bars = []
+    for name in standings.contestants:
+        line = standings.line(name, standings.headline, "return")
+        assert line is not None, "every contestant has a return"
+        role = _ROLES.get(standings.kind(name), "other")
+        bars.append(Bar(name, role, line.interval.value, line.interval.low, line.interval.high))
+    spoken = ", ".join(f"{bar.policy} {bar.mean:.2f} [{bar.low:.2f}, {bar.high:.2f}]" for bar in bars)
+    caption = "Interquartile mean of the return with its interval. Blue dot: learned; orange square: best script; "
+    return picture(
+        partial(returns_figure, bars),
+        f"Interquartile mean of the return: {spoken}.",
+        escaped(caption + "open green diamond: upper bound, which is shown the hidden state."),
+    )
+
+
+def _ablations(standings: Table) -> Html:
+    heading, rows = standings.ablations()
+    if not rows:
+        return paragraph("No ablation has been trained.")
+    told = paragraph("The same agent with one thing less, paired by specimen and training seed. Below 0 it was of use.")
+    return joined(told, _plain("Mean paired differences with 95 % intervals", heading, rows))
+
+
+def _robustness(standings: Table) -> Html:
+    heading, rows = standings.robustness()
+    if not rows:
+        return paragraph("No constant has been swept.")
+    told = paragraph(
+        "Each constant at both ends of its range, the others as in training; nobody is trained for it or told. The "
+        f"specimens are the first {standings.protocol.sweep_specimens} of class {standings.headline}."
+    )
+    return joined(told, _plain("Return, interquartile mean with 95 % interval", heading, rows))
+
+
+def _metrics(standings: Table) -> Html:
+    told = paragraph("Interquartile means, in the unit of the name; the intervals are in summary.csv.")
+    return joined(told, folded("The table", _plain("Metrics of the score card", *standings.metrics())))
+
+
+def _facts(folder: Path, standings: Table) -> list[tuple[str, str]]:
+    p = standings.protocol
+    runs: list[dict[str, Any]] = [json.loads(path.read_text()) for path in sorted(folder.glob("runs/*/run.json"))]
+    facts = [
+        ("environment", p.environment),
+        ("classes", ", ".join(p.classes)),
+        ("held-out specimens of each", str(p.specimens)),
+        ("their seeds", f"{p.test_seeds[0]} to {p.test_seeds[-1]}"),
+        ("training seeds", ", ".join(map(str, p.training_seeds))),
+        ("minutes of each training", f"{p.training_minutes:g}, on one core"),
+        ("resamples", str(p.resamples)),
+        ("commits of the runs", ", ".join(sorted({str(run["commit"]) for run in runs})) or "none"),
+    ]
+    for run in runs[-1:]:
+        facts += [(f"{name} version", version) for name, version in run["versions"].items()]
+    return facts

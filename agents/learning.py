@@ -1,0 +1,184 @@
+"""Learning by trial with an on-policy algorithm of Stable-Baselines3: train, survive an interruption, export, compare.
+
+Shared by ppo.py and recurrent_ppo.py, which say what the networks are and how they are taught before they try.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from arguments import AgentArguments, option, parse
+from compare import compare, read_rows
+from evaluate import contestant, evaluate, write_csv
+from progress import Progress, save
+from run_folder import export, record_run, write_facts
+
+from cutenv.policy import Network, RecurrentNetwork
+from cutenv.policy.features import feature_count
+from cutenv.task.hidden import HIDDEN
+
+QUICK = {"timesteps": 400_000, "validations": 4, "validation_specimens": 50, "specimens": 30}
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialArguments(AgentArguments):
+    """What a run of learning by trial depends on; every field is an option of the command line."""
+
+    timesteps: int = option(8_000_000, "decisions to train for")
+    rollout: int = option(128, "decisions of each environment between updates")
+    batch_size: int = option(1024, "decisions of a gradient step")
+    epochs: int = option(8, "passes over a rollout")
+    learning_rate: float = option(3e-4, "at the start; falls linearly to a twentieth")
+    gamma: float = option(1.0, "discount of a decision")
+    gae_lambda: float = option(0.95, "of the generalised advantage estimate")
+    averaging: float = option(0.03, "share of the actor that its running average takes over at every update")
+    critic: str = option("truth", "what the critic sees besides the features", ("truth", "features"))
+    critic_first: float = option(0.03, "share of the training in which only the critic learns, after a demonstration")
+    exploration: float = option(0.15, "standard deviation of the actions at the start")
+    last_exploration: float = option(0.05, "and at the end; falls by the same factor in equal times")
+
+    @classmethod
+    def limits(cls) -> dict[str, tuple[float, float]]:
+        """What the numbers must lie within."""
+        return super().limits() | {"timesteps": (1, 10**12), "gamma": (0.0, 1.0), "gae_lambda": (0.0, 1.0)}
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """How many numbers actor and critic see, and how many units a layer has."""
+        features = feature_count(self.history)
+        critic = features + (len(HIDDEN) if self.critic == "truth" else 0)
+        return {"features": features, "critic": critic, "hidden": self.hidden}
+
+
+class FallingRate:
+    """A rate that falls linearly to a twentieth as training goes on; :class:`Progress` tells how far it is."""
+
+    def __init__(self, rate: float) -> None:
+        self.rate, self.share = rate, 0.0
+
+    def __call__(self, remaining: float) -> float:
+        """The rate; SB3's share of decisions that remain does not know of minutes."""
+        return self.rate * (1.0 - 0.95 * self.share)
+
+
+@dataclass(frozen=True)
+class Learner:
+    """One algorithm: what ppo.py and recurrent_ppo.py differ in."""
+
+    name: str
+    algorithm: Any
+    new_model: Callable[[Any, Any], Any]
+    """From arguments and environments to an untrained agent."""
+    taught: Callable[[Any, Any], None]
+    """Teach a model's actor the demonstrated script, given the arguments."""
+    network: Callable[[Mapping[str, np.ndarray], str], Network | RecurrentNetwork]
+    """From the policy's parameters to the actor in NumPy."""
+
+
+def common_keywords(arguments: TrialArguments) -> dict[str, Any]:
+    """What PPO and recurrent PPO of Stable-Baselines3 are both made with."""
+    return {
+        "learning_rate": FallingRate(arguments.learning_rate),
+        "n_steps": arguments.rollout,
+        "batch_size": arguments.batch_size,
+        "n_epochs": arguments.epochs,
+        "gamma": arguments.gamma,
+        "gae_lambda": arguments.gae_lambda,
+        "policy_kwargs": arguments.sizes,
+        "seed": arguments.seed,
+        "device": "cpu",  # a network this small is slower on a GPU
+    }
+
+
+def train(learner: Learner, arguments: TrialArguments, run: Path, resume: bool) -> tuple[bool, float]:
+    """Train; return whether training came to its end, and the share of its time that the environments took."""
+    begun = time.monotonic()
+    torch.set_num_threads(1)  # two pools of threads on two cores fight
+    checkpoint = run / "checkpoint.zip"
+    environments = arguments.environments_at(arguments.training_seeds)
+    events = str(run / "tensorboard") if arguments.tensorboard else None
+    whole = True
+    if resume:
+        model = learner.algorithm.load(checkpoint, env=environments, device="cpu", tensorboard_log=events)
+        print(f"resuming after {model.num_timesteps} decisions")
+    else:
+        model = learner.new_model(arguments, environments)
+        model.tensorboard_log = events
+        save(model, run / "untrained.zip")
+        if arguments.demonstrations:
+            learner.taught(model, arguments)
+    progress = Progress(run, arguments, read_rows(run / "learning_curve.csv") if resume else [], begun)
+    trying, spent = time.perf_counter(), environments.seconds
+    try:
+        remaining = max(arguments.timesteps - model.num_timesteps, 0)
+        progress.init_callback(model)
+        if remaining and progress.share < 1.0:
+            model.learn(remaining, callback=progress, reset_num_timesteps=not resume, tb_log_name="run")
+            progress.validate()
+    except KeyboardInterrupt:
+        whole = False
+    share = (environments.seconds - spent) / (time.perf_counter() - trying)
+    save(model, checkpoint)
+    if whole and not (run / "policy.zip").is_file():  # ended before it was ever validated
+        save(model, run / "policy.zip")
+    if progress.curve:
+        write_csv(run / "learning_curve.csv", progress.curve)
+    return whole, share
+
+
+def exported(learner: Learner, arguments: TrialArguments, run: Path, name: str, facts: Mapping[str, Any]) -> None:
+    """Write ``name``.zip's actor as a folder that needs no torch, ``name``/policy.safetensors and card.json."""
+    model = learner.algorithm.load(run / f"{name}.zip", device="cpu")
+    arrays = {key: value.detach().cpu().numpy() for key, value in model.policy.state_dict().items()}
+    network = learner.network(arrays, "tanh")
+    export(arguments, run / name, network, {**facts, "decisions": int(model.num_timesteps)})
+
+
+def level_after(arguments: TrialArguments, curve: Sequence[Mapping[str, float]]) -> float | None:
+    """Seconds after which the agent did as well as the demonstrated script on validation specimens; None: never."""
+    shared = {"specimen_class": arguments.specimen_class, "angle_mode": arguments.angle_mode}
+    several, seeds = {arguments.script: contestant(arguments.script)}, arguments.validation_seeds
+    rows = evaluate(several, seeds, shared, description="script on validation specimens")
+    wanted = float(np.mean([row["return"] for row in rows]))
+    reached = (point["seconds"] for point in curve if point.get("validation_return", -np.inf) >= wanted)
+    return next(reached, None)
+
+
+def main(learner: Learner, kind: type[TrialArguments], about: str | None, program: str) -> None:
+    """Train, export, evaluate, report; ``program`` is what the command line calls the agent's file."""
+    arguments, run, resume = parse(kind, about, Path(program).stem.replace("_", "-"), QUICK)
+    facts = record_run(arguments, run, learner.name)
+    begun = time.monotonic()
+    whole, share = train(learner, arguments, run, resume)
+    print(f"the environments took {100.0 * share:.0f} % of the time")
+    started = "python3 scripts/start.py train" if program == "ppo.py" else f"python agents/{program}"
+    again = f"{started} --resume {run}"
+    if not whole:
+        print(f"\ninterrupted; {run}/checkpoint.zip is usable.")
+        print(f"Go on with: {again}")
+        raise SystemExit(130)
+    curve = read_rows(run / "learning_curve.csv")
+    seconds = curve[-1]["seconds"] if curve else time.monotonic() - begun
+    facts["training_minutes"] = round(seconds / 60.0, 1)
+    facts["environments_share"] = round(share, 3)
+    try:
+        for name in ("untrained", "policy"):
+            exported(learner, arguments, run, name, facts)
+        write_facts(run, facts)
+        if arguments.specimens:
+            seconds = level_after(arguments, curve)
+            facts["level_with_script_after_s"] = seconds
+            write_facts(run, facts)
+            compare(run, facts)
+            when = "never in this training" if seconds is None else f"after {seconds:.0f} s, teaching included"
+            print(f"level with {arguments.script!r} on the validation specimens: {when}")
+    except KeyboardInterrupt:
+        print(f"\ninterrupted while evaluating; {run}/policy.zip is the trained agent.")
+        print(f"Evaluate it with: {again}")
+        raise SystemExit(130) from None

@@ -1,0 +1,254 @@
+"""Train an agent with PPO of Ray RLlib, whose environment runners may stand on many machines.
+
+    python agents/rllib.py                            on this machine, a local cluster that nobody else can reach
+    python agents/rllib.py --address auto --workers 64      on the cluster to which this machine belongs
+    python agents/rllib.py --resume runs/NAME         goes on from the checkpoint of an interrupted run
+
+Ray wants a Gymnasium of its own choice, and so a virtual environment of its own, with ``pip install '.[distributed]'``,
+on every machine of the cluster.  Each runner steps the native vector environment; what is sent to it is this folder of
+programs, and nothing else of this machine.  Ray's usage reports are off; a local cluster has no dashboard and listens
+on loopback.
+
+It writes runs/<name>/: learning_curve.csv, checkpoint/ and policy/, which agents/evaluate.py compares and ``cutenv demo
+--policy`` shows, without Ray and torch.  A checkpoint is RLlib's own kind, with pickles in it: resume only your own.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import importlib.metadata
+import json
+import os
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from evaluate import ENVIRONMENT, TRAINING_SEEDS, write_csv
+from options import option, parse
+from runner_env import RunnerEnv
+
+import cutenv
+from cutenv.policy import Network, save_policy
+from cutenv.tissue.specimen import CLASSES
+
+if TYPE_CHECKING:
+    from ray.rllib.algorithms.ppo import PPO
+
+SEEDS_OF_A_RUN = 100_000  # of TRAINING_SEEDS
+_NAME = "gentle-cut-runner"
+_LOOPBACK = "127.0.0.1"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """What a run depends on; every field is an option of the command line."""
+
+    name: str = option("", "folder below runs/; default: date and time")
+    resume: str = option("", "folder of an interrupted run to go on with; its other arguments are kept")
+    address: str = option("", "of a Ray cluster: auto, HOST:6379 or ray://HOST:10001; default: one on this machine")
+    workers: int = option(2, "environment runners, a process and a core each")
+    environments: int = option(32, "side by side in each")
+    iterations: int = option(200, "rounds of sampling and learning")
+    seed: int = option(0, "of networks and training specimens")
+    specimen_class: str = option("mixed", "tissue to train on", CLASSES)
+    angle_mode: str = option("free", "whether the agent turns the blade", ("free", "fixed"))
+    control_hz: int = option(10, "decisions a second")
+    history: int = option(6, "past decisions among the features")
+    dead_zone: float = option(0.25, "share of the speed's action that means rest")
+    rollout: int = option(128, "decisions of each environment between updates")
+    batch_size: int = option(1024, "decisions of a gradient step")
+    epochs: int = option(8, "passes over what was sampled")
+    learning_rate: float = option(3e-4, "of Adam")
+    gamma: float = option(1.0, "discount of a decision")
+    gae_lambda: float = option(0.95, "of the generalised advantage estimate")
+    hidden: int = option(64, "units in each of two layers")
+    checkpoint_every: int = option(20, "rounds between checkpoints")
+
+    def __post_init__(self) -> None:
+        limits = {
+            "workers": (1, 10_000),
+            "environments": (1, 10_000),
+            "iterations": (1, 10**9),
+            "seed": (0, len(TRAINING_SEEDS) // SEEDS_OF_A_RUN - 1),
+            "history": (0, 100),
+            "dead_zone": (0.0, 0.9),
+            "gamma": (0.0, 1.0),
+            "checkpoint_every": (1, 10**9),
+        }
+        for name, (low, high) in limits.items():
+            if not low <= getattr(self, name) <= high:
+                raise SystemExit(f"--{name.replace('_', '-')} {getattr(self, name)} is outside {low} to {high}")
+        if (self.workers + 1) * self.environments > SEEDS_OF_A_RUN:
+            raise SystemExit(f"--workers times --environments is more than a run's {SEEDS_OF_A_RUN} seeds; give fewer")
+
+    @property
+    def environment(self) -> dict[str, Any]:
+        """Keywords of the environment."""
+        return {name: getattr(self, name) for name in ("specimen_class", "angle_mode", "control_hz")}
+
+
+def connect(arguments: Arguments) -> None:
+    """Join the cluster, or begin one on this machine that listens on loopback alone; before Ray is imported elsewhere.
+
+    Raises
+    ------
+    RuntimeError
+        If a local cluster can be reached from elsewhere, because Ray had been imported; it is shut down again.
+    """
+    # Read when Ray is imported. Without the second, Ray listens on every network of a Linux machine.
+    os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+    if not arguments.address:
+        os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
+    import ray
+
+    shared = {"runtime_env": {"working_dir": str(Path(__file__).parent)}, "log_to_driver": False}
+    if arguments.address:
+        ray.init(address=arguments.address, **shared)
+        return
+    ray.init(num_cpus=arguments.workers + 1, include_dashboard=False, **shared)  # a core for learning
+    addresses = {node["NodeManagerAddress"] for node in ray.nodes()}
+    if addresses != {_LOOPBACK}:
+        ray.shutdown()
+        raise RuntimeError(f"the local cluster listens on {addresses}, not on {_LOOPBACK}: import ray after connect().")
+
+
+def algorithm(arguments: Arguments) -> PPO:
+    """An untrained agent with its runners; after :func:`connect`."""
+    from ray.rllib.algorithms.ppo import PPOConfig
+    from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
+    from ray.tune.registry import register_env
+
+    register_env(_NAME, RunnerEnv.of_runner)
+    keywords = arguments.environment | {
+        "first_seed": arguments.seed * SEEDS_OF_A_RUN,
+        "history": arguments.history,
+        "dead_zone": arguments.dead_zone,
+    }
+    config = (
+        PPOConfig()
+        .environment(_NAME, env_config=keywords)
+        .env_runners(
+            num_env_runners=arguments.workers,
+            num_envs_per_env_runner=arguments.environments,
+            gym_env_vectorize_mode="vector_entry_point",
+            rollout_fragment_length=arguments.rollout,
+        )
+        .training(
+            train_batch_size_per_learner=arguments.workers * arguments.environments * arguments.rollout,
+            minibatch_size=arguments.batch_size,
+            num_epochs=arguments.epochs,
+            lr=arguments.learning_rate,
+            gamma=arguments.gamma,
+            lambda_=arguments.gae_lambda,
+            use_kl_loss=False,
+            clip_param=0.2,
+            vf_clip_param=float("inf"),  # returns are below 1, costs are not
+            grad_clip=0.5,
+        )
+        .rl_module(
+            model_config=DefaultModelConfig(
+                fcnet_hiddens=[arguments.hidden, arguments.hidden],
+                fcnet_activation="tanh",
+                free_log_std=True,
+                vf_share_layers=False,
+            )
+        )
+        .callbacks(on_environment_created=share_seeds, on_episode_end=log_success)
+        .debugging(seed=arguments.seed)
+    )
+    return config.build_algo()
+
+
+def share_seeds(*, env: RunnerEnv, env_context: Any, **_: Any) -> None:
+    """Let every runner cut specimens of its own; what the environment itself is told does not say whose it is."""
+    env.share_seeds(env_context.worker_index)
+
+
+def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
+    """Count successes beside RLlib's returns."""
+    metrics_logger.log_value("success", float(episode.get_infos(-1)["is_success"]), window=200)
+
+
+def train(
+    ppo: PPO, arguments: Arguments, run: Path, curve: Sequence[Mapping[str, Any]] = ()
+) -> list[Mapping[str, Any]]:
+    """Train for so many rounds, or until interrupted; the learning curve is in the run's folder all along."""
+    curve = list(curve)
+    begun = time.monotonic()
+    try:
+        while ppo.iteration < arguments.iterations:
+            result = ppo.train()
+            sampled = result["env_runners"]
+            point: dict[str, Any] = {
+                "iteration": result["training_iteration"],
+                "decisions": result["num_env_steps_sampled_lifetime"],
+                "seconds": round(time.monotonic() - begun, 1),
+            }
+            if "success" in sampled:  # else no cut has come to its end yet
+                point |= {"return": sampled["episode_return_mean"], "success": sampled["success"]}
+            curve.append(point)
+            write_csv(run / "learning_curve.csv", curve)
+            print("  ".join(f"{name} {value:.4g}" for name, value in point.items()), flush=True)
+            if ppo.iteration % arguments.checkpoint_every == 0:
+                ppo.save_to_path((run / "checkpoint").absolute())
+    except KeyboardInterrupt:
+        print(f"\ninterrupted; go on with: python agents/rllib.py --resume {run}")
+    ppo.save_to_path((run / "checkpoint").absolute())
+    return curve
+
+
+def network(ppo: PPO) -> Network:
+    """The actor: its most likely action before clipping."""
+    arrays = ppo.learner_group.get_weights()["default_policy"]
+    tower = "encoder.actor_encoder.net.mlp"
+    prefixes = [f"{tower}.{k}" for k in range(0, 2 * sum(name.startswith(tower) for name in arrays), 2)]
+    prefixes = [prefix for prefix in prefixes if f"{prefix}.weight" in arrays] + ["pi.net.mlp.0"]
+    return Network(tuple((arrays[f"{prefix}.weight"], arrays[f"{prefix}.bias"]) for prefix in prefixes), "tanh")
+
+
+def main() -> None:
+    """Train, and write the policy."""
+    arguments = parse(Arguments, __doc__)
+    resume = Path(arguments.resume) if arguments.resume else None
+    if resume is not None:
+        if not (resume / "checkpoint").is_dir():
+            raise SystemExit(f"{resume} holds no checkpoint/; give the folder of an interrupted run.")
+        kept = json.loads((resume / "run.json").read_text())["arguments"]
+        arguments = dataclasses.replace(Arguments(**kept), address=arguments.address, resume=arguments.resume)
+    run = resume or Path("runs") / (arguments.name or time.strftime("rllib-%Y%m%d-%H%M%S"))
+    if resume is None and run.exists():
+        raise SystemExit(f"{run} exists; give another --name, or --resume {run} to go on with it.")
+    facts = {
+        "arguments": dataclasses.asdict(arguments),
+        "versions": {name: importlib.metadata.version(name) for name in ("gymnasium", "ray", "torch")}
+        | {"cutenv": cutenv.__version__},
+    }
+    run.mkdir(parents=True, exist_ok=True)
+    (run / "run.json").write_text(json.dumps(facts, indent=1) + "\n")
+    connect(arguments)
+    ppo = algorithm(arguments)
+    earlier: list[dict[str, str]] = []
+    if resume is not None:
+        ppo.restore_from_path((resume / "checkpoint").absolute())
+        with (resume / "learning_curve.csv").open(newline="") as file:
+            earlier = [row for row in csv.DictReader(file) if int(row["iteration"]) <= ppo.iteration]
+    curve = train(ppo, arguments, run, earlier)
+    save_policy(
+        run / "policy",
+        network(ppo),
+        environment=ENVIRONMENT,
+        environment_arguments={"control_hz": arguments.control_hz, "angle_mode": arguments.angle_mode},
+        features={"history": arguments.history},
+        dead_zone=arguments.dead_zone,
+        training=facts | {"decisions": int(curve[-1]["decisions"]) if curve else 0},
+        replace=True,
+    )
+    ppo.stop()  # the cluster, if it is a local one, ends with this process
+    print(f"policy: {run / 'policy'}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,60 @@
+"""How policies do where a constant is not what it was in training: each at both ends of the range to be swept.
+
+No policy is trained for it, and none is told: an assumption that is wrong is met as it would be on a rig.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cutenv.atomic import replacing
+from cutenv.cutting.drive import Rig
+from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.sensor import SensorParameters
+from cutenv.envs.constants import Knowledge
+from cutenv.parameter import parameter_table
+from cutenv.task.weights import Limits
+from cutenv.tissue import measured_liver
+from cutenv.tissue.description import TissueDescription
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One constant at one end of its range."""
+
+    constant: str
+    unit: str
+    default: float
+    value: float
+    of_tissue: bool
+
+    @property
+    def name(self) -> str:
+        """Of its file."""
+        return f"{self.constant}={self.value:.4g}"
+
+    def arguments(self, folder: Path) -> dict[str, Any]:
+        """Keywords of the environment; a tissue is written into ``folder``, for an environment reads it from a file."""
+        if not self.of_tissue:
+            return {self.constant: self.value}
+        path = folder / f"{self.name}.json"
+        tissue = dataclasses.replace(measured_liver(), **{self.constant: self.value})
+        with replacing(path) as part:
+            part.write_text(tissue.to_json())
+        return {"tissue": str(path)}
+
+
+def settings() -> Iterator[Setting]:
+    """Every constant of the parameter table that has a range to sweep, at both ends that differ from its default."""
+    liver = measured_liver()
+    for group in (Rig, SensorParameters, Limits, Knowledge, LawParameters, TissueDescription):
+        of_tissue = group is TissueDescription
+        for row in parameter_table(group):
+            default = getattr(liver, row["name"]) if of_tissue else row["default"]
+            for value in row["sweep"] or ():
+                if abs(value - default) > 1e-9 * max(abs(value), abs(default)):
+                    yield Setting(row["name"], row["unit"], default, value, of_tissue)

@@ -1,0 +1,82 @@
+"""The native vector environment as RLlib's environment runners step it: features in, actions before the dead zone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+
+from cutenv.cores import set_cores
+from cutenv.envs.vector import GentleCutVectorEnv
+from cutenv.policy.features import extract_batch, feature_count, forget, new_memory, past_dead_zone
+from cutenv.task.observation import BOUND
+
+_TOLD = ("is_success", "_is_success")  # of what an environment tells; the rest would be copied between processes
+
+
+class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+    """``num_envs`` cuts in one, each of its own seed; one that has ended begins anew at the next step.
+
+    Parameters
+    ----------
+    num_envs : int
+        Side by side.
+    first_seed : int
+        Environment i draws its specimens from seed ``first_seed + i``, whatever ``reset`` is given: RLlib's own seeds
+        of its runners overlap, and two runners would cut the same specimens; see :meth:`share_seeds`.
+    history : int
+        Decisions of history among the features.
+    dead_zone : float
+        Share of the speed's action that means rest.
+    **arguments
+        Keywords of ``cutenv/GentleCut-v0``.
+    """
+
+    def __init__(self, num_envs: int, *, first_seed: int, history: int, dead_zone: float, **arguments: Any) -> None:
+        self._native = GentleCutVectorEnv(num_envs, autoreset_mode=AutoresetMode.NEXT_STEP, **arguments)
+        self.num_envs, self.metadata = num_envs, self._native.metadata
+        self._first_seed, self._dead_zone = first_seed, dead_zone
+        self._memory, self._frames = new_memory(num_envs, history)
+        self._begins = np.zeros(num_envs, bool)
+        self._fresh = True
+        size = feature_count(history)
+        self.single_observation_space = gymnasium.spaces.Box(-BOUND, BOUND, (size,), np.float32)
+        self.single_action_space = self._native.single_action_space
+        self.observation_space = gymnasium.spaces.Box(-BOUND, BOUND, (num_envs, size), np.float32)
+        self.action_space = self._native.action_space
+
+    @classmethod
+    def of_runner(cls, context: Any) -> RunnerEnv:
+        """What an environment runner makes of what it is told, on the one core that it is given."""
+        set_cores(1)  # a process for each runner
+        return cls(**{"num_envs": 1} | dict(context))
+
+    def share_seeds(self, runner: int) -> None:
+        """Take the seeds of a runner, counted from 0; its environments follow those of the runners before it."""
+        self._first_seed += runner * self.num_envs
+
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin every cut anew: at first each seed's first, then its next."""
+        seeds = [self._first_seed + n for n in range(self.num_envs)] if self._fresh else None
+        self._fresh = False
+        observations, _ = self._native.reset(seed=seeds)
+        self._begins = np.ones(self.num_envs, bool)
+        seen = self._seen(observations)
+        self._begins = np.zeros(self.num_envs, bool)
+        return seen, {}
+
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Take an action, shape (2,), in every environment, shape (num_envs, 2), clipped to their reach."""
+        commands = past_dead_zone(np.clip(np.asarray(actions, np.float32), -1.0, 1.0), self._dead_zone)
+        observations, rewards, ended, truncated, told = self._native.step(commands)
+        seen = self._seen(observations)
+        self._begins = ended
+        return seen, rewards, ended, truncated, {name: told[name] for name in _TOLD if name in told}
+
+    def _seen(self, observations: np.ndarray) -> np.ndarray:
+        """The features; those of a cut that begins remember nothing of the last."""
+        for n in np.flatnonzero(self._begins):
+            forget(self._memory, self._frames, n)
+        return extract_batch(self._memory, self._frames, observations)

@@ -1,0 +1,67 @@
+"""Look at a rig without moving it: connections, limits, rates, noise. No drive is powered.
+
+Nothing may touch the blade meanwhile: the sensor's zero is taken.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from datetime import date
+from typing import Any
+
+from cutenv.rig.connection import connected
+from cutenv.rig.drivers import RigError
+from cutenv.rig.inspection import Inspection, inspect
+from cutenv.rig.preparation import Check
+
+
+def main(argv: Sequence[str]) -> int:
+    """Check; 1 if something fails, 2 if the rig's file cannot be used."""
+    arguments = _parser().parse_args(argv)
+    try:
+        with connected(arguments.rig) as rig:
+            found = inspect(rig.plant, date.today())
+    except RigError as error:
+        found = Inspection(checks=(Check("connection", False, str(error)),), told={})
+    except (OSError, ValueError) as error:
+        print(f"cutenv rig check: {error}", file=sys.stderr)
+        return 2
+    if arguments.json:
+        print(json.dumps(as_json(found), indent=2))
+    else:
+        print("\n".join(lines(found)))
+    return 0 if found.passed else 1
+
+
+def as_json(found: Inspection) -> dict[str, Any]:
+    """The inspection as JSON holds it."""
+    checks = [{"name": check.name, "passed": check.passed, "found": check.found} for check in found.checks]
+    return {"passed": found.passed, "checks": checks, "told": found.told}
+
+
+def lines(found: Inspection) -> list[str]:
+    """The inspection as text: what the devices tell, then each check."""
+    shown = []
+    for device, about in found.told.items():
+        shown.append(f"{device}:")
+        shown += [f"  {name:<28} {_shown(value)}" for name, value in about.items()]
+    width = max(len(check.name) for check in found.checks)
+    shown.append("checks:")
+    shown += [f"  {'ok  ' if each.passed else 'FAIL'} {each.name:<{width}}  {each.found}" for each in found.checks]
+    failed = sum(not check.passed for check in found.checks)
+    shown.append(f"{failed} of {len(found.checks)} checks fail" if failed else f"all {len(found.checks)} checks pass")
+    return shown
+
+
+def _shown(value: float | str) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="cutenv rig check", description=__doc__)
+    parser.add_argument("rig", metavar="RIG", help='a rig\'s TOML file, "emulator" or "fake"')
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    return parser

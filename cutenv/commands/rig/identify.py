@@ -1,0 +1,80 @@
+"""Measure a rig's own constants with the blade in air: lag, dead time, acceleration, backlash, friction, sensor.
+
+The carriage is stepped, swung and turned round slowly, for about two minutes within some centimetres. The simulator
+takes what the file says then: gymnasium.make("cutenv/GentleCut-v0", rig="RIG.toml").
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from datetime import date
+from pathlib import Path
+
+from cutenv.rig.causes import RigStopped
+from cutenv.rig.connection import EMULATOR, FAKE, connected, operator_of
+from cutenv.rig.drivers import RigError
+from cutenv.rig.identification import Identification, Plan, estimated, perform
+from cutenv.rig.preparation import prepare
+from cutenv.rig.settings import RigSettings
+from cutenv.rig.toml_file import write_identified
+
+
+def main(argv: Sequence[str]) -> int:
+    """Identify; 1 if the rig does not let it, or stopped the blade, 2 if an option or the file is bad."""
+    arguments = _parser().parse_args(argv)
+    try:
+        if arguments.write and arguments.rig in (FAKE, EMULATOR):
+            raise ValueError(f'--write needs a rig\'s file, and "{arguments.rig}" has none.')
+        with connected(arguments.rig) as rig:
+            settings = rig.settings
+            operator = operator_of(settings)
+            prepare(rig.plant, operator, today=date.today())
+            plan = Plan.within(settings, rig.plant.position)
+            if not operator.confirm(_question(plan)):
+                raise RigError("the operator has not confirmed: nothing was measured.")
+            recorded = perform(rig.plant, plan, tell=print)
+            rig.plant.halt()
+        _report(estimated(settings, plan, recorded), settings, arguments)
+    except RigStopped as stop:
+        print(f"cutenv rig identify: stopped: {stop}", file=sys.stderr)
+        return 1
+    except RigError as error:
+        print(f"cutenv rig identify: {error}", file=sys.stderr)
+        return 1
+    except (OSError, ValueError) as error:
+        print(f"cutenv rig identify: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _question(plan: Plan) -> str:
+    low, high = plan.path
+    return (
+        f"The blade will move between {1e3 * low:.0f} and {1e3 * high:.0f} mm, at up to"
+        f" {1e3 * max(plan.speeds):.0f} mm/s, for about {plan.duration:.0f} s. Is it in air all the way, with no"
+        " specimen clamped?"
+    )
+
+
+def _report(found: Identification, settings: RigSettings, arguments: argparse.Namespace) -> None:
+    print("\n".join(["", *found.table(settings.identified), "", "the fitted model beside sines:", *found.sine_table()]))
+    if arguments.picture is not None:
+        from cutenv.report.identification_figure import draw_identification
+
+        draw_identification(
+            arguments.picture, found.drawn_steps(), found.drawn_sines(), title=f"{settings.name}, {date.today()}"
+        )
+        print(f"picture: {arguments.picture}")
+    if arguments.write:
+        write_identified(arguments.rig, found.identified(settings.identified, date.today()))
+        print(f'rig: {arguments.rig}\n  gymnasium.make("cutenv/GentleCut-v0", rig="{arguments.rig}") simulates it')
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="cutenv rig identify", description=__doc__)
+    parser.add_argument("rig", metavar="RIG", help='a rig\'s TOML file, "emulator" or "fake"')
+    parser.add_argument("--write", action="store_true", help="let the file's section [identified] say what was found")
+    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the answers over the fitted model")
+    return parser

@@ -1,0 +1,67 @@
+"""Move the blade while an arrow key is held: right away from the clamp, left back, up and down turn it, q ends.
+
+A terminal tells of a held key by repeating it: after the last repeat the blade is told to rest within 0.2 s (0.4 mm at
+2 mm/s). A tap moves it for that long; a held key moves it once, pauses, and goes on with the terminal's first repeat.
+Any other key stops it at once. A software stop is not a safety function: keep the stop button in reach.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from datetime import date
+
+from cutenv.commands.rig.terminal_keys import check_terminal, terminal_keys
+from cutenv.rig.causes import RigStopped
+from cutenv.rig.clock import PacedClock
+from cutenv.rig.connection import connected, operator_of
+from cutenv.rig.drivers import RigError
+from cutenv.rig.jog import SPEED, TOP_SPEED, Jog, jog
+from cutenv.rig.preparation import prepare
+
+_CLEAR_LINE = "\r\x1b[K"
+
+
+def main(argv: Sequence[str]) -> int:
+    """Jog until q; 1 if the rig does not let it, or stopped the blade, 2 if an option or the file is bad."""
+    arguments = _parser().parse_args(argv)
+    try:
+        controls = Jog(1e-3 * arguments.speed)
+        check_terminal()
+        with connected(arguments.rig, clock=PacedClock()) as rig:
+            prepare(rig.plant, operator_of(rig.settings), today=date.today())
+            controls = Jog(controls.speed, turns=rig.settings.angle is not None)
+            print(f"left, right: {1e3 * controls.speed:g} mm/s; up, down: turn; q ends; any other key stops")
+            with terminal_keys() as keyboard:
+                try:
+                    jog(rig.plant, keyboard, controls, _show)
+                finally:
+                    print()
+    except RigStopped as stop:
+        print(f"cutenv rig jog: stopped: {stop}", file=sys.stderr)
+        return 1
+    except RigError as error:
+        print(f"cutenv rig jog: {error}", file=sys.stderr)
+        return 1
+    except (OSError, ValueError) as error:
+        print(f"cutenv rig jog: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _show(line: str) -> None:
+    print(f"{_CLEAR_LINE}{line}", end="", flush=True)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="cutenv rig jog", description=__doc__)
+    parser.add_argument("rig", metavar="RIG", help='a rig\'s TOML file, "emulator" or "fake"')
+    parser.add_argument(
+        "--speed",
+        type=float,
+        default=1e3 * SPEED,
+        metavar="MM_S",
+        help=f"while a key is held [mm/s], up to {1e3 * TOP_SPEED:g}; default {1e3 * SPEED:g}",
+    )
+    return parser

@@ -1,0 +1,139 @@
+"""A long short-term memory before dense layers, in NumPy: what is left of a recurrent learner's actor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.policy.network import Network, checked_array, row_by_row
+
+Array32 = NDArray[np.float32]
+State = tuple[Array32, Array32]
+"""What is remembered: hidden state h and cell c, shape (..., units) each."""
+
+_PREFIX = "memory."
+_PARTS = {"weight_ih": 2, "weight_hh": 2, "bias_ih": 1, "bias_hh": 1}  # and their axes
+_ACTOR = "lstm_actor"
+_GATES = 4  # input i, forget f, cell g, output o: stacked in this order, as PyTorch does
+
+
+@dataclass(frozen=True, eq=False)
+class RecurrentNetwork:
+    """One layer of long short-term memory (Hochreiter and Schmidhuber 1997), then a :class:`Network`.
+
+    With the features x and the state (h, c), i, f, g, o = W_ih x + b_ih + W_hh h + b_hh:
+    c' = sigmoid(f) c + sigmoid(i) tanh(g), h' = sigmoid(o) tanh(c'); the network gets h'.
+
+    Parameters
+    ----------
+    weight_ih, weight_hh : array
+        Float32, shapes (4 units, inputs) and (4 units, units).
+    bias_ih, bias_hh : array
+        Float32, shape (4 units,).
+    head : Network
+        From h' to the action.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, or a number is not float32 or not finite; names the array.
+    """
+
+    weight_ih: Array32
+    weight_hh: Array32
+    bias_ih: Array32
+    bias_hh: Array32
+    head: Network
+
+    def __post_init__(self) -> None:
+        for part, dimensions in _PARTS.items():
+            object.__setattr__(self, part, checked_array(_PREFIX + part, getattr(self, part), dimensions))
+        rows, units = self.weight_hh.shape
+        if rows != _GATES * units:
+            raise ValueError(
+                f"{_PREFIX}weight_hh has shape {self.weight_hh.shape}; it must be four times as high as wide."
+            )
+        for part in _PARTS:
+            found = getattr(self, part).shape
+            if found[0] != rows:
+                raise ValueError(f"{_PREFIX}{part} has shape {found}; {units} units need {rows} rows.")
+        if self.head.sizes[0] != units:
+            raise ValueError(f"layer_0.weight takes {self.head.sizes[0]} numbers, but the memory has {units} units.")
+
+    @property
+    def units(self) -> int:
+        """Numbers that h and c hold."""
+        return int(self.weight_hh.shape[1])
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """How many numbers stand between the layers, from input to output, the memory's first."""
+        return (self.weight_ih.shape[1], *self.head.sizes)
+
+    @property
+    def activation(self) -> str:
+        """Of the network after the memory."""
+        return self.head.activation
+
+    def start(self, count: int) -> State:
+        """The state of ``count`` cuts at their beginning: nothing is remembered."""
+        return np.zeros((count, self.units), np.float32), np.zeros((count, self.units), np.float32)
+
+    def __call__(self, features: Array32, state: State) -> tuple[Array32, State]:
+        """The output, shape (n, ``sizes[-1]``), and the next state, for features, shape (n, ``sizes[0]``)."""
+        x = np.asarray(features, dtype=np.float32)
+        if x.shape[-1:] != self.sizes[:1]:
+            raise ValueError(f"features has shape {x.shape}; its last axis must hold {self.sizes[0]} numbers.")
+        h, c = state
+        gates = row_by_row(x, self.weight_ih) + self.bias_ih + row_by_row(h, self.weight_hh) + self.bias_hh
+        i, f, g, o = np.split(gates, _GATES, axis=-1)
+        c = _sigmoid(f) * c + _sigmoid(i) * np.tanh(g)
+        h = _sigmoid(o) * np.tanh(c)
+        return self.head(h), (h, c)
+
+    def to_arrays(self) -> dict[str, Array32]:
+        """Weights and biases by name: ``memory.weight_ih`` and so on, then those of the head."""
+        return {_PREFIX + part: getattr(self, part) for part in _PARTS} | self.head.to_arrays()
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Array32], activation: str) -> RecurrentNetwork:
+        """Read :meth:`to_arrays`' names.
+
+        Raises
+        ------
+        ValueError
+            If an array is missing, has a name of its own, or is refused.
+        """
+        own = {part: _found(arrays, _PREFIX + part) for part in _PARTS}
+        others = {name: array for name, array in arrays.items() if name not in {_PREFIX + part for part in _PARTS}}
+        return cls(**own, head=Network.from_arrays(others, activation))
+
+    @classmethod
+    def from_state_dict(cls, arrays: Mapping[str, Array32], activation: str) -> RecurrentNetwork:
+        """The actor of sb3-contrib's ``MlpLstmPolicy`` with one layer of memory, as :meth:`Network.from_state_dict`.
+
+        Raises
+        ------
+        ValueError
+            If a parameter of the actor is missing, or its memory has more than one layer.
+        """
+        if f"{_ACTOR}.weight_ih_l1" in arrays:
+            raise ValueError(f"{_ACTOR} has more than one layer; train with n_lstm_layers=1.")
+        own = {part: _found(arrays, f"{_ACTOR}.{part}_l0") for part in _PARTS}
+        return cls(**own, head=Network.from_state_dict(arrays, activation))
+
+
+def _found(arrays: Mapping[str, Array32], name: str) -> Array32:
+    if name not in arrays:
+        some = ", ".join(sorted(arrays)[:6]) or "nothing"
+        raise ValueError(f"array {name!r} is missing; found {some}{', ...' if len(arrays) > 6 else ''}.")
+    return arrays[name]
+
+
+def _sigmoid(values: Array32) -> Array32:
+    """1/(1 + exp(-x)), written so that nothing overflows."""
+    result: Array32 = np.float32(0.5) * (np.float32(1.0) + np.tanh(np.float32(0.5) * values))
+    return result

@@ -1,0 +1,67 @@
+"""A bench with nothing on it: the blade of a fake rig moves in air."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cutenv.cutting.drive import Rig, advance_command, delayed, made_up
+from cutenv.cutting.records import STATE, TICK
+from cutenv.cutting.sensor import Sensor, SensorParameters
+from cutenv.rig.settings import RigSettings
+
+_MIDDLE = 0.5  # of the way between the ends of travel, where the blade stands at first
+_FAR = 100.0  # [m] of the model's own end stops
+
+
+class AirBench:
+    """The simulator's drive and sensor, and no specimen; a bench of :class:`cutenv.rig.fake.FakeRig`.
+
+    Parameters
+    ----------
+    settings : RigSettings
+        Where the travel is, and the angle at the start.
+    drive : Rig, optional
+        Of the blade.
+    sensor : SensorParameters, optional
+        Of the force.
+    """
+
+    def __init__(
+        self, settings: RigSettings, *, drive: Rig | None = None, sensor: SensorParameters | None = None
+    ) -> None:
+        self._drive = drive or Rig()
+        self._records = self._drive.records(2.0 * _FAR)
+        self._states = np.zeros(1, STATE)
+        self._states["hand"] = _FAR + _MIDDLE * (settings.limits.low + settings.limits.high)
+        self._quick_stop = settings.blade.quick_stop
+        self._angle = settings.fixed_angle
+        self._sensor = Sensor(sensor)
+        self._force = self._sensor.measure(0.0)
+
+    def step(self, speed: float, turn: float, stopping: bool) -> None:
+        """A millisecond; a quick stop brakes at its own rate, without the velocity loop's lag."""
+        drive, state = self._records[0], self._states[0]
+        drive.acceleration = self._quick_stop if stopping else self._drive.acceleration
+        drive.lag = TICK if stopping else self._drive.motor_lag
+        target = 0.0 if stopping else float(delayed(state, drive, speed))
+        advance_command(state, drive, made_up(drive, TICK), target, TICK)
+        self._angle = min(max(self._angle + turn * TICK, math.radians(45.0)), math.radians(90.0))
+        self._force = self._sensor.measure(0.0)
+
+    def block(self) -> None:
+        """A millisecond in which nothing can move."""
+        self._states["hand_speed"] = 0.0
+        self._force = self._sensor.measure(0.0)
+
+    @property
+    def motion(self) -> tuple[float, float, float]:
+        """Position [m], speed [m/s] and angle [rad]."""
+        state = self._states[0]
+        return float(state["hand"]) - _FAR, float(state["hand_speed"]), self._angle
+
+    @property
+    def force(self) -> float:
+        """As the sensor has it [N]."""
+        return self._force

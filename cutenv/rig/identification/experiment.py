@@ -1,0 +1,241 @@
+"""The experiment on a released rig, and what its recording comes to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from cutenv.cutting.records import TICK
+from cutenv.rig.drivers import RigError
+from cutenv.rig.identification.friction import Friction, Play, Unseen, coulomb_friction, play
+from cutenv.rig.identification.plan import Plan
+from cutenv.rig.identification.recording import Array, Recorder, Stretch
+from cutenv.rig.identification.response import Response, SineCheck, check_sine, fit_response
+from cutenv.rig.identification.result import Estimate, Identification
+from cutenv.rig.identification.sensor_noise import BLOCK, sensor_at_rest
+from cutenv.rig.plant import RigPlant
+from cutenv.rig.settings import RigSettings
+
+APPROACH = 0.005
+"""Of the way to where the experiment starts [m/s]."""
+_TICKS = 20  # [ms] between commands, as between decisions
+_PAUSE = 0.4  # [s] of rest before each stretch
+_REST_TICKS = 100
+
+
+class Recorded(NamedTuple):
+    """What axis and sensor have answered.
+
+    Attributes
+    ----------
+    steps, sines : tuple of Stretch
+        As the plan orders them; of each speed there is a step away from the clamp and one back.
+    turns : Stretch
+        The slow reversals.
+    force : array of shape (n,)
+        Readings along the cut at rest [N].
+    rate : float
+        Of those readings [Hz].
+    """
+
+    steps: tuple[Stretch, ...]
+    sines: tuple[Stretch, ...]
+    turns: Stretch
+    force: Array
+    rate: float
+
+
+def perform(plant: RigPlant, plan: Plan, tell: Callable[[str], None] = lambda message: None) -> Recorded:
+    """Move the empty axis as planned, and record what it answers.
+
+    Parameters
+    ----------
+    plant : RigPlant
+        Opened, prepared and released; the blade in air.  It is left at rest where it started, and released.
+    plan : Plan
+        What is done.
+    tell : callable
+        Told what happens next.
+
+    Raises
+    ------
+    RigStopped
+        If the supervisor stops the blade.
+    RigError
+        If commands had to be made smaller, so that the answer is not to the plan.
+    """
+    recorder = Recorder("xyz".index(plant.settings.sensor.cut_axis))
+    came_from = plant.position
+    plant.witness = recorder
+    try:
+        tell(f"way to {1e3 * plan.start:.1f} mm")
+        plant.travel(plan.start, speed=APPROACH)
+        moves = _Moves(plant, recorder)
+        tell(f"sensor at rest, {plan.rest:g} s")
+        rest = moves.rest(plan.rest)
+        tell(f"{plan.turns} slow reversals")
+        turns = moves.turns(plan)
+        tell(f"steps to {', '.join(f'{1e3 * speed:.3g}' for speed in plan.speeds)} mm/s")
+        steps = [
+            moves.step(sign * speed, hold)
+            for speed, hold in zip(plan.speeds, plan.step_hold, strict=True)
+            for sign in (1, -1)
+        ]
+        tell(f"sines of {', '.join(f'{sine.frequency:g}' for sine in plan.sines)} Hz")
+        sines = [moves.sine(sine.speed, sine.duration) for sine in plan.sines]
+        plant.travel(came_from, speed=APPROACH)
+    finally:
+        plant.witness = None
+    if plant.supervisor.limited > moves.limited:
+        raise RigError(
+            "commands were made smaller on the way, so the answer is not to what was asked: widen the limits of the"
+            " rig's file, or start farther from the ends of travel."
+        )
+    force = recorder.force_along(*rest)
+    return Recorded(tuple(steps), tuple(sines), turns, force, len(force) / (rest[1] - rest[0]))
+
+
+class _Moves:
+    """Moves the blade and notes what it was told."""
+
+    def __init__(self, plant: RigPlant, recorder: Recorder) -> None:
+        self._plant, self._recorder = plant, recorder
+        self._angle = plant.angle
+        self.limited = plant.supervisor.limited
+        plant.begin()
+
+    def _command(self, speed: float, ticks: int) -> None:
+        self._recorder.command(self._plant.clock.now(), speed)
+        self._plant.advance(speed, self._angle, ticks)
+
+    def _hold(self, speed: float, duration: float) -> None:
+        for _ in range(max(round(duration / (_TICKS * TICK)), 1)):
+            self._command(speed, _TICKS)
+
+    def _recorded(self, moves: Callable[[], None]) -> Stretch:
+        """What ``moves`` does, with the rest before and after it."""
+        start = self._plant.clock.now()
+        self._hold(0.0, _PAUSE)
+        moves()
+        self._hold(0.0, _TICKS * TICK)
+        return self._recorder.stretch(start, self._plant.clock.now())
+
+    def rest(self, duration: float) -> tuple[float, float]:
+        """Stand still; from when to when."""
+        self._hold(0.0, _PAUSE)
+        start = self._plant.clock.now()
+        while self._plant.clock.now() < start + duration:
+            self._command(0.0, _REST_TICKS)
+        return start, self._plant.clock.now()
+
+    def step(self, speed: float, hold: float) -> Stretch:
+        """From rest to ``speed``, and to rest again."""
+
+        def moves() -> None:
+            self._hold(speed, hold)
+            self._hold(0.0, hold)
+
+        return self._recorded(moves)
+
+    def turns(self, plan: Plan) -> Stretch:
+        """To and fro, slowly."""
+
+        def moves() -> None:
+            for k in range(plan.turns + 1):
+                self._hold(math.copysign(plan.turn_speed, -((-1) ** k)), plan.turn_travel / plan.turn_speed)
+            self._hold(0.0, _PAUSE)
+
+        return self._recorded(moves)
+
+    def sine(self, speed: Callable[[float], float], duration: float) -> Stretch:
+        """A speed over time."""
+
+        def moves() -> None:
+            begun = self._plant.clock.now()
+            while (time := self._plant.clock.now() - begun) < duration:
+                self._command(speed(time), _TICKS)
+            self._hold(0.0, _PAUSE)
+
+        return self._recorded(moves)
+
+
+def estimated(settings: RigSettings, plan: Plan, recorded: Recorded) -> Identification:
+    """What recorded arrays tell of a rig; takes some seconds of computing, so leave the rig before.
+
+    Raises
+    ------
+    RigError
+        If the axis has not moved, or too little was recorded.
+    """
+    steps, sines, turns, force, rate = recorded
+    axis = settings.blade
+    try:
+        response = fit_response(steps, nominal_acceleration=axis.acceleration)
+        at_rest = _of_sensor(force, rate)
+    except ValueError as error:
+        raise RigError(f"the rig cannot be identified: {error}") from None
+    friction = coulomb_friction(
+        steps, axis, lag=response.lag, acceleration=response.least_acceleration, dead_time=max(response.dead_time, 0.0)
+    )
+    estimates = (*_of_response(response), _of_play(play(turns, axis)), _of_friction(friction), *at_rest)
+    checks: tuple[SineCheck, ...] = tuple(
+        check_sine(sine, planned.frequency, response) for sine, planned in zip(sines, plan.sines, strict=True)
+    )
+    return Identification(plan=plan, estimates=estimates, response=response, checks=checks, steps=steps, sines=sines)
+
+
+def _of_response(response: Response) -> list[Estimate]:
+    fitted = f"least squares on {1e6 * response.misfit:.0f} um of misfit in the steps"
+    limit = Estimate(
+        name="acceleration",
+        value=response.acceleration,
+        error=None if response.acceleration is None else response.acceleration_error,
+        how=f"no step met a limit; above {response.least_acceleration:.2g} m/s2"
+        if response.acceleration is None
+        else "slope of the fast steps; " + fitted,
+    )
+    return [
+        Estimate(name="motor_lag", value=response.lag, error=response.lag_error, how=fitted),
+        Estimate(
+            name="dead_time",
+            value=max(response.dead_time, 0.0),
+            error=response.dead_time_error,
+            how="delay of the answer to the steps; holds the way over the bus and back",
+        ),
+        limit,
+    ]
+
+
+def _of_play(found: Play | Unseen) -> Estimate:
+    if isinstance(found, Unseen):
+        return Estimate(name="backlash", value=None, error=None, how=found.why)
+    how = f"way after slow reversals until torque rises by {found.carriage:.1f} N"
+    return Estimate(name="backlash", value=found.backlash, error=found.error, how=how)
+
+
+def _of_friction(found: Friction | Unseen) -> Estimate:
+    if isinstance(found, Unseen):
+        return Estimate(name="friction", value=None, error=None, how=found.why)
+    how = f"torque at steady speeds both ways; {found.viscous:.0f} N s/m besides"
+    return Estimate(name="friction", value=found.coulomb, error=found.error, how=how)
+
+
+def _of_sensor(force: Array, rate: float) -> list[Estimate]:
+    names = ("force_noise", "force_resolution", "force_drift")
+    found = sensor_at_rest(force, rate)
+    if found is None:
+        return [Estimate(name=name, value=None, error=None, how="all readings at rest are equal") for name in names]
+    unseen = f"no walk of the zero is seen: below {found.drift_seen:.2g} N"
+    return [
+        Estimate(
+            name="force_noise", value=found.noise, error=found.noise_error, how="readings at rest, before rounding"
+        ),
+        Estimate(name="force_resolution", value=found.resolution, error=None, how="smallest step of the readings"),
+        Estimate(
+            name="force_drift",
+            value=found.drift,
+            error=found.drift_error,
+            how=f"{'walk of the zero' if found.drift else unseen}; likelihood of {1e3 * BLOCK:g} ms means",
+        ),
+    ]

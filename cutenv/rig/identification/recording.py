@@ -1,0 +1,97 @@
+"""What was commanded, and what drive and sensor said to it: lists while it happens, arrays afterwards."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.rig.samples import ForceSample, MotionSample
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """One part of the experiment, from rest to rest; times [s] of one clock, samples as they arrived.
+
+    Attributes
+    ----------
+    command_time, command : array of shape (c,)
+        Speeds [m/s] that were put on the bus; each holds until the next, and before the first the axis rests.
+    time, position, torque : array of shape (n,)
+        Samples of the axis [m], and of its motor's torque over the rated one [1].
+    """
+
+    command_time: Array
+    command: Array
+    time: Array
+    position: Array
+    torque: Array
+
+
+class Recorder:
+    """Listens to an axis and a sensor along with the supervisor.
+
+    Parameters
+    ----------
+    cut_axis : int
+        Of the sensor, along the cut: 0, 1 or 2.
+    """
+
+    def __init__(self, cut_axis: int = 0) -> None:
+        self._cut_axis = cut_axis
+        self._commands: list[tuple[float, float]] = []
+        self._motions: dict[str, list[MotionSample]] = {}
+        self._forces: list[ForceSample] = []
+        self._beats: dict[str, list[float]] = {}
+
+    def command(self, time: float, speed: float) -> None:
+        """Note a speed [m/s] that is put on the bus now."""
+        self._commands.append((time, speed))
+
+    # A listener of the plant
+
+    def motion(self, axis: str, sample: MotionSample) -> None:
+        """Keep a sample."""
+        self._motions.setdefault(axis, []).append(sample)
+
+    def force(self, sample: ForceSample) -> None:
+        """Keep a reading."""
+        self._forces.append(sample)
+
+    def alive(self, axis: str, time: float) -> None:
+        """Keep when a heartbeat came."""
+        self._beats.setdefault(axis, []).append(time)
+
+    def stretch(self, start: float, end: float) -> Stretch:
+        """What was commanded and answered between two times [s]."""
+        commands = np.array([each for each in self._commands if start <= each[0] < end]).reshape(-1, 2)
+        motions = np.array([each[:4] for each in self._between("blade", start, end)]).reshape(-1, 4)
+        return Stretch(
+            command_time=commands[:, 0],
+            command=commands[:, 1],
+            time=motions[:, 0],
+            position=motions[:, 1],
+            torque=motions[:, 3],
+        )
+
+    def forces(self, start: float, end: float) -> list[ForceSample]:
+        """Readings between two times [s]."""
+        return [each for each in self._forces.copy() if start <= each.time < end]
+
+    def force_along(self, start: float, end: float) -> Array:
+        """Readings along the cut between two times [s], in the sensor's sign [N]."""
+        return np.array([each.force[self._cut_axis] for each in self.forces(start, end)])
+
+    def motion_times(self, axis: str, start: float, end: float) -> Array:
+        """When samples of an axis came, between two times [s]."""
+        return np.array([each.time for each in self._between(axis, start, end)])
+
+    def heartbeats(self, axis: str, start: float, end: float) -> Array:
+        """When they came, between two times [s]."""
+        return np.array([each for each in self._beats.get(axis, []) if start <= each < end])
+
+    def _between(self, axis: str, start: float, end: float) -> list[MotionSample]:
+        return [each for each in self._motions.get(axis, []).copy() if start <= each.time < end]

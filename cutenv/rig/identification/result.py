@@ -1,0 +1,143 @@
+"""What was found of a rig: each constant with its standard error and how it was found, or why it cannot be told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from datetime import date
+
+import numpy as np
+
+from cutenv.cutting.drive import Rig
+from cutenv.cutting.sensor import SensorParameters
+from cutenv.parameter import parameter_table
+from cutenv.rig.file_keys import IDENTIFIED, UNITS, Key
+from cutenv.rig.identification.plan import Plan
+from cutenv.rig.identification.recording import Array, Stretch
+from cutenv.rig.identification.response import Response, SineCheck
+from cutenv.rig.settings import Identified
+
+_DIGITS = 2  # of a standard error, to which a value is rounded
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """One constant, under its name in :class:`~cutenv.rig.settings.Identified`; SI.
+
+    Attributes
+    ----------
+    name : str
+        Of the constant.
+    value : float or None
+        None: it cannot be told.
+    error : float or None
+        Standard error.
+    how : str
+        It was found, or why it cannot be told.
+    """
+
+    name: str
+    value: float | None
+    error: float | None
+    how: str
+
+    @property
+    def rounded(self) -> float | None:
+        """The value to the digits that its standard error leaves."""
+        if self.value is None or self.value == 0.0 or not self.error:
+            return self.value
+        return round(self.value, _DIGITS - 1 - math.floor(math.log10(self.error)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Identification:
+    """Everything that one experiment has told.
+
+    Attributes
+    ----------
+    plan : Plan
+        What was done.
+    estimates : tuple of Estimate
+        In the order of the rig's file.
+    response : Response
+        Of the axis.
+    checks : tuple of SineCheck
+        What the fitted model does not explain.
+    steps, sines : tuple of Stretch
+        As recorded, for a picture.
+    """
+
+    plan: Plan
+    estimates: tuple[Estimate, ...]
+    response: Response
+    checks: tuple[SineCheck, ...]
+    steps: tuple[Stretch, ...]
+    sines: tuple[Stretch, ...]
+
+    def __getitem__(self, name: str) -> Estimate:
+        """The estimate of that name."""
+        return next(each for each in self.estimates if each.name == name)
+
+    def identified(self, before: Identified, today: date) -> Identified:
+        """As the rig's file holds it: what could be told, rounded, and of the rest what was known ``before``."""
+        found = {each.name: each.rounded for each in self.estimates if each.value is not None}
+        return replace(before, date=today.isoformat(), **found)
+
+    def table(self, before: Identified) -> list[str]:
+        """Lines: what was measured, with its standard error, beside the file's and the simulator's values."""
+        simulated = {row["name"]: row["default"] for row in parameter_table(Rig, SensorParameters)}
+        rows = [("constant", "measured", "std error", "file", "simulator", "how")]
+        for key in IDENTIFIED.keys:
+            if key.field == "date":
+                continue
+            each = self[key.field]
+            rows.append(
+                (
+                    f"{key.field} [{UNITS[key.unit].sign}]",
+                    _shown(key, each.rounded) if each.value is not None else "-",
+                    "-" if each.error is None else f"{key.from_si(each.error):.2g}",
+                    _shown(key, getattr(before, key.field)),
+                    _shown(key, simulated.get(key.field)),
+                    each.how if each.value is not None else f"cannot be told: {each.how}",
+                )
+            )
+        return aligned(rows)
+
+    def drawn_steps(self) -> list[tuple[str, Array, Array, Array]]:
+        """For a picture: name, time [s], measured and modelled position [m] of each step, both from 0 on."""
+        names = [f"{1e3 * each.command[np.abs(each.command).argmax()]:+.3g} mm/s" for each in self.steps]
+        return self._drawn(names, self.steps)
+
+    def drawn_sines(self) -> list[tuple[str, Array, Array, Array]]:
+        """For a picture: name, time [s], measured and modelled position [m] of each sine."""
+        return self._drawn([f"{sine.frequency:g} Hz" for sine in self.plan.sines], self.sines)
+
+    def _drawn(self, names: Iterable[str], stretches: Iterable[Stretch]) -> list[tuple[str, Array, Array, Array]]:
+        drawn = []
+        for name, stretch in zip(names, stretches, strict=True):
+            model = self.response.positions(stretch)
+            measured = stretch.position - stretch.position[0]
+            moved = stretch.command_time[np.flatnonzero(stretch.command)[0]]
+            drawn.append((name, stretch.time - moved, measured, model + float(np.mean(measured - model))))
+        return drawn
+
+    def sine_table(self) -> list[str]:
+        """Lines: gain and phase of each sine, and how far the fitted model is from them."""
+        rows = [("sine [Hz]", "gain", "phase [deg]", "gain error [%]", "phase error [deg]")]
+        for each in self.checks:
+            phases = [f"{math.degrees(each.phase):.1f}", f"{math.degrees(each.phase_error):+.1f}"]
+            gains = [f"{each.gain:.3f}", f"{100 * each.gain_error:+.1f}"]
+            rows.append((f"{each.frequency:g}", gains[0], phases[0], gains[1], phases[1]))
+        return aligned(rows)
+
+
+def _shown(key: Key, value: float | None) -> str:
+    return "-" if value is None else f"{key.from_si(value):.4g}"
+
+
+def aligned(rows: Iterable[tuple[str, ...]]) -> list[str]:
+    """Rows of text as lines, columns below each other."""
+    rows = list(rows)
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]

@@ -1,0 +1,128 @@
+"""Behaviour cloning and recurrent PPO as a user runs them, small: they write what ppo.py writes, and go on."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+from program import interrupted, run
+
+from cutenv.policy import Features, TrainedPolicy, past_dead_zone
+
+pytest.importorskip("sb3_contrib", reason="the learners are an extra: pip install 'cutenv[rl]'")
+torch = pytest.importorskip("torch", reason="the learners are an extra: pip install 'cutenv[rl]'")
+
+COMMON = (
+    "--name", "small", "--environments", "4", "--demonstrations", "1000", "--validations", "2",
+    "--validation-specimens", "4", "--specimens", "0",
+)  # fmt: skip
+TRIAL = ("--rollout", "64", "--batch-size", "64", "--timesteps", "2048", "--epochs", "2")
+PROGRAMS = {
+    "bc.py": (*COMMON, "--epochs", "4"),
+    "recurrent_ppo.py": (*COMMON, *TRIAL, "--cloning-epochs", "1", "--critic", "features"),
+}
+
+
+@pytest.fixture(scope="module", params=list(PROGRAMS))
+def finished(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    folder = tmp_path_factory.mktemp("training")
+    done = run(request.param, folder, *PROGRAMS[request.param], "--tensorboard")
+    assert done.returncode == 0, done.stderr
+    return request.param, folder / "runs" / "small"
+
+
+def test_a_run_keeps_seeds_versions_commit_curve_and_events(finished):
+    _, folder = finished
+    facts = json.loads((folder / "run.json").read_text())
+    assert max(facts["seeds"]["training"]) < min(facts["seeds"]["validation"])
+    assert {"torch", "sb3-contrib", "numpy", "python"} <= facts["versions"].keys()
+    assert {"commit", "uncommitted_changes", "training_minutes"} <= facts.keys()
+    with (folder / "learning_curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert any(row["validation_return"] for row in rows)
+    seconds = [float(row["seconds"]) for row in rows]
+    assert seconds == sorted(seconds)
+    assert list(folder.glob("tensorboard/**/events.out.tfevents.*"))
+
+
+def test_the_policy_runs_without_torch_and_is_that_of_the_run(finished):
+    _, folder = finished
+    policy = TrainedPolicy.load(folder / "policy")
+    env = gymnasium.make(policy.card.environment, **policy.environment_arguments)
+    observation, _ = env.reset(seed=1)
+    policy.reset(np.random.default_rng(0))
+    for _ in range(20):
+        observation = env.step(policy(observation))[0]
+    assert policy.card.training["agent"] in ("behaviour cloning", "recurrent PPO")
+    assert policy.card.training["decisions"] > 0
+
+
+def test_a_run_is_never_overwritten(finished):
+    program, folder = finished
+    again = run(program, folder.parents[1], *PROGRAMS[program])
+    assert again.returncode != 0
+    assert "--resume" in again.stderr
+
+
+@pytest.mark.parametrize("finished", ["recurrent_ppo.py"], indirect=True)
+def test_the_exported_memory_acts_as_the_trained_one(finished):
+    _, folder = finished
+    from sb3_contrib import RecurrentPPO
+
+    model = RecurrentPPO.load(folder / "policy.zip", device="cpu")
+    policy = TrainedPolicy.load(folder / "policy")
+    features = Features(**policy.card.features)
+    hidden = np.zeros(model.observation_space.shape[0] - features.size, np.float32)
+    env = gymnasium.make(policy.card.environment, **policy.environment_arguments)
+    observation, _ = env.reset(seed=1)
+    policy.reset(np.random.default_rng(0))
+    memory, begun = None, np.array([True])
+    for _ in range(60):
+        shown = np.concatenate((features(observation), hidden))
+        expected, memory = model.predict(shown, state=memory, episode_start=begun, deterministic=True)
+        begun = np.array([False])
+        action = policy(observation)
+        assert action == pytest.approx(past_dead_zone(np.clip(expected, -1.0, 1.0), policy.card.dead_zone), abs=1e-4)
+        observation = env.step(action)[0]
+
+
+def test_an_interrupted_cloning_goes_on_as_if_it_had_not_been(tmp_path):
+    small = ("--name", "small", *COMMON[2:], "--checkpoint-seconds", "0")
+    status, printed = interrupted("bc.py", tmp_path, "checkpoint.safetensors", *small, "--epochs", "200")
+    assert status == 130
+    assert "--resume runs/small" in printed
+    done = run("bc.py", tmp_path, "--resume", "runs/small")
+    assert done.returncode == 0, done.stderr
+    assert "resuming after" in done.stdout
+    other = tmp_path / "straight"
+    other.mkdir()
+    straight = run("bc.py", other, *small, "--epochs", "200")
+    assert straight.returncode == 0, straight.stderr
+    from safetensors.numpy import load_file
+
+    one, two = (load_file(folder / "runs" / "small" / "checkpoint.safetensors") for folder in (tmp_path, other))
+    assert one.keys() == two.keys()
+    for name in one:
+        assert np.array_equal(one[name], two[name]), name
+
+
+def test_an_interrupted_recurrent_run_goes_on_from_its_checkpoint(tmp_path):
+    endless = (*PROGRAMS["recurrent_ppo.py"], "--timesteps", "100000000", "--checkpoint-seconds", "0")
+    status, printed = interrupted("recurrent_ppo.py", tmp_path, "checkpoint.zip", *endless)
+    assert status == 130
+    assert "checkpoint.zip is usable" in printed
+    done = run("recurrent_ppo.py", tmp_path, "--resume", "runs/small", "--timesteps", "1")
+    assert done.returncode == 0, done.stderr
+    assert "resuming after" in done.stdout
+    assert (tmp_path / "runs" / "small" / "policy" / "card.json").is_file()
+
+
+def test_the_clock_ends_training(tmp_path):
+    endless = (*PROGRAMS["recurrent_ppo.py"], "--timesteps", "100000000", "--minutes", "0.05")
+    done = run("recurrent_ppo.py", tmp_path, *endless)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "runs" / "small" / "policy" / "card.json").is_file()

@@ -1,0 +1,100 @@
+"""An empty axis of known constants: the simulator's drive, seen through encoder, torque meter and a late bus."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cutenv.cutting.drive import Rig, advance_command, delayed, made_up
+from cutenv.cutting.records import STATE, TICK
+from cutenv.rig.identification.experiment import Recorded, estimated
+from cutenv.rig.identification.plan import Plan
+from cutenv.rig.identification.recording import Stretch
+from cutenv.rig.identification.result import Identification
+from cutenv.rig.settings import Axis, RigSettings
+
+SYNC = 5  # ticks
+AXIS = Axis()
+INCREMENT = AXIS.lead / (AXIS.gear * 4 * AXIS.pulses)
+COUNT = 1e-3 * 2.0 * np.pi * AXIS.gear / AXIS.lead * AXIS.rated_torque  # [N] of a per mille
+
+
+@dataclass(frozen=True, kw_only=True)
+class MadeUpAxis:
+    """Constants in, recordings out; friction on the motor's side, and of the carriage behind the play [N]."""
+
+    drive: Rig = field(default_factory=Rig)
+    motor_friction: float = 18.0
+    carriage_friction: float = 4.0
+    viscous: float = 300.0
+    jitter: float = 0.4e-3  # mean of an exponential lateness of samples [s]
+    reports_torque: bool = True
+    seed: int = 0
+
+    def stretch(self, commands: np.ndarray) -> Stretch:
+        """What follows from one commanded speed a millisecond."""
+        rng = np.random.default_rng([self.seed, len(commands)])
+        drives, states = self.drive.records(2.0), np.zeros(1, STATE)
+        states["hand"] = states["blade"] = 1.0
+        drive, state = drives[0], states[0]
+        share = made_up(drive, TICK)
+        rows = []
+        for tick, command in enumerate(commands):
+            before = float(state.hand)
+            advance_command(state, drive, share, delayed(state, drive, float(command)), TICK)
+            dx = state.hand - state.blade
+            if dx < 0.0:
+                dx = min(dx + drive.backlash, 0.0)
+            state.blade += dx
+            speed = (state.hand - before) / TICK
+            force = np.sign(speed) * self.motor_friction + self.viscous * speed + np.sign(dx) * self.carriage_friction
+            if (tick + 1) % SYNC == 0:
+                late = rng.exponential(self.jitter)
+                torque = round(force / COUNT) if self.reports_torque else 0
+                rows.append(((tick + 1) * TICK + late, round(state.hand / INCREMENT) * INCREMENT, 1e-3 * torque))
+        time, position, torque = np.array(rows).T
+        time = np.maximum.accumulate(time)  # what is late holds up what follows
+        changes = np.flatnonzero(np.diff(commands, prepend=np.nan))
+        changes = np.append(changes, len(commands) - 1)
+        return Stretch(
+            command_time=TICK * changes, command=commands[changes], time=time, position=position, torque=torque
+        )
+
+    def step(self, speed: float, hold: float) -> Stretch:
+        ticks = round(hold / TICK)
+        return self.stretch(np.concatenate((np.zeros(400), np.full(ticks, speed), np.zeros(ticks + 20))))
+
+    def turns(self, plan: Plan) -> Stretch:
+        ticks = round(plan.turn_travel / plan.turn_speed / TICK)
+        legs = [np.full(ticks, plan.turn_speed * -((-1) ** k)) for k in range(plan.turns + 1)]
+        return self.stretch(np.concatenate((np.zeros(400), *legs, np.zeros(20))))
+
+    def sine(self, frequency: float, amplitude: float, duration: float) -> Stretch:
+        time = 0.020 * np.arange(round(duration / 0.020))
+        commands = np.repeat(amplitude * np.sin(2.0 * np.pi * frequency * time), 20)
+        return self.stretch(np.concatenate((np.zeros(400), commands, np.zeros(400))))
+
+
+def made_up_force(
+    *, noise: float = 0.02, resolution: float = 0.05, drift: float = 0.0, duration: float = 20.0, seed: int = 0
+) -> np.ndarray:
+    """Readings at rest at 1 kHz, with an offset [N]."""
+    rng = np.random.default_rng(seed)
+    n = round(duration / TICK)
+    walk = np.cumsum(drift * TICK**0.5 * rng.standard_normal(n))
+    force = 0.0137 + walk + noise * rng.standard_normal(n)
+    return force if resolution == 0.0 else resolution * np.floor(force / resolution + 0.5)
+
+
+def identified(axis: MadeUpAxis, **force: float) -> Identification:
+    """The whole experiment on a made-up rig."""
+    settings = RigSettings()
+    plan = Plan.within(settings, 0.03)
+    steps = tuple(
+        axis.step(sign * speed, hold)
+        for speed, hold in zip(plan.speeds, plan.step_hold, strict=True)
+        for sign in (1, -1)
+    )
+    sines = tuple(axis.sine(*sine, sine.duration) for sine in plan.sines)
+    return estimated(settings, plan, Recorded(steps, sines, axis.turns(plan), made_up_force(**force), 1000.0))

@@ -1,0 +1,87 @@
+"""``cutenv rig check`` tells what is wrong with a rig, and neither powers nor moves it."""
+
+from __future__ import annotations
+
+import json
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+from cutenv import cli
+from cutenv.commands.rig.check import as_json, lines
+from cutenv.rig.air_bench import AirBench
+from cutenv.rig.fake import FakeRig, Faults, fake_settings
+from cutenv.rig.inspection import Inspection, inspect
+from cutenv.rig.preparation import SETTLE
+from cutenv.rig.samples import DriveState
+
+
+def inspected(**faults: object) -> Inspection:
+    rig = FakeRig(AirBench, fake_settings())
+    rig.plant.open()
+    rig.clock.sleep_until(rig.clock.now() + SETTLE)
+    for name, value in faults.items():
+        assert hasattr(Faults(), name)
+        setattr(rig.faults, name, value)
+    found = inspect(rig.plant, date.today())
+    assert rig.blade.state is DriveState.DISABLED
+    assert rig.blade.target == 0.0
+    return found
+
+
+def failed(found: Inspection) -> set[str]:
+    return {check.name for check in found.checks if not check.passed}
+
+
+def test_a_rig_that_is_well_passes_every_check() -> None:
+    found = inspected()
+    assert failed(found) == set()
+    assert found.told["sensor"]["measured_rate_Hz"] == pytest.approx(1000.0, rel=0.01)
+    assert found.told["sensor"]["noise_x_N"] == pytest.approx(0.023, abs=0.01)
+    assert found.told["blade"]["heartbeat_period_ms"] == pytest.approx(50.0, rel=0.05)
+    assert found.told["blade"]["limit_speed_m_s"] == 0.0381
+
+
+@pytest.mark.parametrize(
+    ("fault", "value", "check"),
+    [
+        ("lose_every", 2, "force packets lost"),
+        ("force_silent", True, "force rate"),
+        ("force_frozen", True, "force changes"),
+        ("force_status", 1 << 31, "force status"),
+        ("side_force", 1.0, "zero force"),
+        ("motion_silent", True, "blade samples"),
+        ("heartbeat_silent", True, "blade heartbeat"),
+    ],
+)
+def test_what_is_wrong_fails_a_check_with_its_cure(fault: str, value: object, check: str) -> None:
+    found = inspected(**{fault: value})
+    assert check in failed(found)
+    assert any(line.split("  ")[0:1] and "FAIL" in line and check in line for line in lines(found))
+
+
+def test_a_failed_check_names_a_cure() -> None:
+    found = inspected(lose_every=2)
+    lost = next(check for check in found.checks if check.name == "force packets lost")
+    assert "cable" in lost.found
+
+
+def test_the_inspection_is_json() -> None:
+    told = json.loads(json.dumps(as_json(inspected(heartbeat_silent=True))))
+    assert told["passed"] is False
+    assert {check["name"] for check in told["checks"] if not check["passed"]} == {"blade heartbeat", "angle heartbeat"}
+
+
+def test_the_command_passes_a_fake_rig(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["rig", "check", "fake", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["passed"] is True
+    assert cli.main(["rig", "check", "fake"]) == 0
+    shown = capsys.readouterr().out
+    assert "checks pass" in shown
+    assert "FAIL" not in shown
+
+
+def test_a_file_that_is_not_there_is_no_failed_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["rig", "check", str(tmp_path / "none.toml")]) == 2
+    assert "no such file" in capsys.readouterr().err

@@ -1,0 +1,110 @@
+"""A program that ends badly stops the blade first: signals, exceptions, a dead parent; a real process for each."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from made_ready import ready_rig
+
+from cutenv.rig.causes import Cause, RigStopped
+from cutenv.rig.guard import guarded
+
+HERE = Path(__file__).parent
+UPRIGHT = 1.5707963
+CHILD = """
+import os, sys, time
+sys.path.insert(0, {here!r})
+from made_ready import ready_rig
+from cutenv.rig.causes import RigStopped
+from cutenv.rig.clock import SystemClock
+from cutenv.rig.guard import guarded
+rig = ready_rig()
+supervisor = rig.plant.supervisor
+supervisor._clock = SystemClock()
+say = lambda *words: os.write(1, (" ".join(words) + chr(10)).encode())  # whole lines, from two threads
+supervisor.on_stop = lambda report: say("stopped", report.cause.value, report.detail)
+with guarded(supervisor, SystemClock()):
+    say("ready")
+    while True:
+        try:
+            rig.plant.advance(0.01 if rig.plant.position < 0.05 else -0.01, 1.57, 20)
+        except RigStopped as stop:
+            say("met", stop.report.cause.value)
+            break
+        time.sleep(0.002)
+"""
+
+
+def child(script: str = CHILD) -> subprocess.Popen:
+    ran = subprocess.Popen(
+        [sys.executable, "-c", script.format(here=str(HERE))], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert ran.stdout is not None
+    assert ran.stdout.readline() == "ready\n"
+    return ran
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_stops_the_blade_before_the_program_ends(number):
+    ran = child()
+    time.sleep(0.1)
+    ran.send_signal(number)
+    out, err = ran.communicate(timeout=30)
+    assert sorted(out.splitlines()) == ["met interrupted", f"stopped interrupted {number.name}"], err
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes of another kind have no orphans to watch")
+def test_the_death_of_the_parent_stops_the_blade(tmp_path):
+    """A parent that starts the rig's process and is killed; what the orphan says goes to a file."""
+    script = tmp_path / "orphan.py"
+    script.write_text(CHILD.format(here=str(HERE)))
+    told = tmp_path / "told.txt"
+    parent = subprocess.Popen(
+        [
+            sys.executable,
+            "-c",
+            f"import subprocess, sys\nwith open({str(told)!r}, 'w') as out:\n"
+            f"    subprocess.run([sys.executable, {str(script)!r}], stdout=out)",
+        ]
+    )
+    deadline = time.monotonic() + 60.0
+    while "ready" not in (told.read_text() if told.exists() else "") and time.monotonic() < deadline:
+        time.sleep(0.05)
+    parent.kill()
+    parent.wait()
+    while "met" not in told.read_text() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert [line.split(" ")[:3] for line in told.read_text().splitlines()][1] == ["stopped", "parent", "death"]
+
+
+def test_an_exception_stops_the_blade_and_goes_on():
+    rig = ready_rig()
+    rig.plant.advance(0.01, UPRIGHT, 200)
+    with pytest.raises(ZeroDivisionError), guarded(rig.plant.supervisor, rig.clock):
+        _ = 1 / 0
+    assert rig.plant.supervisor.report.cause is Cause.EXCEPTION
+    assert "ZeroDivisionError" in rig.plant.supervisor.report.detail
+    with pytest.raises(RigStopped):
+        rig.plant.advance(0.01, UPRIGHT, 20)
+
+
+def test_a_signal_while_nothing_may_move_ends_the_program_at_once():
+    rig = ready_rig()
+    rig.plant.supervisor.lock()
+    with pytest.raises(KeyboardInterrupt), guarded(rig.plant.supervisor, rig.clock):
+        signal.raise_signal(signal.SIGINT)
+    assert rig.plant.supervisor.report is None
+
+
+def test_handlers_are_put_back():
+    rig = ready_rig()
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    with guarded(rig.plant.supervisor, rig.clock):
+        assert signal.getsignal(signal.SIGTERM) is not before[signal.SIGTERM]
+    assert {number: signal.getsignal(number) for number in before} == before

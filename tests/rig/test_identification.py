@@ -1,0 +1,222 @@
+"""What was put into a made-up axis and sensor comes out of the experiment; a wrong estimator would be noticed."""
+
+from __future__ import annotations
+
+from datetime import date
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_up_axis import MadeUpAxis, identified, made_up_force
+
+from cutenv.cutting.drive import Rig
+from cutenv.rig.drivers import RigError
+from cutenv.rig.identification import friction, response, sensor_noise
+from cutenv.rig.identification.plan import Plan
+from cutenv.rig.identification.recording import Stretch
+from cutenv.rig.identification.result import Identification
+from cutenv.rig.identification.sensor_noise import sensor_at_rest
+from cutenv.rig.settings import Identified, Limits, RigSettings
+
+AXES = {
+    "plain": Rig(),
+    "slow and loose": Rig(motor_lag=0.080, dead_time=0.012, backlash=200e-6),
+    "fast": Rig(motor_lag=0.015, dead_time=0.004, acceleration=0.3, backlash=50e-6),
+    "lazy": Rig(motor_lag=0.030, dead_time=0.008, acceleration=0.05, backlash=100e-6),
+}
+
+
+def value(found: Identification, name: str) -> float:
+    told = found[name].value
+    assert told is not None, found[name].how
+    return told
+
+
+def check_lag(found: Identification, truth: Rig) -> None:
+    assert value(found, "motor_lag") == pytest.approx(truth.motor_lag, rel=0.05, abs=0.002)
+
+
+def check_dead_time(found: Identification, truth: Rig) -> None:
+    assert value(found, "dead_time") == pytest.approx(truth.dead_time, abs=0.002)
+
+
+def check_acceleration(found: Identification, truth: Rig) -> None:
+    assert value(found, "acceleration") == pytest.approx(truth.acceleration, rel=0.05)
+
+
+def check_backlash(found: Identification, truth: Rig) -> None:
+    assert value(found, "backlash") == pytest.approx(truth.backlash, rel=0.1, abs=20e-6)
+
+
+def check_sines(found: Identification, truth: Rig) -> None:
+    for each in found.checks:
+        assert each.gain_error == pytest.approx(0.0, abs=0.02)
+        assert each.phase_error == pytest.approx(0.0, abs=0.02)
+
+
+def check_noise(noise: float, resolution: float) -> None:
+    found = sensor_at_rest(made_up_force(noise=noise, resolution=resolution), 1000.0)
+    assert found is not None
+    assert found.noise == pytest.approx(noise, rel=0.1)
+
+
+@pytest.mark.parametrize("name", AXES)
+def test_an_axis_is_found_as_it_was_made(name: str) -> None:
+    truth = AXES[name]
+    found = identified(MadeUpAxis(drive=truth))
+    for check in (check_lag, check_dead_time, check_acceleration, check_sines):
+        check(found, truth)
+    if truth.backlash:
+        check_backlash(found, truth)
+    assert value(found, "friction") == pytest.approx(22.0, abs=3.0 * (found["friction"].error or 0.0) + 0.3)
+
+
+def _late_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    right = response.modelled
+
+    def wrong(stretch: Stretch, lag: float, acceleration: float, dead_time: float) -> Any:
+        return right(stretch, lag, acceleration, dead_time + 0.005)
+
+    monkeypatch.setattr(response, "modelled", wrong)
+
+
+def _without_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    right = response.modelled
+    monkeypatch.setattr(response, "modelled", lambda stretch, lag, acceleration, dead: right(stretch, lag, 1e3, dead))
+
+
+def _without_lag(monkeypatch: pytest.MonkeyPatch) -> None:
+    right = response.modelled
+    monkeypatch.setattr(response, "modelled", lambda stretch, lag, limit, dead: right(stretch, 1e-3, limit, dead))
+
+
+def _play_from_the_end_of_a_leg(monkeypatch: pytest.MonkeyPatch) -> None:
+    right = friction._leg
+    monkeypatch.setattr(
+        friction, "_leg", lambda turns, number: (lambda leg: (0.5 * leg[0], leg[1]))(right(turns, number))
+    )
+
+
+@pytest.mark.parametrize(
+    ("check", "mistake"),
+    [
+        (check_dead_time, _late_commands),
+        (check_lag, _without_limit),
+        (check_lag, _without_lag),
+        (check_sines, _without_lag),
+        (check_backlash, _play_from_the_end_of_a_leg),
+    ],
+)
+def test_a_wrong_estimator_would_be_noticed(check: Any, mistake: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    truth = AXES["slow and loose"]
+    check(identified(MadeUpAxis(drive=truth)), truth)
+    mistake(monkeypatch)
+    with pytest.raises(AssertionError):
+        check(identified(MadeUpAxis(drive=truth)), truth)
+
+
+@pytest.mark.parametrize(("noise", "resolution"), [(0.02, 0.05), (0.012, 0.05), (0.1, 0.05), (0.02, 1e-6)])
+def test_noise_is_found_as_it_was_before_rounding(noise: float, resolution: float) -> None:
+    check_noise(noise, resolution)
+
+
+def test_noise_taken_from_rounded_readings_would_be_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sensor_noise, "_unrounded", lambda by_block, step, spread: (spread, by_block.mean(axis=1)))
+    with pytest.raises(AssertionError):
+        check_noise(0.02, 0.05)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 2**31), drift=st.floats(0.005, 0.05), noise=st.floats(0.01, 0.05))
+def test_a_walking_zero_is_found_within_its_own_error(seed: int, drift: float, noise: float) -> None:
+    found = sensor_at_rest(made_up_force(noise=noise, drift=drift, seed=seed, duration=40.0), 1000.0)
+    assert found is not None
+    assert found.drift > 0.0
+    assert abs(found.drift - drift) < 5.0 * found.drift_error
+
+
+def test_a_standing_zero_does_not_walk() -> None:
+    walking = 0
+    for seed in range(20):
+        found = sensor_at_rest(made_up_force(seed=seed), 1000.0)
+        assert found is not None
+        walking += found.drift > 0.0
+    assert walking <= 3
+
+
+def test_the_least_step_of_readings_is_found() -> None:
+    found = sensor_at_rest(made_up_force(noise=0.02, resolution=0.025), 1000.0)
+    assert found is not None
+    assert found.resolution == pytest.approx(0.025)
+
+
+def test_equal_readings_tell_nothing() -> None:
+    assert sensor_at_rest(np.full(20000, 0.35), 1000.0) is None
+
+
+def test_too_few_readings_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"1\.0 s of readings are too few: give 5 s"):
+        sensor_at_rest(made_up_force(duration=1.0), 1000.0)
+
+
+def test_without_torque_friction_and_play_cannot_be_told() -> None:
+    found = identified(MadeUpAxis(drive=AXES["slow and loose"], reports_torque=False))
+    for name in ("friction", "backlash"):
+        assert found[name].value is None
+        assert "reports no torque" in found[name].how
+
+
+def test_a_carriage_that_is_pushed_for_nothing_hides_its_play() -> None:
+    found = identified(MadeUpAxis(drive=AXES["slow and loose"], carriage_friction=0.0))
+    assert found["backlash"].value is None
+    assert "no step after a reversal" in found["backlash"].how
+
+
+def test_a_limit_that_no_step_meets_is_not_made_up() -> None:
+    found = identified(MadeUpAxis(drive=Rig(motor_lag=0.060, acceleration=5.0)))
+    assert found["acceleration"].value is None
+    assert "no step met a limit" in found["acceleration"].how
+    check_lag(found, Rig(motor_lag=0.060))
+
+
+def test_standard_errors_cover_what_jitter_does() -> None:
+    truth = Rig(motor_lag=0.030)
+    lags = [identified(MadeUpAxis(drive=truth, seed=seed, jitter=1e-3))["motor_lag"] for seed in range(4)]
+    spread = np.std([each.value for each in lags], ddof=1)
+    assert spread < 3.0 * np.mean([each.error for each in lags])
+
+
+def test_what_was_found_replaces_what_was_known_and_nothing_else() -> None:
+    found = identified(MadeUpAxis(reports_torque=False))
+    before = Identified(date="2020-01-01", friction=3.0, motor_lag=0.1)
+    after = found.identified(before, date(2026, 3, 1))
+    assert after.date == "2026-03-01"
+    assert after.friction == 3.0
+    assert after.motor_lag == pytest.approx(0.040, rel=0.05)
+    assert after.motor_lag == found["motor_lag"].rounded
+
+
+def test_the_table_names_unit_error_present_and_simulated_value() -> None:
+    lines = identified(MadeUpAxis()).table(Identified(motor_lag=0.055))
+    lag = next(line for line in lines if line.startswith("motor_lag"))
+    assert lag.split()[:2] == ["motor_lag", "[ms]"]
+    assert lag.split()[4:6] == ["55", "40"]
+
+
+@pytest.mark.parametrize("position", [-0.001, 0.0, 0.07, 0.148])
+def test_a_plan_stays_where_commands_are_not_made_smaller(position: float) -> None:
+    rig = RigSettings()
+    plan = Plan.within(rig, position)
+    low, high = plan.path
+    assert rig.limits.low < low < high < rig.limits.high
+    assert abs(plan.start - position) <= 0.03
+    assert max(plan.speeds) < rig.limits.speed
+    for sine in plan.sines:
+        assert 2.0 * np.pi * sine.frequency * sine.amplitude < rig.blade.acceleration
+
+
+def test_a_travel_that_is_too_short_is_refused() -> None:
+    with pytest.raises(RigError, match="too short for this"):
+        Plan.within(RigSettings(limits=Limits(low=0.0, high=0.02)), 0.01)

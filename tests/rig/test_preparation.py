@@ -1,0 +1,125 @@
+"""Nothing moves before calibration, self-test and the operator's word; each check has a rig that fails it."""
+
+from __future__ import annotations
+
+import dataclasses
+from datetime import date, timedelta
+
+import pytest
+
+from cutenv.rig.drivers import RigError
+from cutenv.rig.fake import FakeRig, fake_rig, fake_settings
+from cutenv.rig.operator import AutomaticOperator, ScriptedOperator
+from cutenv.rig.preparation import SETTLE, prepare
+from cutenv.rig.samples import DriveState
+from cutenv.rig.settings import Calibration
+from cutenv.tissue.specimen import Specimen
+
+TODAY = date.today()
+
+
+def opened(**changes) -> FakeRig:
+    rig = fake_rig(Specimen.drawn(3, 0), fake_settings(**changes))
+    rig.plant.open()
+    rig.clock.sleep_until(rig.clock.now() + SETTLE)
+    return rig
+
+
+def refused(rig: FakeRig, because: str, operator=None) -> None:
+    """It is refused for that reason, nothing has moved, and the drives are without power."""
+    speeds = []
+    rig.clock.every(0.001, lambda now: speeds.append(abs(rig.bench.motion[1])), "look")
+    with pytest.raises(RigError, match=because):
+        prepare(rig.plant, operator or AutomaticOperator(rig.settings), today=TODAY)
+    assert max(speeds, default=0.0) == 0.0
+    assert rig.blade.state is not DriveState.ENABLED
+    assert rig.plant.supervisor.phase == "unready"
+
+
+def test_a_sound_rig_is_ready_and_says_what_was_found():
+    rig = opened()
+    operator = AutomaticOperator(rig.settings)
+    checks = prepare(rig.plant, operator, today=TODAY)
+    assert rig.plant.supervisor.phase == "ready"
+    assert {"calibration", "armed_by", "zero force", "encoder", "hinge", "blade limit high"} <= {c.name for c in checks}
+    assert "told +1.00 mm" in next(check.found for check in checks if check.name == "encoder")
+    assert any("Keep clear" in told for told in operator.told)
+    assert any("stop button" in asked for asked in operator.asked)
+
+
+@pytest.mark.parametrize(
+    ("calibration", "because"),
+    [
+        (Calibration(date=""), "never checked"),
+        (Calibration(date=(TODAY - timedelta(days=400)).isoformat()), "400 days ago"),
+        (Calibration(date=(TODAY + timedelta(days=2)).isoformat()), "in the future"),
+        (Calibration(date="last week"), "is no date"),
+    ],
+)
+def test_without_a_valid_calibration_nothing_moves(calibration, because):
+    refused(opened(calibration=calibration), because)
+
+
+def test_nobody_answers_for_it():
+    refused(opened(armed_by="  "), "armed_by")
+
+
+def test_the_operator_says_no_or_types_something_else():
+    refused(opened(), "not confirmed", ScriptedOperator([("will move", False)]))
+    refused(opened(), "not confirmed", ScriptedOperator([("will move", "fak")]))
+
+
+def test_a_force_on_a_blade_that_should_be_free():
+    rig = opened()
+    rig.faults.ramp = 2.0  # it comes back after the tare: somebody leans on the blade
+    refused(rig, "zero force")
+
+
+def test_a_sensor_that_is_unwell():
+    rig = opened()
+    rig.faults.force_status = 0x80000000
+    refused(rig, "force status: 0x80000000")
+
+
+def test_a_drive_that_has_other_limits_than_the_file():
+    rig = opened()
+    answered = rig.blade.limits()
+    rig.blade.limits = lambda: answered | {"high": 0.3}
+    refused(rig, "blade limit high: drive 0.3, file 0.149")
+
+
+def test_a_drive_in_fault_is_not_switched_on():
+    rig = opened()
+    rig.blade.state = DriveState.FAULT
+    with pytest.raises(RigError, match="clear it first"):
+        prepare(rig.plant, AutomaticOperator(rig.settings), today=TODAY)
+
+
+def test_an_encoder_that_counts_the_other_way_is_found_with_a_millimetre():
+    rig = opened()
+    for name in ("hand", "blade", "tip"):
+        rig.bench.plant.cuts["state"][name] = 0.01
+    rig.clock.sleep_until(rig.clock.now() + SETTLE)
+    told = rig.blade.command
+    rig.blade.command = lambda speed: told(-speed)
+    with pytest.raises(RigError, match=r"travel limit|following error|does not reach"):
+        prepare(rig.plant, AutomaticOperator(rig.settings), today=TODAY)
+    assert 0.006 < rig.bench.motion[0] < 0.01
+    assert rig.plant.supervisor.phase != "ready"
+
+
+def test_an_encoder_that_does_not_count():
+    rig = opened()
+    rig.faults.stuck = True
+    with pytest.raises(RigError, match="encoder stuck"):
+        prepare(rig.plant, AutomaticOperator(rig.settings), today=TODAY)
+
+
+def test_what_is_lowered_stays_lowered():
+    settings = fake_settings()
+    low = dataclasses.replace(settings, limits=settings.limits.lowered(speed=0.001))
+    rig = opened(limits=low.limits)
+    prepare(rig.plant, AutomaticOperator(rig.settings), today=TODAY)
+    rig.plant.begin()
+    readings = rig.plant.advance(0.0254, 1.57, 1000)
+    assert readings["speed"].max() < 0.001
