@@ -29,6 +29,8 @@ LOST_TIME = (
     Cause.FORCE_STALE, Cause.FORCE_LATE, Cause.FORCE_LOST, Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.OVERRUN,
 )  # fmt: skip
 """Stops after which a specimen is cut anew: the computer was elsewhere, which tells nothing of policy or rig."""
+_OUR_HEARTBEAT = "0x8130"
+"""Emergency of a drive that has missed the computer's heartbeat."""
 _ATTEMPTS = 5  # for a specimen
 _NOISE_KEY = 1_000_003  # added to a seed for every further draw of noise
 Told = Callable[[str, int], None]
@@ -186,7 +188,10 @@ def cut_on_rig(
 def _time_was_lost(env: RigCutEnv) -> bool:
     """Whether the rig is stopped for a reason that tells of computers, not of the cut."""
     supervisor = env.session.plant.supervisor
-    return supervisor.phase == "stopped" and supervisor.report is not None and supervisor.report.cause in LOST_TIME
+    report = supervisor.report
+    if supervisor.phase != "stopped" or report is None:
+        return False
+    return report.cause in LOST_TIME or (report.cause is Cause.DRIVE and _OUR_HEARTBEAT in report.detail)
 
 
 def side_by_side(

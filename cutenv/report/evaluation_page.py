@@ -183,8 +183,8 @@ def _meaning(evaluation: Evaluation) -> Html:
         (
             "Margin",
             "The largest of: the root mean square of the difference that noise alone makes between two simulated cuts "
-            "of a specimen; 1 % of the simulator's mean; what a zero of the force that is off by 0.05 N shows; and a tenth of "
-            "what the task tolerates, such as 0.3 mm. One run of the crack that lies 0.3 mm off is no difference either.",
+            "of a specimen; 1 % of the simulator's mean; what a zero of the force that is off by 0.05 N shows; and a "
+            "tenth of what the task tolerates, such as 0.3 mm. A run of the crack 0.3 mm off is no difference.",
         ),
         (
             "Agree",
