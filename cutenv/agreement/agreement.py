@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from collections.abc import Sequence
@@ -168,7 +169,7 @@ class Agreement:
         """Every measure that can be compared, in the order of :data:`~cutenv.agreement.measures.MEASURES`."""
         found = [each for each in self._compared.values() if isinstance(each, Finding)]
         adjusted = holm([each.shift.p_beyond for each in found])
-        return [Finding(**{**vars(each), "p_differ": p}) for each, p in zip(found, adjusted, strict=True)]
+        return [dataclasses.replace(each, p_differ=p) for each, p in zip(found, adjusted, strict=True)]
 
     @property
     def untold(self) -> dict[str, str]:

@@ -163,15 +163,20 @@ def cut_on_rig(
     parts: list[tuple[list[float], list[float], int, float, int]] = []
     between: list[str] = []
     for episode in range(specimens):
+        lost = False
         for _ in range(_ATTEMPTS):
             try:
                 cut = cut_once(env, policy, seed=seed, episode=episode)
             except RigError as error:
                 between.append(f"specimen {episode + 1}: {error}")
-                if not _time_was_lost(env):
+                lost = lost or _time_was_lost(env)
+                if not lost:
                     return cuts, ClockKept.of(env.ticks * TICK, parts), between
+                if not _time_was_lost(env):
+                    env.close()  # drives that were left in the middle of it are met anew
                 continue
             if cut.end == STOPPED and _time_was_lost(env):
+                lost = True
                 between.append(f"specimen {episode + 1} was cut anew: {env.session.plant.supervisor.report}")
                 continue
             cuts.append(cut)
