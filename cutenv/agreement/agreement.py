@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from collections.abc import Sequence
@@ -141,8 +142,9 @@ class Agreement:
     -----
     The margin of a measure is the largest of these: what noise alone does to a single cut (root mean square of the
     difference of two simulated ones: a rig whose typical cut lies within that is one more draw of the noise), 1 % of
-    the simulator's mean, and what the instruments resolve (:mod:`cutenv.agreement.measures`); of the force over
-    position also what a record that is displaced by 0.3 mm shows against itself.
+    the simulator's mean, what a force sensor shows whose zero is off by the 0.05 N that it resolves, a tenth of what
+    the task tolerates (:mod:`cutenv.agreement.measures`); and of the force over position what a record that is
+    displaced by 0.3 mm shows against itself.
 
     Several dozen measures are looked at.  "agree" needs every one of them to be within its margin at 5 % (two
     one-sided tests): the chance that this is said although one is beyond stays below 5 % without any correction
@@ -167,7 +169,7 @@ class Agreement:
         """Every measure that can be compared, in the order of :data:`~cutenv.agreement.measures.MEASURES`."""
         found = [each for each in self._compared.values() if isinstance(each, Finding)]
         adjusted = holm([each.shift.p_beyond for each in found])
-        return [Finding(**{**vars(each), "p_differ": p}) for each, p in zip(found, adjusted, strict=True)]
+        return [dataclasses.replace(each, p_differ=p) for each, p in zip(found, adjusted, strict=True)]
 
     @property
     def untold(self) -> dict[str, str]:
@@ -185,6 +187,11 @@ class Agreement:
         return Verdict(
             answer="differ" if differ else "undecided" if still else "agree", differ=differ, open=still, needed=enough
         )
+
+    @property
+    def too_few(self) -> bool:
+        """Whether not even the same difference at every specimen would pass for one, among so many measures."""
+        return self.paired and 2.0 * 0.5 ** len(self.rig) * len(self.findings) >= ALPHA
 
     @functools.cached_property
     def _compared(self) -> dict[str, Finding | Untold]:

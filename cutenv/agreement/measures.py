@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutenv.agreement.curves import force_offset, force_rmse, position_rmse
-from cutenv.agreement.cut import ComparedCut
+from cutenv.agreement.cut import FORCE_RESOLUTION, ComparedCut
 from cutenv.scoring import METRICS
 
 RELATIVE = 0.01
@@ -46,13 +46,9 @@ class Measure:
     harmless: Callable[[ComparedCut], float | None] | None = None
 
 
-# Least margins are what a rig's own instruments resolve (thesis 3.1: 0.05 N), or a tenth of what the task tolerates.
-_FORCE = 0.05  # [N]
+# Least margins are a tenth of what the task tolerates; what the force sensor resolves comes by its own way.
 _LENGTH = 0.3e-3  # [m]; the tip of a success is within 3 mm
 _BY_UNIT = {
-    "F": _FORCE,
-    "N/m": _FORCE / 0.02,  # of a cut 2 cm deep
-    "F s": _FORCE * 1.0,  # for a second
     "m": _LENGTH,
     "s": 0.1,  # of 30 s
 }
@@ -72,12 +68,18 @@ def _metric(name: str) -> Measure:
     def value(cut: ComparedCut, others: Sequence[ComparedCut]) -> float | None:
         return cut.card.metrics[name].value
 
+    def harmless(cut: ComparedCut) -> float | None:
+        """What a zero shows that is off by what the sensor resolves."""
+        own, displaced = cut.card.metrics[name].value, cut.displaced.metrics[name].value
+        return None if own is None or displaced is None else abs(displaced - own)
+
     return Measure(
         name=name,
         unit=about.unit.replace("F", "N"),
         meaning=about.meaning,
         least_margin=_BY_NAME.get(name, _BY_UNIT.get(about.unit, 0.0)),
         value=value,
+        harmless=harmless,
     )
 
 
@@ -124,7 +126,7 @@ _BESIDE = (
         name="force_rmse",
         unit="N",
         meaning="Difference of force at equal positions from the simulator's cuts of the specimen (up to a retreat).",
-        least_margin=_FORCE,
+        least_margin=FORCE_RESOLUTION,
         paired=True,
         value=_beside(lambda cut, other: force_rmse(cut.trace, other.trace)),
         # One run of the crack that comes a little later is a difference of newtons for a while.
@@ -134,7 +136,7 @@ _BESIDE = (
         name="force_offset",
         unit="N",
         meaning="Mean of that difference, without its sign: a zero that wanders shows, runs of the crack cancel out.",
-        least_margin=_FORCE,
+        least_margin=FORCE_RESOLUTION,
         paired=True,
         value=_beside(lambda cut, other: force_offset(cut.trace, other.trace)),
     ),

@@ -29,6 +29,8 @@ LOST_TIME = (
     Cause.FORCE_STALE, Cause.FORCE_LATE, Cause.FORCE_LOST, Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.OVERRUN,
 )  # fmt: skip
 """Stops after which a specimen is cut anew: the computer was elsewhere, which tells nothing of policy or rig."""
+_OUR_HEARTBEAT = "0x8130"
+"""Emergency of a drive that has missed the computer's heartbeat."""
 _ATTEMPTS = 5  # for a specimen
 _NOISE_KEY = 1_000_003  # added to a seed for every further draw of noise
 Told = Callable[[str, int], None]
@@ -161,15 +163,20 @@ def cut_on_rig(
     parts: list[tuple[list[float], list[float], int, float, int]] = []
     between: list[str] = []
     for episode in range(specimens):
+        lost = False
         for _ in range(_ATTEMPTS):
             try:
                 cut = cut_once(env, policy, seed=seed, episode=episode)
             except RigError as error:
                 between.append(f"specimen {episode + 1}: {error}")
-                if not _time_was_lost(env):
+                lost = lost or _time_was_lost(env)
+                if not lost:
                     return cuts, ClockKept.of(env.ticks * TICK, parts), between
+                if not _time_was_lost(env):
+                    env.close()  # drives that were left in the middle of it are met anew
                 continue
             if cut.end == STOPPED and _time_was_lost(env):
+                lost = True
                 between.append(f"specimen {episode + 1} was cut anew: {env.session.plant.supervisor.report}")
                 continue
             cuts.append(cut)
@@ -186,7 +193,10 @@ def cut_on_rig(
 def _time_was_lost(env: RigCutEnv) -> bool:
     """Whether the rig is stopped for a reason that tells of computers, not of the cut."""
     supervisor = env.session.plant.supervisor
-    return supervisor.phase == "stopped" and supervisor.report is not None and supervisor.report.cause in LOST_TIME
+    report = supervisor.report
+    if supervisor.phase != "stopped" or report is None:
+        return False
+    return report.cause in LOST_TIME or (report.cause is Cause.DRIVE and _OUR_HEARTBEAT in report.detail)
 
 
 def side_by_side(

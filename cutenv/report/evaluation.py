@@ -20,6 +20,7 @@ LEADING = (
 )  # fmt: skip
 """Measures that the short table always shows; the others only where they do not agree."""
 _MOST_ROWS = 20  # of the short table: a screen
+_ROUNDING = 1e-6  # in any unit that is shown
 _BARS = 6  # of the histogram as text
 _LONGEST_BAR = 40  # characters
 UNPAIRED = (
@@ -81,6 +82,11 @@ class Evaluation:
         said = list(self.notes)
         if not self.agreement.paired:
             said.append(UNPAIRED)
+        if self.agreement.too_few:
+            said.append(
+                f"{len(self.agreement.rig)} specimens are too few to call any difference one, among so many measures; "
+                "take a dozen or more."
+            )
         if self.clock.overruns:
             said.append(
                 f"{self.clock.overruns} of {len(self.clock.periods)} commands came more than 2 ms late and cost "
@@ -149,7 +155,7 @@ class Evaluation:
 
 def _line(each: Finding) -> str:
     unit, scale = shown_unit(each)
-    values = [three_digits(scale * value) for value in (each.simulator, each.rig)]
+    values = [shown(scale * value) for value in (each.simulator, each.rig)]
     difference = f"{interval(each.shift.value, each.shift.low, each.shift.high, scale)}"
     margin = three_digits(scale * each.shift.margin)
     return (
@@ -161,6 +167,11 @@ def _line(each: Finding) -> str:
 def shown_unit(each: Finding) -> tuple[str, float]:
     """Unit that people read, and its number in one of SI: millimetres for metres; seconds stay."""
     return ("mm", 1e3) if each.measure.unit == "m" else (each.measure.unit, 1.0)
+
+
+def shown(value: float) -> str:
+    """Three digits; what is rounding is zero."""
+    return three_digits(0.0 if abs(value) < _ROUNDING else value)
 
 
 def interval(value: float, low: float, high: float, scale: float = 1.0) -> str:

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from cutenv.agreement import Finding
-from cutenv.report.evaluation import Evaluation, bars, interval, shown_unit
+from cutenv.report.evaluation import Evaluation, bars, interval, shown, shown_unit
 from cutenv.report.evaluation_figures import clock_figure, differences_figure, force_figure, typical_pair
 from cutenv.report.page import (
     Html,
@@ -26,6 +26,7 @@ from cutenv.report.page import (
 from cutenv.report.study_figures import typeset
 from cutenv.report.study_table import three_digits
 
+_NAMED = 8  # measures, in a sentence
 _KINDS = {"agree": ("good", "They agree"), "differ": ("bad", "They differ"), "undecided": ("open", "Undecided")}
 
 
@@ -82,9 +83,9 @@ def _differences(evaluation: Evaluation) -> Html:
     rows = []
     for each in findings:
         unit, scale = shown_unit(each)
-        numbers = [three_digits(scale * value) for value in (each.simulator, each.rig)]
+        numbers = [shown(scale * value) for value in (each.simulator, each.rig)]
         shifts = [_cell(interval(shift.value, shift.low, shift.high, scale)) for shift in (each.shift, each.mean)]
-        rest = [three_digits(scale * each.shift.margin), three_digits(scale * each.noise), each.answer]
+        rest = [shown(scale * each.shift.margin), shown(scale * each.noise), each.answer]
         named = element("span", escaped(f" [{typeset(unit)}]"), "unit") if unit != "1" else Html("")
         name = Html(f"{escaped(each.measure.name.replace('_', ' '))}{named}")
         cells = [name, *map(escaped, numbers), *shifts, *map(escaped, rest)]
@@ -182,7 +183,8 @@ def _meaning(evaluation: Evaluation) -> Html:
         (
             "Margin",
             "The largest of: the root mean square of the difference that noise alone makes between two simulated cuts "
-            "of a specimen; 1 % of the simulator's mean; what the instruments resolve, such as 0.05 N and 0.3 mm.",
+            "of a specimen; 1 % of the simulator's mean; what a zero of the force that is off by 0.05 N shows; and a "
+            "tenth of what the task tolerates, such as 0.3 mm. A run of the crack 0.3 mm off is no difference.",
         ),
         (
             "Agree",
@@ -210,4 +212,5 @@ def _cell(text: str) -> Html:
 
 
 def _listed(names: tuple[str, ...]) -> str:
-    return ", ".join(name.replace("_", " ") for name in names)
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(name.replace("_", " ") for name in names[:_NAMED]) + more

@@ -58,11 +58,6 @@ def test_a_force_whose_zero_wanders_shows(simulated):
     assert "force_offset" in verdict.differ
 
 
-def test_a_nominal_rig_is_not_taken_for_a_changed_one(simulated):
-    with pytest.raises(AssertionError):
-        assert verdict_of(simulated).answer == "differ"
-
-
 def test_draws_of_noise_differ_and_specimens_do_not(simulated):
     first, second = simulated[0][:2]
     assert first.trace.metadata["specimen_seed"] == SEED
