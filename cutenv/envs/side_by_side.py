@@ -29,6 +29,8 @@ LOST_TIME = (
     Cause.FORCE_STALE, Cause.FORCE_LATE, Cause.FORCE_LOST, Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.OVERRUN,
 )  # fmt: skip
 """Stops after which a specimen is cut anew: the computer was elsewhere, which tells nothing of policy or rig."""
+BY_PEOPLE = (Cause.INTERRUPTED, Cause.OPERATOR, Cause.ORPHANED)
+"""Stops that end the evaluation: what was cut until then is told of."""
 _OUR_HEARTBEAT = "0x8130"
 """Emergency of a drive that has missed the computer's heartbeat."""
 _ATTEMPTS = 5  # for a specimen
@@ -179,6 +181,9 @@ def cut_on_rig(
                 lost = True
                 between.append(f"specimen {episode + 1} was cut anew: {env.session.plant.supervisor.report}")
                 continue
+            if cut.end == STOPPED and _stopped_by(env) in BY_PEOPLE:
+                between.append(f"specimen {episode + 1}: {env.session.plant.supervisor.report}")
+                return cuts, ClockKept.of(env.ticks * TICK, parts), between
             cuts.append(cut)
             break
         else:
@@ -188,6 +193,11 @@ def cut_on_rig(
         if told is not None:
             told("rig", len(cuts))
     return cuts, ClockKept.of(env.ticks * TICK, parts), between
+
+
+def _stopped_by(env: RigCutEnv) -> Cause | None:
+    report = env.session.plant.supervisor.report
+    return None if report is None else report.cause
 
 
 def _time_was_lost(env: RigCutEnv) -> bool:

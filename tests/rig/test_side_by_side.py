@@ -13,6 +13,7 @@ from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.envs.side_by_side import SideBySide, cut_on_rig, cut_once, side_by_side, simulate, simulator_like
 from cutenv.policy import BASELINES
 from cutenv.recording import load_one
+from cutenv.rig.causes import Cause
 from cutenv.rig.operator import ScriptedOperator
 
 SPECIMENS, DRAWS, SEED = 14, 3, 11
@@ -129,6 +130,28 @@ def test_a_specimen_is_cut_anew_where_the_computer_lost_time():
     assert [cut.end for cut in cuts] == ["finished", "finished"]
     assert len(between) == 1
     assert "force stale" in between[0]
+
+
+def test_a_person_who_stops_it_gets_what_was_cut():
+    env = RigCutEnv(rig="fake", **SHORT)
+    own = feed()
+
+    class Interrupted:
+        cuts = 0
+
+        def reset(self, rng):
+            own.reset(rng)
+            self.cuts += 1
+
+        def __call__(self, observation):
+            if self.cuts == 2 and observation[4] > 0.2:
+                env.session.plant.supervisor.trip(Cause.INTERRUPTED, "SIGINT")
+            return own(observation)
+
+    cuts, _, between = cut_on_rig(env, Interrupted(), seed=SEED, specimens=3)
+    env.close()
+    assert [cut.end for cut in cuts] == ["finished"]
+    assert "SIGINT" in between[0]
 
 
 def test_specimens_that_nobody_drew_are_compared_unpaired(simulated):
