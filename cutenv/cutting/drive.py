@@ -29,7 +29,7 @@ class Rig:
         why="90 degrees in one second", sweep=(math.radians(45.0), math.radians(180.0)),
     )  # fmt: skip
     dead_time: float = parameter(
-        0.0, unit="s", low=0.0, high=0.020, provenance="assumed",
+        0.0, unit="s", low=0.0, high=0.015, provenance="assumed",
         why="off; bus and drive between a command and the first motion", sweep=(0.0, 0.010),
     )  # fmt: skip
     backlash: float = parameter(
@@ -118,7 +118,7 @@ def made_up(drive: Record, dt: float) -> float:
 
 @compiled
 def delayed(state: Record, drive: Record, target: float) -> float:
-    """The commanded speed [m/s] that has reached the drive; a newer command waits its whole dead time."""
+    """The commanded speed [m/s] that has reached the drive; commands have to last longer than the dead time."""
     if drive.dead_ticks == 0:
         return target
     if target != state.next_target:

@@ -195,6 +195,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.from_truth = reward_from == "truth"
         measured = {} if rig is None else identified_constants(rig, drive=drive)
         self.constants = Constants.from_keywords({**measured, **constants}, drive=drive, others=_ARGUMENTS)
+        self._check_dead_time()
         self._told = np.zeros(TOLD)
         self._seed: int | None = None
         self._episode = 0
@@ -203,6 +204,14 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.plant: SimulatedPlant
         self.cutting: GentleCutting
         self.specimen: Specimen
+
+    def _check_dead_time(self) -> None:
+        dead_time = getattr(self.constants.drive, "dead_time", 0.0)
+        if dead_time * _UPDATES_HZ >= self.ticks:
+            raise ValueError(
+                f"dead_time = {dead_time:g} s is not below the {self.ticks} ms between decisions: no command would ever "
+                "act. Decide less often (control_hz), or correct it."
+            )
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

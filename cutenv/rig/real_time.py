@@ -26,23 +26,33 @@ def prefer() -> bool:
     return True
 
 
+def tidy() -> None:
+    """Search what is new in memory for garbage, at a moment when a few milliseconds do not matter."""
+    gc.collect()
+    gc.freeze()  # what is left now is not searched again
+
+
 @contextmanager
 def preferred() -> Iterator[bool]:
     """Within the block, run before others, and switch between threads more often; whether the former was allowed.
 
-    What is in memory is not searched for garbage meanwhile: among all that numba and scipy load, that takes a tenth of
-    a second in which no thread runs, and a drive takes it for the end of this computer.
+    Memory is not searched for garbage meanwhile: among all that numba and scipy load, or a minute of readings, that
+    takes up to a tenth of a second in which no thread runs, and a drive takes it for the end of this computer.  See
+    :func:`tidy`.
     """
     switch = sys.getswitchinterval()
     before = (os.sched_getscheduler(0), os.sched_getparam(0)) if hasattr(os, "sched_getscheduler") else None
-    gc.collect()
-    gc.freeze()
+    collecting = gc.isenabled()
+    gc.disable()
+    tidy()
     allowed = prefer()
     sys.setswitchinterval(_SWITCH)
     try:
         yield allowed
     finally:
         gc.unfreeze()
+        if collecting:
+            gc.enable()
         sys.setswitchinterval(switch)
         if allowed and before is not None:
             os.sched_setscheduler(0, *before)

@@ -14,7 +14,7 @@ from cutenv.rig.guard import guarded
 from cutenv.rig.operator import Operator
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.preparation import SETTLE, Check, prepare
-from cutenv.rig.real_time import preferred
+from cutenv.rig.real_time import preferred, tidy
 from cutenv.rig.supply import SpecimenKey, Supply
 
 RETURN_SPEED = 0.005
@@ -66,11 +66,12 @@ class RigSession:
         if release is not None:
             self._stack.callback(release)
         self._opened = False
+        self._in_time = isinstance(plant.clock, SystemClock)
 
     def open(self) -> None:
         """Connect, and be ready to stop whatever happens; nothing moves.  Once is enough."""
         if not self._opened:
-            if isinstance(self.plant.clock, SystemClock):
+            if self._in_time:
                 self.real_time = self._stack.enter_context(preferred())
             self._stack.callback(self.plant.close)
             self.plant.open()
@@ -107,6 +108,8 @@ class RigSession:
                 if attempt == _ATTEMPTS:
                     raise
         supervisor.lock()
+        if self._in_time:
+            tidy()
         depth = self._supply.lay(key)
         if depth is not None:
             plant.depth = depth
@@ -117,8 +120,10 @@ class RigSession:
     def _be_ready(self) -> None:
         """Reset a stop if the operator agrees, prepare if that has to be done, and release."""
         supervisor = self.plant.supervisor
-        if supervisor.phase == "stopped":
-            question = f"The blade was stopped ({supervisor.report}). Is the cause removed, and may the stop be reset?"
+        by_themselves = self.checks and supervisor.powerless  # drives that stopped while nothing was to move
+        if supervisor.phase == "stopped" or by_themselves:
+            why = supervisor.report if supervisor.phase == "stopped" else "; ".join(supervisor.powerless)
+            question = f"The blade was stopped ({why}). Is the cause removed, and may the stop be reset?"
             supervisor.reset(agreed=self.operator.confirm(question))
             self.checks = []
         if not self.checks:

@@ -230,11 +230,7 @@ class Supervisor:
         if self.phase == "stopped":
             raise RigError(f"the rig is stopped ({self.report}); reset it first.")
         wrong = [detail for _, detail in self._missing(self._clock.now())]
-        wrong += [
-            f'the {name} drive is in "{sample.state.value}"'
-            for name, sample in self._motions.newest.items()
-            if sample.state is not DriveState.ENABLED
-        ]
+        wrong += self.powerless
         if self._forces.newest is not None and (status := self._forces.newest.status):
             wrong.append(f"the sensor's status is 0x{status:08X}")
         if wrong:
@@ -258,10 +254,11 @@ class Supervisor:
         RigError
             If the operator has not agreed, or a drive does not leave its fault.
         """
-        if self.phase != "stopped":
+        if self.phase == "ready":
             return
         if not agreed:
-            raise RigError(f"still stopped ({self.report}): the operator has not agreed to a reset.")
+            why = self.report if self.phase == "stopped" else "; ".join(self.powerless)
+            raise RigError(f"still stopped ({why}): the operator has not agreed to a reset.")
         for axis in self._axes.values():
             axis.clear()
         self.phase = "unready"
@@ -281,6 +278,15 @@ class Supervisor:
     def axis(self, name: str) -> MotionSample | None:
         """The newest sample of an axis."""
         return self._motions.newest.get(name)
+
+    @property
+    def powerless(self) -> list[str]:
+        """What is wrong with drives that are not enabled, such as those that have stopped by themselves."""
+        return [
+            f'the {name} drive is in "{sample.state.value}"'
+            for name, sample in self._motions.newest.items()
+            if sample.state is not DriveState.ENABLED
+        ]
 
     @property
     def standing(self) -> bool:

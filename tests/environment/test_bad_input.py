@@ -255,6 +255,9 @@ def test_every_public_function_that_takes_an_argument_is_in_the_tables():
         "save_policy",
         "past_dead_zone",
         "feed_name",
+        "ReplayPlant",
+        "shipped",
+        "trained",
     }
     through_others = {"load_description", "to_trace"}  # a file read by from_json; readings of a plant
     public = {
@@ -262,3 +265,9 @@ def test_every_public_function_that_takes_an_argument_is_in_the_tables():
     }
     apart = takes_none | interfaces | in_their_own_tests | through_others | {"TissueDescription", "CutModel"}
     assert public - here <= apart
+
+
+def test_a_dead_time_in_which_no_command_would_act_is_refused():
+    with pytest.raises(ValueError, match=r"dead_time = 0\.01 s is not below the 10 ms between decisions.*control_hz"):
+        GentleCutEnv(dead_time=0.01, control_hz=100)
+    GentleCutEnv(dead_time=0.01, control_hz=50)

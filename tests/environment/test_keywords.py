@@ -222,7 +222,14 @@ def test_a_weight_given_by_keyword_changes_its_term_alone():
 def constants() -> list[tuple[str, str, float]]:
     """Every constant by keyword, with another value than its default."""
     groups = [("rig", group) for group in (Rig, SensorParameters, LawParameters, Limits, Knowledge)] + [("hand", Hand)]
-    other = {"debt_length": 1e-5, "force_drift": 0.1, "friction_per_depth_speed": 100.0, "force_limit_per_depth": 500.0}
+    other = {
+        "dead_time": 0.01,
+        "backlash": 1e-3,
+        "debt_length": 1e-5,
+        "force_drift": 0.1,
+        "friction_per_depth_speed": 100.0,
+    }
+    other |= {"force_limit_per_depth": 500.0}
     return [
         (drive, field.name, other.get(field.name, 0.5 * field.default))
         for drive, group in groups

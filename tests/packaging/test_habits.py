@@ -49,7 +49,7 @@ def test_layers_import_downwards() -> None:
         ("validation", "from cutenv.tissue import tables", "a layer imports downwards only"),
         ("tissue/elasticity", "import gymnasium", "gymnasium lives in the environments"),
         ("validation", "import torch", "learners stay outside the package"),
-        ("validation", "import pymunk", "the drawn handle alone is moved by pymunk"),
+        ("play/hand", "import pymunk", "the drawn handle alone is moved by pymunk"),
         ("validation", "import matplotlib.pyplot", "drawing is done by the viewer and the report"),
         ("measurement/simulating", "import cutenv.cutting.law", "measurement and scoring never see"),
         ("utils", "import math", "a layer imports downwards only"),

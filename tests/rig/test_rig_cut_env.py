@@ -17,6 +17,7 @@ from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.rig.drivers import RigError
 from cutenv.rig.fake import Faults, fake_settings
 from cutenv.rig.operator import ScriptedOperator
+from cutenv.rig.samples import DriveState
 from cutenv.rig.toml_file import to_toml
 from cutenv.scoring import score
 
@@ -227,3 +228,11 @@ def test_a_disk_that_takes_no_more_stops_the_blade(tmp_path, monkeypatch):
     info = info if "stop" in info else env.step(np.array([0.5, 1.0], np.float32))[4]
     assert "record cannot be kept" in info["stop"]["detail"]
     env.close()
+
+
+def test_drives_that_stopped_by_themselves_between_cuts_are_the_operators_to_reset(env):
+    cut(env, episode=0)
+    fake_of(env).blade.state = DriveState.QUICK_STOP  # it has missed the computer's heartbeat while nothing moved
+    _, info, _ = cut(env, episode=1)
+    assert info["end"] == "finished"
+    assert any("quick stop active" in asked for asked in env.session.operator.asked)

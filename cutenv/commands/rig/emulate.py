@@ -69,7 +69,7 @@ def _options(arguments: argparse.Namespace) -> Options:
         laid=None if arguments.free_air else laid,
         force_limit=arguments.force_limit_N,
         blade_mechanics=mechanics,
-        hinge_mechanics=hinge(**times),
+        hinge_mechanics=hinge(),
         sensor=sensor,
         host=arguments.host,
         can_port=arguments.can_port,
@@ -99,7 +99,7 @@ def _parser() -> argparse.ArgumentParser:
         "NAME:KEY=VALUE,KEY=VALUE@SECONDS with parameters; may be given again")  # fmt: skip
     add("--list-faults", action="store_true", help="tell the faults and their parameters, and end")
     add("--force-limit-N", type=float, default=15.0, metavar="N", help="true force whose crossing is noted; default 15")
-    add("--lag-ms", type=float, default=40.0, metavar="MS", help="of the speed behind its target; default 40")
+    add("--lag-ms", type=float, default=40.0, metavar="MS", help="of the blade's speed behind its target; default 40")
     add("--dead-time-ms", type=float, default=0.0, metavar="MS", help="between target and motion; default 0")
     add("--backlash-mm", type=float, metavar="MM", help="play of the screw; default 0.02")
     add("--friction-N", type=float, metavar="N", help="of motor, gear and screw, at the carriage; default 20")
