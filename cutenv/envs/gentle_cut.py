@@ -209,8 +209,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         dead_time = getattr(self.constants.drive, "dead_time", 0.0)
         if dead_time * _UPDATES_HZ >= self.ticks:
             raise ValueError(
-                f"dead_time = {dead_time:g} s is not below the {self.ticks} ms between decisions: no command would ever "
-                "act. Decide less often (control_hz), or correct it."
+                f"dead_time = {dead_time:g} s is not below the {self.ticks} ms between decisions: no command would "
+                "ever act. Decide less often (control_hz), or correct it."
             )
 
     def reset(
