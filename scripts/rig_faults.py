@@ -72,6 +72,7 @@ class Trials:
                 self.close()  # its carriage is not where the encoder says any more
             if not done.before:
                 return done
+            print(f"{fault}: no trial, stopped before ({done.detail or done.speed})", file=sys.stderr)
             self.before[fault] += 1
         raise RigError(f"{fault}: {_ATTEMPTS} times the rig had stopped before the fault came: is this machine busy?")
 

@@ -45,6 +45,8 @@ class Timing:
     """From command to command [s]."""
     latencies: list[float] = field(default_factory=list)
     """From the newest reading that a decision knew to its command on the bus [s]."""
+    lateness: list[float] = field(default_factory=list)
+    """Of commands, behind their due time [s]."""
     overruns: int = 0
     """Commands that came more than 2 ms late."""
     skipped: float = 0.0
@@ -241,7 +243,8 @@ class RigPlant:
         start = now if self._due is None else self._due
         if self._due is None:
             self._grid = start
-        elif now - start > _LATE:
+        self.timing.lateness.append(max(now - start, 0.0))
+        if now - start > _LATE:
             self.timing.overruns += 1
             if now - start > period:  # whole periods are lost: the clock begins anew
                 self.timing.skipped += now - start
