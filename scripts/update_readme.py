@@ -3,6 +3,7 @@
     python scripts/update_readme.py parameters agreement specimens calibration speed headroom
     python scripts/update_readme.py training --runs runs/NAME ...  one run for each seed
     python scripts/update_readme.py benchmark --runs FOLDER        what agents/benchmark.py left; default runs/benchmark
+    python scripts/update_readme.py rig-faults rig-soak            what their scripts left in runs/ (--json)
     python scripts/update_readme.py --check parameters          fails if a block is not what it would print
     python scripts/update_readme.py --picture                   draws assets/pictures/cut.png
 
@@ -21,9 +22,13 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import gymnasium
 import numpy as np
+import rig_faults
+import rig_soak
 
 from cutenv.cutting.drive import Rig
 from cutenv.cutting.parameters import LawParameters
@@ -180,6 +185,26 @@ def benchmark(arguments: argparse.Namespace) -> str:
     return leaderboard.markdown(folders[0])
 
 
+def left_by(script: ModuleType) -> dict[str, Any]:
+    """What a script has kept where its ``--json`` is expected; SystemExit with the cure where there is nothing."""
+    name = Path(str(script.__file__)).name
+    path = ROOT / script.DEFAULT
+    if not path.is_file():
+        raise SystemExit(f"{script.DEFAULT} is missing; make it by: python scripts/{name} --json {script.DEFAULT}")
+    kept: dict[str, Any] = json.loads(path.read_text())
+    return kept
+
+
+def rig_faults_block(_: argparse.Namespace) -> str:
+    """What ``scripts/rig_faults.py`` has found."""
+    return rig_faults.markdown(left_by(rig_faults))
+
+
+def rig_soak_block(_: argparse.Namespace) -> str:
+    """What ``scripts/rig_soak.py`` has measured."""
+    return "```\n" + rig_soak.text(left_by(rig_soak)) + "\n```"
+
+
 BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "parameters": parameters,
     "agreement": agreement,
@@ -189,6 +214,8 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "training": training,
     "headroom": headroom_block,
     "benchmark": benchmark,
+    "rig-faults": rig_faults_block,
+    "rig-soak": rig_soak_block,
 }
 
 

@@ -338,9 +338,14 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def close(self) -> None:
         """Stop what moves, and leave the rig."""
         if self._session is not None:
-            self._source.end_record(self._session.plant, end="closed", success=False, stop=self._stop)
-            self._session.close()
-            self._session = None
+            plant = self._session.plant
+            try:
+                self._session.close()  # first: a disk may take seconds to finish the record
+            finally:
+                self._session = None
+                report = plant.supervisor.report if plant.supervisor.phase == "stopped" else None
+                stop = report.to_dict() if report is not None and not self._ended else self._stop
+                self._source.end_record(plant, end="closed", success=False, stop=stop)
 
 
 _SAME_ANGLE = math.radians(0.5)

@@ -45,6 +45,8 @@ class Timing:
     """From command to command [s]."""
     latencies: list[float] = field(default_factory=list)
     """From the newest reading that a decision knew to its command on the bus [s]."""
+    lateness: list[float] = field(default_factory=list)
+    """Of commands, behind their due time [s]."""
     overruns: int = 0
     """Commands that came more than 2 ms late."""
     skipped: float = 0.0
@@ -241,14 +243,15 @@ class RigPlant:
         start = now if self._due is None else self._due
         if self._due is None:
             self._grid = start
-        elif now - start > _LATE:
+        self.timing.lateness.append(max(now - start, 0.0))
+        if now - start > _LATE:
             self.timing.overruns += 1
             if now - start > period:  # whole periods are lost: the clock begins anew
                 self.timing.skipped += now - start
                 self._grid += now - start
                 start = now
         self._raise_if_stopped()  # it may have been since the last command
-        turned = self.supervisor.drive(speed, angle, hold=start + period - now)
+        turned = self._drive(speed, angle, hold=start + period - now)
         self._note_timing()
         self._due = start + period
         self._wait(self._due, turned)
@@ -260,7 +263,10 @@ class RigPlant:
         if self.supervisor.phase == "ready":
             deadline = self.clock.now() + REST_WITHIN
             while not self.supervisor.standing and self.supervisor.phase == "ready" and self.clock.now() < deadline:
-                self.supervisor.drive(0.0, self._angle_now(), hold=_SLICE)
+                try:
+                    self.supervisor.drive(0.0, self._angle_now(), hold=_SLICE)
+                except RigError:  # stopped this very moment: it comes to rest all the same
+                    break
                 self.clock.sleep_until(self.clock.now() + _SLICE)
             if self.supervisor.phase == "ready" and not self.supervisor.standing:
                 self.supervisor.trip(Cause.FOLLOWING, "told to rest, the blade moves on")
@@ -282,10 +288,10 @@ class RigPlant:
                     f"the blade stands at {1e3 * self.position:.2f} mm and does not reach {1e3 * position:g} mm."
                 )
             rate = math.copysign(min(speed, 4.0 * abs(left)), left) if abs(left) > _ARRIVED else 0.0
-            turned = self.supervisor.drive(rate, wanted, hold=_SLICE)
+            turned = self._drive(rate, wanted, hold=_SLICE)
             self._wait(self.clock.now() + _SLICE, turned)
             self._raise_if_stopped()
-        self.supervisor.drive(0.0, wanted, hold=_SLICE)
+        self._drive(0.0, wanted, hold=_SLICE)
         self._wait(self.clock.now() + _SLICE, wanted)
 
     @property
@@ -332,6 +338,14 @@ class RigPlant:
     def _angle_now(self) -> float:
         sample = self.supervisor.axis("angle")
         return self.settings.fixed_angle if sample is None else sample.position
+
+    def _drive(self, speed: float, angle: float, *, hold: float) -> float:
+        """Put a command on the bus; raise :class:`RigStopped` if a thread has stopped the blade this very moment."""
+        try:
+            return self.supervisor.drive(speed, angle, hold)
+        except RigError:
+            self._raise_if_stopped()
+            raise
 
     def _raise_if_stopped(self) -> None:
         if self.supervisor.phase == "stopped" and self.supervisor.report is not None:

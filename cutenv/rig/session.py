@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from datetime import date
@@ -120,9 +121,7 @@ class RigSession:
     def _be_ready(self) -> None:
         """Reset a stop if the operator agrees, prepare if that has to be done, and release."""
         supervisor = self.plant.supervisor
-        by_themselves = self.checks and supervisor.powerless  # drives that stopped while nothing was to move
-        if supervisor.phase == "stopped" or by_themselves:
-            why = supervisor.report if supervisor.phase == "stopped" else "; ".join(supervisor.powerless)
+        if (why := supervisor.latched) is not None:
             question = f"The blade was stopped ({why}). Is the cause removed, and may the stop be reset?"
             supervisor.reset(agreed=self.operator.confirm(question))
             self.checks = []
@@ -153,8 +152,8 @@ class RigSession:
         self.plant.halt()
 
     def close(self) -> None:
-        """Stop what moves, and leave the rig; may be called twice."""
-        self._stack.close()
+        """Stop what moves, and leave the rig; may be called twice.  An exception on its way is told as the cause."""
+        self._stack.__exit__(*sys.exc_info())
 
     def __enter__(self) -> RigSession:
         return self

@@ -25,6 +25,7 @@ MARGIN = 1.04
 BRAKING = 0.16
 """Time in which a blade near the end of its travel would arrive [s]: its command fades before."""
 _SHORT = 1e-4  # [m] before the end of travel, where commands have faded out
+_FALLEN = (DriveState.QUICK_STOP, DriveState.REACTING, DriveState.FAULT)
 
 
 class Supervisor:
@@ -201,13 +202,13 @@ class Supervisor:
     def _stop(self, cause: Cause, detail: str, detected: float | None) -> StopReport | None:
         if self.phase != "ready":
             return None
-        self.phase = "stopped"
         now = self._clock.now() if detected is None else detected
         self._command, self._held_until = 0.0, math.inf
         blade = self._motions.newest.get("blade")
         self.report = report = StopReport(
             cause=cause, detail=detail, detected=now, position=None if blade is None else blade.position
         )
+        self.phase = "stopped"  # only now: who sees it so, in another thread, takes the report for this stop's
         unreached = []
         for name, axis in self._axes.items():
             try:
@@ -247,21 +248,32 @@ class Supervisor:
                 self.phase, self._command = "unready", 0.0
 
     def reset(self, agreed: bool) -> None:
-        """End a stop: ``agreed`` is the operator's explicit word; the drives are left without power.
+        """End what is :attr:`latched`: ``agreed`` is the operator's explicit word; the drives are left without power.
 
         Raises
         ------
         RigError
             If the operator has not agreed, or a drive does not leave its fault.
         """
-        if self.phase == "ready":
+        if (why := self.latched) is None:
             return
         if not agreed:
-            why = self.report if self.phase == "stopped" else "; ".join(self.powerless)
             raise RigError(f"still stopped ({why}): the operator has not agreed to a reset.")
         for axis in self._axes.values():
             axis.clear()
         self.phase = "unready"
+
+    @property
+    def latched(self) -> str | None:
+        """Why a reset has to come before any motion: a stop, or a drive that has stopped by itself."""
+        if self.phase == "stopped":
+            return str(self.report)
+        fallen = [
+            f'the {name} drive is in "{sample.state.value}" by itself'
+            for name, sample in self._motions.newest.items()
+            if sample.state in _FALLEN
+        ]
+        return "; ".join(fallen) or None
 
     # What it knows
 

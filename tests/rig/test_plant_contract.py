@@ -12,7 +12,12 @@ from made_ready import ready_rig, release
 
 from cutenv.cutting.records import READING, TICK
 from cutenv.plant import Leg, Plant, SimulatedPlant, run, to_trace
+from cutenv.rig.causes import RigStopped
+from cutenv.rig.emulator.process import start
 from cutenv.rig.fake import replayed_rig
+from cutenv.rig.hardware import rig_plant
+from cutenv.rig.preparation import SETTLE
+from cutenv.rig.real_time import preferred
 from cutenv.tissue.specimen import N_POINTS, Specimen
 
 UPRIGHT = math.pi / 2
@@ -44,13 +49,38 @@ def fake() -> Iterator[Plant]:
     rig.plant.close()
 
 
-PLANTS = {"simulator": simulator, "replay": replay, "fake": fake}
+@contextmanager
+def rig() -> Iterator[Plant]:
+    """On an emulator in a process of its own, in real time."""
+    laid = specimen()
+    with start(seed=3, specimen_class="liver") as emulator, preferred():
+        plant = rig_plant(emulator.settings)
+        plant.depth = laid.depth
+        plant.open()
+        try:
+            plant.power()
+            plant.clock.sleep_until(plant.clock.now() + SETTLE)
+            plant.tare()
+            plant.supervisor.release()
+            plant.begin()
+            yield plant
+        finally:
+            plant.close()
+
+
+PLANTS = {"simulator": simulator, "replay": replay, "fake": fake, "rig": rig}
 
 
 @pytest.mark.parametrize("kind", PLANTS)
 def test_every_plant_keeps_the_contract(kind):
-    with PLANTS[kind]() as plant:
-        check_contract(plant)
+    for attempts_left in (2, 1, 0):
+        try:
+            with PLANTS[kind]() as plant:
+                check_contract(plant)
+            return
+        except RigStopped:  # by a busy computer; nothing else stops a cut without a fault
+            if kind != "rig" or not attempts_left:
+                raise
 
 
 def check_contract(plant: Plant) -> None:

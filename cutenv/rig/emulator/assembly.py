@@ -209,10 +209,13 @@ class EmulatedRig:
             return [key[0] for key in found]
 
     def happened(self, what: str, *, time: float | None = None, **details: Any) -> None:
-        """Note an event, now or at a ``time`` of the monotonic clock [s]."""
+        """Note an event, now or at a ``time`` of the monotonic clock [s], and where the carriage is."""
         moment = self.now() if time is None else time
         with self.lock:
-            self._events.append({"index": self._counted, "time_s": moment, "what": what, **details})
+            position = float(self.axes["blade"].motor["carriage"])
+            self._events.append(
+                {"index": self._counted, "time_s": moment, "what": what, "position_m": position, **details}
+            )
             self._counted += 1
 
     def events(self, since: int = 0) -> list[dict[str, Any]]:
@@ -273,8 +276,7 @@ class EmulatedRig:
             self.happened("force limit crossed", time=due, force_N=force)
         self._still = self._still + 1 if speed < _STILL else 0
         if self._still == _STANDS_AFTER:
-            position = float(self.axes["blade"].motor["carriage"])
-            self.happened("standstill", time=due - _STANDS_AFTER * TICK, position_m=position)
+            self.happened("standstill", time=due - _STANDS_AFTER * TICK)
 
     def close(self) -> None:
         """Stop listening; may be called twice."""

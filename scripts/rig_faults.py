@@ -1,0 +1,197 @@
+"""Everything that can go wrong with a rig, many times each, in real time on an emulated one in a process of its own.
+
+    python scripts/rig_faults.py                              10 trials of each fault, about a quarter of an hour
+    python scripts/rig_faults.py --only kill_9 --trials 3
+    python scripts/rig_faults.py --json runs/rig-faults.json  for the README: scripts/update_readme.py rig-faults
+
+The blade cuts drawn specimens at 1.5 cm/s when the fault comes, at a drawn instant.  All times are of one clock.  The
+machine's own delays are counted (a thread of the rig or of the emulator that was late by more than 5 ms), and the times
+of such trials are kept apart.  A rig that such a delay has stopped before the fault came makes no trial; it is counted,
+and another one is made.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import statistics
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rig_trials import BY_THE_DRIVE, EXPECTED, IN_CHILD, CuttingRig, Trial, trial, trial_in_child
+from tqdm import tqdm
+
+from cutenv.rig.drivers import RigError
+from cutenv.rig.emulator.process import RunningEmulator, start
+
+DEFAULT = Path("runs") / "rig-faults.json"
+_ATTEMPTS = 8  # at a trial that the host's stalls keep from happening
+HEADER = (
+    "fault", "found out as", "stopped", "latched", "stated [ms]", "found out after [ms]", "quick stop on the bus [ms]",
+    "at rest [ms]", "way since the fault [mm]", "host stalled",
+)  # fmt: skip
+
+
+class Trials:
+    """Makes trials on one emulator after another: some faults leave one that is of no more use.
+
+    Attributes
+    ----------
+    before : Counter
+        How often the rig had stopped before the fault came, by fault.
+    """
+
+    def __init__(self) -> None:
+        self.before: Counter[str] = Counter()
+        self._emulator: RunningEmulator | None = None
+        self._rig: CuttingRig | None = None
+
+    def one(self, fault: str, random: np.random.Generator) -> Trial:
+        """One trial of the fault, at an instant drawn by ``random``.
+
+        Raises
+        ------
+        RigError
+            If the machine is too busy for it.
+        """
+        for _ in range(_ATTEMPTS):
+            seed, after = int(random.integers(1000)), float(random.uniform(0.4, 1.4))
+            try:
+                done = self._tried(fault, seed, after)
+            except RigError as error:  # a busy host keeps the rig from becoming ready
+                print(f"{fault}: no trial, {error}", file=sys.stderr)
+                self.close()
+                self.before[fault] += 1
+                continue
+            if fault == "slip":
+                self.close()  # its carriage is not where the encoder says any more
+            if not done.before:
+                return done
+            print(f"{fault}: no trial, stopped before ({done.detail or done.speed})", file=sys.stderr)
+            self.before[fault] += 1
+        raise RigError(f"{fault}: {_ATTEMPTS} times the rig had stopped before the fault came: is this machine busy?")
+
+    def _tried(self, fault: str, seed: int, after: float) -> Trial:
+        emulator = self._emulator = self._emulator or start()
+        if fault in IN_CHILD:
+            self._leave()
+            return trial_in_child(emulator, fault, seed=seed, after=after)
+        if self._rig is None:
+            self._rig = CuttingRig(emulator.settings, emulator.control)
+        return trial(self._rig, emulator.control, fault, seed=seed, after=after)
+
+    def _leave(self) -> None:
+        if self._rig is not None:
+            self._rig.close()
+            self._rig = None
+
+    def close(self) -> None:
+        """End rig and emulator."""
+        self._leave()
+        if self._emulator is not None:
+            self._emulator.close()
+            self._emulator = None
+
+    def __enter__(self) -> Trials:
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self.close()
+
+
+def _spread(values: Sequence[float | None], scale: float = 1e3, digits: int = 1) -> str:
+    """Median and greatest, for a cell."""
+    known = [scale * value for value in values if value is not None]
+    return f"{statistics.median(known):.{digits}f}, {max(known):.{digits}f}" if known else "-"
+
+
+def row(fault: str, trials: Sequence[Trial], before: int) -> tuple[str, ...]:
+    """One line of the table: median and greatest of the trials in which the host did not stall."""
+    calm = [each for each in trials if not each.stalls]
+    stalled = [each for each in trials if each.stalls]
+    stated = sorted({round(1e3 * each.stated) for each in trials if each.stated is not None})
+    causes = Counter("nothing" if each.cause is None else str(each.cause) for each in trials)
+    host = f"{len(stalled)}" if stalled else "0"
+    if stalled:
+        late = max(max(each.stalls or [0.0]) for each in stalled)
+        host += f" (by {1e3 * late:.0f} ms: {_spread([each.times['detection'] for each in stalled])})"
+    if before:
+        host += f" + {before} before"
+    by_drive = fault in BY_THE_DRIVE
+    return (
+        fault,
+        "; ".join(f"{cause} {count}" if len(causes) > 1 else cause for cause, count in causes.most_common()),
+        f"{sum(each.stopped for each in trials)} of {len(trials)}",
+        f"{sum(each.latched for each in trials)} of {len(trials)}",
+        "/".join(map(str, stated)) or "-",
+        _spread([each.times["detection"] for each in calm]),
+        "by the drive" if by_drive else _spread([each.times["quick_stop"] for each in calm]),
+        _spread([each.times["standstill"] for each in calm]),
+        _spread([each.way for each in calm], digits=2),
+        host,
+    )
+
+
+def rows(kept: dict[str, Any]) -> list[tuple[str, ...]]:
+    """The table of trials that were kept by :func:`as_json`."""
+    by_fault: dict[str, list[Trial]] = {}
+    for each in kept["trials"]:
+        by_fault.setdefault(each["fault"], []).append(Trial(**each))
+    return [row(fault, trials, kept["before"].get(fault, 0)) for fault, trials in by_fault.items()]
+
+
+def as_json(trials: Sequence[Trial], before: Counter[str]) -> dict[str, Any]:
+    """What is kept of it; times in seconds, ways in metres."""
+    return {"trials": [dataclasses.asdict(each) for each in trials], "before": dict(before)}
+
+
+def text(lines: Sequence[tuple[str, ...]]) -> str:
+    """The table, its columns under each other."""
+    widths = [max(map(len, column)) for column in zip(HEADER, *lines, strict=True)]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip()
+        for cells in (HEADER, *lines)
+    )
+
+
+def markdown(kept: dict[str, Any]) -> str:
+    """The table for the README."""
+    lines = [HEADER, tuple("---" for _ in HEADER), *rows(kept)]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+
+
+def main() -> int:
+    """Make the trials; 0 if all is as promised."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = parser.add_argument
+    add("--trials", type=int, default=10, metavar="N", help="of each fault; default 10")
+    add("--only", choices=EXPECTED, nargs="+", default=list(EXPECTED), metavar="FAULT", help=", ".join(EXPECTED))
+    add("--seed", type=int, default=0, help="of specimens and instants; default 0")
+    add("--json", type=Path, metavar="FILE", help=f"keep every trial there; the README is made of {DEFAULT}")
+    add("--markdown", action="store_true", help="print the table as Markdown")
+    arguments = parser.parse_args()
+    trials: list[Trial] = []
+    wrong: list[str] = []
+    with Trials() as on:
+        planned = [(fault, number) for fault in arguments.only for number in range(arguments.trials)]
+        for fault, number in tqdm(planned, unit="trial", leave=False):
+            done = on.one(fault, np.random.default_rng([arguments.seed, number, *fault.encode()]))
+            trials.append(done)
+            wrong += [f"{fault}, trial {number}: {why}" for why in done.wrong()]
+            if arguments.json is not None:
+                arguments.json.parent.mkdir(parents=True, exist_ok=True)
+                arguments.json.write_text(json.dumps(as_json(trials, on.before), indent=1))
+    kept = as_json(trials, on.before)
+    print(markdown(kept) if arguments.markdown else text(rows(kept)))
+    print(f"\nmedian, greatest; {len(trials)} trials, {len(wrong)} not as promised")
+    print("\n".join(wrong))
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,219 @@
+"""Cut after cut on an emulated rig for minutes, and how well its clock was kept.
+
+    python scripts/rig_soak.py                             5 minutes
+    python scripts/rig_soak.py --minutes 60 --ordinary     without priority over other processes
+    python scripts/rig_soak.py --json runs/rig-soak.json   for the README: scripts/update_readme.py rig-soak
+
+Decisions at 50 Hz by a script that feels its way ("probe and creep"), force at 1 kHz, SYNC every 5 ms, resets between
+cuts, drive and sensor in a process of their own.  A stop that the machine's own delay has brought about is the price of
+a busy computer: it is counted, the operator (nobody, here) resets it, and the next cut begins.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import sys
+import time
+from collections import Counter
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import numpy as np
+from rig_trials import HostWatch
+
+from cutenv.commands.rig.run import chosen_policy, rehearse
+from cutenv.envs.rig_cut import RigCutEnv
+from cutenv.policy import Policy
+from cutenv.rig.canopen import network
+from cutenv.rig.drivers import RigError
+from cutenv.rig.plant import RigPlant
+from cutenv.rig.samples import ForceSample, MotionSample
+
+DEFAULT = Path("runs") / "rig-soak.json"
+POLICY = "probe and creep"
+PERIOD = 0.020  # [s]
+PERCENTILES = (50.0, 99.0, 99.9, 100.0)
+
+
+class Times:
+    """What happened when; all [s].
+
+    Attributes
+    ----------
+    series : dict
+        A list of times by the name of what they are.
+    """
+
+    def __init__(self) -> None:
+        self.series: dict[str, list[float]] = {
+            "from command to command": [],
+            "difference to 20 ms": [],
+            "command later than due": [],
+            "newest reading to command": [],
+            "between force readings": [],
+            "SYNC to sample": [],
+        }
+        self.counts: Counter[str] = Counter()
+        self.stops: Counter[str] = Counter()
+        self.host: list[float] = []
+        self._synced = self._felt = 0.0
+
+    def listen(self, plant: RigPlant) -> None:
+        """Note what the drivers tell the plant, before it hears it."""
+        force, motion = plant.force, plant.motion
+
+        def felt(sample: ForceSample) -> None:
+            if self._felt:
+                self.series["between force readings"].append(sample.time - self._felt)
+            self._felt = sample.time
+            force(sample)
+
+        def moved(axis: str, sample: MotionSample) -> None:
+            if axis == "blade" and self._synced:
+                self.series["SYNC to sample"].append(sample.time - self._synced)
+            motion(axis, sample)
+
+        plant.force, plant.motion = felt, moved  # type: ignore[method-assign]
+
+    @contextmanager
+    def synced(self) -> Any:
+        """Note when each SYNC is put on the bus."""
+        repeat = network.CanNetwork._repeat
+
+        def noted(self_: network.CanNetwork, number: int, data: bytes) -> None:
+            if number == network.SYNC_FRAME:
+                self._synced = time.monotonic()
+            repeat(self_, number, data)
+
+        with mock.patch.object(network.CanNetwork, "_repeat", noted):
+            yield
+
+    def take(self, plant: RigPlant) -> None:
+        """Take over what a cut's clock was like."""
+        timing = plant.timing
+        periods = np.array(timing.periods)
+        self.series["from command to command"] += timing.periods
+        self.series["difference to 20 ms"] += np.abs(periods - PERIOD).tolist()
+        self.series["command later than due"] += timing.lateness
+        self.series["newest reading to command"] += timing.latencies
+        self.counts.update(cuts=1, decisions=len(periods) + 1, overruns=timing.overruns, garbled=timing.garbled)
+
+
+def cut(env: RigCutEnv, policy: Policy, *, seed: int, episode: int, until: float) -> dict[str, Any]:
+    """One cut, or what there is of it ``until`` then [s]; the last info."""
+    observation, info = env.reset(seed=seed, options={"episode": episode})
+    policy.reset(np.random.default_rng([seed, episode]))
+    ended = False
+    while not ended and time.monotonic() < until:
+        observation, _, ended, _, info = env.step(policy(observation))
+    return info
+
+
+def soak(minutes: float, *, seed: int, real_time: bool) -> dict[str, Any]:
+    """Cut for that long; what is kept of it."""
+    policy, keywords = chosen_policy(POLICY)
+    env = RigCutEnv(rig="emulator", specimen_class="liver", **keywords)
+    rehearse(env, policy, seed=seed)
+    times = Times()
+    with times.synced(), ordinary(real_time), env:
+        plant = env.session.plant
+        times.listen(plant)
+        env.session.open()
+        watch = HostWatch(plant.clock)
+        control = env._source.emulator.control  # type: ignore[union-attr]  # it runs since there is a session
+        before, began, episode = len(control.events()), time.monotonic(), 0
+        until = began + 60.0 * minutes
+        while time.monotonic() < until:
+            try:
+                info = cut(env, policy, seed=seed, episode=episode, until=until)
+            except RigError as error:  # stopped on the way to the clamp, or not ready: a busy computer
+                times.stops[f"between cuts: {str(error).partition(':')[0]}"] += 1
+                continue
+            finally:
+                episode += 1
+            times.take(plant)
+            if "stop" in info:
+                times.stops[info["stop"]["cause"]] += 1
+        took = time.monotonic() - began
+        watch.stop()
+        emulator = [event["late_s"] for event in control.events(before) if event["what"] == "stall"]
+        real = {"rig": env.session.real_time, "emulator": control.state()["real_time"]}
+        env.session.end_cut()
+    return {
+        "minutes": took / 60.0,
+        "real_time": real,
+        "machine": {"system": platform.platform(), "cores": os.cpu_count(), "python": platform.python_version()},
+        "percentiles_ms": {
+            name: [1e3 * float(np.percentile(values, each)) for each in PERCENTILES]
+            for name, values in times.series.items()
+            if values
+        },
+        "counts": dict(times.counts),
+        "stops": dict(times.stops),
+        "host_stalls_ms": {
+            "rig": [round(1e3 * late, 1) for _, late in watch.stalls],
+            "emulator": [round(1e3 * late, 1) for late in emulator],
+        },
+    }
+
+
+@contextmanager
+def ordinary(real_time: bool) -> Any:
+    """Within the block, no process may take priority, unless ``real_time``."""
+    if real_time:
+        yield
+        return
+    with mock.patch("cutenv.rig.real_time.prefer", return_value=False):
+        yield
+
+
+def text(kept: dict[str, Any]) -> str:
+    """What is printed, and stands in the README."""
+    counts, stalls = kept["counts"], kept["host_stalls_ms"]
+    allowed = ", ".join(f"{name}: {'yes' if yes else 'no'}" for name, yes in kept["real_time"].items())
+    lines = [
+        f"{kept['minutes']:.1f} minutes, {counts.get('cuts', 0)} cuts, {counts.get('decisions', 0)} decisions;"
+        f" {kept['machine']['cores']} cores; real-time priority ({allowed})",
+        "",
+        f"{'[ms]':27s}" + "".join(f"{name:>9s}" for name in ("50 %", "99 %", "99.9 %", "max")),
+    ]
+    for name, values in kept["percentiles_ms"].items():
+        lines.append(f"{name:27s}" + "".join(f"{value:9.2f}" for value in values))
+    stops = ", ".join(f"{cause} {count}" for cause, count in sorted(kept["stops"].items())) or "none"
+    lines += [
+        "",
+        f"commands more than 2 ms late: {counts.get('overruns', 0)}; packets that were no readings: "
+        f"{counts.get('garbled', 0)}",
+        f"stops: {stops}",
+        *(
+            f"host stalls of more than 5 ms, {name}: {len(late)}" + (f", longest {max(late):.0f} ms" if late else "")
+            for name, late in stalls.items()
+        ),
+    ]
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Soak, print, keep."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = parser.add_argument
+    add("--minutes", type=float, default=5.0, metavar="M", help="default 5")
+    add("--seed", type=int, default=0, help="of the specimens; default 0")
+    add("--ordinary", action="store_true", help="take no priority over other processes")
+    add("--json", type=Path, metavar="FILE", help=f"keep the numbers there; the README is made of {DEFAULT}")
+    arguments = parser.parse_args()
+    kept = soak(arguments.minutes, seed=arguments.seed, real_time=not arguments.ordinary)
+    if arguments.json is not None:
+        arguments.json.parent.mkdir(parents=True, exist_ok=True)
+        arguments.json.write_text(json.dumps(kept, indent=1))
+    print(text(kept))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

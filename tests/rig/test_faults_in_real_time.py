@@ -1,0 +1,146 @@
+"""In real time, on an emulated rig in a process of its own: every fault stops the blade, at once, and it stays stopped.
+
+``scripts/rig_faults.py`` makes many trials of each, and prints the table; here is one of each.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+sys.path.insert(0, str(SCRIPTS))
+
+import rig_faults  # noqa: E402  programs, not a package
+import rig_trials  # noqa: E402
+
+from cutenv.recording import load_one  # noqa: E402
+from cutenv.rig.emulator.faults import FAULTS  # noqa: E402
+from cutenv.rig.emulator.process import start  # noqa: E402
+from cutenv.rig.toml_file import to_toml  # noqa: E402
+
+ATTEMPTS = 3  # at a trial in which the host stalled
+
+
+@pytest.fixture(scope="module")
+def trials() -> Iterator[rig_faults.Trials]:
+    with rig_faults.Trials() as made:
+        yield made
+
+
+def test_every_fault_of_the_emulator_has_its_expected_causes():
+    assert set(rig_trials.EXPECTED) == {*FAULTS, *rig_trials.OWN}
+
+
+IN_ORDER = sorted(rig_trials.EXPECTED, key=lambda fault: (fault in rig_trials.IN_CHILD, fault == "slip"))
+
+
+@pytest.mark.parametrize("fault", IN_ORDER)
+def test_it_is_found_out_stopped_and_stays_stopped(trials, fault):
+    random = np.random.default_rng(list(fault.encode()))
+    for _ in range(ATTEMPTS):
+        done = trials.one(fault, random)
+        if not done.stalls:
+            break
+    assert done.wrong() == []
+
+
+def told(**changes):
+    well = {
+        "fault": "over_force", "seed": 0, "injected": 10.0, "speed": 0.015, "cause": "force limit", "stated": 0.011,
+        "detected": 10.010, "received": 10.011, "standstill": 10.030, "refused": True, "moved": 1e-6, "stalls": [],
+    }  # fmt: skip
+    return rig_trials.Trial(**{**well, **changes})
+
+
+def test_a_trial_in_which_all_is_well_is_as_promised():
+    assert told().wrong() == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"cause": "clock overrun"}, "the cause is"),
+        ({"cause": None, "detected": None}, "does not come to rest"),
+        ({"standstill": None}, "does not come to rest"),
+        ({"refused": False}, "not latched"),
+        ({"moved": 0.001}, "not latched"),
+        ({"received": None}, "quick stop"),
+        ({"received": 10.031}, "quick stop"),
+        ({"detected": 10.025, "received": 10.026}, "found out after 25.0 ms"),
+    ],
+)
+def test_a_trial_in_which_something_is_wrong_is_told(changes, says):
+    assert any(says in why for why in told(**changes).wrong())
+
+
+def test_a_stall_of_the_host_excuses_a_late_decision_but_no_late_stop():
+    assert told(detected=10.2, received=10.201, standstill=10.22, stalls=[0.15]).wrong() == []
+    assert told(received=10.2, standstill=10.22, stalls=[0.15]).wrong() != []
+
+
+def test_a_rig_that_had_stopped_before_is_no_trial():
+    assert told(detected=9.9).before
+    assert told(speed=0.0).before
+    assert not told().before
+
+
+CUT = """
+import sys
+from cutenv.envs.rig_cut import RigCutEnv
+from cutenv.rig.emulator.control import EmulatorControl
+from cutenv.rig.operator import AutomaticOperator
+from cutenv.rig.toml_file import read
+
+class LaysSpecimens(AutomaticOperator):
+    def ask_ready(self, what):
+        EmulatorControl(int(sys.argv[2])).specimen(seed=3)
+        return True
+
+rig = sys.argv[1]
+env = RigCutEnv(rig=rig, operator=LaysSpecimens(read(rig)), records=sys.argv[3], target_length=0.1)
+env.reset(seed=3)
+print("cutting", flush=True)
+while True:
+    if env.step([0.5, 1.0])[2]:
+        env.reset()
+"""
+
+
+def test_after_kill_9_the_drive_stops_by_itself_and_the_record_holds_the_cut_up_to_then(tmp_path):
+    with start(free_air=True, angle_deg=90.0) as emulator:
+        rig = tmp_path / "rig.toml"
+        rig.write_text(to_toml(dataclasses.replace(emulator.settings, depth_profile=((0.0, 0.02), (0.15, 0.02)))))
+        arguments = [sys.executable, "-c", CUT, str(rig), str(emulator.control.port), str(tmp_path)]
+        process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "cutting\n"
+            time.sleep(2.0)
+            killed = time.monotonic()
+            os.kill(process.pid, signal.SIGKILL)
+        finally:
+            process.kill()
+            process.wait()
+            process.stdout.close()
+        time.sleep(0.5)
+        events = emulator.control.events()
+        truth = emulator.control.truth()
+        assert abs(truth["speed_m_s"]) < 1e-5
+        rests = [event["time_s"] for event in events if event["what"] == "standstill"]
+        assert rests[-1] < killed + 0.4
+        records = sorted(tmp_path.glob("*.csv"))
+    cut = load_one(records[-1])
+    assert cut.metadata["truncated"]
+    assert len(records) > 1 or cut.time[-1] > 2.0 - 1.0  # one alone, unless a busy host had stopped the first
+    assert np.diff(cut.time) == pytest.approx(0.001)
+    assert abs(cut.position[-1] - truth["position_m"]) < 0.0127 * 1.2
