@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Iterator
@@ -27,14 +28,22 @@ def prefer() -> bool:
 
 @contextmanager
 def preferred() -> Iterator[bool]:
-    """Within the block, run before others, and switch between threads more often; whether the former was allowed."""
+    """Within the block, run before others, and switch between threads more often; whether the former was allowed.
+
+    What is in memory by then is not searched for garbage any more: with SciPy and Numba loaded such a search holds all
+    threads for a tenth of a second and longer, in which no heartbeat gets to a drive and no reading of the force is
+    looked at.  Load what a cut needs before.
+    """
     switch = sys.getswitchinterval()
     before = (os.sched_getscheduler(0), os.sched_getparam(0)) if hasattr(os, "sched_getscheduler") else None
     allowed = prefer()
     sys.setswitchinterval(_SWITCH)
+    gc.collect()
+    gc.freeze()
     try:
         yield allowed
     finally:
+        gc.unfreeze()
         sys.setswitchinterval(switch)
         if allowed and before is not None:
             os.sched_setscheduler(0, *before)
