@@ -46,6 +46,7 @@ _WATCHED = 0.002  # [s]
 _WAY = 0.003  # [s]: a millisecond of the emulator, a frame's or packet's way, an event's
 _WINDOW = 0.1  # [s], over which lost readings are counted
 _UPRIGHT = math.pi / 2
+_DIES = 0.010  # [s] that the system takes to end a killed process, whose threads go on until then
 _FAR = 0.09  # [m], from which the cut goes on in another specimen
 _STAYS = 5e-5  # [m]: what a stopped carriage may still give way
 _LATCHED_FOR = 0.5  # [s]
@@ -99,7 +100,7 @@ def stated_detection(fault: str, cause: Cause, settings: RigSettings) -> float |
     if fault == "reordering":
         return None
     if fault == "kill_9":
-        return DRIVE_PATIENCE  # of the drive's own watch
+        return DRIVE_PATIENCE + _DIES  # of the drive's own watch
     limits = settings.limits
     stated = detection_times(limits, sync=settings.bus.sync)[cause]
     if cause is Cause.FORCE_LOST:
@@ -114,6 +115,8 @@ def stated_detection(fault: str, cause: Cause, settings: RigSettings) -> float |
         stated += PERIOD * limits.overrun
     if fault == "over_force":
         stated += SENSOR_DELAY
+    if fault == "parent_death":
+        stated += _DIES
     return stated
 
 
