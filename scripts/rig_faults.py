@@ -23,7 +23,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rig_trials import BY_THE_DRIVE, EXPECTED, IN_CHILD, CuttingRig, Trial, trial, trial_in_child
+from cutting_rig import CuttingRig
+from rig_cut_process import trial_in_child
+from rig_trials import BY_THE_DRIVE, EXPECTED, IN_CHILD, Trial, trial
 from tqdm import tqdm
 
 from cutenv.rig.drivers import RigError

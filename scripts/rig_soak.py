@@ -24,7 +24,7 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-from rig_trials import HostWatch
+from cutting_rig import HostWatch
 
 from cutenv.commands.rig.run import chosen_policy, rehearse
 from cutenv.envs.rig_cut import RigCutEnv

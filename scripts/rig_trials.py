@@ -6,55 +6,29 @@ told by the emulator.  ``scripts/rig_faults.py`` makes many trials and prints th
 
 from __future__ import annotations
 
-import json
 import math
-import os
-import select
-import signal
-import subprocess
-import sys
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from cutenv.envs.rig_source import EmulatedSupply
+from cutting_rig import PERIOD, SPEED, UPRIGHT, WATCHED, CuttingRig
+
 from cutenv.rig.canopen.network import DRIVE_PATIENCE
 from cutenv.rig.causes import Cause, RigStopped, StopReport, detection_times
-from cutenv.rig.drivers import RigError
 from cutenv.rig.emulator.control import EmulatorControl
 from cutenv.rig.emulator.faults import FAULTS
-from cutenv.rig.emulator.process import RunningEmulator, emulated_settings
-from cutenv.rig.hardware import rig_plant
-from cutenv.rig.operator import AutomaticOperator
-from cutenv.rig.preparation import SETTLE
-from cutenv.rig.session import RigSession
 from cutenv.rig.settings import RigSettings
-from cutenv.rig.supply import SpecimenKey
-from cutenv.tissue.specimen import Specimen
 
-SPEED = 0.015
-"""Of the cuts [m/s]."""
-PERIOD = 0.020
-"""From command to command [s]."""
 SENSOR_DELAY = 0.010
 """By which the emulated sensor's readings are behind the force, as the simulated one's [s]."""
-STALL = 0.005
-"""Lateness of a thread that should run every 2 ms, from which the host counts as stalled [s]."""
-_WATCHED = 0.002  # [s]
 _WAY = 0.003  # [s]: a millisecond of the emulator, a frame's or packet's way, an event's
 _WINDOW = 0.1  # [s], over which lost readings are counted
-_UPRIGHT = math.pi / 2
-_FAR = 0.09  # [m], from which the cut goes on in another specimen
+_DIES = 0.010  # [s] that the system takes to end a killed process, whose threads go on until then
 _STAYS = 5e-5  # [m]: what a stopped carriage may still give way
-_LATCHED_FOR = 0.5  # [s]
 _STANDS_WITHIN = 1.0  # [s] of detection
 _UNSTOPPED = 3.0  # [s] without a stop, after which a trial ends
-_BACK = 0.02  # [m/s], to the clamp
 _LAG = 0.040  # [s] of the velocity loop
-_ATTEMPTS = 5  # to begin a cut
-_PATIENCE = 60.0  # [s] with a child process
 
 OWN = ("nan_command", "exception", "late_policy", "sigterm", "ctrl_c", "parent_death", "kill_9")
 """Faults on the rig's own side of the wires."""
@@ -99,7 +73,7 @@ def stated_detection(fault: str, cause: Cause, settings: RigSettings) -> float |
     if fault == "reordering":
         return None
     if fault == "kill_9":
-        return DRIVE_PATIENCE  # of the drive's own watch
+        return DRIVE_PATIENCE + _DIES  # of the drive's own watch
     limits = settings.limits
     stated = detection_times(limits, sync=settings.bus.sync)[cause]
     if cause is Cause.FORCE_LOST:
@@ -114,6 +88,8 @@ def stated_detection(fault: str, cause: Cause, settings: RigSettings) -> float |
         stated += PERIOD * limits.overrun
     if fault == "over_force":
         stated += SENSOR_DELAY
+    if fault == "parent_death":
+        stated += _DIES
     return stated
 
 
@@ -196,112 +172,6 @@ def _since(later: float | None, earlier: float | None) -> float | None:
     return None if later is None or earlier is None else max(later - earlier, 0.0)
 
 
-class HostWatch:
-    """Notes when a thread of this process that should run every 2 ms was late: the machine was busy elsewhere."""
-
-    def __init__(self, clock: Any) -> None:
-        self.stalls: list[tuple[float, float]] = []
-        """When it ran again, and how late [s]."""
-        self._last = clock.now()
-        self._turns = clock.every(_WATCHED, self._note, "host watch")
-
-    def _note(self, now: float) -> None:
-        late, self._last = now - self._last - _WATCHED, now
-        if late > STALL:
-            self.stalls.append((now, late))
-
-    def stop(self) -> None:
-        """Watch no longer."""
-        self._turns.stop()
-
-
-class CuttingRig:
-    """A rig that cuts in an emulated one's specimens, made ready again after every stop.
-
-    Parameters
-    ----------
-    settings : RigSettings
-        Of the emulated rig.
-    control : EmulatorControl
-        To lay specimens.
-    """
-
-    def __init__(self, settings: RigSettings, control: EmulatorControl) -> None:
-        self.settings, self._supply = settings, EmulatedSupply(control)
-        Specimen.drawn(0, 0)  # compiles: a drive would miss this process's heartbeat
-        self._open()
-
-    def _open(self) -> None:
-        self.session = RigSession(rig_plant(self.settings), AutomaticOperator(self.settings), self._supply)
-        self.plant = self.session.plant
-        self.clock = self.plant.clock
-        self.session.open()
-        self.host = HostWatch(self.clock)
-        self._laid = False
-
-    def close(self) -> None:
-        """Leave the emulated rig."""
-        self.host.stop()
-        self.session.close()
-
-    def reopen(self) -> None:
-        """Connect anew, to a drive that has lost its set-up, or after the session's end."""
-        self.close()
-        self._open()
-
-    def begin(self, seed: int, *, specimen_class: str = "liver") -> None:
-        """Reset, and be ready to cut on; first, and where the specimen ends, lay another at the clamp and tare.
-
-        A busy host may stop the blade on its way: then once more.
-        """
-        for attempt in range(_ATTEMPTS):
-            try:
-                return self._begin(seed, specimen_class)
-            except RigError:
-                if attempt == _ATTEMPTS - 1:
-                    raise
-                self.plant.halt()
-
-    def _begin(self, seed: int, specimen_class: str) -> None:
-        plant, clock = self.plant, self.clock
-        specimen = Specimen.drawn(seed, 0, specimen_class=specimen_class)
-        plant.supervisor.reset(agreed=True)
-        plant.power()
-        clock.sleep_until(clock.now() + SETTLE)
-        self.session.start()
-        if not self._laid or plant.position > _FAR:
-            plant.travel(0.0, speed=_BACK, angle=_UPRIGHT)
-            plant.supervisor.lock()
-            plant.depth = specimen.depth
-            self._supply.lay(SpecimenKey(seed=seed, episode=0, specimen=specimen))
-            clock.sleep_until(clock.now() + SETTLE)
-            plant.tare()
-            self._laid = True
-            self.session.start()
-        plant.begin()
-
-    def cut(self, seconds: float) -> StopReport | None:
-        """Cut for that long; the report of a stop on the way."""
-        ends = self.clock.now() + seconds
-        try:
-            while self.clock.now() < ends:
-                self.plant.advance(SPEED, _UPRIGHT, round(1e3 * PERIOD))
-        except RigStopped as stop:
-            return stop.report
-        return None
-
-    def refuses(self) -> bool:
-        """Whether commands are refused, for half a second."""
-        for _ in range(5):
-            try:
-                self.plant.supervisor.drive(SPEED, _UPRIGHT, PERIOD)
-            except RigError:
-                self.clock.sleep_until(self.clock.now() + _LATCHED_FOR / 5)
-                continue
-            return False
-        return True
-
-
 class PolicyFailed(RuntimeError):
     """What a policy raises in the trial of an exception."""
 
@@ -317,15 +187,15 @@ def trial(rig: CuttingRig, control: EmulatorControl, fault: str, *, seed: int, a
     time.sleep(0.1)  # it rests by now, and the sensor of an unseen one has told more
     refused = report is not None and rig.refuses()
     events = control.events(since)
-    result = _told(fault, seed, truth, injected, report, events, rig.settings)
+    result = put_together(fault, seed, truth, injected, report, events, rig.settings)
     result.refused = refused
-    result.moved = _moved(control, events)
-    result.stalls = _stalls(result, events, rig.host.stalls)
+    result.moved = moved_since(control, events)
+    result.stalls = stalls_around(result, events, rig.host.stalls)
     control.clear()
     if fault == "slip":
         rig.plant.halt()
     if fault in ("power_loss", "exception"):
-        time.sleep(_WATCHED)
+        time.sleep(WATCHED)
         rig.reopen()
     return result
 
@@ -356,13 +226,13 @@ def _happens(
     if fault == "late_policy":
         time.sleep(0.2)
     try:
-        rig.plant.advance(math.nan if fault == "nan_command" else SPEED, _UPRIGHT, round(1e3 * PERIOD))
+        rig.plant.advance(math.nan if fault == "nan_command" else SPEED, UPRIGHT, round(1e3 * PERIOD))
     except RigStopped as stop:
         return truth, injected, stop.report
     return truth, injected, None
 
 
-def _told(
+def put_together(
     fault: str,
     seed: int,
     truth: dict[str, Any],
@@ -406,153 +276,14 @@ def _told(
     return result
 
 
-def _moved(control: EmulatorControl, events: list[dict[str, Any]]) -> float | None:
+def moved_since(control: EmulatorControl, events: list[dict[str, Any]]) -> float | None:
     """How far the carriage is from where it came to rest last [m]."""
     rests = [event["position_m"] for event in events if event["what"] == "standstill"]
     return control.truth()["position_m"] - rests[-1] if rests else None
 
 
-def _stalls(result: Trial, events: list[dict[str, Any]], own: list[tuple[float, float]]) -> list[float]:
+def stalls_around(result: Trial, events: list[dict[str, Any]], own: list[tuple[float, float]]) -> list[float]:
     """Lateness of emulator and rig between shortly before the fault and the blade's rest [s]."""
     stalls = own + [(event["time_s"], event["late_s"]) for event in events if event["what"] == "stall"]
     ends = max(result.standstill or 0.0, result.detected or 0.0, result.injected)
     return [late for ended, late in stalls if ended >= result.injected - PERIOD and ended - late <= ends]
-
-
-# Faults that end the rig's process, or its parent's
-
-
-class CutProcess:
-    """A rig that cuts in a process of its own; see :func:`cut_until_stopped`.
-
-    Parameters
-    ----------
-    emulator : RunningEmulator
-        What it cuts on.
-    seed : int
-        Of the specimen.
-    kept : bool
-        Whether a process stands between this one and it, which may then be killed.
-    """
-
-    def __init__(self, emulator: RunningEmulator, *, seed: int, kept: bool = False) -> None:
-        settings = emulator.settings
-        ready = {
-            "can": settings.bus.port,
-            "sensor": settings.sensor.port,
-            "page": settings.sensor.page,
-            "control": emulator.control.port,
-        }
-        command = [sys.executable, __file__, json.dumps(ready), str(seed)]
-        keeper = [sys.executable, "-c", "import subprocess, sys; subprocess.run(sys.argv[1:])"]
-        self.process = subprocess.Popen(
-            keeper + command if kept else command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
-        )
-        self._read = b""
-
-    def line(self) -> dict[str, Any]:
-        """The next line of JSON that it prints.
-
-        Raises
-        ------
-        RigError
-            If there is none in time, or it has ended.
-        """
-        output = self.process.stdout
-        assert output is not None
-        deadline = time.monotonic() + _PATIENCE
-        while b"\n" not in self._read:
-            ready, _, _ = select.select([output], [], [], max(deadline - time.monotonic(), 0.0))
-            read = os.read(output.fileno(), 4096) if ready else b""
-            if not read:
-                raise RigError("the process that cuts says nothing any more; it has said above why.")
-            self._read += read
-        line, _, self._read = self._read.partition(b"\n")
-        told: dict[str, Any] = json.loads(line)
-        return told
-
-    def end(self) -> None:
-        """End it, whatever it does."""
-        if self.process.poll() is None:
-            self.process.kill()
-        self.process.wait(_PATIENCE)
-        assert self.process.stdout is not None
-        self.process.stdout.close()
-
-
-_SIGNALS = {
-    "sigterm": signal.SIGTERM,
-    "ctrl_c": signal.SIGINT,
-    "parent_death": signal.SIGKILL,
-    "kill_9": signal.SIGKILL,
-}
-
-
-def trial_in_child(emulator: RunningEmulator, fault: str, *, seed: int, after: float) -> Trial:
-    """The same for a fault of :data:`IN_CHILD`: the rig cuts in a process of its own, and nobody cuts in this one."""
-    child = CutProcess(emulator, seed=seed, kept=fault == "parent_death")
-    control = emulator.control
-    try:
-        since = child.line()["since"]
-        time.sleep(after)
-        truth, injected = control.truth(), time.monotonic()
-        child.process.send_signal(_SIGNALS[fault])
-        if fault == "kill_9":
-            time.sleep(DRIVE_PATIENCE + 0.1 + _LATCHED_FOR)
-            told: dict[str, Any] = {"refused": not _enabled(control), "stalls": [], "report": None}
-        else:
-            told = child.line()
-    finally:
-        child.end()
-    events = control.events(since)
-    report = told["report"]
-    if report is not None:
-        way = report.pop("way")
-        report = StopReport(**{**report, "cause": Cause(report["cause"])})
-        report.position, report.rest_position = 0.0, way
-    result = _told(fault, seed, truth, injected, report, events, emulator.settings)
-    result.refused = told["refused"]
-    result.moved = _moved(control, events)
-    result.stalls = _stalls(result, events, [(ended, late) for ended, late in told["stalls"]])
-    return result
-
-
-def _enabled(control: EmulatorControl) -> bool:
-    """Whether a drive is powered and follows its target."""
-    return any(node["state"] == "operation enabled" for node in control.state()["nodes"])
-
-
-def cut_until_stopped(ready: dict[str, Any], seed: int, tell: Callable[[dict[str, Any]], None]) -> None:
-    """What the child does: cut until it is stopped, see that it stays so, and tell.
-
-    Ends by itself once its parent is gone: what it prints is then read by the one above.
-    """
-    control = EmulatorControl(ready["control"])
-    rig = CuttingRig(emulated_settings(ready), control)
-    try:
-        rig.begin(seed)
-        rig.cut(0.1)
-        tell({"since": len(control.events())})
-        report = rig.cut(20.0)
-        refused = report is not None and rig.refuses()
-        told = None
-        if report is not None:
-            told = {
-                "cause": report.cause,
-                "detail": report.detail,
-                "detected": report.detected,
-                "way": report.distance_to_standstill,
-            }
-        tell({"report": told, "refused": refused, "stalls": rig.host.stalls})
-    finally:
-        rig.close()
-
-
-def main() -> None:
-    """Cut in a child process."""
-    ready, seed = sys.argv[1:]
-    cut_until_stopped(json.loads(ready), int(seed), lambda told: print(json.dumps(told), flush=True))
-
-
-if __name__ == "__main__":
-    main()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 from typing import Any
 
@@ -13,6 +14,7 @@ from cutenv.recording import load_one
 from cutenv.recording.appending import AppendingRecord
 from cutenv.rig.causes import Cause, RigStopped
 from cutenv.rig.drivers import RigError
+from cutenv.rig.real_time import preferred
 from cutenv.rig.samples import DriveState
 
 UPRIGHT = math.pi / 2
@@ -121,3 +123,10 @@ def test_what_ends_the_program_stops_the_blade_before_the_disk_is_waited_for(
     assert supervisor.report.cause is cause
     assert phases == ["stopped"]
     assert load_one(env.records[0]).metadata["stop"]["cause"] == cause
+
+
+def test_no_search_for_garbage_goes_through_all_that_is_loaded_while_a_rig_is_in_use():
+    before = gc.get_freeze_count()
+    with preferred():
+        assert gc.get_freeze_count() > before + 10_000  # NumPy, SciPy, Numba
+    assert gc.get_freeze_count() == 0

@@ -148,5 +148,5 @@ def test_a_fake_rig_turns_as_the_simulator_does():
     rig, plant = ready_rig(), SimulatedPlant(specimen(), seed=3)
     ours = rig.plant.advance(0.0, math.radians(50.0), 1000)["angle"]
     theirs = plant.advance(0.0, math.radians(50.0), 1000)["angle"]
-    assert np.abs(ours - theirs).max() < math.radians(3.0)
+    assert np.abs(ours - theirs).max() < math.radians(5.0)  # it ends as a loop does, not at a stop
     assert ours[-1] == pytest.approx(math.radians(50.0), abs=math.radians(0.1))

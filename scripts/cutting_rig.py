@@ -1,0 +1,140 @@
+"""A rig that cuts on an emulated one for trials, made ready again after every stop; a watch for the host's stalls."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from cutenv.envs.rig_source import EmulatedSupply
+from cutenv.rig.causes import RigStopped, StopReport
+from cutenv.rig.drivers import RigError
+from cutenv.rig.emulator.control import EmulatorControl
+from cutenv.rig.hardware import rig_plant
+from cutenv.rig.operator import AutomaticOperator
+from cutenv.rig.preparation import SETTLE
+from cutenv.rig.session import RigSession
+from cutenv.rig.settings import RigSettings
+from cutenv.rig.supply import SpecimenKey
+from cutenv.tissue.specimen import Specimen
+
+SPEED = 0.015
+"""Of the cuts [m/s]."""
+PERIOD = 0.020
+"""From command to command [s]."""
+STALL = 0.005
+"""Lateness of a thread that should run every 2 ms, from which the host counts as stalled [s]."""
+WATCHED = 0.002
+"""Period of that thread [s]."""
+UPRIGHT = math.pi / 2
+"""Of the blade [rad]."""
+LATCHED_FOR = 0.5
+"""For which commands are tried after a stop [s]."""
+_BACK = 0.02  # [m/s], to the clamp
+_ATTEMPTS = 5  # to begin a cut
+_FAR = 0.09  # [m], from which the cut goes on in another specimen
+
+
+class HostWatch:
+    """Notes when a thread of this process that should run every 2 ms was late: the machine was busy elsewhere."""
+
+    def __init__(self, clock: Any) -> None:
+        self.stalls: list[tuple[float, float]] = []
+        """When it ran again, and how late [s]."""
+        self._last = clock.now()
+        self._turns = clock.every(WATCHED, self._note, "host watch")
+
+    def _note(self, now: float) -> None:
+        late, self._last = now - self._last - WATCHED, now
+        if late > STALL:
+            self.stalls.append((now, late))
+
+    def stop(self) -> None:
+        """Watch no longer."""
+        self._turns.stop()
+
+
+class CuttingRig:
+    """A rig that cuts in an emulated one's specimens, made ready again after every stop.
+
+    Parameters
+    ----------
+    settings : RigSettings
+        Of the emulated rig.
+    control : EmulatorControl
+        To lay specimens.
+    """
+
+    def __init__(self, settings: RigSettings, control: EmulatorControl) -> None:
+        self.settings, self._supply = settings, EmulatedSupply(control)
+        Specimen.drawn(0, 0)  # compiles: a drive would miss this process's heartbeat
+        self._open()
+
+    def _open(self) -> None:
+        self.session = RigSession(rig_plant(self.settings), AutomaticOperator(self.settings), self._supply)
+        self.plant = self.session.plant
+        self.clock = self.plant.clock
+        self.session.open()
+        self.host = HostWatch(self.clock)
+        self._laid = False
+
+    def close(self) -> None:
+        """Leave the emulated rig."""
+        self.host.stop()
+        self.session.close()
+
+    def reopen(self) -> None:
+        """Connect anew, to a drive that has lost its set-up, or after the session's end."""
+        self.close()
+        self._open()
+
+    def begin(self, seed: int, *, specimen_class: str = "liver") -> None:
+        """Reset, and be ready to cut on; first, and where the specimen ends, lay another at the clamp and tare.
+
+        A busy host may stop the blade on its way: then once more.
+        """
+        for attempt in range(_ATTEMPTS):
+            try:
+                return self._begin(seed, specimen_class)
+            except RigError:
+                if attempt == _ATTEMPTS - 1:
+                    raise
+                self.plant.halt()
+
+    def _begin(self, seed: int, specimen_class: str) -> None:
+        plant, clock = self.plant, self.clock
+        specimen = Specimen.drawn(seed, 0, specimen_class=specimen_class)
+        plant.supervisor.reset(agreed=True)
+        plant.power()
+        clock.sleep_until(clock.now() + SETTLE)
+        self.session.start()
+        if not self._laid or plant.position > _FAR:
+            plant.travel(0.0, speed=_BACK, angle=UPRIGHT)
+            plant.supervisor.lock()
+            plant.depth = specimen.depth
+            self._supply.lay(SpecimenKey(seed=seed, episode=0, specimen=specimen))
+            clock.sleep_until(clock.now() + SETTLE)
+            plant.tare()
+            self._laid = True
+            self.session.start()
+        plant.begin()
+
+    def cut(self, seconds: float) -> StopReport | None:
+        """Cut for that long; the report of a stop on the way."""
+        ends = self.clock.now() + seconds
+        try:
+            while self.clock.now() < ends:
+                self.plant.advance(SPEED, UPRIGHT, round(1e3 * PERIOD))
+        except RigStopped as stop:
+            return stop.report
+        return None
+
+    def refuses(self) -> bool:
+        """Whether commands are refused, for half a second."""
+        for _ in range(5):
+            try:
+                self.plant.supervisor.drive(SPEED, UPRIGHT, PERIOD)
+            except RigError:
+                self.clock.sleep_until(self.clock.now() + LATCHED_FOR / 5)
+                continue
+            return False
+        return True

@@ -1,0 +1,160 @@
+"""Trials of what ends the rig's own process, or its parent: the rig cuts in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+from cutting_rig import LATCHED_FOR, CuttingRig
+from rig_trials import Trial, moved_since, put_together, stalls_around
+
+from cutenv.rig.canopen.network import DRIVE_PATIENCE
+from cutenv.rig.causes import Cause, StopReport
+from cutenv.rig.drivers import RigError
+from cutenv.rig.emulator.control import EmulatorControl
+from cutenv.rig.emulator.process import RunningEmulator, emulated_settings
+
+_PATIENCE = 60.0  # [s] with a child process
+
+
+class CutProcess:
+    """A rig that cuts in a process of its own; see :func:`cut_until_stopped`.
+
+    Parameters
+    ----------
+    emulator : RunningEmulator
+        What it cuts on.
+    seed : int
+        Of the specimen.
+    kept : bool
+        Whether a process stands between this one and it, which may then be killed.
+    """
+
+    def __init__(self, emulator: RunningEmulator, *, seed: int, kept: bool = False) -> None:
+        settings = emulator.settings
+        ready = {
+            "can": settings.bus.port,
+            "sensor": settings.sensor.port,
+            "page": settings.sensor.page,
+            "control": emulator.control.port,
+        }
+        command = [sys.executable, __file__, json.dumps(ready), str(seed)]
+        keeper = [sys.executable, "-c", "import subprocess, sys; subprocess.run(sys.argv[1:])"]
+        self.process = subprocess.Popen(
+            keeper + command if kept else command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
+        )
+        self._read = b""
+
+    def line(self) -> dict[str, Any]:
+        """The next line of JSON that it prints.
+
+        Raises
+        ------
+        RigError
+            If there is none in time, or it has ended.
+        """
+        output = self.process.stdout
+        assert output is not None
+        deadline = time.monotonic() + _PATIENCE
+        while b"\n" not in self._read:
+            ready, _, _ = select.select([output], [], [], max(deadline - time.monotonic(), 0.0))
+            read = os.read(output.fileno(), 4096) if ready else b""
+            if not read:
+                raise RigError("the process that cuts says nothing any more; it has said above why.")
+            self._read += read
+        line, _, self._read = self._read.partition(b"\n")
+        told: dict[str, Any] = json.loads(line)
+        return told
+
+    def end(self) -> None:
+        """End it, whatever it does."""
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait(_PATIENCE)
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+
+
+_SIGNALS = {
+    "sigterm": signal.SIGTERM,
+    "ctrl_c": signal.SIGINT,
+    "parent_death": signal.SIGKILL,
+    "kill_9": signal.SIGKILL,
+}
+
+
+def trial_in_child(emulator: RunningEmulator, fault: str, *, seed: int, after: float) -> Trial:
+    """The same for a fault of :data:`IN_CHILD`: the rig cuts in a process of its own, and nobody cuts in this one."""
+    child = CutProcess(emulator, seed=seed, kept=fault == "parent_death")
+    control = emulator.control
+    try:
+        since = child.line()["since"]
+        time.sleep(after)
+        truth, injected = control.truth(), time.monotonic()
+        child.process.send_signal(_SIGNALS[fault])
+        if fault == "kill_9":
+            time.sleep(DRIVE_PATIENCE + 0.1 + LATCHED_FOR)
+            told: dict[str, Any] = {"refused": not _enabled(control), "stalls": [], "report": None}
+        else:
+            told = child.line()
+    finally:
+        child.end()
+    events = control.events(since)
+    report = told["report"]
+    if report is not None:
+        way = report.pop("way")
+        report = StopReport(**{**report, "cause": Cause(report["cause"])})
+        report.position, report.rest_position = 0.0, way
+    result = put_together(fault, seed, truth, injected, report, events, emulator.settings)
+    result.refused = told["refused"]
+    result.moved = moved_since(control, events)
+    result.stalls = stalls_around(result, events, [(ended, late) for ended, late in told["stalls"]])
+    return result
+
+
+def _enabled(control: EmulatorControl) -> bool:
+    """Whether a drive is powered and follows its target."""
+    return any(node["state"] == "operation enabled" for node in control.state()["nodes"])
+
+
+def cut_until_stopped(ready: dict[str, Any], seed: int, tell: Callable[[dict[str, Any]], None]) -> None:
+    """What the child does: cut until it is stopped, see that it stays so, and tell.
+
+    Ends by itself once its parent is gone: what it prints is then read by the one above.
+    """
+    control = EmulatorControl(ready["control"])
+    rig = CuttingRig(emulated_settings(ready), control)
+    try:
+        rig.begin(seed)
+        rig.cut(0.1)
+        tell({"since": len(control.events())})
+        report = rig.cut(20.0)
+        refused = report is not None and rig.refuses()
+        told = None
+        if report is not None:
+            told = {
+                "cause": report.cause,
+                "detail": report.detail,
+                "detected": report.detected,
+                "way": report.distance_to_standstill,
+            }
+        tell({"report": told, "refused": refused, "stalls": rig.host.stalls})
+    finally:
+        rig.close()
+
+
+def main() -> None:
+    """Cut in a child process."""
+    ready, seed = sys.argv[1:]
+    cut_until_stopped(json.loads(ready), int(seed), lambda told: print(json.dumps(told), flush=True))
+
+
+if __name__ == "__main__":
+    main()
