@@ -55,7 +55,7 @@ FAULTS: dict[str, tuple[Inject, set[Cause]]] = {
     "no heartbeat": (faulty(heartbeat_silent=True), {Cause.HEARTBEAT}),
     "a stuck encoder": (faulty(stuck=True), {Cause.STUCK, Cause.FOLLOWING, Cause.ACCELERATION}),
     "a blocked blade": (faulty(blocked=True), {Cause.STUCK, Cause.FOLLOWING, Cause.ACCELERATION}),
-    "a slipping blade": (faulty(slip=0.008), {Cause.FOLLOWING}),
+    "a slipping blade": (faulty(slip=0.008), {Cause.FOLLOWING, Cause.STUCK}),
     "a runaway": (faulty(runaway=0.035), {Cause.SPEED, Cause.FOLLOWING}),
     "power loss": (faulty(power_lost=True), {Cause.MOTION_STALE}),
     "bus off": (lambda rig: rig.break_bus(), {Cause.BUS}),
