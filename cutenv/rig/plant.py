@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
@@ -19,6 +18,7 @@ from cutenv.rig.motion_watch import STANDSTILL
 from cutenv.rig.samples import ForceSample, MotionSample
 from cutenv.rig.settings import RigSettings
 from cutenv.rig.supervisor import Supervisor
+from cutenv.rig.timing import Timing
 from cutenv.tissue.specimen import N_POINTS
 from cutenv.validation import array_in_range, in_range
 
@@ -35,24 +35,6 @@ _Sample = TypeVar("_Sample", ForceSample, MotionSample)
 _UNKNOWN = ("true_force", "elastic_force", "tip", "jump")
 REST_WITHIN = 2.0
 """Time that a blade may take to come to rest after a stop [s]."""
-
-
-@dataclass
-class Timing:
-    """How well the control clock was kept since the last :meth:`RigPlant.begin`."""
-
-    periods: list[float] = field(default_factory=list)
-    """From command to command [s]."""
-    latencies: list[float] = field(default_factory=list)
-    """From the newest reading that a decision knew to its command on the bus [s]."""
-    lateness: list[float] = field(default_factory=list)
-    """Of commands, behind their due time [s]."""
-    overruns: int = 0
-    """Commands that came more than 2 ms late."""
-    skipped: float = 0.0
-    """Time that late commands have cost, beyond whole periods [s]."""
-    garbled: int = 0
-    """Packets that were no readings."""
 
 
 class RigPlant:
