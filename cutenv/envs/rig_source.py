@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operator import AutomaticOperator, Operator
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.session import RigSession
-from cutenv.rig.settings import RigSettings
+from cutenv.rig.settings import Calibration, RigSettings
 from cutenv.rig.supply import HandSupply, SpecimenKey
 from cutenv.rig.toml_file import read
 from cutenv.trace import Reading
@@ -148,7 +149,13 @@ class RigSource:
         named = self._rig in (FAKE, EMULATOR)
         self.settings = self._lowered(fake_settings(name=self._rig) if named else read(rig))
         if dry_run:
-            self._rig, self.settings = FAKE, dataclasses.replace(self.settings, emulated=True)
+            self._rig = FAKE
+            self.settings = dataclasses.replace(
+                self.settings,
+                emulated=True,
+                armed_by="nobody: a dry run",
+                calibration=Calibration(date=datetime.now().date().isoformat()),
+            )
         self.draws = self._rig in (FAKE, EMULATOR)
         self._emulated = emulator_arguments(constants) if self._rig == EMULATOR else []
         self.fake: FakeRig | None = None
@@ -184,7 +191,8 @@ class RigSource:
             return
         self._folder.mkdir(parents=True, exist_ok=True)
         date, settings = datetime.now(), self.settings
-        name = f"{date:%Y%m%dT%H%M%S}_{settings.name}_{seed}-{episode}"
+        rig = re.sub(r"[^\w.-]+", "_", settings.name)
+        name = f"{date:%Y%m%dT%H%M%S}_{rig}_{seed}-{episode}"
         origin = Provenance(
             rig=settings.name,
             sensor=f"Net F/T at {settings.sensor.address}" if not self.draws else f"of the {self._rig}",

@@ -99,8 +99,9 @@ def _differences(evaluation: Evaluation) -> Html:
     return joined(
         paragraph(
             f"{pairs} The margin says how much is no difference: what noise alone does to one cut, or what the "
-            "instruments resolve, if that is more. A measure agrees if its difference is surely within the margin, and "
-            "differs if it is surely beyond."
+            "instruments resolve, if that is more. A measure agrees if its 90 % interval lies within the margin (two "
+            "one-sided tests at 5 %; drawn are 95 % intervals, which may reach beyond), and differs if it is surely "
+            "beyond."
         ),
         picture(
             partial(differences_figure, findings),

@@ -76,3 +76,14 @@ def operator_of(settings: RigSettings) -> Operator:
         If there is no terminal.
     """
     return AutomaticOperator(settings) if settings.emulated else TerminalOperator()
+
+
+def settings_of(rig: str) -> RigSettings:
+    """What is known of a rig before it is connected to.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If its file is missing or says what cannot be.
+    """
+    return fake_settings(name=rig) if rig in (FAKE, EMULATOR) else read(rig)

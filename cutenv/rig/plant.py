@@ -97,6 +97,7 @@ class RigPlant:
         }
         self._due: float | None = None
         self._grid = self._newest_known = 0.0
+        self._cutting = False  # else there is no beginning that readings could be counted from
         self._commanded: float | None = None
         self._ticks = 0
 
@@ -206,6 +207,7 @@ class RigPlant:
         """Begin a cut: its time starts with the next command."""
         self._due = None
         self._ticks = 0
+        self._cutting = True
         self.timing = Timing()
 
     def advance(self, speed: float, angle: float, ticks: int) -> Records:
@@ -242,6 +244,7 @@ class RigPlant:
 
     def halt(self) -> None:
         """Bring the blade to rest on its ramp, as at the end of a cut, and lock the rig."""
+        self._cutting = False
         if self.supervisor.phase == "ready":
             deadline = self.clock.now() + REST_WITHIN
             while not self.supervisor.standing and self.supervisor.phase == "ready" and self.clock.now() < deadline:
@@ -334,10 +337,12 @@ class RigPlant:
             raise RigStopped(self.supervisor.report, self._come_to_rest(self.supervisor.report))
 
     def _come_to_rest(self, report: StopReport) -> Records:
-        """Wait for the blade to stand, and return the readings until then."""
+        """Wait for the blade to stand, and return the readings of the cut until then; none between cuts."""
         deadline = self.clock.now() + REST_WITHIN
         while report.standstill is None and self.clock.now() < deadline:
             self.clock.sleep_until(self.clock.now() + WATCH)
+        if not self._cutting:
+            return np.zeros(0, READING)
         return self._collect(max(math.floor((self.clock.now() - self._grid) / TICK) - self._ticks, 1))
 
     def _collect(self, ticks: int) -> Records:

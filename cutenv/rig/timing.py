@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Timing:
-    """How well the control clock was kept since the last :meth:`RigPlant.begin`."""
+    """How well the control clock was kept since the last :meth:`cutenv.rig.plant.RigPlant.begin`."""
 
     periods: list[float] = field(default_factory=list)
     """From command to command [s]."""

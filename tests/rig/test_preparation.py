@@ -7,6 +7,9 @@ from datetime import date, timedelta
 
 import pytest
 
+from cutenv.rig.bench import CutBench
+from cutenv.rig.causes import Cause, RigStopped
+from cutenv.rig.clock import FakeClock
 from cutenv.rig.drivers import RigError
 from cutenv.rig.fake import FakeRig, fake_rig, fake_settings
 from cutenv.rig.operator import AutomaticOperator, ScriptedOperator
@@ -123,3 +126,17 @@ def test_what_is_lowered_stays_lowered():
     rig.plant.begin()
     readings = rig.plant.advance(0.0254, 1.57, 1000)
     assert readings["speed"].max() < 0.001
+
+
+def test_a_stop_before_the_first_cut_holds_no_readings_and_is_told_at_once():
+    """There is no beginning yet that they could be counted from: not that of the clock, days ago."""
+    specimen = Specimen.drawn(3, 0)
+    rig = FakeRig(lambda settings: CutBench(specimen, settings), fake_settings(), clock=FakeClock(1e6))
+    rig.plant.open()
+    rig.clock.sleep_until(rig.clock.now() + SETTLE)
+    prepare(rig.plant, AutomaticOperator(rig.settings), today=TODAY)
+    rig.faults.extra_force = 30.0
+    with pytest.raises(RigStopped) as stopped:
+        rig.plant.travel(0.01, speed=0.005)
+    assert len(stopped.value.readings) == 0
+    assert stopped.value.report.cause is Cause.FORCE

@@ -117,3 +117,23 @@ def test_policies_that_cannot_be_are_named(policy, named, tmp_path, capsys):
 def test_a_rig_that_is_no_file_says_how_to_write_one(tmp_path, capsys):
     assert run("--policy", "fast then slow", "--rig", "nowhere.toml", "--out", str(tmp_path)) == 2
     assert "cutenv rig init" in capsys.readouterr().err
+
+
+def test_a_policy_of_ones_own_cuts_too(tmp_path, monkeypatch, capsys):
+    (tmp_path / "my_policy.py").write_text(
+        "import numpy as np\n"
+        "class Steady:\n"
+        "    def reset(self, rng): pass\n"
+        "    def __call__(self, observation):\n"
+        "        return np.array([0.4 if observation[8] > 0 else 0.0, 1.0], np.float32)\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    assert run("--policy", "my_policy:Steady", "--rig", "fake", "--out", str(tmp_path), "--target-mm", "60") == 0
+    assert "cut 1:" in capsys.readouterr().out
+    assert run("--policy", "my_policy:Stedy", "--rig", "fake", "--out", str(tmp_path)) == 2
+    assert "MODULE:CLASS" in capsys.readouterr().err
+
+
+def test_an_angle_that_nobody_turns_is_said_to_be_ignored(tmp_path, capsys):
+    assert run("--policy", "90-45-90", "--rig", fixed_rig(tmp_path), "--out", str(tmp_path)) == 2  # no terminal here
+    assert "set by hand, at 75 degrees: angles that the policy asks for are ignored" in capsys.readouterr().out

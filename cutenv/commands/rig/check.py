@@ -12,20 +12,22 @@ from collections.abc import Sequence
 from datetime import date
 from typing import Any
 
-from cutenv.rig.connection import connected
+from cutenv.rig.connection import connected, settings_of
 from cutenv.rig.drivers import RigError
 from cutenv.rig.inspection import Inspection, inspect
-from cutenv.rig.preparation import Check
+from cutenv.rig.preparation import Check, may_move
 
 
 def main(argv: Sequence[str]) -> int:
     """Check; 1 if something fails, 2 if the rig's file cannot be used."""
     arguments = _parser().parse_args(argv)
     try:
-        with connected(arguments.rig) as rig:
-            found = inspect(rig.plant, date.today())
-    except RigError as error:
-        found = Inspection(checks=(Check("connection", False, str(error)),), told={})
+        said = may_move(settings_of(arguments.rig), date.today())  # what the file says needs no connection
+        try:
+            with connected(arguments.rig) as rig:
+                found = inspect(rig.plant, date.today())
+        except RigError as error:
+            found = Inspection(checks=(*said, Check("connection", False, str(error))), told={})
     except (OSError, ValueError) as error:
         print(f"cutenv rig check: {error}", file=sys.stderr)
         return 2

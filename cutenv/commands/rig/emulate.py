@@ -36,7 +36,8 @@ def main(argv: Sequence[str]) -> int:
 
         parent = os.getppid() if arguments.with_parent == 0 else arguments.with_parent
         faults = [parsed_fault(text) for text in arguments.fault]
-        serve(_options(arguments), faults=faults, parent=parent, real_time=arguments.real_time)
+        options = _options(arguments)
+        serve(options, faults=faults, parent=parent, real_time=arguments.real_time, file=arguments.write)
     except (OSError, ValueError, TypeError) as error:
         print(f"cutenv rig emulate: {error}", file=sys.stderr)
         return 2
@@ -109,5 +110,6 @@ def _parser() -> argparse.ArgumentParser:
     for name in ("can", "sensor", "page", "control"):
         add(f"--{name}-port", type=int, default=0, metavar="PORT", help="default: a free one")
     add("--real-time", action="store_true", help="take priority over other processes, if the system allows")
+    add("--write", type=Path, metavar="FILE", help="a rig's file that reaches it, for 'cutenv rig run --rig FILE'")
     add("--with-parent", type=int, nargs="?", const=0, metavar="PID", help="end when the process that started it ends")
     return parser

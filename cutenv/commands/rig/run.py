@@ -8,8 +8,10 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import shlex
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from cutenv.policy import Policy
 
 _STOPPED, _BAD, _INTERRUPTED = 3, 2, 130
+_LATE = ("force stale", "force late", "motion stale", "clock overrun", "heartbeat lost")
 
 
 def main(argv: Sequence[str]) -> int:
@@ -38,7 +41,12 @@ def main(argv: Sequence[str]) -> int:
 
 
 def chosen_policy(name: str) -> tuple[Policy, dict[str, Any]]:
-    """A script by its name, or a trained policy by name or folder, and what its environment has to be made with.
+    """A script by its name, a trained policy by name or folder, or one's own, and what its environment is made with.
+
+    Parameters
+    ----------
+    name : str
+        ``MODULE:CLASS`` is one's own, a :class:`~cutenv.policy.Policy` of the present folder or an installed module.
 
     Raises
     ------
@@ -53,6 +61,14 @@ def chosen_policy(name: str) -> tuple[Policy, dict[str, Any]]:
         if isinstance(policy, SeesTruth):
             raise ValueError(f"policy {name!r} is shown the hidden state, which no rig knows. Take another.")
         return policy, {}
+    module, colon, made = name.partition(":")
+    if colon and module.replace(".", "").isidentifier():
+        sys.path.insert(0, "")
+        try:
+            own: Policy = getattr(import_module(module), made)()
+        except (ImportError, AttributeError) as error:
+            raise ValueError(f"policy {name!r}: {error}. Give MODULE:CLASS, of a module in this folder.") from error
+        return own, {}
     try:
         learned = trained(name)
     except ValueError as error:
@@ -109,6 +125,9 @@ def _dry_run(arguments: argparse.Namespace) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     policy, keywords = chosen_policy(arguments.policy)
     env = _environment(arguments, keywords, records=arguments.out)
+    if env.settings.angle_mode == "fixed" and not keywords:
+        by_hand = math.degrees(env.settings.fixed_angle)
+        print(f"the blade is set by hand, at {by_hand:.0f} degrees: angles that the policy asks for are ignored")
     rehearse(env, policy, seed=arguments.seed)
     stopped = 0
     try:
@@ -171,8 +190,10 @@ def _line(number: int, told: dict[str, Any], env: RigCutEnv) -> str:
         if stop["time_to_standstill_s"] is not None:
             time, way = 1e3 * stop["time_to_standstill_s"], 1e3 * (stop["distance_to_standstill_m"] or 0.0)
             line += f"; at rest {time:.0f} ms and {way:.2f} mm later"
+        if stop["cause"] in _LATE:
+            line += "\n  the computer was late: close other programs; 'cutenv rig check' tells of real-time priority"
     if told["record"] is not None:
-        line += f"\n  in full: cutenv score {told['record']}"
+        line += f"\n  in full: cutenv score {shlex.quote(told['record'])}"
     return line
 
 
@@ -185,7 +206,7 @@ def _parser() -> argparse.ArgumentParser:
         "armed_by, a valid calibration, and the operator's typed word.",
     )
     add = parser.add_argument
-    add("--policy", required=True, help="a folder of a trained policy, a shipped one's name, or a script's")
+    add("--policy", required=True, help="folder of a trained policy, shipped one's or script's name, or MODULE:CLASS")
     add("--rig", required=True, help='the rig\'s TOML file, "emulator" or "fake"')
     add("--cuts", type=int, default=1, metavar="N", help="one after the other; default 1")
     add("--seed", type=int, default=0, help="of target lengths, and of specimens that are drawn; default 0")
@@ -199,6 +220,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--travel-limit-mm", type=float, metavar="MM", help="lower than the file's")
     add(
         "--dry-run", type=float, nargs="?", const=2.0, metavar="SECONDS",
-        help="connect to nothing; print what would be sent in the first seconds (default 2)",
+        help="connect to nothing; print every frame that would command a drive in the first seconds (default 2)",
     )  # fmt: skip
     return parser

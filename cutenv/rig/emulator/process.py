@@ -14,9 +14,12 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from cutenv.atomic import replacing
 from cutenv.compiled import announce
 from cutenv.rig.drivers import RigError
 from cutenv.rig.emulator.assembly import BLADE, HINGE, EmulatedRig, Options
@@ -25,6 +28,8 @@ from cutenv.rig.emulator.control import ControlServer, EmulatorControl
 from cutenv.rig.emulator.motor import turn_motor
 from cutenv.rig.real_time import prefer
 from cutenv.rig.settings import Bus, Calibration, RigSettings, Sensor
+from cutenv.rig.toml_file import to_toml
+from cutenv.tissue.grid import N_POINTS, SPACING
 
 STARTS_WITHIN = 180.0
 """Time that a start may take [s]; the first one on a machine compiles."""
@@ -51,6 +56,7 @@ def serve(
     faults: Sequence[tuple[str, dict[str, Any], float]] = (),
     parent: int | None = None,
     real_time: bool = False,
+    file: Path | None = None,
 ) -> None:
     """Run an emulated rig until it is told to end: by signal, by the control port, or by the end of its parent.
 
@@ -66,6 +72,9 @@ def serve(
         Process without which it ends.
     real_time : bool
         Take priority over other processes, if the system allows; the control port's "state" says whether it did.
+
+    file : Path, optional
+        Where a rig's file is written that reaches it, for ``cutenv rig run --rig FILE`` and the like.
 
     Raises
     ------
@@ -93,6 +102,13 @@ def serve(
             "can": rig.hub.port, "sensor": rig.sensor.port, "page": rig.sensor.page, "control": control.port,
             "pid": os.getpid(),
         }  # fmt: skip
+        if file is not None:
+            settings = emulated_settings(ready, angle_mode=options.angle_mode, angle=options.angle, host=options.host)
+            laid = options.laid or Laid()
+            depth = laid.drawn().depth
+            profile = tuple((k * SPACING, round(float(depth[k]), 6)) for k in range(0, N_POINTS, 20))
+            with replacing(file) as part:
+                part.write_text(to_toml(replace(settings, depth_profile=profile)), encoding="utf-8")
         print(json.dumps(ready), flush=True)
         rig.run()
     finally:
@@ -160,6 +176,7 @@ class RunningEmulator:
             [sys.executable, "-m", "cutenv", "rig", "emulate", "--with-parent", str(os.getpid()), *arguments],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
+            start_new_session=True,  # Ctrl-C is for the rig's program, which leaves the emulator in order
         )
         self.pid = self._process.pid
         try:
