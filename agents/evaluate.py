@@ -32,7 +32,7 @@ from tqdm import tqdm
 import cutenv  # registers the environment
 from cutenv.atomic import replacing
 from cutenv.cores import set_cores
-from cutenv.policy import BASELINES, SHIPPED, Policy, SeesTruth, TrainedPolicy, trained
+from cutenv.policy import BASELINES, SHIPPED, Policy, SeesTruth, TrainedPolicy, named_policy
 from cutenv.tissue.specimen import CLASSES
 
 ENVIRONMENT = "cutenv/GentleCut-v0"
@@ -257,7 +257,7 @@ def contestant(name: str) -> Contestant:
     if name in BASELINES:
         return Contestant(BASELINES[name]())
     if name in SHIPPED or Path(name).is_dir():
-        policy = trained(name)
+        policy = named_policy(name)
         return Contestant(policy, policy.environment_arguments)
     raise SystemExit(
         f"{name!r} is neither a baseline nor a folder nor shipped; baselines: all, {', '.join(BASELINES)}; "

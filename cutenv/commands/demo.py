@@ -57,14 +57,14 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _demo(arguments: argparse.Namespace) -> None:
-    from cutenv.policy import BASELINES, trained
+    from cutenv.policy import BASELINES, named_policy
 
     count = int(in_range("--specimens", arguments.specimens, 1, 1000, "1", "A handful is enough to look at."))
     seed = UNSEEN + int(in_range("--seed", arguments.seed, 0, 10**9, "1", "Give a whole number from 0."))
     for path in (arguments.out, arguments.page):
         if path is not None and not path.absolute().parent.is_dir():
             raise FileNotFoundError(f"{path}: no such folder; make it first.")
-    policy = trained(arguments.policy)
+    policy = named_policy(arguments.policy)
     name = Path(arguments.policy).name
     print(f"{count} specimens of class {arguments.specimen_class} on which nothing was trained or chosen\n")
     agent = cuts(policy, policy.environment_arguments, arguments.specimen_class, seed, count)

@@ -8,7 +8,7 @@ from cutenv.policy.network import Network
 from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
 from cutenv.policy.recurrent import RecurrentNetwork
 from cutenv.policy.scripted import ConstantFeed, FastThenSlow, InclineBetween, NoAction, RandomAction, Script
-from cutenv.policy.shipped import SHIPPED, shipped, trained
+from cutenv.policy.shipped import SHIPPED, named_policy, shipped
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.policy.trained import PolicyBatch, PolicyCard, TrainedPolicy, save_policy
 from cutenv.policy.unloading import StopAndUnload
@@ -44,8 +44,8 @@ __all__ = [
     "TipEstimate",
     "TrainedPolicy",
     "feed_name",
+    "named_policy",
     "past_dead_zone",
     "save_policy",
     "shipped",
-    "trained",
 ]

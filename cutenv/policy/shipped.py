@@ -32,7 +32,7 @@ def shipped(name: str) -> TrainedPolicy:
     return TrainedPolicy.load(resources.path(f"{_FOLDER}/{one_of('policy', name, SHIPPED)}"))
 
 
-def trained(name: str | Path) -> TrainedPolicy:
+def named_policy(name: str | Path) -> TrainedPolicy:
     """A shipped policy by its name, or the one in a folder: what a command line takes for a policy.
 
     Raises

@@ -10,7 +10,7 @@ pytest.importorskip("safetensors", reason="trained policies are an extra: pip in
 
 import cutenv  # noqa: F401
 from cutenv import resources
-from cutenv.policy import SHIPPED, Network, TrainedPolicy, save_policy, shipped, trained
+from cutenv.policy import SHIPPED, Network, TrainedPolicy, named_policy, save_policy, shipped
 from cutenv.policy.features import feature_count
 
 
@@ -51,12 +51,12 @@ def test_a_policy_is_taken_by_name_or_by_folder(tmp_path):
         dead_zone=0.0,
         training={},
     )
-    assert trained(tmp_path / "mine").card == TrainedPolicy.load(tmp_path / "mine").card
-    assert trained("ppo-free").card == shipped("ppo-free").card
+    assert named_policy(tmp_path / "mine").card == TrainedPolicy.load(tmp_path / "mine").card
+    assert named_policy("ppo-free").card == shipped("ppo-free").card
 
 
 def test_a_misspelt_name_is_answered_with_the_nearest_or_with_all():
     with pytest.raises(ValueError, match="Did you mean 'ppo-free'"):
         shipped("ppo-fre")
     with pytest.raises(ValueError, match=r"'ppo-fre' is neither shipped \(ppo-f.*card\.json"):
-        trained("ppo-fre")
+        named_policy("ppo-fre")

@@ -53,7 +53,7 @@ def chosen_policy(name: str) -> tuple[Policy, dict[str, Any]]:
     ValueError, FileNotFoundError
         If it is none of them.
     """
-    from cutenv.policy import BASELINES, trained
+    from cutenv.policy import BASELINES, named_policy
     from cutenv.policy.interface import SeesTruth
 
     if name in BASELINES:
@@ -70,7 +70,7 @@ def chosen_policy(name: str) -> tuple[Policy, dict[str, Any]]:
             raise ValueError(f"policy {name!r}: {error}. Give MODULE:CLASS, of a module in this folder.") from error
         return own, {}
     try:
-        learned = trained(name)
+        learned = named_policy(name)
     except ValueError as error:
         raise ValueError(f"{error} Or a script: {', '.join(BASELINES)}.") from None
     return learned, learned.environment_arguments
