@@ -171,7 +171,11 @@ class Supervisor:
         """Find out what is missing; the watchdog calls it every :data:`~cutenv.rig.causes.WATCH`."""
         if self.phase != "ready":
             return
-        if missing := self._missing(now):
+        try:
+            missing = self._missing(now)
+        except Exception as error:  # a watchdog that dies would be missed by nobody
+            missing = [Breach(Cause.EXCEPTION, f"the watchdog itself: {type(error).__name__}: {error}")]
+        if missing:
             self.trip(*missing[0], now)
 
     def _missing(self, now: float) -> list[Breach]:
@@ -213,7 +217,7 @@ class Supervisor:
         for name, axis in self._axes.items():
             try:
                 axis.quick_stop()
-            except RigError as error:  # the other axis is to be stopped all the same
+            except Exception as error:  # whatever it is, the other axis is to be stopped all the same
                 unreached.append(f"{name}: {error}")
         report.commanded = self._clock.now()
         if unreached:

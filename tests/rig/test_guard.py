@@ -108,3 +108,24 @@ def test_handlers_are_put_back():
     with guarded(rig.plant.supervisor, rig.clock):
         assert signal.getsignal(signal.SIGTERM) is not before[signal.SIGTERM]
     assert {number: signal.getsignal(number) for number in before} == before
+
+
+def test_a_watchdog_that_fails_stops_the_blade():
+    rig = ready_rig()
+    rig.plant.advance(0.01, UPRIGHT, 200)
+    rig.plant.supervisor._alive = None
+    with pytest.raises(RigStopped, match="the watchdog itself"):
+        rig.plant.advance(0.01, UPRIGHT, 200)
+
+
+def test_an_axis_whose_quick_stop_fails_does_not_spare_the_other():
+    rig = ready_rig()
+    rig.plant.advance(0.01, UPRIGHT, 200)
+
+    def fail() -> None:
+        raise OSError("cable cut")
+
+    rig.blade.quick_stop = fail
+    rig.plant.supervisor.trip(Cause.OPERATOR, "the button")
+    assert "blade: cable cut" in rig.plant.supervisor.report.detail
+    assert rig.angle.sent[-1][1] == "quick stop"
