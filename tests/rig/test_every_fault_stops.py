@@ -96,7 +96,8 @@ def check_stopped(rig: FakeRig, name: str, injected: float, stop: RigStopped) ->
     supervisor = rig.plant.supervisor
     assert report.cause in causes, str(report)
     allowed = detection_times(supervisor.limits)[report.cause]
-    if report.cause not in (Cause.FOLLOWING, Cause.FORCE_LOST, Cause.ACCELERATION, Cause.SPEED):  # grow to their limit
+    grows = (Cause.FOLLOWING, Cause.FORCE_LOST, Cause.ACCELERATION, Cause.SPEED)  # to its limit
+    if report.cause not in grows and name != "a slipping blade":  # which may first have to come to a stand
         beyond = PERIOD * 1e-3 * (1.0 + supervisor.limits.overrun) if report.cause is Cause.OVERRUN else 0.0
         assert report.detected - injected <= allowed + beyond + 0.001, str(report)
     else:
