@@ -76,30 +76,43 @@ class EmulatedSupply:
         return None
 
 
-EMULATED = ("motor_lag", "dead_time", "backlash", "force_delay", "force_noise")
-"""Constants of drive and sensor that an emulated rig can be given."""
+_OPTIONS = {
+    "motor_lag": ("--lag-ms", 1e3),
+    "dead_time": ("--dead-time-ms", 1e3),
+    "backlash": ("--backlash-mm", 1e3),
+    "force_delay": ("--force-delay-ms", 1e3),
+    "force_noise": ("--force-noise-N", 1.0),
+    "force_resolution": ("--force-resolution-N", 1.0),
+    "force_drift": ("--force-drift-N", 1.0),
+    "debt_length": ("--debt-length-mm", 1e3),
+    "friction_per_depth_speed": ("--blade-friction-Ns-m2", 1.0),
+}
+"""Options of ``cutenv rig emulate`` by constant, with how many of the option's units are one of SI."""
+_AS_BUILT = {"backlash"}  # of the emulated screw unless it is asked for: 0 is the simulator's default, and no real screw
 
 
 def emulator_arguments(constants: Constants) -> list[str]:
-    """Options of ``cutenv rig emulate`` that give an emulated rig the simulator's drive and sensor.
+    """Options of ``cutenv rig emulate`` that give an emulated rig the simulator's drive, sensor and law.
 
     Raises
     ------
     ValueError
         If the emulator has no option for a constant that is not the default.
     """
-    sensor, drive, plain = constants.sensor, constants.drive, Constants()
-    for own, default in ((drive, plain.drive), (sensor, plain.sensor), (constants.law, plain.law)):
-        for name in (field.name for field in dataclasses.fields(own)):
-            if name not in EMULATED and getattr(own, name) != getattr(default, name, None):
-                raise ValueError(
-                    f'{name}: an emulated rig has no such option, but {", ".join(EMULATED)}; rig="fake" has.'
-                )
-    arguments = ["--force-delay-ms", f"{1e3 * sensor.force_delay:.6g}", "--force-noise-N", f"{sensor.force_noise:.6g}"]
-    if isinstance(drive, Rig):
-        arguments += ["--lag-ms", f"{1e3 * drive.motor_lag:.6g}", "--dead-time-ms", f"{1e3 * drive.dead_time:.6g}"]
-        if drive.backlash > 0.0:
-            arguments += ["--backlash-mm", f"{1e3 * drive.backlash:.6g}"]
+    plain, arguments = Constants(), []
+    of_both = ((constants.drive, plain.drive), (constants.sensor, plain.sensor), (constants.law, plain.law))
+    for name, own, usual in (
+        (field.name, getattr(own, field.name), getattr(usual, field.name, None))
+        for own, usual in of_both
+        for field in dataclasses.fields(own)
+    ):
+        if name in _OPTIONS and not (name in _AS_BUILT and own == usual):
+            option, units = _OPTIONS[name]
+            arguments += [option, f"{units * own:.6g}"]
+        elif own != usual and name not in _OPTIONS:
+            raise ValueError(
+                f'{name}: an emulated rig has no such option, but {", ".join(_OPTIONS)}; rig="fake" has.'
+            )
     return arguments
 
 

@@ -7,10 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from cutenv.cutting.parameters import law_records, profile_records
+from cutenv.commands.rig.emulate import _options, _parser
+from cutenv.cutting.parameters import LawParameters, law_records, profile_records
 from cutenv.cutting.records import READING, TICK, new_state
 from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.cutting.simulate import follow
+from cutenv.envs.constants import Constants
+from cutenv.envs.rig_source import emulator_arguments
 from cutenv.rig.drivers import RigError
 from cutenv.rig.emulator.bench import Bench, Laid
 from cutenv.tissue.specimen import Specimen
@@ -19,19 +22,19 @@ UPRIGHT = math.pi / 2
 WAY = np.concatenate([np.linspace(0.0, 0.04, 2001)[1:], np.linspace(0.04, 0.035, 500)])
 
 
-def laid(seed=3, episode=1, sensor=None):
-    bench, what = Bench(sensor), Laid(seed=seed, episode=episode)
+def laid(seed=3, episode=1, sensor=None, law=None):
+    bench, what = Bench(sensor, law), Laid(seed=seed, episode=episode)
     bench.lay(what.drawn(), what, position=0.0, angle=UPRIGHT)
     return bench
 
 
-def true_forces(specimen):
+def true_forces(specimen, law=None):
     readings = np.zeros(len(WAY), READING)
     state = new_state(1, UPRIGHT)[0]
     follow(
         state,
         profile_records([specimen])[0],
-        law_records([specimen])[0],
+        law_records([specimen], law)[0],
         WAY,
         np.full(len(WAY), UPRIGHT),
         TICK,
@@ -56,6 +59,23 @@ def test_the_sensor_has_the_simulators_noise_of_the_same_key():
     assert read == [sensor.measure(force) for force in true_forces(Specimen.drawn(3, 1))]
     other = laid(episode=2)
     assert read != [other.advance(position, UPRIGHT) for position in WAY]
+
+
+def test_a_wandering_zero_coarse_steps_and_a_rubbing_blade_are_the_simulators_too():
+    wanted = {"force_drift": 0.2, "force_resolution": 0.1, "friction_per_depth_speed": 2000.0, "debt_length": 1e-3}
+    options = _options(_parser().parse_args(emulator_arguments(Constants.from_keywords(wanted))))
+    assert (options.sensor.force_drift, options.sensor.force_resolution) == (0.2, 0.1)
+    assert options.law == LawParameters(friction_per_depth_speed=2000.0, debt_length=1e-3)
+    bench, sensor = laid(sensor=options.sensor, law=options.law), Sensor(options.sensor, seed=3, episode=1)
+    read = [bench.advance(position, UPRIGHT) for position in WAY]
+    rubbed = true_forces(Specimen.drawn(3, 1), options.law)
+    assert read == [sensor.measure(force) for force in rubbed]
+    assert np.abs(rubbed - true_forces(Specimen.drawn(3, 1))).max() > 0.2
+
+
+def test_an_emulated_rig_refuses_constants_that_only_the_simulator_has():
+    with pytest.raises(ValueError, match=r"acceleration: an emulated rig has no such option, but motor_lag"):
+        emulator_arguments(Constants.from_keywords({"acceleration": 0.2}))
 
 
 def test_free_air_is_felt_as_nothing():

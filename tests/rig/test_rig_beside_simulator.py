@@ -59,6 +59,12 @@ def test_a_force_whose_zero_wanders_shows(simulated):
     assert "force_offset" in verdict.differ
 
 
+def test_a_blade_that_rubs_shows(simulated):
+    verdict = verdict_of(simulated, friction_per_depth_speed=2000.0)
+    assert verdict.answer == "differ"
+    assert "peak_force" in verdict.differ
+
+
 def test_draws_of_noise_differ_and_specimens_do_not(simulated):
     first, second = simulated[0][:2]
     assert first.trace.metadata["specimen_seed"] == SEED
@@ -200,7 +206,7 @@ def test_the_command_prints_a_screen_and_writes_page_json_and_records(tmp_path, 
         (["--rig", "missing.toml"], "no such file"),
         (["--change", "motor_lag"], "NAME=NUMBER"),
         (["--change", "motor_lap=0.1"], "motor_lag"),
-        (["--rig", "emulator", "--change", "force_drift=0.1"], "an emulated rig has no such option"),
+        (["--rig", "emulator", "--change", "acceleration=0.2"], "an emulated rig has no such option"),
         (["--specimens", "2"], "specimens = 2"),
     ],
 )

@@ -10,7 +10,6 @@ import math
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -45,6 +44,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _options(arguments: argparse.Namespace) -> Options:
+    from cutenv.cutting.parameters import LawParameters
     from cutenv.cutting.sensor import SensorParameters
     from cutenv.rig.emulator.assembly import Options
     from cutenv.rig.emulator.bench import Laid
@@ -53,31 +53,35 @@ def _options(arguments: argparse.Namespace) -> Options:
 
     tissue = None if arguments.tissue is None else load_description(arguments.tissue)
     laid = Laid(seed=arguments.seed, episode=arguments.episode, specimen_class=arguments.specimen_class, tissue=tissue)
-    times = {"lag": 1e-3 * arguments.lag_ms, "dead_time": 1e-3 * arguments.dead_time_ms}
-    mechanics = Mechanics(**times)
-    if arguments.backlash_mm is not None:
-        mechanics = replace(mechanics, backlash=1e-3 * arguments.backlash_mm)
-    if arguments.friction_N is not None:
-        mechanics = replace(mechanics, friction=arguments.friction_N)
-    sensor = SensorParameters()
-    if arguments.force_delay_ms is not None:
-        sensor = replace(sensor, force_delay=1e-3 * arguments.force_delay_ms)
-    if arguments.force_noise_N is not None:
-        sensor = replace(sensor, force_noise=arguments.force_noise_N)
+    mechanics = {"lag": _si(arguments.lag_ms, 1e-3), "dead_time": _si(arguments.dead_time_ms, 1e-3)}
+    mechanics |= {"backlash": _si(arguments.backlash_mm, 1e-3), "friction": arguments.friction_N}
+    sensor = {"force_delay": _si(arguments.force_delay_ms, 1e-3), "force_noise": arguments.force_noise_N}
+    sensor |= {"force_resolution": arguments.force_resolution_N, "force_drift": arguments.force_drift_N}
+    law = {"debt_length": _si(arguments.debt_length_mm, 1e-3)}
+    law |= {"friction_per_depth_speed": arguments.blade_friction_Ns_m2}
     return Options(
         angle_mode=arguments.angle,
         angle=math.radians(arguments.angle_deg),
         laid=None if arguments.free_air else laid,
         force_limit=arguments.force_limit_N,
-        blade_mechanics=mechanics,
+        blade_mechanics=Mechanics(**_given(mechanics)),
         hinge_mechanics=hinge(),
-        sensor=sensor,
+        sensor=SensorParameters(**_given(sensor)),
+        law=LawParameters(**_given(law)),
         host=arguments.host,
         can_port=arguments.can_port,
         sensor_port=arguments.sensor_port,
         page_port=arguments.page_port,
         control_port=arguments.control_port,
     )
+
+
+def _si(value: float | None, unit: float) -> float | None:
+    return None if value is None else unit * value
+
+
+def _given(values: dict[str, float | None]) -> dict[str, float]:
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -106,6 +110,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--friction-N", type=float, metavar="N", help="of motor, gear and screw, at the carriage; default 20")
     add("--force-delay-ms", type=float, metavar="MS", help="of the force sensor; default as the simulator's")
     add("--force-noise-N", type=float, metavar="N", help="of the force sensor; default as the simulator's")
+    add("--force-resolution-N", type=float, metavar="N", help="of the force sensor; default as the simulator's")
+    add("--force-drift-N", type=float, metavar="N", help="standard deviation of its zero's random walk after one second, "
+        "from where the specimen is laid; default none")  # fmt: skip
+    add("--debt-length-mm", type=float, metavar="MM", help="of the cutting law; default as the simulator's")
+    add("--blade-friction-Ns-m2", type=float, metavar="F", help="of the blade in tissue, for each metre of depth and "
+        "metre a second; default none, as the simulator's")  # fmt: skip
     add("--host", default="127.0.0.1", help="where it listens; default 127.0.0.1, this computer alone")
     for name in ("can", "sensor", "page", "control"):
         add(f"--{name}-port", type=int, default=0, metavar="PORT", help="default: a free one")

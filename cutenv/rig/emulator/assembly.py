@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.records import TICK
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import check_angle
@@ -60,6 +61,8 @@ class Options:
         As mounted; blade_mechanics, hinge_mechanics: what they move.
     sensor : SensorParameters
         Of the force, as the simulator's.
+    law : LawParameters
+        Of the cut, as the simulator's.
     host : str
         Where everything listens.
     can_port, sensor_port, page_port, control_port : int
@@ -75,6 +78,7 @@ class Options:
     blade_mechanics: Mechanics = field(default_factory=Mechanics)
     hinge_mechanics: Mechanics = field(default_factory=hinge)
     sensor: SensorParameters = field(default_factory=SensorParameters)
+    law: LawParameters = field(default_factory=LawParameters)
     host: str = "127.0.0.1"
     can_port: int = 0
     sensor_port: int = 0
@@ -115,7 +119,7 @@ class EmulatedRig:
         self._due: float | None = None  # when the next millisecond ends; None: time stands
         self._still = _STANDS_AFTER
         self._planned: list[tuple[float, str, dict[str, Any]]] = []
-        self.bench: Bench = Bench(self.options.sensor)
+        self.bench: Bench = Bench(self.options.sensor, self.options.law)
         self.axes: dict[str, EmulatedAxis] = {
             "blade": EmulatedAxis(
                 "blade", self.options.blade_axis, self.options.blade_mechanics, position=0.0, margin=0.003

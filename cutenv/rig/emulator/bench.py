@@ -10,7 +10,7 @@ import numpy as np
 
 from cutenv.compiled import compiled
 from cutenv.cutting.law import cut
-from cutenv.cutting.parameters import law_records, profile_records
+from cutenv.cutting.parameters import LawParameters, law_records, profile_records
 from cutenv.cutting.records import LAW, PROFILE, STATE, TICK, Records, new_state
 from cutenv.cutting.sensor import SENSOR, SensorParameters, measure, sensor_records
 from cutenv.plant.simulator import ANGLE_RANGE
@@ -80,10 +80,12 @@ class Bench:
     ----------
     sensor : SensorParameters, optional
         Of the force; as the simulator's by default.
+    law : LawParameters, optional
+        Of the cut; as the simulator's by default.
     """
 
-    def __init__(self, sensor: SensorParameters | None = None) -> None:
-        self._sensor = sensor or SensorParameters()
+    def __init__(self, sensor: SensorParameters | None = None, law: LawParameters | None = None) -> None:
+        self._sensor, self._law = sensor or SensorParameters(), law
         self._records = np.zeros(1, _TISSUE)
         self.laid: Laid | None = None
         self._records["state"] = new_state(1, math.pi / 2)
@@ -116,7 +118,7 @@ class Bench:
         records["state"] = new_state(1, _measured(angle))
         records["state"]["blade"] = records["state"]["tip"] = _within(position)
         records["profile"] = profile_records([specimen])
-        records["law"] = law_records([specimen])
+        records["law"] = law_records([specimen], self._law)
         records["sensor"] = sensor_records([self._sensor], [laid.seed], [laid.episode])
         records["extra"] = self._records["extra"]
         self._records = records
