@@ -157,7 +157,7 @@ def _write(agent: DemoCut, script: DemoCut, name: str, arguments: argparse.Names
 
 
 def _parser() -> argparse.ArgumentParser:
-    from cutenv.policy import SHIPPED
+    from cutenv.policy import SHIPPED, SHOWN
 
     parser = argparse.ArgumentParser(
         prog="cutenv demo",
@@ -167,9 +167,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--policy",
-        default=SHIPPED[0],
+        default=SHOWN,
         metavar="NAME",
-        help=f"shipped ({', '.join(SHIPPED)}), or the folder of a trained policy; default {SHIPPED[0]}",
+        help=f"shipped ({', '.join(SHIPPED)}), or the folder of a trained policy; default {SHOWN}",
     )
     parser.add_argument("--specimens", type=int, default=5, metavar="N", help="default 5")
     parser.add_argument("--seed", type=int, default=0, help="draws other specimens; default 0")

@@ -8,7 +8,7 @@ from cutenv.policy.network import Network
 from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
 from cutenv.policy.recurrent import RecurrentNetwork
 from cutenv.policy.scripted import ConstantFeed, FastThenSlow, InclineBetween, NoAction, RandomAction, Script
-from cutenv.policy.shipped import SHIPPED, named_policy, shipped
+from cutenv.policy.shipped import SHIPPED, SHOWN, named_policy, shipped
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.policy.trained import PolicyBatch, PolicyCard, TrainedPolicy, save_policy
 from cutenv.policy.unloading import StopAndUnload
@@ -22,6 +22,7 @@ __all__ = [
     "IDLE",
     "SCRIPTS",
     "SHIPPED",
+    "SHOWN",
     "ConstantFeed",
     "FastThenSlow",
     "FeatureBatch",

@@ -12,6 +12,8 @@ _FOLDER = "policies"
 
 SHIPPED = tuple(sorted(card.parent.name for card in resources.path(_FOLDER).glob(f"*/{CARD}")))
 """Names of the policies in ``assets/policies``."""
+SHOWN = "ppo-free"
+"""The one of them that is demonstrated, unless another is asked for."""
 
 
 def shipped(name: str) -> TrainedPolicy:

@@ -30,6 +30,8 @@ from cutenv.trace import Trace
 
 _HANDY = {"m": (1e3, "mm")}
 """From SI to what a reader finds handy."""
+_SPOILS = {"short", "overshoot", "force"}
+"""Kinds of faults that no score makes good: a target missed, a force above the limit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,6 +71,8 @@ def write_score_page(path: Path, scored: ScoredRecord) -> Path:
         Section("meaning", "What the metrics mean", _meaning(card)),
     ]
     kind = "open" if card.overall_score is None else ("good" if card.overall_score >= 50.0 else "bad")
+    if kind == "good" and _SPOILS & {fault.kind for fault in card.faults}:
+        kind = "open"  # whatever else was gentle, this is nothing to be green about
     lead = Html(
         f'<div class="verdict {kind}">\n{paragraph("Score", "word")}\n{paragraph(_sentence(card), "headline")}\n'
         f"{paragraph(' '.join(note[0].upper() + note[1:] + '.' for note in card.notes))}\n{paragraph(DISCLAIMER)}</div>"

@@ -13,6 +13,7 @@ from scored_cuts import TARGET, cut
 
 from cutenv import cli
 from cutenv.recording import save
+from cutenv.report.score_page import ScoredRecord, write_score_page
 from cutenv.scoring import METRICS, ReferenceSet, score
 from cutenv.scoring.reference import FEWEST
 from cutenv.trace import Trace
@@ -52,6 +53,17 @@ def test_one_cut_gives_a_card_a_page_and_json(tmp_path: Path, capsys: pytest.Cap
     for fault in card.faults:
         assert fault.says in page
         assert fault.try_next in page
+
+
+def test_a_missed_target_is_never_green(tmp_path: Path) -> None:
+    trace, seen = named(UPRIGHT, "cut"), {}
+    for target in (TARGET, TARGET - 0.012):
+        card = score(trace, target_length=target, reference=ReferenceSet.shipped())
+        card = dataclasses.replace(card, overall_score=80.0)
+        write_score_page(tmp_path / "cut.html", ScoredRecord(trace=trace, card=card, target_length=target))
+        missed = "overshoot" in {fault.kind for fault in card.faults}
+        seen[missed] = 'class="verdict good"' in (tmp_path / "cut.html").read_text()
+    assert seen == {False: True, True: False}
 
 
 def test_the_target_of_the_record_is_taken_where_none_is_given(

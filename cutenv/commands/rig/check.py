@@ -53,6 +53,11 @@ def lines(found: Inspection) -> list[str]:
     width = max(len(check.name) for check in found.checks)
     shown.append("checks:")
     shown += [f"  {'ok  ' if each.passed else 'FAIL'} {each.name:<{width}}  {each.found}" for each in found.checks]
+    if (stands := found.told.get("blade", {}).get("position_mm")) is not None:
+        shown.append(
+            f"measure it: by its drive the blade stands {stands:.1f} mm from the clamp. Nothing here homes a drive; "
+            "its own homing has to set zero at the clamp."
+        )
     failed = sum(not check.passed for check in found.checks)
     shown.append(f"{failed} of {len(found.checks)} checks fail" if failed else f"all {len(found.checks)} checks pass")
     return shown
