@@ -88,7 +88,9 @@ _OPTIONS = {
     "friction_per_depth_speed": ("--blade-friction-Ns-m2", 1.0),
 }
 """Options of ``cutenv rig emulate`` by constant, with how many of the option's units are one of SI."""
-_AS_BUILT = {"backlash"}  # of the emulated screw unless it is asked for: 0 is the simulator's default, and no real screw
+_AS_BUILT = {
+    "backlash"
+}  # of the emulated screw unless it is asked for: 0 is the simulator's default, and no real screw
 
 
 def emulator_arguments(constants: Constants) -> list[str]:
@@ -100,19 +102,17 @@ def emulator_arguments(constants: Constants) -> list[str]:
         If the emulator has no option for a constant that is not the default.
     """
     plain, arguments = Constants(), []
-    of_both = ((constants.drive, plain.drive), (constants.sensor, plain.sensor), (constants.law, plain.law))
-    for name, own, usual in (
-        (field.name, getattr(own, field.name), getattr(usual, field.name, None))
-        for own, usual in of_both
-        for field in dataclasses.fields(own)
-    ):
-        if name in _OPTIONS and not (name in _AS_BUILT and own == usual):
-            option, units = _OPTIONS[name]
-            arguments += [option, f"{units * own:.6g}"]
-        elif own != usual and name not in _OPTIONS:
-            raise ValueError(
-                f'{name}: an emulated rig has no such option, but {", ".join(_OPTIONS)}; rig="fake" has.'
-            )
+    for part in ("drive", "sensor", "law"):
+        own, usual = getattr(constants, part), getattr(plain, part)
+        for name in (field.name for field in dataclasses.fields(own)):
+            value, changed = getattr(own, name), getattr(own, name) != getattr(usual, name, None)
+            if name in _OPTIONS and (changed or name not in _AS_BUILT):
+                option, units = _OPTIONS[name]
+                arguments += [option, f"{units * value:.6g}"]
+            elif changed:
+                raise ValueError(
+                    f'{name}: an emulated rig has no such option, but {", ".join(_OPTIONS)}; rig="fake" has.'
+                )
     return arguments
 
 

@@ -111,8 +111,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--force-delay-ms", type=float, metavar="MS", help="of the force sensor; default as the simulator's")
     add("--force-noise-N", type=float, metavar="N", help="of the force sensor; default as the simulator's")
     add("--force-resolution-N", type=float, metavar="N", help="of the force sensor; default as the simulator's")
-    add("--force-drift-N", type=float, metavar="N", help="standard deviation of its zero's random walk after one second, "
-        "from where the specimen is laid; default none")  # fmt: skip
+    add("--force-drift-N", type=float, metavar="N", help="standard deviation of the random walk of its zero after one "
+        "second, from when the specimen is laid; default none")  # fmt: skip
     add("--debt-length-mm", type=float, metavar="MM", help="of the cutting law; default as the simulator's")
     add("--blade-friction-Ns-m2", type=float, metavar="F", help="of the blade in tissue, for each metre of depth and "
         "metre a second; default none, as the simulator's")  # fmt: skip
