@@ -5,7 +5,7 @@
     python agents/benchmark.py --only PPO "probe and creep"
     python agents/benchmark.py --quick          the whole machinery in some ten minutes; no result
     python agents/benchmark.py --table          the table again from the CSV files
-    python agents/benchmark.py --against OTHER/summary.csv   where two tables differ beyond their intervals
+    python agents/benchmark.py --against           where it differs from the published one beyond both intervals
 
 What is on disk is not done again: interrupt it when you like, and start it again.  agents/protocol.py says what is
 compared, and how; the folder holds runs/ (one for each agent and training seed), cuts/ (every score of every cut),
@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluate import VALIDATION_SEEDS, Contestant, best_script, contestant, evaluate, summarise, workers, write_csv
-from leaderboard import write_tables
+from leaderboard import PUBLISHED, write_tables
 from protocol import BEST_FEED, ENTRIES, QUICK, SCRIPTED, Entry, Protocol, keep_protocol, kept_protocol, slug
 from robustness import settings
 from standings import disagreements, read_summary, rows_of
@@ -232,7 +232,10 @@ def main() -> None:
     parser.add_argument("--plan", action="store_true", help="say what is left to do, and stop")
     parser.add_argument("--table", action="store_true", help="write the table from what is on disk, and stop")
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, help="side by side; default one per core")
-    parser.add_argument("--against", type=Path, metavar="SUMMARY", help="compare with another summary.csv, and stop")
+    parser.add_argument(
+        "--against", type=Path, nargs="?", const=PUBLISHED / "summary.csv", metavar="SUMMARY",
+        help="compare with another summary.csv, or with the published one, and stop",
+    )  # fmt: skip
     given = parser.parse_args()
     for name in given.only:
         if name not in ENTRIES and name not in SCRIPTED:

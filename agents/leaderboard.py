@@ -1,11 +1,15 @@
 """The table of the comparison as text for the README and as a page, both printed from summary.csv and sweeps.csv.
 
-python agents/leaderboard.py [FOLDER]       prints the README's part; default runs/benchmark
+python agents/leaderboard.py                     the published table, of assets/benchmark
+python agents/leaderboard.py --page FILE         and as a page that opens without a network
+python agents/leaderboard.py runs/benchmark --publish    make another the published one
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
+import json
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +20,13 @@ from leaderboard_page import write_page_of
 from protocol import ENTRIES, REFERENCE, Protocol, kept_protocol
 from standings import ALL, Line, metric_scores, read_summary, rows_of, summary, sweep_lines, verdict
 
+from cutenv.atomic import replacing
 from cutenv.policy import BOUND, IDLE
+
+PUBLISHED = Path(__file__).parents[1] / "assets" / "benchmark"
+"""The comparison that the README shows."""
+_ORIGIN = "origin.json"
+_TABLES = ("protocol.json", "summary.csv", "sweeps.csv", _ORIGIN)  # all that text and page are printed from
 
 
 @dataclass(frozen=True)
@@ -193,6 +203,18 @@ def read_table(folder: Path) -> Table:
     return Table(read_summary(folder / "summary.csv"), kept_protocol(folder), rows_of(folder / "sweeps.csv"))
 
 
+def origin_of(folder: Path) -> dict[str, Any]:
+    """Commits and versions of the training runs: from the runs, or as they were published."""
+    if (folder / _ORIGIN).is_file():
+        kept: dict[str, Any] = json.loads((folder / _ORIGIN).read_text())
+        return kept
+    runs: list[dict[str, Any]] = [json.loads(path.read_text()) for path in sorted(folder.glob("runs/*/run.json"))]
+    return {
+        "commits": sorted({str(run["commit"]) for run in runs}),
+        "versions": runs[-1]["versions"] if runs else {},
+    }
+
+
 def write_tables(folder: Path, protocol: Protocol) -> None:
     """Write summary.csv, sweeps.csv, leaderboard.md and leaderboard.html; print the table."""
     write_csv(folder / "summary.csv", [line.as_row() for line in summary(folder, protocol)])
@@ -201,11 +223,41 @@ def write_tables(folder: Path, protocol: Protocol) -> None:
         write_csv(folder / "sweeps.csv", sweeps)
     text = markdown(folder)
     (folder / "leaderboard.md").write_text(text + "\n")
-    table = read_table(folder)
-    write_page_of(folder, table, about(table))
+    write_leaderboard(folder / "leaderboard.html", folder)
     print(text)
     print(f"\nWritten to {folder}/: summary.csv, sweeps.csv, leaderboard.md, leaderboard.html")
 
 
+def write_leaderboard(path: Path, folder: Path) -> None:
+    """Write the page of a comparison."""
+    table = read_table(folder)
+    write_page_of(path, table, about(table), origin_of(folder))
+
+
+def publish(folder: Path, to: Path = PUBLISHED) -> None:
+    """Keep of a comparison what text and page are printed from."""
+    found = {name: (folder / name).read_bytes() for name in _TABLES if (folder / name).is_file()}
+    found[_ORIGIN] = (json.dumps(origin_of(folder), indent=1) + "\n").encode()
+    shutil.rmtree(to, ignore_errors=True)
+    to.mkdir(parents=True)
+    for name, content in found.items():
+        with replacing(to / name) as part:
+            part.write_bytes(content)
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", nargs="?", type=Path, default=PUBLISHED, help="of the comparison")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="write the page there")
+    parser.add_argument("--publish", action="store_true", help="make it the one that the README shows")
+    given = parser.parse_args()
+    print(markdown(given.folder))
+    if given.page is not None:
+        write_leaderboard(given.page, given.folder)
+    if given.publish:
+        publish(given.folder)
+
+
 if __name__ == "__main__":
-    print(markdown(Path(sys.argv[1]) if len(sys.argv) > 1 else Path("runs") / "benchmark"))
+    main()

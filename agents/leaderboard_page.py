@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,8 +36,8 @@ _NOT_SAID = (
 )
 
 
-def write_page_of(folder: Path, standings: Table, about: str) -> None:
-    """Write ``leaderboard.html`` of a comparison, whose paragraph ``about`` says what the numbers are."""
+def write_page_of(path: Path, standings: Table, about: str, origin: Mapping[str, Any]) -> None:
+    """Write the page of a comparison; ``about`` says what the numbers are, ``origin`` what they were made with."""
     sections = [
         Section("table", "Standings", joined(paragraph(about), _main(standings), _picture(standings))),
         Section("classes", "By class of specimens", _plain("Return, interquartile mean", *standings.classes())),
@@ -46,10 +45,10 @@ def write_page_of(folder: Path, standings: Table, about: str) -> None:
         Section("robustness", "Where a constant is not what it was in training", _robustness(standings)),
         Section("metrics", "Every metric of the score card", _metrics(standings)),
         Section("meaning", "What this page does not say", paragraph(_NOT_SAID)),
-        Section("facts", "Facts", definitions(_facts(folder, standings), "facts")),
+        Section("facts", "Facts", definitions(_facts(standings, origin), "facts")),
     ]
     write_page(
-        folder / "leaderboard.html",
+        path,
         page("Gentle cutting: who cuts best", f"Protocol {standings.protocol.version}", _lead(standings), sections),
     )
 
@@ -128,10 +127,9 @@ def _metrics(standings: Table) -> Html:
     return joined(told, folded("The table", _plain("Metrics of the score card", *standings.metrics())))
 
 
-def _facts(folder: Path, standings: Table) -> list[tuple[str, str]]:
+def _facts(standings: Table, origin: Mapping[str, Any]) -> list[tuple[str, str]]:
     p = standings.protocol
-    runs: list[dict[str, Any]] = [json.loads(path.read_text()) for path in sorted(folder.glob("runs/*/run.json"))]
-    facts = [
+    return [
         ("environment", p.environment),
         ("classes", ", ".join(p.classes)),
         ("held-out specimens of each", str(p.specimens)),
@@ -139,8 +137,6 @@ def _facts(folder: Path, standings: Table) -> list[tuple[str, str]]:
         ("training seeds", ", ".join(map(str, p.training_seeds))),
         ("minutes of each training", f"{p.training_minutes:g}, on one core"),
         ("resamples", str(p.resamples)),
-        ("commits of the runs", ", ".join(sorted({str(run["commit"]) for run in runs})) or "none"),
+        ("commits of the runs", ", ".join(origin["commits"]) or "none"),
+        *((f"{name} version", version) for name, version in origin["versions"].items()),
     ]
-    for run in runs[-1:]:
-        facts += [(f"{name} version", version) for name, version in run["versions"].items()]
-    return facts

@@ -2,7 +2,7 @@
 
     python scripts/update_readme.py parameters agreement specimens calibration speed headroom
     python scripts/update_readme.py training --runs runs/NAME ...  one run for each seed
-    python scripts/update_readme.py benchmark --runs FOLDER        what agents/benchmark.py left; default runs/benchmark
+    python scripts/update_readme.py benchmark                   what agents/leaderboard.py --publish has kept
     python scripts/update_readme.py rig-faults rig-soak            what their scripts left in runs/ (--json)
     python scripts/update_readme.py --check parameters          fails if a block is not what it would print
     python scripts/update_readme.py --picture                   draws assets/pictures/cut.png
@@ -179,10 +179,9 @@ def headroom_block(_: argparse.Namespace) -> str:
     return "```\n" + "\n\n".join(printed) + "\n```"
 
 
-def benchmark(arguments: argparse.Namespace) -> str:
-    """The comparison of all agents, from its summary.csv."""
-    folders = arguments.runs or [ROOT / "runs" / "benchmark"]
-    return leaderboard.markdown(folders[0])
+def benchmark(_: argparse.Namespace) -> str:
+    """The comparison of all agents that is published."""
+    return leaderboard.markdown(leaderboard.PUBLISHED)
 
 
 def left_by(script: ModuleType) -> dict[str, Any]:

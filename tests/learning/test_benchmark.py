@@ -17,7 +17,7 @@ import benchmark as program
 from benchmark import Benchmark, Part
 from evaluate import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, workers
 from intervals import Interval
-from leaderboard import markdown, read_table, write_tables
+from leaderboard import markdown, publish, read_table, write_leaderboard, write_tables
 from ppo import Arguments
 from protocol import BEST_FEED, ENTRIES, SCRIPTED, Protocol, keep_protocol, kept_protocol, slug
 from robustness import settings
@@ -130,6 +130,21 @@ def test_the_page_fetches_nothing(compared):
     text = (compared / "leaderboard.html").read_text()
     assert "http://" not in text.replace("http://www.w3.org", "")
     assert "https://" not in text
+
+
+def test_what_is_published_prints_the_same_table_and_page(compared, tmp_path):
+    kept, page = tmp_path / "published", tmp_path / "page.html"
+    kept.mkdir()
+    (kept / "summary.csv").write_text("of an earlier comparison")
+    publish(compared, kept)
+    assert markdown(kept) == markdown(compared)
+    assert sorted(path.name for path in kept.iterdir()) == [
+        "origin.json", "protocol.json", "summary.csv", "sweeps.csv",
+    ]  # fmt: skip
+    write_leaderboard(page, kept)
+    for text in (page.read_text(), (compared / "leaderboard.html").read_text()):
+        assert "0" * 40 in text
+        assert f"<dd>{np.__version__}</dd>" in text
 
 
 def test_two_tables_agree_where_their_intervals_meet_and_only_there(compared):
