@@ -223,6 +223,17 @@ def is_trained(run: Path) -> bool:
     )
 
 
+def differs(published: Path, folder: Path) -> int:
+    """Print where a comparison differs from another's summary.csv beyond both intervals; return 1 if it does."""
+    theirs = kept_protocol(published.parent)
+    if theirs != kept_protocol(folder):
+        raise SystemExit(f"{published} is of protocol {theirs.version} with other numbers; compare like with like.")
+    apart, count = disagreements(read_summary(published), read_summary(folder / "summary.csv"))
+    print("\n".join(apart))
+    print(f"{len(apart)} of {count} numbers that both have differ beyond both intervals")
+    return 1 if apart else 0
+
+
 def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -244,9 +255,7 @@ def main() -> None:
         parser.error(f"--processes {given.processes} is less than 1")
     folder = given.out or Path("runs") / ("benchmark-quick" if given.quick else "benchmark")
     if given.against is not None:
-        found = disagreements(read_summary(given.against), read_summary(folder / "summary.csv"))
-        print("\n".join(found) or "every interval meets its counterpart")
-        raise SystemExit(1 if found else 0)
+        raise SystemExit(differs(given.against, folder))
     if given.table:
         write_tables(folder, kept_protocol(folder))
         return

@@ -2,9 +2,10 @@
 
 *Deep Reinforcement Learning at the Edge of the Statistical Precipice*, NeurIPS 2021.  A score of an agent is an array
 of shape (training runs, specimens) for each stratum, a class of specimens.  A resample draws training runs and, crossed
-with them, specimens, both with replacement and within each stratum; a script has one run.  The interquartile mean is
-that of the middle half of all cuts: outliers do not move it, and it wavers less than the median.  With three runs an
-interval of runs is narrow by chance at times; that is said where intervals are shown.
+with them, specimens within each stratum, all with replacement; a script has one run.  Other than tasks in rliable,
+which have runs of their own, strata share theirs: one run is one and the same agent in all of them, and is drawn in all
+or in none.  The interquartile mean is that of the middle half of all cuts: outliers do not move it, and it wavers less
+than the median.  With three runs an interval of runs is narrow by chance at times; that is said where intervals are shown.
 """
 
 from __future__ import annotations
@@ -53,6 +54,7 @@ def stratified(
     strata: Sequence[np.ndarray],
     statistic: Callable[[np.ndarray], np.ndarray] = interquartile_mean,
     *,
+    same_specimens: bool = False,
     resamples: int = 2000,
     seed: int = 0,
 ) -> Interval:
@@ -61,9 +63,11 @@ def stratified(
     Parameters
     ----------
     strata : sequence of array, shape (training runs, specimens) each
-        Finite numbers.
+        Finite numbers; the rows of all strata are the same runs.
     statistic : callable
         Along the last axis: :func:`interquartile_mean` or :func:`mean`.
+    same_specimens : bool
+        Whether the columns of all strata belong together too, as where one seed draws a specimen of each class.
     resamples : int
         How many.
     seed : int
@@ -72,7 +76,8 @@ def stratified(
     Raises
     ------
     ValueError
-        For no strata, a stratum without two axes or without members, and for a NaN.
+        For no strata, a stratum without two axes or without members, a NaN, and for strata of different runs or, with
+        ``same_specimens``, different numbers of specimens.
     """
     if not strata:
         raise ValueError("strata is empty; give the scores of one class of specimens at least.")
@@ -82,15 +87,28 @@ def stratified(
                 f"strata[{number}] has shape {values.shape} and {np.isnan(values).sum()} NaN; give finite numbers, "
                 "shape (training runs, specimens)."
             )
+    together = slice(None) if same_specimens else slice(1)
+    if len({values.shape[together] for values in strata}) > 1:
+        raise ValueError(
+            f"strata have shapes {', '.join(str(values.shape) for values in strata)}; give the same training runs in "
+            f"each{', and the same specimens' if same_specimens else ''}."
+        )
     rng = np.random.default_rng(seed)
     found = []
     for first in range(0, resamples, _TOGETHER):
         count = min(_TOGETHER, resamples - first)
-        drawn = []
-        for values in strata:
-            runs, specimens = (rng.integers(size, size=(count, size)) for size in values.shape)
+        runs, drawn = _draw(rng, count, strata[0].shape[0]), []
+        specimens = _draw(rng, count, strata[0].shape[1])
+        for number, values in enumerate(strata):
+            if number and not same_specimens:
+                specimens = _draw(rng, count, values.shape[1])
             drawn.append(values[runs[:, :, None], specimens[:, None, :]].reshape(count, -1))
         found.append(statistic(np.concatenate(drawn, axis=1)))
     low, high = np.percentile(np.concatenate(found), (2.5, 97.5))
     whole = np.concatenate([values.ravel() for values in strata])
     return Interval(float(statistic(whole)), float(low), float(high))
+
+
+def _draw(rng: np.random.Generator, resamples: int, size: int) -> np.ndarray:
+    """Members of each resample, drawn with replacement, shape (resamples, size)."""
+    return rng.integers(size, size=(resamples, size))

@@ -17,16 +17,17 @@ from typing import Any
 
 from evaluate import write_csv
 from leaderboard_page import write_page_of
-from protocol import ENTRIES, REFERENCE, Protocol, kept_protocol
+from protocol import ENTRIES, REFERENCE, Protocol, kept_protocol, slug
 from standings import ALL, Line, metric_scores, read_summary, rows_of, summary, sweep_lines, verdict
 
 from cutenv.atomic import replacing
-from cutenv.policy import BOUND, IDLE
+from cutenv.policy import BOUND, IDLE, SCRIPTS
 
 PUBLISHED = Path(__file__).parents[1] / "assets" / "benchmark"
 """The comparison that the README shows."""
 _ORIGIN = "origin.json"
 _TABLES = ("protocol.json", "summary.csv", "sweeps.csv", _ORIGIN)  # all that text and page are printed from
+_CUTS_KEPT = 10
 
 
 @dataclass(frozen=True)
@@ -194,7 +195,9 @@ def about(table: Table) -> str:
         f"Protocol {p.version}: {p.specimens} held-out specimens of class {p.training_class}, {len(p.training_seeds)} "
         f"training runs of {p.training_minutes:g} minutes on one core each; interquartile mean (success: mean) with "
         f"95 % stratified bootstrap interval over runs and specimens. Differences are paired by specimen, and means. "
-        f"{len(p.training_seeds)} runs are few: an interval does not know of runs that did not happen."
+        f"Training decisions count demonstrations, and what led nowhere. {ALL.capitalize()} classes together are those "
+        f"that are not mixed of others. {len(p.training_seeds)} runs are few: an interval does not know of runs that "
+        "did not happen."
     )
 
 
@@ -204,14 +207,21 @@ def read_table(folder: Path) -> Table:
 
 
 def origin_of(folder: Path) -> dict[str, Any]:
-    """Commits and versions of the training runs: from the runs, or as they were published."""
+    """Commits and versions of the training runs, and some cuts one by one: from the runs, or as they were published.
+
+    The cuts are a script's first ones, by seed: whoever cuts them again finds out whether the table is of the present
+    physics and reward.
+    """
     if (folder / _ORIGIN).is_file():
         kept: dict[str, Any] = json.loads((folder / _ORIGIN).read_text())
         return kept
     runs: list[dict[str, Any]] = [json.loads(path.read_text()) for path in sorted(folder.glob("runs/*/run.json"))]
+    kind = kept_protocol(folder).training_class
+    cuts = {name: rows_of(folder / "cuts" / f"{slug(name)}--{kind}.csv")[:_CUTS_KEPT] for name in SCRIPTS}
     return {
         "commits": sorted({str(run["commit"]) for run in runs}),
         "versions": runs[-1]["versions"] if runs else {},
+        "returns": {name: {row["seed"]: float(row["return"]) for row in cuts[name]} for name in SCRIPTS if cuts[name]},
     }
 
 

@@ -58,7 +58,8 @@ def _lead(standings: Table) -> Html:
     won = [sentence for sentence in sentences if ": beats it" in sentence]
     kind, word = ("good", "An agent beats the best script") if won else ("bad", "No agent beats the best script")
     if not sentences:
-        kind, word = "open", "No agent has been trained"
+        trained = set(standings.contestants) & set(ENTRIES)
+        kind, word = "open", "No script to compare with" if trained else "No agent has been trained"
     said = "\n".join(paragraph(sentence) for sentence in sentences)
     return Html(f'<div class="verdict {kind}">\n{paragraph(word, "word")}\n{said}\n</div>')
 

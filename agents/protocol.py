@@ -106,7 +106,12 @@ _ENTRIES = (
     Entry("behaviour cloning", "bc.py"),
     Entry("behaviour cloning, fixed angle", "bc.py", _FIXED),
     Entry("PPO without force", "ppo.py", (*_BY_CLOCK, "--force", "unfelt"), "the force"),
-    Entry("PPO without history", "ppo.py", (*_BY_CLOCK, "--history", "0"), "past decisions among the features"),
+    Entry(
+        "PPO without history",
+        "ppo.py",
+        (*_BY_CLOCK, "--history", "0"),
+        "the six past decisions; what is worked out from the cut so far stays",
+    ),
     Entry("PPO, critic without truth", "ppo.py", (*_BY_CLOCK, "--critic", "features"), "the truth in the critic"),
 )
 ENTRIES = {entry.name: entry for entry in _ENTRIES}

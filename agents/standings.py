@@ -20,7 +20,9 @@ from cutenv.policy import SCRIPTS
 HEADLINE = ("return", "success", "tip_error_mm", "over_limit_N", "peak_force_N", "largest_jump_mm", "time_s")
 """Scores with an interval for every class; the others have one for the class of the headline."""
 ALL = "all"
-"""All classes together, each a stratum."""
+"""The classes from which others are mixed, together: a stratum each, in which one seed draws one specimen each."""
+MIXTURE = "mixed"
+"""Its specimens are some of the other classes', of the same seeds: no evidence beside theirs."""
 VERDICTS = {1: "beats it", 0: "does not beat it: level", -1: "does not beat it: worse"}
 _SHARES = ("success",)
 _NOT_SCORES = ("policy", "seed", "specimen_class", "end", "target_length_mm")
@@ -134,20 +136,21 @@ def _own(name: str, cuts: Cuts, protocol: Protocol) -> list[Line]:
     """A contestant's own scores."""
     lines = []
 
-    def add(kind: str, score: str, strata: Sequence[np.ndarray]) -> None:
+    def add(kind: str, score: str, strata: Sequence[np.ndarray], *, same_specimens: bool = False) -> None:
         if not strata:
             return
         count = sum(part.size for part in strata)
         for statistic in _statistics(score):
-            found = stratified(strata, statistic, resamples=protocol.resamples)
+            found = stratified(strata, statistic, same_specimens=same_specimens, resamples=protocol.resamples)
             lines.append(Line(name, kind, score, _NAMES[statistic], found, count))
 
     for kind in cuts.by_class:
         for score in cuts.scores(kind) if kind == protocol.training_class else HEADLINE:
             add(kind, score, cuts.strata(kind, score))
-    if len(cuts.by_class) == len(protocol.classes):
+    pure = [kind for kind in cuts.by_class if kind != MIXTURE]
+    if len(cuts.by_class) == len(protocol.classes) and len(pure) > 1:
         for score in ("return", "success"):
-            add(ALL, score, [part for kind in cuts.by_class for part in cuts.strata(kind, score)])
+            add(ALL, score, [part for kind in pure for part in cuts.strata(kind, score)], same_specimens=True)
     return lines
 
 
@@ -176,15 +179,27 @@ def _differences(name: str, cuts: Cuts, other_name: str, other: Cuts, protocol: 
 
 
 def _costs(folder: Path, name: str, protocol: Protocol) -> list[Line]:
-    """Decisions and minutes of training: mean, least and most of the runs."""
+    """Decisions and minutes of training, also those that led nowhere: mean, least and most of the runs."""
     runs = [folder / "runs" / f"{slug(name)}-seed{seed}" for seed in protocol.training_seeds]
-    minutes = [json.loads((run / "run.json").read_text())["training_minutes"] for run in runs]
-    cards = [json.loads((run / "policy" / "card.json").read_text())["training"] for run in runs]
-    found = {"training_decisions": [card["decisions"] for card in cards], "training_minutes": minutes}
+    facts = [json.loads((run / "run.json").read_text()) for run in runs if (run / "run.json").is_file()]
+    if len(facts) < len(runs):
+        return []  # the cuts were kept, and the runs were not
+    shown = [float(own["arguments"]["demonstrations"]) for own in facts]
+    tried = [0.0 if own["agent"] == "behaviour cloning" else _tried(run) for own, run in zip(facts, runs, strict=True)]
+    found = {
+        "training_decisions": [a + b for a, b in zip(shown, tried, strict=True)],
+        "training_minutes": [own["training_minutes"] for own in facts],
+    }
     return [
         Line(name, "", score, "mean", Interval(float(np.mean(own)), float(min(own)), float(max(own))), len(own))
         for score, own in found.items()
     ]
+
+
+def _tried(run: Path) -> float:
+    """Decisions of the trial: to its end, not to the checkpoint that was kept."""
+    curve = rows_of(run / "learning_curve.csv")
+    return float(curve[-1]["decisions"]) if curve else 0.0
 
 
 def sweep_lines(folder: Path, protocol: Protocol) -> list[dict[str, Any]]:
@@ -213,22 +228,26 @@ def verdict(difference: Interval) -> str:
     return VERDICTS[1 if difference.low > 0.0 else -1 if difference.high < 0.0 else 0]
 
 
-def disagreements(one: Sequence[Line], other: Sequence[Line]) -> list[str]:
-    """Where two summaries of one protocol differ beyond their intervals; costs of training are not compared."""
+def disagreements(one: Sequence[Line], other: Sequence[Line]) -> tuple[list[str], int]:
+    """Where two summaries of one protocol differ beyond their intervals, and how many numbers were compared.
+
+    Compared is what both have of the table: the headline's scores, the differences, and the return of every class.
+    The cost of training is not: it hangs on the machine.
+    """
 
     def keyed(lines: Sequence[Line]) -> Mapping[tuple[str, ...], Interval]:
-        kept = (line for line in lines if not line.score.startswith("training_"))
+        kept = (line for line in lines if line.score in HEADLINE or " minus " in line.score)
         return {(line.contestant, line.specimen_class, line.score, line.statistic): line.interval for line in kept}
 
     first, second = keyed(one), keyed(other)
-    missing = [f"{', '.join(key)}: in one of the two only" for key in first.keys() ^ second.keys()]
+    both = sorted(first.keys() & second.keys())
     apart = [
         f"{', '.join(key)}: [{first[key].low:.4g}, {first[key].high:.4g}] "
         f"and [{second[key].low:.4g}, {second[key].high:.4g}]"
-        for key in first.keys() & second.keys()
+        for key in both
         if not first[key].meets(second[key])
     ]
-    return sorted(missing) + sorted(apart)
+    return apart, len(both)
 
 
 def metric_scores(lines: Sequence[Line]) -> list[str]:

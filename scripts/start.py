@@ -28,7 +28,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-PROGRAMS = {"train": ["agents/ppo.py"], "test": ["-m", "pytest", "-n", "2"], "setup": []}
+PROGRAMS = {"train": ["agents/ppo.py"], "test": ["-m", "pytest", "-n", "2", "--dist", "worksteal"], "setup": []}
 PYTHON = f"{sys.version_info[0]}.{sys.version_info[1]}"
 # Measured with a CPU build of torch: 1.7 GB of .venv, 0.4 GB of downloads that pip holds twice while it works.
 DISK_BYTES = 3_000_000_000

@@ -54,6 +54,29 @@ def test_each_stratum_keeps_its_share():
     assert pooled.high - pooled.low > 0.1
 
 
+def test_a_run_is_one_agent_in_all_strata():
+    """What a run is better or worse by, it is so everywhere: more strata do not average it away."""
+    offsets, one = np.array([[-1.0], [0.0], [1.0]]), np.zeros((3, 20))
+    pooled, apart = (stratified(strata, mean) for strata in ([one + offsets], [one + offsets] * 4))
+    assert apart.high - apart.low == pytest.approx(pooled.high - pooled.low, rel=0.02)
+    assert apart.high - apart.low > 1.5
+
+
+def test_specimens_that_belong_together_are_drawn_together():
+    values = np.random.default_rng(6).normal(size=(1, 400))
+    pooled = stratified([values], mean)
+    together, apart = (stratified([values] * 4, mean, same_specimens=same) for same in (True, False))
+    assert together.high - together.low == pytest.approx(pooled.high - pooled.low, rel=0.02)
+    assert apart.high - apart.low == pytest.approx((pooled.high - pooled.low) / 2.0, rel=0.1)
+
+
+def test_strata_of_different_runs_are_refused():
+    with pytest.raises(ValueError, match="same training runs in each"):
+        stratified([np.zeros((3, 5)), np.zeros((1, 5))])
+    with pytest.raises(ValueError, match="and the same specimens"):
+        stratified([np.zeros((3, 5)), np.zeros((3, 6))], same_specimens=True)
+
+
 def test_the_same_seed_gives_the_same_interval():
     values = np.random.default_rng(4).normal(size=(3, 40))
     assert stratified([values], seed=5) == stratified([values], seed=5)
