@@ -85,6 +85,10 @@ class MotionDriver(Protocol):
         """Put a quick stop on the bus: at once, from any thread, without waiting, whatever the state."""
         ...
 
+    def abandon(self, why: str) -> None:
+        """End what the drive knows us to be alive by: it does not obey, and has to stop by its own watch."""
+        ...
+
     def disable(self) -> None:
         """Take the power off a blade at rest."""
         ...

@@ -63,6 +63,10 @@ class Faults:
     """The blade is this much slower than it is told [m/s]."""
     runaway: float = 0.0
     """The blade moves at this speed whatever it is told [m/s]; a quick stop does stop it."""
+    quick_stops_lost: int = 0
+    """So many quick stops do not reach the blade's drive."""
+    turn_stuck: bool = False
+    """The hinge's encoder shows one angle."""
     power_lost: bool = False
     bus_off: bool = False
 
@@ -76,7 +80,7 @@ class FakeDrive:
         self.state = DriveState.DISABLED
         self.target = 0.0
         self.sent: list[tuple[float, str]] = []
-        """Quick stops and refusals that were put on the bus, with their times [s]."""
+        """What was done to stop it, with the times [s]."""
 
     def open(self, listener: MotionListener) -> None:
         """Samples arrive from now on."""
@@ -99,8 +103,15 @@ class FakeDrive:
         """At once, unless the bus is off."""
         self._rig.reach(self.name)
         self.sent.append((self._rig.clock.now(), "quick stop"))
-        if self.state is DriveState.ENABLED:
+        if self.name == "blade" and self._rig.faults.quick_stops_lost > 0:
+            self._rig.faults.quick_stops_lost -= 1
+        elif self.state is DriveState.ENABLED:
             self.state = DriveState.QUICK_STOP
+
+    def abandon(self, why: str) -> None:
+        """The drive misses the heartbeat, and stops."""
+        self.sent.append((self._rig.clock.now(), "abandoned"))
+        self.state = DriveState.FAULT
 
     def disable(self) -> None:
         """Power off."""
@@ -214,7 +225,7 @@ class FakeRig:
         self._counts = (0, 0, 0, 0, 0, 0)
         self._held: tuple[float, float, float] = (0.0, 0.0, 0.0)
         self._pending: list[tuple[float, ForceSample]] = []
-        self._ramped = self._stuck_at = 0.0
+        self._ramped = self._stuck_at = self._turn_stuck_at = 0.0
         self._turns: list[Repeating] = [
             self.clock.every(TICK, self._tick, "bench"),
             self.clock.every(self.settings.bus.sync, self._sync, "SYNC"),
@@ -303,7 +314,10 @@ class FakeRig:
         self._stuck_at = position
         if (listener := self._listeners.get("blade")) is not None:
             listener.motion("blade", MotionSample(now, position, speed, 0.0, self.blade.state))
+        if not self.faults.turn_stuck:
+            self._turn_stuck_at = angle
         if self.angle is not None and (listener := self._listeners.get("angle")) is not None:
+            angle = self._turn_stuck_at
             listener.motion("angle", MotionSample(now, angle, self.angle.target, 0.0, self.angle.state))
 
     def _beat(self, now: float) -> None:

@@ -1,4 +1,4 @@
-"""Where the blade should be for what it was told: a blade that stands, slips or runs away is found out."""
+"""Where an axis should be for what it was told: one that stands, slips or runs away is found out."""
 
 from __future__ import annotations
 
@@ -6,22 +6,30 @@ import math
 
 from cutenv.rig.causes import STUCK_AFTER
 from cutenv.rig.samples import MotionSample
-from cutenv.rig.settings import RigSettings
 
 _MEMORY = 0.5  # [s] after which a difference is forgotten: lag and acceleration are not known to the last digit
-_NOMINAL_LAG = 0.040  # [s], where none has been identified
-_SLOW = 0.001  # [m/s], expected, below which a standing blade is no wonder
-_UNMOVED = 5e-6  # [m]
+NOMINAL_LAG = 0.040
+"""Of a velocity loop where none has been identified [s]."""
 
 
 class Following:
-    """Follows the axis with a model of its velocity loop (lag and acceleration limit), sample by sample."""
+    """Follows an axis with a model of its velocity loop (lag and acceleration limit), sample by sample.
 
-    def __init__(self, settings: RigSettings) -> None:
-        identified = settings.identified
-        self._lag = identified.motor_lag or _NOMINAL_LAG
-        self._acceleration = identified.acceleration or settings.blade.acceleration
-        self._sync = settings.bus.sync
+    Parameters
+    ----------
+    lag, acceleration : float
+        Of the axis [s], [m/s2 or rad/s2].
+    sync : float
+        Between samples [s].
+    slow : float
+        Speed, expected, below which a standing axis is no wonder [m/s or rad/s].
+    unmoved : float
+        Way within which it counts as standing [m or rad].
+    """
+
+    def __init__(self, *, lag: float, acceleration: float, sync: float, slow: float, unmoved: float) -> None:
+        self._lag, self._acceleration, self._sync = lag, acceleration, sync
+        self._slow, self._unmoved = slow, unmoved
         self.restart()
 
     def restart(self) -> None:
@@ -33,12 +41,12 @@ class Following:
         self._moving = 0.0
 
     def watch(self, sample: MotionSample, command: float) -> tuple[bool, float]:
-        """Compare a sample with what the ``command`` [m/s] lets expect.
+        """Compare a sample with what the ``command`` [m/s or rad/s] lets expect.
 
         Returns
         -------
         tuple of bool, float
-            Whether the encoder is stuck, and how far the blade is from where it should be [m], positive: too far.
+            Whether the encoder is stuck, and how far the axis is from where it should be, positive: too far.
         """
         last, self._last = self._last, sample
         if last is None:
@@ -52,7 +60,7 @@ class Following:
         should = 0.5 * (before + self._expected) * dt
         self._off = (self._off + sample.position - last.position - should) * math.exp(-dt / _MEMORY)
 
-        if abs(sample.position - self._stood_at) > _UNMOVED or abs(self._expected) < _SLOW:
+        if abs(sample.position - self._stood_at) > self._unmoved or abs(self._expected) < self._slow:
             self._stood_at, self._moving = sample.position, 0.0
         else:
             self._moving += dt

@@ -6,7 +6,7 @@ import math
 from collections import deque
 
 from cutenv.rig.causes import Breach, Cause
-from cutenv.rig.following import Following
+from cutenv.rig.following import NOMINAL_LAG, Following
 from cutenv.rig.samples import DriveState, MotionSample
 from cutenv.rig.settings import RigSettings
 
@@ -15,6 +15,7 @@ STANDSTILL = 1e-4
 _SAMPLES = 3  # over which acceleration is measured, and standing
 _LONG = 9  # over which speed is measured from the position: one that the drive misreports hides nothing
 _JITTER = 1.2  # of such a speed over its limit: samples come when they come
+_ASTRAY = math.radians(10.0)  # of a hinge from where it should be: its lag is not identified
 
 
 class MotionWatch:
@@ -37,12 +38,23 @@ class MotionWatch:
         self._limits, self._sync = settings.limits, settings.bus.sync
         self.newest: dict[str, MotionSample] = {}
         self._blade: deque[MotionSample] = deque(maxlen=_LONG)
-        self._following = Following(settings)
+        identified, sync = settings.identified, settings.bus.sync
+        self._following = Following(
+            lag=identified.motor_lag or NOMINAL_LAG,
+            acceleration=identified.acceleration or settings.blade.acceleration,
+            sync=sync, slow=0.001, unmoved=5e-6,
+        )  # fmt: skip
+        hinge = settings.blade if settings.angle is None else settings.angle
+        self._turning = Following(
+            lag=NOMINAL_LAG, acceleration=hinge.acceleration, sync=sync, slow=math.radians(1.0),
+            unmoved=math.radians(0.005),
+        )  # fmt: skip
         self._follows = follows
 
     def restart(self) -> None:
-        """Expect a blade at rest."""
+        """Expect axes at rest."""
         self._following.restart()
+        self._turning.restart()
 
     @property
     def standing(self) -> bool:
@@ -57,7 +69,7 @@ class MotionWatch:
             self._blade.append(sample)
 
     def judge(self, axis: str, command: float) -> Breach | None:
-        """What is wrong with the newest sample of an axis, for a blade that was told ``command`` [m/s]."""
+        """What is wrong with the newest sample of an axis that was told ``command`` [m/s or rad/s]."""
         sample = self.newest[axis]
         if not (math.isfinite(sample.position) and math.isfinite(sample.speed)):
             return Breach(Cause.NOT_A_NUMBER, f"the {axis} axis reads {sample.position} at {sample.speed}")
@@ -65,8 +77,17 @@ class MotionWatch:
             return Breach(Cause.DRIVE, f'the {axis} drive is in "{sample.state.value}" by itself')
         if axis == "blade":
             return self._judge_blade(sample, command)
+        return self._judge_hinge(sample, command)
+
+    def _judge_hinge(self, sample: MotionSample, command: float) -> Breach | None:
+        stuck, off = self._turning.watch(sample, command) if self._follows else (False, 0.0)
         if not self._limits.angle_low <= sample.position <= self._limits.angle_high:
             return Breach(Cause.ANGLE, f"{math.degrees(sample.position):.1f} degrees")
+        if stuck:
+            told = f"{math.degrees(command):.0f} degrees a second"
+            return Breach(Cause.STUCK, f"the hinge was told to turn at {told}, its encoder does not")
+        if abs(off) > _ASTRAY:
+            return Breach(Cause.FOLLOWING, f"the hinge is {math.degrees(off):+.0f} degrees from where it should be")
         return None
 
     def _judge_blade(self, sample: MotionSample, command: float) -> Breach | None:

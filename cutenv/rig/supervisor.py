@@ -25,6 +25,11 @@ MARGIN = 1.04
 BRAKING = 0.16
 """Time in which a blade near the end of its travel would arrive [s]: its command fades before."""
 _SHORT = 1e-4  # [m] before the end of travel, where commands have faded out
+INSIST = 0.010
+"""Time after a quick stop [s] from which a drive that still has its power on is sent another with every sample."""
+DEAF = 0.050
+"""The same after which it is left by our heartbeat, so that it stops by its own watch [s]."""
+_STRAYED = {"blade": 0.003, "angle": math.radians(10.0)}  # [m], [rad] of a locked axis from where it was locked
 _FALLEN = (DriveState.QUICK_STOP, DriveState.REACTING, DriveState.FAULT)
 
 
@@ -69,8 +74,11 @@ class Supervisor:
         self._forces = ForceWatch(self.limits, rate)
         self._motions = MotionWatch(settings, follows=follows)
         self._alive: dict[str, float] = {}
-        self._command = 0.0
+        self._follows = follows
+        self._command = self._turning = 0.0
         self._held_until = math.inf
+        self._locked_at: dict[str, float] = {}
+        self._abandoned: set[str] = set()
         self.on_stop: Callable[[StopReport], None] = lambda report: None
         """Called once for every stop, after the quick stop is on the bus."""
 
@@ -88,13 +96,46 @@ class Supervisor:
         """Check one sample of an axis."""
         self._motions.note(axis, sample)
         if self.phase == "ready":
-            if (breach := self._motions.judge(axis, self._command)) is not None:
+            if (breach := self._motions.judge(axis, self._command if axis == "blade" else self._turning)) is not None:
                 self.trip(*breach, sample.time)
             return
         self._motions.restart()
+        if sample.state is not DriveState.ENABLED:
+            self._locked_at.pop(axis, None)
+        elif self.phase == "stopped":
+            self._insist(axis, sample.time)
+        elif self._follows:
+            self._hold_to_its_place(axis, sample)
         report = self.report
         if self.phase == "stopped" and report is not None and report.standstill is None and self.standing:
             report.standstill, report.rest_position = sample.time, self._motions.newest["blade"].position
+
+    def _insist(self, name: str, now: float) -> None:
+        """Stop a drive that has not heard: a frame is sent once and may be lost, on a bus that fails and comes back."""
+        with self._lock:
+            report = self.report
+            if self.phase != "stopped" or report is None or report.commanded is None:
+                return
+            waited = now - report.commanded
+            if waited < INSIST or name in self._abandoned:
+                return
+            axis = self._axes[name]
+            try:
+                if waited < DEAF:
+                    axis.quick_stop()
+                else:
+                    self._abandoned.add(name)
+                    report.detail += f" ({name} did not hear the quick stop: left to its own watch)"
+                    axis.abandon("it does not stop when it is told to")
+            except RigError:
+                pass  # the bus is off: the drive's own watch for our heartbeat stops it
+
+    def _hold_to_its_place(self, name: str, sample: MotionSample) -> None:
+        """Stop an axis that moves though the rig is locked and its power is on."""
+        strayed = sample.position - self._locked_at.setdefault(name, sample.position)
+        if abs(strayed) > _STRAYED[name]:
+            way = f"{1e3 * strayed:+.1f} mm" if name == "blade" else f"{math.degrees(strayed):+.0f} degrees"
+            self.trip(Cause.FOLLOWING, f"locked, the {name} axis moves: {way}", sample.time, locked=True)
 
     def alive(self, axis: str, time: float) -> None:
         """Note a drive's heartbeat."""
@@ -149,8 +190,9 @@ class Supervisor:
         with self._lock:
             if self.phase == "ready":
                 top = self.settings.angle.speed if self.settings.angle is not None else 0.0
+                self._turning = min(max(rate, -top), top)
                 try:
-                    self._axes["angle"].command(min(max(rate, -top), top))
+                    self._axes["angle"].command(self._turning)
                 except RigError as error:
                     broken = str(error)
         if broken is not None:
@@ -190,24 +232,25 @@ class Supervisor:
                 found.append(Breach(Cause.MOTION_STALE, f"no sample of the {axis} axis for {1e3 * silent:.0f} ms"))
             if (silent := now - self._alive.get(axis, -math.inf)) > limits.heartbeat:
                 found.append(Breach(Cause.HEARTBEAT, f"no heartbeat of the {axis} drive for {1e3 * silent:.0f} ms"))
-        if self._command != 0.0 and (late := now - self._held_until) > 0.0:
+        if (self._command != 0.0 or self._turning != 0.0) and (late := now - self._held_until) > 0.0:
             found.append(Breach(Cause.OVERRUN, f"no new command, {1e3 * late:.0f} ms after the last had to end"))
         return found
 
     # Stop, release, reset
 
-    def trip(self, cause: Cause, detail: str, detected: float | None = None) -> None:
-        """Stop the blade, unless it is stopped or was never released; from any thread."""
+    def trip(self, cause: Cause, detail: str, detected: float | None = None, *, locked: bool = False) -> None:
+        """Stop the blade, unless it is stopped or, but for ``locked``, was not released; from any thread."""
         with self._lock:
-            report = self._stop(cause, detail, detected)
+            report = self._stop(cause, detail, detected) if locked or self.phase == "ready" else None
         if report is not None:
             self.on_stop(report)
 
     def _stop(self, cause: Cause, detail: str, detected: float | None) -> StopReport | None:
-        if self.phase != "ready":
+        if self.phase == "stopped":
             return None
         now = self._clock.now() if detected is None else detected
-        self._command, self._held_until = 0.0, math.inf
+        self._rest()
+        self._abandoned.clear()
         blade = self._motions.newest.get("blade")
         self.report = report = StopReport(
             cause=cause, detail=detail, detected=now, position=None if blade is None else blade.position
@@ -232,6 +275,8 @@ class Supervisor:
         RigError
             If something is missing or wrong; names all of it.
         """
+        if self.phase == "ready":
+            return  # what it was told last goes on to be watched
         if self.phase == "stopped":
             raise RigError(f"the rig is stopped ({self.report}); reset it first.")
         wrong = [detail for _, detail in self._missing(self._clock.now())]
@@ -240,16 +285,36 @@ class Supervisor:
             wrong.append(f"the sensor's status is 0x{status:08X}")
         if wrong:
             raise RigError(f"the rig is not ready: {'; '.join(wrong)}.")
-        self.limited, self._command, self._held_until = 0, 0.0, math.inf
+        self._rest()
+        self.limited = 0
         self._forces.restart()
         self._motions.restart()
         self.phase = "ready"
 
     def lock(self) -> None:
-        """Refuse every motion until the next :meth:`release`, for a blade at rest."""
+        """Bid every axis rest, and refuse every motion until the next :meth:`release`; for a blade at rest.
+
+        Whatever an axis was told last would go on, watched by nobody: a hinge that has not arrived, a blade that creeps.
+        """
+        broken = None
         with self._lock:
-            if self.phase == "ready":
-                self.phase, self._command = "unready", 0.0
+            if self.phase != "ready":
+                return
+            self._rest()
+            try:
+                for axis in self._axes.values():
+                    axis.command(0.0)
+            except RigError as error:
+                broken = str(error)
+            else:
+                self._locked_at.clear()
+                self.phase = "unready"
+        if broken is not None:
+            self.trip(Cause.BUS, broken)
+
+    def _rest(self) -> None:
+        self._command = self._turning = 0.0
+        self._held_until = math.inf
 
     def reset(self, agreed: bool) -> None:
         """End what is :attr:`latched`: ``agreed`` is the operator's explicit word; the drives are left without power.
@@ -265,6 +330,7 @@ class Supervisor:
             raise RigError(f"still stopped ({why}): the operator has not agreed to a reset.")
         for axis in self._axes.values():
             axis.clear()
+        self._locked_at.clear()
         self.phase = "unready"
 
     @property

@@ -232,3 +232,17 @@ def test_a_drive_in_quick_stop_by_itself_is_not_set_going_again(benches):
         bench.axis.command(0.01)
     assert bench.drive.controlwords[-1] == 0x0F  # the one that powered it on
     assert bench.drive.status == QUICK_STOP
+
+
+def test_an_axis_that_is_abandoned_hears_neither_sync_nor_heartbeat(benches):
+    bench = benches().ready()
+    until(lambda: {0x080, 0x77F} <= {number for number, _ in bench.drive.frames()})
+    bench.axis.abandon("it does not stop when it is told to")
+    until(lambda: bench.ear.breaks)
+    assert bench.ear.breaks == [("blade", "blade: it does not stop when it is told to")]
+    time.sleep(0.1)
+    bench.drive.frames()
+    time.sleep(0.3)
+    assert {0x080, 0x77F}.isdisjoint(number for number, _ in bench.drive.frames())
+    with pytest.raises(RigError, match="does not stop when it is told to"):
+        bench.axis.command(0.01)

@@ -153,7 +153,7 @@ def test_a_standing_encoder_is_stuck_after_60_ms_of_expected_motion():
 
 
 def test_following_forgets_small_differences_and_finds_lasting_ones():
-    following = Following(fake_settings())
+    following = Following(lag=0.04, acceleration=0.1, sync=SYNC, slow=0.001, unmoved=5e-6)
     off = 0.0
     for n in range(400):
         off = following.watch(MotionSample(SYNC * n, 0.01 * 1.02 * SYNC * n, 0.0102, 0.0, DriveState.ENABLED), 0.01)[1]

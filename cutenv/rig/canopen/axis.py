@@ -229,6 +229,12 @@ class CanopenAxis:
         self._may_move = False
         self._control(o.QUICK_STOP)
 
+    def abandon(self, why: str) -> None:
+        """Send nothing more, neither SYNC nor heartbeat: the drive stops when its own watch for them runs out."""
+        self._stopped = True
+        self._may_move = False
+        self._network.give_up(f"{self.name}: {why}")
+
     def disable(self) -> None:
         """Take the power off a blade at rest.
 

@@ -140,6 +140,10 @@ class CanNetwork:
         """
         self.send_message(NMT_FRAME, bytes((command, node)))
 
+    def give_up(self, why: str) -> None:
+        """Count the network as broken: SYNC and heartbeat end, and every drive stops by its own watch for them."""
+        self._break(why)
+
     def _open(self) -> None:
         self._bus = open_bus(self.settings)
         import can
