@@ -28,6 +28,7 @@ from cutenv.rig.supply import SpecimenKey
 from cutenv.task.beginning import drawn_length
 from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task.observation import BOUND, COMPONENTS, within_reach
+from cutenv.task.records import STOPPED
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.specimen import CLASSES, Specimen
 from cutenv.validation import in_range, one_of
@@ -202,14 +203,16 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             length = self.target_length
         if options.get("target_length") is not None:
             length = checked_length(options["target_length"])
-        self._ended = True
+        if not self._ended:  # a cut that is given up: come to rest, and finish its record
+            self._finish("given up")
         if self._session is None:
             self._warm_up()
         self.specimen = self._specimen(options.get("specimen"), episode)
         plant = self.session.plant
         if self.specimen is not None:
             plant.depth = self.constants.knowledge.measure_depth(self.specimen.depth, self._seed, episode)
-        self.session.next_cut(SpecimenKey(seed=self._seed, episode=episode, specimen=self.specimen), self.start_angle)
+        key = SpecimenKey(seed=self._seed, episode=episode, target=length, specimen=self.specimen)
+        self.session.next_cut(key, self.start_angle)
         tissue = self.specimen.tissue if self.specimen is not None else self.tissue.tissue or measured_liver()
         self.cutting = self._cutting(plant, tissue, length)
         self._source.begin_record(
@@ -266,8 +269,8 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise gymnasium.error.ResetNeeded("no cut is going on: call reset() before step().")
         command = np.array(action, np.float64)
         if command.shape != (2,) or not within_reach(command, self.fixed_angle or math.nan):
-            self.session.plant.supervisor.trip(Cause.NOT_A_NUMBER, f"the policy's action is {action!r}")
-            self._finish()
+            self._stop_for(Cause.NOT_A_NUMBER, f"the policy's action is {action!r}")
+            self._finish(STOPPED)
             raise ValueError(f"action = {action!r} must hold 2 numbers in [-1, 1] (speed, angle), and none may be NaN.")
         cutting = self.cutting
         if not cutting.time:
@@ -278,7 +281,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             observation, reward = cutting.stopped(stop.readings)
             self._stop = stop.report.to_dict()
         if cutting.end:
-            self._finish()
+            self._finish(cutting.end)
         info = self._info()
         if cutting.end:
             info["end"] = cutting.end
@@ -287,11 +290,24 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 info["stop"] = self._stop
         return observation, reward, self._ended, False, info
 
-    def _finish(self) -> None:
+    def _stop_for(self, cause: Cause, detail: str) -> None:
+        """Stop the blade from here, and keep what is felt until it stands."""
+        plant = self.session.plant
+        plant.supervisor.trip(cause, detail)
+        if plant.supervisor.phase == "stopped":
+            try:
+                plant.advance(0.0, plant.angle, self.ticks)
+            except RigStopped as stop:
+                self._stop = stop.report.to_dict()
+
+    def _finish(self, end: str) -> None:
         """The cut is over: bring the blade to rest, and finish its record."""
         self._ended = True
         self.session.end_cut()
-        self._source.end_record(self.session.plant, end=self.cutting.end, success=self.cutting.success, stop=self._stop)
+        plant = self.session.plant
+        if self._stop is None and plant.supervisor.phase == "stopped" and plant.supervisor.report is not None:
+            self._stop = plant.supervisor.report.to_dict()
+        self._source.end_record(plant, end=end, success=self.cutting.success, stop=self._stop)
 
     def _info(self) -> dict[str, Any]:
         plant = self.session.plant

@@ -193,7 +193,7 @@ class RigSource:
             supply = EmulatedSupply(emulator.control)
             return RigSession(rig_plant(self.settings), operator, supply, release=emulator.close)
         operator = self._operator or operator_of(self.settings)
-        return RigSession(rig_plant(self.settings), operator, HandSupply(self.settings, operator))
+        return RigSession(rig_plant(self.settings), operator, HandSupply(lambda: read(self._rig), operator))
 
     def _lowered(self, settings: RigSettings) -> RigSettings:
         return dataclasses.replace(settings, limits=settings.limits.lowered(**self._lower))
@@ -220,6 +220,7 @@ class RigSource:
                 "program": f"cutenv {cutenv.__version__}",
                 "specimen_seed": seed,
                 "specimen_episode": episode,
+                "zero_N": list(plant.zero),
                 **metadata,
             },
         )

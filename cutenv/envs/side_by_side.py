@@ -17,7 +17,7 @@ from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.plant.protocol import to_trace
 from cutenv.policy import Policy, SeesTruth
 from cutenv.recording import save
-from cutenv.rig.causes import Cause
+from cutenv.rig.causes import BY_PEOPLE, Cause
 from cutenv.rig.drivers import RigError
 from cutenv.rig.identified import environment_arguments
 from cutenv.task.records import STOPPED
@@ -29,8 +29,6 @@ LOST_TIME = (
     Cause.FORCE_STALE, Cause.FORCE_LATE, Cause.FORCE_LOST, Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.OVERRUN,
 )  # fmt: skip
 """Stops after which a specimen is cut anew: the computer was elsewhere, which tells nothing of policy or rig."""
-BY_PEOPLE = (Cause.INTERRUPTED, Cause.OPERATOR, Cause.ORPHANED)
-"""Stops that end the evaluation: what was cut until then is told of."""
 _OUR_HEARTBEAT = "0x8130"
 """Emergency of a drive that has missed the computer's heartbeat."""
 _ATTEMPTS = 5  # for a specimen

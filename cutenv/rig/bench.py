@@ -10,6 +10,7 @@ from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.records import TICK
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant import ReplayPlant, SimulatedPlant
+from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.rig.settings import RigSettings
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace
@@ -54,22 +55,27 @@ class CutBench:
 
     def step(self, speed: float, turn: float, stopping: bool) -> None:
         """A millisecond; a quick stop brakes at its own rate, without the velocity loop's lag."""
-        self._angle = min(max(self._angle + turn * TICK, math.radians(45.0)), math.radians(90.0))
+        self._angle += turn * TICK
         speed = 0.0 if stopping else speed
         self.plant.cuts["drive"]["acceleration"] = self._quick_stop if stopping else self._drive.acceleration
         self.plant.cuts["drive"]["lag"] = TICK if stopping else self._drive.motor_lag
-        self._reading = self.plant.advance(speed, self._angle, 1)
+        self._reading = self.plant.advance(speed, self._measured_angle, 1)
+
+    @property
+    def _measured_angle(self) -> float:
+        """The part of the hinge's travel for which the law was measured."""
+        return min(max(self._angle, ANGLE_RANGE[0]), ANGLE_RANGE[1])
 
     def block(self) -> None:
         """A millisecond in which nothing can move."""
         self.plant.cuts["state"]["hand_speed"] = 0.0
-        self._reading = self.plant.advance(0.0, self._angle, 1)
+        self._reading = self.plant.advance(0.0, self._measured_angle, 1)
 
     @property
     def motion(self) -> tuple[float, float, float]:
         """Position [m], speed [m/s] and angle [rad]."""
         reading = self._reading[0]
-        return float(reading["position"]), float(reading["speed"]), float(reading["angle"])
+        return float(reading["position"]), float(reading["speed"]), self._angle
 
     @property
     def force(self) -> float:

@@ -46,6 +46,8 @@ class Breach(NamedTuple):
     detail: str
 
 
+BY_PEOPLE = (Cause.INTERRUPTED, Cause.OPERATOR, Cause.ORPHANED)
+"""Stops that mean the end of the work, not of one cut."""
 WATCH = 0.002
 """Period of the watchdog that finds out what is missing [s]."""
 STUCK_AFTER = 0.060

@@ -60,7 +60,8 @@ class Following:
         should = 0.5 * (before + self._expected) * dt
         self._off = (self._off + sample.position - last.position - should) * math.exp(-dt / _MEMORY)
 
-        if abs(sample.position - self._stood_at) > self._unmoved or abs(self._expected) < self._slow:
+        should_move = min(abs(command), abs(self._expected)) > self._slow  # told to rest, it may rest sooner
+        if abs(sample.position - self._stood_at) > self._unmoved or not should_move:
             self._stood_at, self._moving = sample.position, 0.0
         else:
             self._moving += dt

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import os
 import signal
 import threading
@@ -32,8 +33,13 @@ def guarded(supervisor: Supervisor, clock: Clock) -> Iterator[None]:
     def interrupted(number: int, frame: FrameType | None) -> None:
         if supervisor.phase != "ready":
             raise KeyboardInterrupt(signal.Signals(number).name)
-        cause = (Cause.INTERRUPTED, signal.Signals(number).name)
-        threading.Thread(target=supervisor.trip, args=cause, name="rig stop", daemon=True).start()
+
+        def stop() -> None:
+            supervisor.trip(Cause.INTERRUPTED, signal.Signals(number).name)
+            if supervisor.phase != "stopped":  # locked this very moment: the program would meet no stop
+                _thread.interrupt_main(number)
+
+        threading.Thread(target=stop, name="rig stop", daemon=True).start()
 
     parent = os.getppid()
 

@@ -26,6 +26,8 @@ _LATE = 0.002  # [s] beyond the end of a period, from which a command counts as 
 _TURN_GAIN = 16.0  # [1/s] of the angle's loop, closed at every SYNC
 _TURN_LAG = 0.040  # [s] of the hinge's own loop, which this one looks ahead by: no overshoot
 _TURN_RATE = math.radians(90.0)  # [rad/s], as the simulated rig's
+_SLOW_TURN = math.radians(10.0)  # [rad/s], outside of a cut
+_SAME_RATE = 0.02  # relative difference of the sensor's rate to the file's
 _AIMED = math.radians(0.05)  # [rad], closer than which it rests
 _ARRIVED = 2e-5  # [m]
 _SLICE = 0.02  # [s] of waiting at a time
@@ -67,6 +69,8 @@ class RigPlant:
         Told samples, readings and heartbeats after the supervisor, for measurements of the rig itself.
     timing : Timing
         Of the control clock.
+    zero : tuple of 3 float
+        Of the last tare [N], from the sensor's own zero.
     """
 
     def __init__(
@@ -90,6 +94,7 @@ class RigPlant:
         self.keep: Callable[[Records], None] = lambda readings: None
         self.witness: Witness | None = None
         self.timing = Timing()
+        self.zero = (0.0, 0.0, 0.0)
         self._watchdog: Repeating | None = None
         self._forces: deque[ForceSample] = deque(maxlen=round(_KEPT * sensor.rate))
         self._motions: dict[str, deque[MotionSample]] = {
@@ -122,12 +127,22 @@ class RigPlant:
         """
         try:
             self._sensor.open(self)
+            self._check_rate()
             for axis in self._axes:
                 axis.open(self)
         except BaseException:
             self.close()
             raise
         self._watchdog = self.clock.every(WATCH, self.supervisor.watch, "rig watchdog")
+
+    def _check_rate(self) -> None:
+        """Limits of force count in readings: one that comes at another rate than expected would change them."""
+        rate, wanted = self._sensor.rate, self.settings.sensor.rate
+        if abs(rate / wanted - 1.0) > _SAME_RATE:
+            raise RigError(
+                f"the force sensor sends {rate:g} readings a second, and the rig's file says {wanted:g}. Set the RDT "
+                "output rate on the sensor's page, or rate under [sensor] in the file."
+            )
 
     def close(self) -> None:
         """Stop what moves, and leave sensor and drives; never raises for a rig that is gone."""
@@ -161,8 +176,9 @@ class RigPlant:
         return {axis.name: axis.about() for axis in self._axes} | {"sensor": self._sensor.about()}
 
     def tare(self) -> tuple[float, float, float]:
-        """Take the present force for zero; see :meth:`ForceDriver.tare`."""
-        return self._sensor.tare()
+        """Take the present force for :attr:`zero`; see :meth:`ForceDriver.tare`."""
+        self.zero = self._sensor.tare()
+        return self.zero
 
     # What the drivers tell goes to the supervisor first.
 
@@ -250,6 +266,8 @@ class RigPlant:
             while not self.supervisor.standing and self.supervisor.phase == "ready" and self.clock.now() < deadline:
                 try:
                     self.supervisor.drive(0.0, self._angle_now(), hold=_SLICE)
+                    if self._angle is not None:
+                        self.supervisor.turn(0.0)
                 except RigError:  # stopped this very moment: it comes to rest all the same
                     break
                 self.clock.sleep_until(self.clock.now() + _SLICE)
@@ -258,26 +276,33 @@ class RigPlant:
         self.supervisor.lock()
 
     def travel(self, position: float, *, speed: float, angle: float | None = None) -> None:
-        """Go to ``position`` [m] at no more than ``speed`` [m/s], outside of a cut.
+        """Go to ``position`` [m] at no more than ``speed`` [m/s], outside of a cut; turn slowly to ``angle`` [rad].
+
+        The blade turns where it arrives: on its way it may still stand in tissue.
 
         Raises
         ------
         RigError, RigStopped
             If the rig is not released, or the blade was stopped or does not arrive.
         """
-        deadline = self.clock.now() + 3.0 * abs(position - self.position) / speed + 5.0
-        wanted = self._angle_now() if angle is None else angle
-        while abs(left := position - self.position) > _ARRIVED or not self._turned(wanted):
+        held = self._angle_now()
+        wanted = held if angle is None else angle
+        turning = 0.0 if self._angle is None else abs(wanted - held) / _SLOW_TURN
+        deadline = self.clock.now() + 3.0 * (abs(position - self.position) / speed + turning) + 5.0
+        arrived = False
+        while not (arrived and self._turned(wanted)):
+            left = position - self.position
+            arrived |= abs(left) <= _ARRIVED
             if self.clock.now() > deadline:
-                raise RigError(
-                    f"the blade stands at {1e3 * self.position:.2f} mm and does not reach {1e3 * position:g} mm."
-                )
+                where = f"{1e3 * self.position:.2f} mm and {math.degrees(self._angle_now()):.1f} degrees"
+                to = f"{1e3 * position:g} mm and {math.degrees(wanted):.1f} degrees"
+                raise RigError(f"the blade stands at {where} and does not reach {to}.")
             rate = math.copysign(min(speed, 4.0 * abs(left)), left) if abs(left) > _ARRIVED else 0.0
-            turned = self._drive(rate, wanted, hold=_SLICE)
-            self._wait(self.clock.now() + _SLICE, turned)
+            turned = self._drive(rate, wanted if arrived else held, hold=_SLICE)
+            self._wait(self.clock.now() + _SLICE, turned, fastest=_SLOW_TURN)
             self._raise_if_stopped()
         self._drive(0.0, wanted, hold=_SLICE)
-        self._wait(self.clock.now() + _SLICE, wanted)
+        self._wait(self.clock.now() + _SLICE, wanted, fastest=_SLOW_TURN)
 
     @property
     def position(self) -> float:
@@ -300,22 +325,22 @@ class RigPlant:
             self.timing.latencies.append(now - self._newest_known)
         self._commanded = now
 
-    def _wait(self, moment: float, angle: float) -> None:
+    def _wait(self, moment: float, angle: float, *, fastest: float = _TURN_RATE) -> None:
         """Wait, closing the angle's loop at every SYNC, until ``moment`` [s] or a stop."""
         now = self.clock.now()
         while now < moment and self.supervisor.phase == "ready":
             if self._angle is not None:
-                self.supervisor.turn(self._rate_of_turn(angle))
+                self.supervisor.turn(self._rate_of_turn(angle, fastest))
                 now = self.clock.sleep_until(min(now + self.settings.bus.sync, moment))
             else:
                 now = self.clock.sleep_until(min(now + _SLICE, moment))
 
-    def _rate_of_turn(self, wanted: float) -> float:
+    def _rate_of_turn(self, wanted: float, fastest: float) -> float:
         sample = self.supervisor.axis("angle")
         if sample is None or abs(wanted - sample.position) < _AIMED:
             return 0.0
         off = wanted - (sample.position + _TURN_LAG * sample.speed)
-        return min(max(_TURN_GAIN * off, -_TURN_RATE), _TURN_RATE)
+        return min(max(_TURN_GAIN * off, -fastest), fastest)
 
     def _turned(self, wanted: float) -> bool:
         return self._angle is None or abs(wanted - self._angle_now()) < 4 * _AIMED

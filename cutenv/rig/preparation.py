@@ -45,8 +45,8 @@ def may_move(settings: RigSettings, today: date) -> list[Check]:
     ]
 
 
-def still_checks(plant: RigPlant) -> list[Check]:
-    """What an open rig tells without moving: readings, zero force, samples, and limits as they were written."""
+def still_checks(plant: RigPlant, *, in_air: bool = True) -> list[Check]:
+    """What an open rig tells without moving: readings, zero force in air, samples, and limits as they were written."""
     supervisor, settings = plant.supervisor, plant.settings
     checks = []
     sample = supervisor.newest_force
@@ -55,7 +55,8 @@ def still_checks(plant: RigPlant) -> list[Check]:
     else:
         norm = math.hypot(*sample.force)
         checks.append(Check("force status", sample.status == 0, f"0x{sample.status:08X}"))
-        checks.append(Check("zero force", norm <= ZERO_FORCE, f"{norm:.3f} N, {ZERO_FORCE:g} N allowed"))
+        if in_air:
+            checks.append(Check("zero force", norm <= ZERO_FORCE, f"{norm:.3f} N, {ZERO_FORCE:g} N allowed"))
     axes = {"blade": settings.blade} | ({"angle": settings.angle} if settings.angle is not None else {})
     answered = plant.drive_limits()
     for name, axis in axes.items():
@@ -97,11 +98,23 @@ def moving_checks(plant: RigPlant) -> list[Check]:
     return checks
 
 
-def prepare(plant: RigPlant, operator: Operator, *, today: date) -> list[Check]:
+def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = True) -> list[Check]:
     """Everything that stands before the first motion, in order; the rig is released at the end.
 
     Calibration and ``armed_by``; switching on; tare and self-test at rest; the operator's typed word; a millimetre to
     and fro.
+
+    Parameters
+    ----------
+    plant : RigPlant
+        Open.
+    operator : Operator
+        Asked.
+    today : date
+        For the calibration.
+    in_air : bool
+        Whether the blade touches nothing, so that its force can be taken for zero.  After a stop it may stand in
+        tissue: then the zero stays as it was, for another would hide what pulls.
 
     Returns
     -------
@@ -114,23 +127,44 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date) -> list[Check]:
         If a check fails, or the operator does not agree; the drives are without power then.
     """
     checks = _passed(may_move(plant.settings, today))
-    operator.tell("The drives are switched on now; the blade holds still. Keep clear of it, blade in air.")
+    place = "blade in air" if in_air else "wherever it stands"
+    operator.tell(f"The drives are switched on now; the blade holds still. Keep clear of it, {place}.")
     plant.power()
     try:
         plant.clock.sleep_until(plant.clock.now() + SETTLE)
-        plant.tare()
-        plant.clock.sleep_until(plant.clock.now() + SETTLE)
-        checks += _passed(still_checks(plant))
-        question = f"The blade of {plant.settings.name} will move. Is it free, and the stop button in reach?"
-        if not operator.confirm(question, expected=plant.settings.name):
+        if in_air:
+            plant.tare()
+            plant.clock.sleep_until(plant.clock.now() + SETTLE)
+        checks += _passed(still_checks(plant, in_air=in_air))
+        if not operator.confirm(_question(plant, in_air), expected=plant.settings.name):
             raise RigError("the operator has not confirmed: nothing moves.")
         plant.supervisor.release()
         checks += _passed(moving_checks(plant))
-    except BaseException:
-        plant.supervisor.lock()
-        plant.switch_off()
+    except BaseException as error:
+        plant.halt()
+        try:
+            plant.switch_off()
+        except RigError as worse:  # the first error is the one to mend
+            error.add_note(f"Besides: {worse}")
         raise
     return checks
+
+
+def _question(plant: RigPlant, in_air: bool) -> str:
+    """A tare and a drive's zero are right by definition: a person has to see them."""
+    sample = plant.supervisor.newest_force
+    if in_air:
+        felt = f", and in air the sensor reads {_newtons(plant.zero)}, taken for zero. Is that so, is it free"
+    elif sample is not None:
+        felt = f", and the sensor reads {_newtons(sample.force)} from its zero in air. May it"
+    else:
+        felt = ". May it"
+    where = f"By its drive it stands {1e3 * plant.position:.1f} mm from the clamp"
+    return f"The blade of {plant.settings.name} will move. {where}{felt}, and is the stop button in reach?"
+
+
+def _newtons(force: tuple[float, float, float]) -> str:
+    return "({:.1f}, {:.1f}, {:.1f}) N".format(*force)
 
 
 def _passed(checks: list[Check]) -> list[Check]:

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from datetime import date
 from typing import Any
 
-from cutenv.rig.causes import WATCH, RigStopped
+from cutenv.rig.causes import BY_PEOPLE, WATCH, RigStopped
 from cutenv.rig.clock import SystemClock
 from cutenv.rig.drivers import RigError
 from cutenv.rig.guard import guarded
@@ -24,6 +24,9 @@ _ATTEMPTS = 3  # to get to the clamp; the operator agrees to each
 _PATIENCE = 1.0  # [s] with a computer that was busy a moment ago: readings have to be fresh again
 AT_CLAMP = 0.0
 """Position of the blade at the start of a cut [m]."""
+DRIFT = 1.0
+"""Greatest change of the force at rest since the blade was in air [N]: beyond, it touches something."""
+_PUSHED = 5e-4  # [m] from the clamp, beyond which somebody has pushed the blade
 
 
 class RigSession:
@@ -66,6 +69,7 @@ class RigSession:
         self._stack = ExitStack()
         if release is not None:
             self._stack.callback(release)
+        self._air: tuple[float, float, float] | None = None  # [N], zero of the blade in air
         self._opened = False
         self._in_time = isinstance(plant.clock, SystemClock)
 
@@ -81,7 +85,7 @@ class RigSession:
             self._opened = True
 
     def next_cut(self, key: SpecimenKey, angle: float) -> None:
-        """Prepare if that was not done, go slowly to the clamp, have a new specimen laid, and tare.
+        """Prepare if that was not done, go slowly to the clamp, have a new specimen laid without power, and tare.
 
         Parameters
         ----------
@@ -98,25 +102,49 @@ class RigSession:
             If the blade was stopped on the way.
         """
         self.open()
-        plant, supervisor = self.plant, self.plant.supervisor
+        plant = self.plant
         for attempt in range(1, _ATTEMPTS + 1):
             self._be_ready()
             self.operator.tell(f"The blade returns to the clamp at {1e3 * RETURN_SPEED:g} mm/s.")
             try:
                 plant.travel(AT_CLAMP, speed=RETURN_SPEED, angle=angle)
                 break
-            except RigStopped:
-                if attempt == _ATTEMPTS:
+            except RigStopped as stop:
+                if attempt == _ATTEMPTS or stop.report.cause in BY_PEOPLE:
                     raise
-        supervisor.lock()
+        checks, self.checks = self.checks, []  # if the specimen is not laid in order, everything is asked anew
+        plant.switch_off()  # hands are in the travel now
         if self._in_time:
             tidy()
         depth = self._supply.lay(key)
         if depth is not None:
             plant.depth = depth
+        self.operator.tell("The drives are switched on again.")
+        plant.power()
         plant.clock.sleep_until(plant.clock.now() + SETTLE)
-        plant.tare()
+        try:
+            self._check_at_rest()
+        except RigError:
+            plant.switch_off()
+            raise
+        self.checks = checks
         plant.begin()
+
+    def _check_at_rest(self) -> None:
+        """The blade is where it was left, and feels what it felt in air but for the sensor's drift; tare."""
+        plant = self.plant
+        if abs(plant.position - AT_CLAMP) > _PUSHED:
+            raise RigError(
+                f"the blade was moved to {1e3 * plant.position:.1f} mm while the specimen was laid: begin the cut "
+                "anew, and leave it at the clamp."
+            )
+        zero = plant.tare()
+        off = max(abs(now - then) for now, then in zip(zero, self._air or zero, strict=True))
+        if off > DRIFT:
+            raise RigError(
+                f"the force at rest has changed by {off:.1f} N since the blade was in air ({DRIFT:g} N allowed): it "
+                "touches something, or the sensor drifts. Free it, or let the sensor warm up, and begin anew."
+            )
 
     def _be_ready(self) -> None:
         """Reset a stop if the operator agrees, prepare if that has to be done, and release."""
@@ -126,7 +154,9 @@ class RigSession:
             supervisor.reset(agreed=self.operator.confirm(question))
             self.checks = []
         if not self.checks:
-            self.checks = prepare(self.plant, self.operator, today=self._today)
+            self.checks = prepare(self.plant, self.operator, today=self._today, in_air=self._air is None)
+            if self._air is None:
+                self._air = self.plant.zero
         else:
             self.start()
 

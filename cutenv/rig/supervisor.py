@@ -294,7 +294,7 @@ class Supervisor:
     def lock(self) -> None:
         """Bid every axis rest, and refuse every motion until the next :meth:`release`; for a blade at rest.
 
-        Whatever an axis was told last would go on, watched by nobody: a hinge that has not arrived, a blade that creeps.
+        What an axis was told last would go on, watched by nobody: a hinge that has not arrived, a blade that creeps.
         """
         broken = None
         with self._lock:

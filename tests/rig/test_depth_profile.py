@@ -8,7 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cutenv.rig.depth_profile import depth_along
+from cutenv.rig.drivers import RigError
+from cutenv.rig.operator import ScriptedOperator
 from cutenv.rig.settings import Limits, RigSettings
+from cutenv.rig.supply import HandSupply, SpecimenKey
 
 
 def of(*points: tuple[float, float]) -> RigSettings:
@@ -57,3 +60,15 @@ def test_a_short_travel_needs_a_short_profile() -> None:
 def test_a_bad_profile_is_refused_in_millimetres(points: tuple[tuple[float, float], ...], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         depth_along(of(*points))
+
+
+def test_every_specimen_has_the_profile_that_stands_in_the_file_when_it_is_laid() -> None:
+    profiles = [of((0.0, 0.01), (0.15, 0.01)), of((0.0, 0.02), (0.15, 0.02)), of((0.0, 0.02), (0.07, 0.02))]
+    operator = ScriptedOperator([("without power", True)] * 3)
+    supply = HandSupply(lambda: profiles.pop(0), operator)
+    for episode, depth in enumerate((0.01, 0.02)):
+        laid = supply.lay(SpecimenKey(seed=0, episode=episode, target=0.08))
+        assert laid is not None
+        assert laid[0] == depth
+    with pytest.raises(RigError, match=r"depth of the specimen is not known.* ends at 70 mm"):
+        supply.lay(SpecimenKey(seed=0, episode=2, target=0.08))

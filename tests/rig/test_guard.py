@@ -59,6 +59,27 @@ def test_a_signal_stops_the_blade_before_the_program_ends(number):
     assert sorted(out.splitlines()) == ["met interrupted", f"stopped interrupted {number.name}"], err
 
 
+def test_a_signal_that_meets_a_rig_locked_this_very_moment_ends_the_program_all_the_same():
+    rig = ready_rig()
+    supervisor = rig.plant.supervisor
+    trip = supervisor.trip
+
+    def late(*arguments):
+        supervisor.lock()  # as between the handler's look and its thread's
+        trip(*arguments)
+
+    supervisor.trip = late
+
+    def ended():
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(10.0)
+
+    begun = time.monotonic()
+    with pytest.raises(KeyboardInterrupt, match="SIGTERM"), guarded(supervisor, rig.clock):
+        ended()
+    assert time.monotonic() - begun < 5.0
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes of another kind have no orphans to watch")
 def test_the_death_of_the_parent_stops_the_blade(tmp_path):
     """A parent that starts the rig's process and is killed; what the orphan says goes to a file."""

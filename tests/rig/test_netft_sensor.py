@@ -7,6 +7,7 @@ import socket
 import threading
 import time
 
+import numpy as np
 import pytest
 from sensor_stream import LOADS, Feed, Kept, settings_of, settle, streaming, wait_for
 
@@ -235,22 +236,25 @@ def test_the_sensors_own_bias_is_never_asked_for(server, monkeypatch):
     with streaming(server) as (sensor, _):
         feed = Feed(server)
         sensor.tare(50)
-        sensor.drift(50)
         feed.close()
     wait_for(lambda: server.clients == 0)
     assert set(asked) == {0x0002, 0x0000}
 
 
-def test_drift_is_the_mean_against_the_last_tare(server):
+def test_two_tares_tell_how_far_the_sensor_has_drifted(server):
     with streaming(server) as (sensor, _):
         feed = Feed(server)
-        with pytest.raises(RigError, match="tare the force sensor first"):
-            sensor.drift()
-        sensor.tare(100)
+        first = sensor.tare(100)
         feed.loads = (1.75, -2.25, 2.9, 0.0, 0.0, 0.0)
         time.sleep(0.05)
-        assert sensor.drift(100) == pytest.approx((0.25, 0.0, -0.1))
+        again = sensor.tare(100)
+        assert np.subtract(again, first) == pytest.approx((0.25, 0.0, -0.1))
         feed.close()
+
+
+def test_on_no_other_network_than_the_sensors_does_anything_listen(server):
+    with streaming(server) as (sensor, _):
+        assert sensor._socket.getsockname()[0] == "127.0.0.1"
 
 
 def test_no_zero_is_taken_from_a_moving_force(server):

@@ -1,4 +1,4 @@
-"""What is bidden to rest does rest: a quick stop that is lost, a hinge that was still turning, a locked axis that moves."""
+"""What is to rest does rest: a quick stop that is lost, a hinge that was still turning, a locked axis that moves."""
 
 from __future__ import annotations
 
@@ -62,6 +62,16 @@ def test_a_drive_that_obeys_is_told_once():
     rig.plant.supervisor.trip(Cause.OPERATOR, "as told")
     pass_time(rig, 0.5)
     assert [what for _, what in rig.blade.sent] == ["quick stop"]
+
+
+def test_at_the_end_of_a_cut_a_turning_hinge_rests_at_once():
+    rig = ready_rig()
+    cut_for(rig, 0.5)
+    cut_for(rig, 0.1, LEANING)
+    begun = rig.bench.motion[2]
+    rig.plant.halt()
+    assert rig.plant.supervisor.phase == "unready"
+    assert abs(rig.bench.motion[2] - begun) < math.radians(0.2)
 
 
 def test_a_lock_bids_every_axis_rest():
@@ -139,6 +149,16 @@ def test_a_hinge_that_turns_as_told_is_let_turn():
         cut_for(rig, 0.7, LEANING)
         cut_for(rig, 0.7, UPRIGHT)
     assert rig.plant.supervisor.phase == "ready"
+
+
+def test_a_hinge_beyond_its_limit_is_stopped():
+    rig = ready_rig(angle_low=math.radians(70.0))
+    cut_for(rig, 1.0, LEANING)  # commands keep within the limit
+    assert rig.plant.supervisor.phase == "ready"
+    rig.bench._angle = math.radians(69.0)
+    with pytest.raises(RigStopped) as stopped:
+        cut_for(rig, 0.1)
+    assert stopped.value.report.cause is Cause.ANGLE
 
 
 def test_a_second_release_does_not_end_the_watch_on_the_last_command():

@@ -15,7 +15,7 @@ from cutenv.rig.fake import FakeRig, fake_rig, fake_settings
 from cutenv.rig.operator import AutomaticOperator, ScriptedOperator
 from cutenv.rig.preparation import SETTLE, prepare
 from cutenv.rig.samples import DriveState
-from cutenv.rig.settings import Calibration
+from cutenv.rig.settings import Calibration, Sensor
 from cutenv.tissue.specimen import Specimen
 
 TODAY = date.today()
@@ -48,6 +48,14 @@ def test_a_sound_rig_is_ready_and_says_what_was_found():
     assert "told +1.00 mm" in next(check.found for check in checks if check.name == "encoder")
     assert any("Keep clear" in told for told in operator.told)
     assert any("stop button" in asked for asked in operator.asked)
+    assert any("stands 0.0 mm from the clamp, and in air the sensor reads" in asked for asked in operator.asked)
+
+
+def test_a_sensor_that_sends_at_another_rate_than_the_file_says_is_refused():
+    rig = fake_rig(Specimen.drawn(3, 0), fake_settings(sensor=Sensor(rate=7000.0)))
+    with pytest.raises(RigError, match="sends 1000 readings a second, and the rig's file says 7000"):
+        rig.plant.open()
+    rig.plant.close()
 
 
 @pytest.mark.parametrize(

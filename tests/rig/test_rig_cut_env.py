@@ -14,6 +14,7 @@ from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.policy import BASELINES
 from cutenv.recording import load_one
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
+from cutenv.rig.causes import Cause
 from cutenv.rig.drivers import RigError
 from cutenv.rig.fake import Faults, fake_settings
 from cutenv.rig.operator import ScriptedOperator
@@ -143,12 +144,124 @@ def test_the_way_back_is_slow_and_the_specimen_new(env):
     assert fake.bench.motion[0] == 0.0
 
 
+def test_the_way_back_is_without_a_turn_and_the_turn_at_the_clamp_slow(env):
+    for _ in range(2):  # the first time with the self-test
+        cut(env, "constant 1.27 cm/s 45 deg", until=150)
+        rig, seen = fake_of(env), []
+        assert env.session.plant.angle < math.radians(50.0)
+        rig.heard = lambda time, axis, speed, rig=rig, seen=seen: seen.append((axis, speed, rig.bench.motion[0]))
+        env.reset(seed=2)
+        rates = [(abs(speed), position) for axis, speed, position in seen if axis == "angle" and abs(speed) > 1e-3]
+        assert rates
+        assert max(rate for rate, _ in rates) <= math.radians(10.0) + 1e-9
+        assert max(position for _, position in rates) < 1e-4
+        assert env.session.plant.angle == pytest.approx(math.pi / 2, abs=math.radians(0.3))
+
+
+def test_hands_are_asked_into_the_travel_of_powerless_drives_only(env):
+    states, laid = [], env.session._supply.lay
+
+    def lay(key):
+        states.append((fake_of(env).blade.state, fake_of(env).angle.state))
+        return laid(key)
+
+    env.session._supply.lay = lay
+    cut(env, until=30)
+    env.reset()
+    assert states == [(DriveState.DISABLED, DriveState.DISABLED)] * 2
+    assert fake_of(env).blade.state is DriveState.ENABLED
+
+
+@pytest.mark.parametrize(("force", "known"), [(-3.0, False), (1.5, False), (0.5, True)])
+def test_a_blade_that_touches_something_is_found_out_by_its_zero(env, force, known):
+    laid = env.session._supply.lay
+
+    def lay(key):
+        depth = laid(key)
+        fake_of(env).faults.extra_force = force  # whatever it is, a tare takes it for nothing
+        return depth
+
+    cut(env, until=30)
+    env.session._supply.lay = lay
+    if known:
+        env.reset()  # a sensor drifts by so much
+        return
+    with pytest.raises(RigError, match=rf"has changed by {abs(force)}\d* N since the blade was in air"):
+        env.reset()
+    assert fake_of(env).blade.state is DriveState.DISABLED
+
+
+def test_after_a_stop_in_tissue_force_counts_from_the_zero_in_air(env):
+    cut(env, until=100)
+    rig = fake_of(env)
+    env.session.plant.supervisor.trip(Cause.OPERATOR, "as told")
+    rig.clock.sleep_until(rig.clock.now() + 0.5)
+    pulls, zero, asked = env.session.plant.supervisor.newest_force.force[0], rig.sensor.zero, []
+    assert abs(pulls) > 0.5
+    confirm = env.session.operator.confirm
+
+    def look(question, *, expected=None):
+        asked.append((question, rig.sensor.zero))
+        return confirm(question, expected=expected)
+
+    env.session.operator.confirm = look
+    env.reset()
+    ((question, kept),) = [(question, kept) for question, kept in asked if "will move" in question]
+    assert kept == zero
+    assert f"reads ({pulls:.1f}, 0.0, 0.0) N from its zero in air" in question
+
+
+def test_a_blade_that_was_pushed_while_the_specimen_was_laid_is_found_out(env):
+    laid = env.session._supply.lay
+
+    def push(key):
+        depth = laid(key)
+        fake_of(env).bench.step(0.02, 0.0, False)
+        for _ in range(100):
+            fake_of(env).bench.step(0.02, 0.0, False)
+        return depth
+
+    env.session._supply.lay = push
+    with pytest.raises(RigError, match="was moved to"):
+        env.reset(seed=1)
+    env.session._supply.lay = laid
+    before = len(env.session.operator.asked)
+    env.reset()
+    assert any("will move" in asked for asked in env.session.operator.asked[before:])  # hands may still be there
+
+
+def test_a_cut_that_is_given_up_comes_to_rest_and_its_record_is_finished(tmp_path):
+    env = RigCutEnv(rig="fake", records=tmp_path)
+    cut(env, until=40)
+    env.reset()
+    (record,) = env.records
+    trace = load_one(record)
+    assert trace.metadata["end"] == "given up"
+    assert "truncated" not in trace.metadata
+    assert abs(trace.position[-1]) > 0.001
+    env.close()
+
+
 def test_an_action_that_is_no_number_stops_the_blade(env):
     cut(env, until=50)
     with pytest.raises(ValueError, match="NaN"):
         env.step(np.array([math.nan, 0.0], np.float32))
     assert env.session.plant.supervisor.report.cause.value == "not a number"
     assert env.session.plant.supervisor.phase == "stopped"
+
+
+def test_the_record_of_a_cut_that_was_stopped_from_here_says_why_and_how_it_came_to_rest(tmp_path):
+    env = RigCutEnv(rig="fake", records=tmp_path)
+    cut(env, "constant 1.65 cm/s 90 deg", until=50)
+    with pytest.raises(ValueError, match="NaN"):
+        env.step(np.array([math.nan, 0.0], np.float32))
+    (record,) = env.records
+    trace = load_one(record)
+    assert trace.metadata["end"] == "stopped"
+    assert trace.metadata["stop"]["cause"] == "not a number"
+    assert trace.metadata["stop"]["time_to_standstill_s"] > 0.0
+    assert trace.speed[-1] == 0.0
+    env.close()
 
 
 def test_a_free_angle_is_refused_on_a_rig_whose_angle_is_set_by_hand(tmp_path):

@@ -11,7 +11,9 @@ from pathlib import Path
 import pytest
 
 from cutenv.cli import main
+from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.recording import load_one
+from cutenv.rig.causes import Cause
 from cutenv.rig.fake import fake_settings
 from cutenv.rig.toml_file import to_toml
 
@@ -137,3 +139,19 @@ def test_a_policy_of_ones_own_cuts_too(tmp_path, monkeypatch, capsys):
 def test_an_angle_that_nobody_turns_is_said_to_be_ignored(tmp_path, capsys):
     assert run("--policy", "90-45-90", "--rig", fixed_rig(tmp_path), "--out", str(tmp_path)) == 2  # no terminal here
     assert "set by hand, at 75 degrees: angles that the policy asks for are ignored" in capsys.readouterr().out
+
+
+def test_who_ends_the_program_ends_all_its_cuts(tmp_path, monkeypatch, capsys):
+    told = tmp_path / "told.jsonl"
+    step = RigCutEnv.step
+
+    def interrupted(env, action):
+        if env.cutting.time > 1.0:
+            env.session.plant.supervisor.trip(Cause.INTERRUPTED, "SIGTERM")
+        return step(env, action)
+
+    monkeypatch.setattr(RigCutEnv, "step", interrupted)
+    kept = ["--out", str(tmp_path), "--json", str(told)]
+    assert run("--policy", "probe and creep", "--rig", "fake", "--cuts", "5", *kept) == 3
+    (line,) = [json.loads(line) for line in told.read_text().splitlines()]
+    assert line["stop"]["cause"] == "interrupted"

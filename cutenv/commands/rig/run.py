@@ -123,6 +123,8 @@ def _dry_run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from cutenv.rig.causes import BY_PEOPLE
+
     policy, keywords = chosen_policy(arguments.policy)
     env = _environment(arguments, keywords, records=arguments.out)
     if env.settings.angle_mode == "fixed" and not keywords:
@@ -138,6 +140,8 @@ def _run(arguments: argparse.Namespace) -> int:
             if arguments.json is not None:
                 with arguments.json.open("a") as file:
                     file.write(json.dumps(told) + "\n")
+            if told["stop"] is not None and told["stop"]["cause"] in BY_PEOPLE:
+                break
     finally:
         env.close()
     return _STOPPED if stopped else 0

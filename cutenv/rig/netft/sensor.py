@@ -95,7 +95,6 @@ class NetftSensor:
         self._taring = threading.Lock()
         self._scale = 0.0  # [N] of a count
         self._zero: Force = (0.0, 0.0, 0.0)  # in counts
-        self._tared = False
         self._mean: _Mean | None = None  # while one is taken
         self._received = self._lost = self._reordered = self._garbled = self._foreign = 0
 
@@ -118,7 +117,7 @@ class NetftSensor:
         self.page = read_page(self._settings.page or f"http://{host}{PATH}")
         self.rate = self.page.rate or self._settings.rate
         self._scale = self.page.newtons_per_count
-        self._zero, self._tared = (0.0, 0.0, 0.0), False
+        self._zero = (0.0, 0.0, 0.0)
         self._received = self._lost = self._reordered = self._garbled = self._foreign = 0
         try:
             if self._begin(listener):
@@ -146,7 +145,7 @@ class NetftSensor:
         Returns
         -------
         tuple of 3 float
-            What is subtracted from now on [N].
+            What is subtracted from now on [N]: of the sensor's own zero, so that two tares tell how far it has drifted.
 
         Raises
         ------
@@ -157,21 +156,8 @@ class NetftSensor:
         # Never the sensor's own bias (0x42): it is not confirmed, changes the sensor for everybody else, is undone by
         # its next restart without a word, and hides from the counts in the record how far it has drifted.
         mean = self._mean_of(samples)
-        self._zero, self._tared = mean, True
+        self._zero = mean
         return self._newtons(mean)
-
-    def drift(self, samples: int = 200) -> Force:
-        """Mean of the next ``samples`` readings against the last tare [N], while nothing touches the blade.
-
-        Raises
-        ------
-        RigError
-            If there was no tare; else as :meth:`tare`.
-        """
-        if not self._tared:
-            raise RigError("Drift is measured from a tare: tare the force sensor first.")
-        mean, zero = self._mean_of(samples), self._zero
-        return self._newtons((mean[0] - zero[0], mean[1] - zero[1], mean[2] - zero[2]))
 
     def about(self) -> dict[str, float | str]:
         """What the open sensor tells of itself, and what has arrived from it."""
@@ -199,7 +185,7 @@ class NetftSensor:
         self._address, self._closing = (socket.gethostbyname(self._settings.address), self._settings.port), closing
         opened = self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         opened.settimeout(_POLL)
-        opened.bind(("", 0))  # a port that nobody else has; what does not come from the sensor is dropped
+        opened.bind((self._own_address(), 0))  # a port that nobody else has; what is not the sensor's is dropped
         self._thread = threading.Thread(
             target=self._receive, args=(opened, closing, listener, first), name="force sensor", daemon=True
         )
@@ -209,6 +195,12 @@ class NetftSensor:
             if first.wait(_ASK_AGAIN):
                 return True
         return False
+
+    def _own_address(self) -> str:
+        """Of this computer on the sensor's network: on no other does anything listen."""
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.connect(self._address)  # sends nothing
+            return str(probe.getsockname()[0])
 
     def _newtons(self, counts: Force) -> Force:
         return counts[0] * self._scale, counts[1] * self._scale, counts[2] * self._scale
