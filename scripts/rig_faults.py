@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from cutting_rig import CuttingRig
 from rig_cut_process import trial_in_child
-from rig_trials import BY_THE_DRIVE, EXPECTED, IN_CHILD, Trial, trial
+from rig_trials import BY_THE_DRIVE, EXPECTED, GAP, IN_CHILD, WAY, Trial, trial
 from tqdm import tqdm
 
 from cutenv.rig.drivers import RigError
@@ -164,7 +164,11 @@ def text(lines: Sequence[tuple[str, ...]]) -> str:
 def markdown(kept: dict[str, Any]) -> str:
     """The table for the README."""
     lines = [HEADER, tuple("---" for _ in HEADER), *rows(kept)]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+    table = "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+    made = f"{len(kept['trials'])} trials, {sum(kept['before'].values())} more that a stop came before."
+    allowed = f"Found out counts as kept up to {1e3 * WAY:g} ms beyond the stated time: the ways of frames and events."
+    gap = f"bus_gap is a bus that is off for {1e3 * GAP:g} ms: the first quick stop is lost, and sent again."
+    return f"{table}\n\n{made} {allowed} {gap}"
 
 
 def main() -> int:

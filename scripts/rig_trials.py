@@ -22,7 +22,8 @@ from cutenv.rig.settings import RigSettings
 
 SENSOR_DELAY = 0.010
 """By which the emulated sensor's readings are behind the force, as the simulated one's [s]."""
-_WAY = 0.003  # [s]: a millisecond of the emulator, a frame's or packet's way, an event's
+WAY = 0.003
+"""Allowed beyond a stated time [s]: a millisecond of the emulator, a frame's or packet's way, an event's."""
 _WINDOW = 0.1  # [s], over which lost readings are counted
 _DIES = 0.010  # [s] that the system takes to end a killed process, whose threads go on until then
 _STAYS = 5e-5  # [m]: what a stopped carriage may still give way
@@ -32,11 +33,16 @@ _LAG = 0.040  # [s] of the velocity loop
 
 OWN = ("nan_command", "exception", "late_policy", "sigterm", "ctrl_c", "parent_death", "kill_9")
 """Faults on the rig's own side of the wires."""
+GAP = 0.060
+"""For which a bus is off that comes back before the drive's own watch runs out [s]."""
+GAPS = {"bus_gap": "bus_off"}
+"""Faults of the emulator that end by themselves after :data:`GAP`: a frame sent meanwhile is lost."""
 IN_CHILD = ("sigterm", "ctrl_c", "parent_death", "kill_9")
 
 EXPECTED: dict[str, tuple[Cause, ...]] = {
     "bad_status": (Cause.FORCE_STATUS,),
     "bus_off": (Cause.MOTION_STALE,),
+    "bus_gap": (Cause.MOTION_STALE,),
     "drive_fault": (Cause.DRIVE,),
     "following_error": (Cause.ACCELERATION, Cause.FOLLOWING, Cause.STUCK, Cause.DRIVE),
     "heartbeat_lost": (Cause.HEARTBEAT,),
@@ -126,7 +132,7 @@ class Trial:
     @property
     def before(self) -> bool:
         """Whether the rig had stopped before the fault: no trial of it."""
-        early = self.detected is not None and self.detected < self.injected - _WAY
+        early = self.detected is not None and self.detected < self.injected - WAY
         return early or self.speed < 0.5 * SPEED
 
     @property
@@ -161,9 +167,10 @@ class Trial:
         if not self.latched:
             found.append(f"not latched: refused {self.refused}, moved {self.moved} m")
         detection, quick_stop = self.times["detection"], self.times["quick_stop"]
-        if self.fault not in BY_THE_DRIVE and (quick_stop is None or quick_stop > PERIOD):
+        within = GAP if self.fault in GAPS else PERIOD
+        if self.fault not in BY_THE_DRIVE and (quick_stop is None or quick_stop > within):
             found.append(f"quick stop on the bus {quick_stop} s after the decision")
-        if not self.stalls and detection is not None and self.stated is not None and detection > self.stated + _WAY:
+        if not self.stalls and detection is not None and self.stated is not None and detection > self.stated + WAY:
             found.append(f"found out after {1e3 * detection:.1f} ms, stated are {1e3 * self.stated:.1f}")
         return found
 
@@ -179,7 +186,7 @@ class PolicyFailed(RuntimeError):
 def trial(rig: CuttingRig, control: EmulatorControl, fault: str, *, seed: int, after: float) -> Trial:
     """Cut, and let ``fault`` happen ``after`` so many seconds; the rig is ready for the next trial then.
 
-    ``fault`` is one of the emulator's, or of :data:`OWN` outside of :data:`IN_CHILD`.
+    ``fault`` is one of the emulator's, of :data:`GAPS`, or of :data:`OWN` outside of :data:`IN_CHILD`.
     """
     rig.begin(seed)
     since = len(control.events())
@@ -207,8 +214,8 @@ def _happens(
 
     What the emulator tells of the carriage just before, when the rig's own fault happened [s], and the rig's report.
     """
-    if fault in FAULTS:
-        injection = threading.Timer(after, control.inject, [fault])
+    if fault in FAULTS or fault in GAPS:
+        injection = threading.Timer(after, _inject, [control, fault])
         injection.start()
         report = rig.cut(after + (1.0 if fault == "slip" else _UNSTOPPED))
         injection.join()
@@ -232,6 +239,13 @@ def _happens(
     return truth, injected, None
 
 
+def _inject(control: EmulatorControl, fault: str) -> None:
+    control.inject(GAPS.get(fault, fault))
+    if fault in GAPS:
+        time.sleep(GAP)
+        control.clear(GAPS[fault])
+
+
 def put_together(
     fault: str,
     seed: int,
@@ -248,7 +262,7 @@ def put_together(
     else:
         speed = truth["speed_m_s"]
         start = truth["position_m"] + speed * (injected - truth["time_s"])
-    later = [event for event in events if event["time_s"] >= injected - _WAY and event.get("axis") in (None, "blade")]
+    later = [event for event in events if event["time_s"] >= injected - WAY and event.get("axis") in (None, "blade")]
 
     def first(what: str) -> float | None:
         return next((event["time_s"] for event in later if event["what"] == what), None)
