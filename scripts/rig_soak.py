@@ -1,12 +1,13 @@
 """Cut after cut on an emulated rig for minutes, and how well its clock was kept.
 
-    python scripts/rig_soak.py                             5 minutes
+    python scripts/rig_soak.py                             5 minutes of cutting, in some ten
     python scripts/rig_soak.py --minutes 60 --ordinary     without priority over other processes
     python scripts/rig_soak.py --json runs/rig-soak.json   for the README: scripts/update_readme.py rig-soak
 
-Decisions at 50 Hz by a script that feels its way ("probe and creep"), force at 1 kHz, SYNC every 5 ms, resets between
-cuts, drive and sensor in a process of their own.  A stop that the machine's own delay has brought about is the price of
-a busy computer: it is counted, the operator (nobody, here) resets it, and the next cut begins.
+Decisions at 50 Hz by a slow feed that ends where it estimates the tip at the target, force at 1 kHz, SYNC every 5 ms,
+ways back to the clamp between cuts, drive and sensor in a process of their own.  The minutes are those of cuts.  A stop
+that the machine's own delay has brought about is the price of a busy computer: it is counted, the operator (nobody,
+here) resets it, and the next cut begins.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from cutenv.rig.plant import RigPlant
 from cutenv.rig.samples import ForceSample, MotionSample
 
 DEFAULT = Path("runs") / "rig-soak.json"
-POLICY = "probe and creep"
+POLICY = "constant 0.38 cm/s 90 deg"
 PERIOD = 0.020  # [s]
 PERCENTILES = (50.0, 99.0, 99.9, 100.0)
 
@@ -104,18 +105,19 @@ class Times:
         self.counts.update(cuts=1, decisions=len(periods) + 1, overruns=timing.overruns, garbled=timing.garbled)
 
 
-def cut(env: RigCutEnv, policy: Policy, *, seed: int, episode: int, until: float) -> dict[str, Any]:
-    """One cut, or what there is of it ``until`` then [s]; the last info."""
+def cut(env: RigCutEnv, policy: Policy, *, seed: int, episode: int, most: int) -> dict[str, Any]:
+    """One cut, or the first ``most`` decisions of it; the last info."""
     observation, info = env.reset(seed=seed, options={"episode": episode})
     policy.reset(np.random.default_rng([seed, episode]))
-    ended = False
-    while not ended and time.monotonic() < until:
+    ended, made = False, 0
+    while not ended and made < most:
         observation, _, ended, _, info = env.step(policy(observation))
+        made += 1
     return info
 
 
 def soak(minutes: float, *, seed: int, real_time: bool) -> dict[str, Any]:
-    """Cut for that long; what is kept of it."""
+    """Cut for that long, ways back not counted; what is kept of it."""
     policy, keywords = chosen_policy(POLICY)
     env = RigCutEnv(rig="emulator", specimen_class="liver", **keywords)
     rehearse(env, policy, seed=seed)
@@ -127,10 +129,10 @@ def soak(minutes: float, *, seed: int, real_time: bool) -> dict[str, Any]:
         watch = HostWatch(plant.clock)
         control = env._source.emulator.control  # type: ignore[union-attr]  # it runs since there is a session
         before, began, episode = len(control.events()), time.monotonic(), 0
-        until = began + 60.0 * minutes
-        while time.monotonic() < until:
+        wanted, patience = round(60.0 * minutes / PERIOD), began + 240.0 * minutes + 60.0
+        while (left := wanted - times.counts["decisions"]) > 0 and time.monotonic() < patience:
             try:
-                info = cut(env, policy, seed=seed, episode=episode, until=until)
+                info = cut(env, policy, seed=seed, episode=episode, most=left)
             except RigError as error:  # stopped on the way to the clamp, or not ready: a busy computer
                 times.stops[f"between cuts: {str(error).partition(':')[0]}"] += 1
                 continue
@@ -177,8 +179,9 @@ def text(kept: dict[str, Any]) -> str:
     counts, stalls = kept["counts"], kept["host_stalls_ms"]
     allowed = ", ".join(f"{name}: {'yes' if yes else 'no'}" for name, yes in kept["real_time"].items())
     lines = [
-        f"{kept['minutes']:.1f} minutes, {counts.get('cuts', 0)} cuts, {counts.get('decisions', 0)} decisions;"
-        f" {kept['machine']['cores']} cores; real-time priority ({allowed})",
+        f"{counts.get('decisions', 0) * PERIOD / 60.0:.1f} minutes of cutting in {kept['minutes']:.1f}, "
+        f"{counts.get('cuts', 0)} cuts, {counts.get('decisions', 0)} decisions",
+        f"{kept['machine']['cores']} cores; real-time priority ({allowed})",
         "",
         f"{'[ms]':27s}" + "".join(f"{name:>9s}" for name in ("50 %", "99 %", "99.9 %", "max")),
     ]
@@ -202,7 +205,7 @@ def main() -> int:
     """Soak, print, keep."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
-    add("--minutes", type=float, default=5.0, metavar="M", help="default 5")
+    add("--minutes", type=float, default=5.0, metavar="M", help="of cutting; default 5")
     add("--seed", type=int, default=0, help="of the specimens; default 0")
     add("--ordinary", action="store_true", help="take no priority over other processes")
     add("--json", type=Path, metavar="FILE", help=f"keep the numbers there; the README is made of {DEFAULT}")
