@@ -37,7 +37,7 @@ def guarded(supervisor: Supervisor, clock: Clock) -> Iterator[None]:
         def stop() -> None:
             supervisor.trip(Cause.INTERRUPTED, signal.Signals(number).name)
             if supervisor.phase != "stopped":  # locked this very moment: the program would meet no stop
-                _thread.interrupt_main(number)
+                _thread.interrupt_main(signal.Signals(number))
 
         threading.Thread(target=stop, name="rig stop", daemon=True).start()
 
