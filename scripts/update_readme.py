@@ -149,11 +149,20 @@ def each_seed(runs: list[Path]) -> str:
                 interval(paired[script, "return"], 3),
                 interval(paired[script, "success"]),
                 interval(paired[BOUND, "return"], 3),
+                level(facts),
             )
         )
-    rows.append(("all", "", "", script, interval(together(runs, agent, script), 3), "", ""))
-    header = ("seed", "return", "success", "best script", "agent minus script: return", "success", "agent minus bound")
-    return markdown(header, rows)
+    if len(runs) > 1:
+        rows.append(("all", "", "", script, interval(together(runs, agent, script), 3), "", "", ""))
+    differences = ("agent minus script: return", "success", "agent minus bound")
+    return markdown(("seed", "return", "success", "best script", *differences, "level after [min], of"), rows)
+
+
+def level(facts: dict[str, Any]) -> str:
+    """After which time the agent was level with its teacher on validation specimens, and how long it was trained."""
+    seconds = facts.get("level_with_script_after_s", "not measured")
+    known = "never" if seconds is None else seconds if isinstance(seconds, str) else f"{seconds / 60.0:.1f}"
+    return f"{known}, {facts.get('training_minutes', 'unknown')}"
 
 
 def together(runs: list[Path], agent: str, script: str) -> dict[str, str]:
