@@ -5,7 +5,8 @@ of shape (training runs, specimens) for each stratum, a class of specimens.  A r
 with them, specimens within each stratum, all with replacement; a script has one run.  Other than tasks in rliable,
 which have runs of their own, strata share theirs: one run is one and the same agent in all of them, and is drawn in all
 or in none.  The interquartile mean is that of the middle half of all cuts: outliers do not move it, and it wavers less
-than the median.  With three runs an interval of runs is narrow by chance at times; that is said where intervals are shown.
+than the median.  With three runs an interval of runs is narrow by chance at times; that is said where intervals are
+shown.
 """
 
 from __future__ import annotations
