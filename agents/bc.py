@@ -21,11 +21,13 @@ import safetensors
 import safetensors.torch
 import torch
 from arguments import AgentArguments, option, parse
+from checkpoints import end_interrupted
 from cloning import Cloning, demonstrations
 from compare import compare, read_rows
 from evaluate import write_csv
 from progress import validate
-from run_folder import export, record_run, write_facts
+from provenance import write_facts
+from run_folder import export, record_run
 from tqdm import tqdm
 
 from cutenv.atomic import replacing
@@ -49,7 +51,8 @@ class Arguments(AgentArguments):
     @classmethod
     def limits(cls) -> dict[str, tuple[float, float]]:
         """What the numbers must lie within."""
-        return super().limits() | {"demonstrations": (1, 10**9), "epochs": (1, 10**6)}
+        own = {"demonstrations": (1, 10**9), "epochs": (1, 10**6), "batch_size": (1, 10**9)}
+        return super().limits() | own | {"learning_rate": (1e-9, 1.0)}
 
 
 class Clone:
@@ -83,35 +86,35 @@ class Clone:
         return Network(tuple((layer.weight.detach().numpy(), layer.bias.detach().numpy()) for layer in dense), "tanh")
 
 
-def save_checkpoint(path: Path, clone: Clone, cloning: Cloning) -> None:
-    """Write network, Adam's moments and the number of epochs, all at once."""
+def save_checkpoint(path: Path, clone: Clone, cloning: Cloning, seconds: float) -> None:
+    """Write network, Adam's moments, the number of epochs and the time that they took, all at once."""
     content = {f"network.{name}": values for name, values in clone.module.state_dict().items()}
     for n, moments in cloning.optimizer.state_dict()["state"].items():
         content |= {f"adam.{n}.{name}": moments[name] for name in _MOMENTS}
     with replacing(path) as part:
-        safetensors.torch.save_file(content, part, {"epoch": str(cloning.epoch)})
+        safetensors.torch.save_file(content, part, {"epoch": str(cloning.epoch), "seconds": f"{seconds:.1f}"})
 
 
-def load_checkpoint(path: Path, clone: Clone, cloning: Cloning) -> None:
-    """Go on where :func:`save_checkpoint` was."""
+def load_checkpoint(path: Path, clone: Clone, cloning: Cloning) -> float | None:
+    """Go on where :func:`save_checkpoint` was; return its seconds, None if it is of a version that kept none."""
     content = safetensors.torch.load_file(path)
     clone.module.load_state_dict(
         {name.removeprefix("network."): values for name, values in content.items() if name.startswith("network.")}
     )
     with safetensors.safe_open(path, "pt") as file:
-        cloning.epoch = int(file.metadata()["epoch"])
+        told = file.metadata()
+    cloning.epoch = int(told["epoch"])
     whole = cloning.optimizer.state_dict()
     count = len(whole["param_groups"][0]["params"])
     whole["state"] = {n: {name: content[f"adam.{n}.{name}"] for name in _MOMENTS} for n in range(count)}
     cloning.optimizer.load_state_dict(whole)
+    return float(told["seconds"]) if "seconds" in told else None
 
 
 def train(arguments: Arguments, run: Path, facts: dict[str, Any], resume: bool) -> None:
     """Teach; leaves ``policy/``, ``learning_curve.csv`` and, while it goes on, ``checkpoint.safetensors``."""
     begun = time.monotonic()
     torch.set_num_threads(1)  # as in ppo.py
-    curve = read_rows(run / "learning_curve.csv") if resume else []
-    begun -= curve[-1]["seconds"] if curve else 0.0
     clone = Clone(arguments)
     shown = demonstrations(  # the same again after an interruption: they hang on seeds alone
         arguments.environments_at(arguments.training_seeds),
@@ -129,8 +132,14 @@ def train(arguments: Arguments, run: Path, facts: dict[str, Any], resume: bool) 
         learning_rate=arguments.learning_rate,
         seed=arguments.seed,
     )
+    curve: list[dict[str, float]] = []
     if resume:
-        load_checkpoint(run / "checkpoint.safetensors", clone, cloning)
+        seconds = load_checkpoint(run / "checkpoint.safetensors", clone, cloning)
+        done = cloning.epoch * arguments.demonstrations
+        curve = [point for point in read_rows(run / "learning_curve.csv") if point["decisions"] <= done]
+        if seconds is None:
+            seconds = curve[-1]["seconds"] if curve else 0.0
+        begun -= seconds
         print(f"resuming after {cloning.epoch} epochs")
     every = max(arguments.epochs // arguments.validations, 1)
     events = event_writer(arguments, run)
@@ -151,9 +160,9 @@ def train(arguments: Arguments, run: Path, facts: dict[str, Any], resume: bool) 
                 if events is not None:
                     events.add_scalar(f"validation/{name}", point[name], cloning.epoch)
         if last or cloning.epoch % every == 0 or time.monotonic() - saved > arguments.checkpoint_seconds:
-            save_checkpoint(run / "checkpoint.safetensors", clone, cloning)
-            if curve:
+            if curve:  # first: what it is ahead of the checkpoint by is dropped again
                 write_csv(run / "learning_curve.csv", curve)
+            save_checkpoint(run / "checkpoint.safetensors", clone, cloning, time.monotonic() - begun)
             saved = time.monotonic()
         if last:
             break
@@ -183,8 +192,7 @@ def main() -> None:
         if arguments.specimens:
             compare(run, facts)
     except KeyboardInterrupt:
-        print(f"\ninterrupted. Go on with: python agents/bc.py --resume {run}")
-        raise SystemExit(130) from None
+        end_interrupted(run, f"python agents/bc.py --resume {run}")
 
 
 if __name__ == "__main__":

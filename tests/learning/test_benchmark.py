@@ -235,7 +235,8 @@ def test_an_interrupted_training_goes_on_and_one_without_checkpoint_begins_anew(
     assert [part.slug for part in benchmark.untrained()] == ["behaviour-cloning-seed0", "behaviour-cloning-seed1"]
     torn = tmp_path / "runs" / "behaviour-cloning-seed0"
     torn.mkdir(parents=True)
-    (torn / "run.json").write_text("{}")  # as left by an interruption before the first checkpoint
+    (torn / "run.json").write_text("{}")  # as left by a kill while the first checkpoint was written
+    (torn / "checkpoint.1a2b3c4d.part.safetensors").write_bytes(b"half of it")
     benchmark.train()
     assert benchmark.untrained() == []
     facts = json.loads((torn / "run.json").read_text())
