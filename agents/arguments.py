@@ -75,6 +75,11 @@ class AgentArguments:
             "checkpoint_seconds": (0.0, 1e6),
         }
 
+    @classmethod
+    def completed(cls, chosen: Mapping[str, Any]) -> dict[str, Any]:
+        """What is chosen for a new run, with what follows from it; SystemExit for a contradiction."""
+        return dict(chosen)
+
     @property
     def environment(self) -> dict[str, Any]:
         """Keywords of the environment that the agent is trained and tested in."""
@@ -130,6 +135,7 @@ def parse(kind: type[Given], about: str | None, prefix: str, quick: Mapping[str,
         if is_quick:
             raise SystemExit(f"--quick is for a new run; leave it out, {resume} keeps its arguments.")
         return resumed(kind, resume, chosen), resume, True
+    chosen = kind.completed(chosen)
     if is_quick:
         for name, value in quick.items():
             chosen.setdefault(name, value)
