@@ -136,10 +136,10 @@ def train(learner: Learner, arguments: TrialArguments, run: Path, resume: bool) 
         if arguments.demonstrations:
             learner.taught(model, arguments)
     progress = Progress(run, arguments, curve, begun, standing)
+    progress.init_callback(model)
     trying, spent = time.perf_counter(), environments.seconds
     try:
         remaining = max(arguments.timesteps - model.num_timesteps, 0)
-        progress.init_callback(model)
         if remaining and progress.share < 1.0:
             model.learn(remaining, callback=progress, reset_num_timesteps=not resume, tb_log_name="run")
             progress.validate()
