@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -35,8 +36,8 @@ def interrupted(program: str, folder: Path, checkpoint: str, *arguments: str) ->
     return process.returncode, printed
 
 
-def interrupted_at(program: str, folder: Path, word: str, *arguments: str) -> tuple[int, str, str]:
-    """Run until its progress bar shows a word, press Ctrl-C; its status, what it printed, and its errors."""
+def interrupted_at(program: str, folder: Path, pattern: str, *arguments: str) -> tuple[int, str, str]:
+    """Run until its progress bar shows a pattern, press Ctrl-C; its status, what it printed, and its errors."""
     process = subprocess.Popen(
         [sys.executable, str(AGENTS / program), *arguments],
         cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -45,7 +46,7 @@ def interrupted_at(program: str, folder: Path, word: str, *arguments: str) -> tu
     assert process.stderr is not None
     shown = ""
     deadline = time.monotonic() + 120.0
-    while word not in shown[-200:] and process.poll() is None and time.monotonic() < deadline:
+    while not re.search(pattern, shown[-200:]) and process.poll() is None and time.monotonic() < deadline:
         shown += process.stderr.read(1)
     process.send_signal(signal.SIGINT)
     printed, errors = process.communicate(timeout=120)

@@ -124,7 +124,8 @@ def test_an_interrupted_recurrent_run_goes_on_training_from_its_checkpoint(tmp_p
 @pytest.mark.parametrize("program", ["ppo.py", "recurrent_ppo.py", "bc.py"])
 def test_interrupted_before_the_first_checkpoint_it_says_that_there_is_nothing_to_go_on_from(tmp_path, program):
     long = ("--name", "small", "--demonstrations", "100000000")
-    status, printed, errors = interrupted_at(program, tmp_path, "demonstrating", *long)
+    # Once the bar moves: a press just as it came up was lost before, perhaps in code called back from C.
+    status, printed, errors = interrupted_at(program, tmp_path, r"demonstrating.*\d[kM]?decision/s", *long)
     assert status == 130
     assert "nothing to go on from. runs/small may be deleted." in printed
     assert "--resume" not in printed
