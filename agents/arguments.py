@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from checkpoints import NAMES, checkpoint_of
 from evaluate import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from options import option
 from vectorised import CutVecEnv
@@ -27,7 +28,9 @@ class AgentArguments:
 
     name: str = option("", "folder below runs/; default: date and time")
     seed: int = option(0, "of networks, exploration and training specimens")
-    minutes: float = option(0.0, "of wall clock, demonstrations among them, after which training ends; 0: no limit")
+    minutes: float = option(
+        0.0, "of wall clock, demonstrations among them, after which training ends; 0: no limit", resumable=True
+    )
     specimen_class: str = option("mixed", "tissue to train and test on", CLASSES)
     angle_mode: str = option("free", "whether the agent turns the blade", ("free", "fixed"))
     control_hz: int = option(10, "decisions per second")
@@ -40,15 +43,17 @@ class AgentArguments:
     script: str = option("probe and creep", "that is demonstrated", tuple(SCRIPTS))
     demonstration_noise: float = option(0.15, "standard deviation of what is added to half of them")
     validation_specimens: int = option(200, "on which checkpoints are compared")
-    validations: int = option(16, "times that this is done")
-    specimens: int = option(200, "held-out specimens of the evaluation; 0: none, the policy is written all the same")
-    checkpoint_seconds: float = option(20.0, "between checkpoints")
-    tensorboard: bool = option(False, "write events for TensorBoard into the run's folder")
+    validations: int = option(16, "times that this is done", resumable=True)
+    specimens: int = option(
+        200, "held-out specimens of the evaluation; 0: none, the policy is written all the same", resumable=True
+    )
+    checkpoint_seconds: float = option(20.0, "between checkpoints", resumable=True)
+    tensorboard: bool = option(False, "write events for TensorBoard into the run's folder", resumable=True)
 
     def __post_init__(self) -> None:
         for name, (low, high) in self.limits().items():
             if not low <= getattr(self, name) <= high:
-                raise SystemExit(f"--{name.replace('_', '-')} {getattr(self, name)} is outside {low} to {high}")
+                raise SystemExit(f"{_flag(name)} {getattr(self, name)} is outside {low} to {high}")
         if self.specimens == 1:
             raise SystemExit("--specimens 1 tells no interval; give 2 or more, or 0 for no evaluation")
 
@@ -67,7 +72,13 @@ class AgentArguments:
             "validation_specimens": (2, len(VALIDATION_SEEDS)),
             "validations": (1, 10**6),
             "specimens": (0, len(TEST_SEEDS)),
+            "checkpoint_seconds": (0.0, 1e6),
         }
+
+    @classmethod
+    def completed(cls, chosen: Mapping[str, Any]) -> dict[str, Any]:
+        """What is chosen for a new run, with what follows from it; SystemExit for a contradiction."""
+        return dict(chosen)
 
     @property
     def environment(self) -> dict[str, Any]:
@@ -105,7 +116,7 @@ def parse(kind: type[Given], about: str | None, prefix: str, quick: Mapping[str,
     """
     parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
     for field in dataclasses.fields(kind):
-        flag, meaning = "--" + field.name.replace("_", "-"), field.metadata["help"]
+        flag, meaning = _flag(field.name), field.metadata["help"]
         if str(field.type) == "bool":
             parser.add_argument(flag, action="store_const", const=True, help=meaning)
             continue
@@ -121,10 +132,10 @@ def parse(kind: type[Given], about: str | None, prefix: str, quick: Mapping[str,
     is_quick, resume = given.pop("quick"), given.pop("resume")
     chosen = {name: value for name, value in given.items() if value is not None}
     if resume is not None:
-        if not any(resume.glob("checkpoint.*")):
-            raise SystemExit(f"{resume} holds no checkpoint.zip; give the folder of an interrupted run.")
-        kept = json.loads((resume / "run.json").read_text())["arguments"]
-        return kind(**(kept | chosen)), resume, True
+        if is_quick:
+            raise SystemExit(f"--quick is for a new run; leave it out, {resume} keeps its arguments.")
+        return resumed(kind, resume, chosen), resume, True
+    chosen = kind.completed(chosen)
     if is_quick:
         for name, value in quick.items():
             chosen.setdefault(name, value)
@@ -134,3 +145,22 @@ def parse(kind: type[Given], about: str | None, prefix: str, quick: Mapping[str,
     if run.exists():
         raise SystemExit(f"{run} exists; give another --name, or --resume {run} to go on with it.")
     return dataclasses.replace(arguments, name=name), run, False
+
+
+def resumed(kind: type[Given], run: Path, chosen: Mapping[str, Any]) -> Given:
+    """The arguments of an interrupted run, with those chosen anew; SystemExit for what would have no effect."""
+    if checkpoint_of(run) is None:
+        raise SystemExit(f"{run} holds no {' or '.join(NAMES)}; give the folder of an interrupted run.")
+    kept = json.loads((run / "run.json").read_text())["arguments"]
+    free = [field.name for field in dataclasses.fields(kind) if field.metadata["resumable"]]
+    for name, value in chosen.items():
+        if name not in free and value != kept.get(name):
+            raise SystemExit(
+                f"{_flag(name)} {value} would have no effect: {run} goes on with {kept.get(name)!r}. Leave it out or "
+                f"begin another run; what can be given anew is {', '.join(map(_flag, free))}."
+            )
+    return kind(**(kept | chosen))
+
+
+def _flag(name: str) -> str:
+    return "--" + name.replace("_", "-")

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from checkpoints import checkpoint_of
 from evaluate import VALIDATION_SEEDS, Contestant, best_script, contestant, evaluate, summarise, workers, write_csv
 from leaderboard import PUBLISHED, write_tables
 from protocol import BEST_FEED, ENTRIES, QUICK, SCRIPTED, Entry, Protocol, keep_protocol, kept_protocol, slug
@@ -147,7 +148,7 @@ class Benchmark:
     def _train(self, part: Part) -> Part:
         entry, run = ENTRIES[part.contestant], self.run_of(part)
         (self.folder / "runs").mkdir(parents=True, exist_ok=True)
-        if run.exists() and not any(run.glob("checkpoint.*")):
+        if run.exists() and checkpoint_of(run) is None:
             shutil.rmtree(run)  # interrupted before there was anything to go on from
         command = ["--resume", str(Path("runs") / part.slug)] if run.exists() else self.training_arguments(entry, part)
         with (self.folder / "runs" / f"{part.slug}.log").open("a") as log:

@@ -167,6 +167,9 @@ def shown_facts(facts: Mapping[str, Any]) -> dict[str, str]:
         "environment": facts["environment"],
         "commit": facts["commit"] or "unknown",
     }
+    if "dataset" in facts.get("taught_by", {}):
+        told = facts["taught_by"]
+        result["taught by"] = f"data set {told['dataset']}: {told['cuts']} cuts by {told['source']}"
     if "training_minutes" in facts:
         result["training took"] = f"{facts['training_minutes']} minutes"
     if facts.get("level_with_script_after_s") is not None:

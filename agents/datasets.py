@@ -8,11 +8,13 @@ A policy is named as in agents/evaluate.py; records are those of ``cutenv play``
 The data set lies where Minari keeps them, MINARI_DATASETS_PATH or ~/.minari/datasets; nothing is downloaded.
 
 ``minari.load_dataset(id)`` gives it back, and ``recover_environment()`` the environment; reset there with an episode's
-seed, a simulated cut's actions earn the recorded rewards again.  :func:`lessons` makes of it what a clone is taught.
+seed, a simulated cut's actions earn the recorded rewards again.  ``agents/bc.py --dataset ID`` clones what it shows;
+:func:`lessons` makes of it what a clone is taught.
 """
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
 import warnings
@@ -29,6 +31,7 @@ from options import option, parse
 from tqdm import tqdm
 
 import cutenv
+from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.policy import Features
 from cutenv.policy.trained import observation_scaling
 from cutenv.recording import load
@@ -170,14 +173,61 @@ def write(
     return dataset
 
 
-def lessons(dataset: MinariDataset, *, history: int, dead_zone: float) -> tuple[np.ndarray, np.ndarray]:
+def opened(dataset_id: str) -> MinariDataset:
+    """A data set that lies on this machine.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that id, or Minari is not installed.
+    """
+    try:
+        import minari
+    except ModuleNotFoundError:
+        raise ValueError("a data set needs Minari: pip install 'cutenv[data]'.") from None
+    try:
+        return minari.load_dataset(dataset_id)
+    except FileNotFoundError:
+        raise ValueError(
+            f"there is no data set {dataset_id!r} where Minari keeps them; record one with agents/datasets.py, or set "
+            "MINARI_DATASETS_PATH to their folder."
+        ) from None
+
+
+def environment_of(dataset: MinariDataset) -> dict[str, Any]:
+    """What the actions of a data set mean: ``control_hz`` and ``angle_mode`` of its environment.
+
+    Raises
+    ------
+    ValueError
+        If it tells no environment of this package, or its angle is fixed where a trained policy's is not.
+    """
+    spec = dataset.env_spec
+    if spec is None or spec.id != ENVIRONMENT:
+        raise ValueError(
+            f"data set {dataset.id!r} is of environment {None if spec is None else spec.id}; give one of {ENVIRONMENT}."
+        )
+    defaults = inspect.signature(GentleCutEnv).parameters
+    told = {name: spec.kwargs.get(name, defaults[name].default) for name in ("control_hz", "angle_mode")}
+    upright = defaults["fixed_angle_deg"].default
+    if spec.kwargs.get("fixed_angle_deg", upright) != upright:
+        raise ValueError(
+            f"data set {dataset.id!r} was cut at {spec.kwargs['fixed_angle_deg']:g} deg, which the card of a policy "
+            f"does not tell; give one of {upright:g} deg or with the angle free."
+        )
+    return told
+
+
+def lessons(
+    dataset: MinariDataset, *, history: int, dead_zone: float, force: bool = True
+) -> tuple[np.ndarray, np.ndarray]:
     """What a clone is taught by a data set: features, shape (n, size), and actions before the dead zone, shape (n, 2).
 
     Parameters
     ----------
     dataset : minari.MinariDataset
         Of an environment with this package's observation; ``filter_episodes`` chooses some cuts.
-    history : int
+    history, force
         See :class:`cutenv.policy.Features`.
     dead_zone : float
         See :func:`cutenv.policy.past_dead_zone`.
@@ -187,7 +237,7 @@ def lessons(dataset: MinariDataset, *, history: int, dead_zone: float) -> tuple[
     ValueError
         If its observations are not those of cutenv, or it holds no decision.
     """
-    cuts = list(lessons_by_cut(dataset, history=history, dead_zone=dead_zone))
+    cuts = list(lessons_by_cut(dataset, history=history, dead_zone=dead_zone, force=force))
     if not cuts:
         raise ValueError(f"data set {dataset.id!r} holds no cut; record some, or filter fewer away.")
     shown, taught = zip(*cuts, strict=True)
@@ -195,7 +245,7 @@ def lessons(dataset: MinariDataset, *, history: int, dead_zone: float) -> tuple[
 
 
 def lessons_by_cut(
-    dataset: MinariDataset, *, history: int, dead_zone: float
+    dataset: MinariDataset, *, history: int, dead_zone: float, force: bool = True
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """:func:`lessons` of every cut by itself, for a network that remembers."""
     from cloning import before_dead_zone  # brings torch, which recording does not need
@@ -205,7 +255,7 @@ def lessons_by_cut(
             f"data set {dataset.id!r} has observations of shape {dataset.observation_space.shape}; those of cutenv "
             f"have ({len(COMPONENTS)},). Give one that agents/datasets.py wrote."
         )
-    features = Features(history=history)
+    features = Features(history=history, force=force)
     for cut in dataset.iterate_episodes():
         features.reset()
         shown = np.stack([features(observation) for observation in cut.observations[:-1]])

@@ -18,7 +18,18 @@ from typing import Any
 from evaluate import write_csv
 from leaderboard_page import write_page_of
 from protocol import ENTRIES, REFERENCE, Protocol, kept_protocol, slug
-from standings import ALL, Line, metric_scores, read_summary, rows_of, summary, sweep_lines, verdict
+from provenance import marked
+from standings import (
+    ALL,
+    UNCHANGED,
+    Line,
+    metric_scores,
+    read_summary,
+    rows_of,
+    summary,
+    sweep_lines,
+    verdict,
+)
 
 from cutenv.atomic import replacing
 from cutenv.policy import BOUND, IDLE, SCRIPTS
@@ -152,17 +163,19 @@ class Table:
         return ["metric", *self.contestants], rows
 
     def robustness(self) -> tuple[list[str], list[list[str]]]:
-        """Return with other constants."""
+        """Return with other constants, below that with those of training on the same specimens."""
         names = [name for name in self.contestants if any(row["contestant"] == name for row in self.sweeps)]
         settings: dict[tuple[str, ...], dict[str, str]] = {}
         for row in self.sweeps:
             number = f"{float(row['return']):.3f} [{float(row['low_95']):.3f}, {float(row['high_95']):.3f}]"
             about = tuple(row[key] for key in ("constant", "unit", "default", "set_to"))
             settings.setdefault(about, {})[row["contestant"]] = number
-        rows = [
-            [f"{constant} [{unit}]", f"{float(default):.4g}", f"{float(value):.4g}", *(own.get(n, "–") for n in names)]
-            for (constant, unit, default, value), own in settings.items()
-        ]
+        rows = []
+        for (constant, unit, default, value), own in settings.items():
+            about = ["as in training", "–", "–"]
+            if constant != UNCHANGED:
+                about = [f"{constant} [{unit}]", f"{float(default):.4g}", f"{float(value):.4g}"]
+            rows.append([*about, *(own.get(name, "–") for name in names)])
         return ["constant", "in training", "set to", *names], rows
 
 
@@ -219,7 +232,7 @@ def origin_of(folder: Path) -> dict[str, Any]:
     kind = kept_protocol(folder).training_class
     cuts = {name: rows_of(folder / "cuts" / f"{slug(name)}--{kind}.csv")[:_CUTS_KEPT] for name in SCRIPTS}
     return {
-        "commits": sorted({str(run["commit"]) for run in runs}),
+        "commits": sorted({commit for run in runs for commit in (marked(run), *run.get("resumed_at_commits", ()))}),
         "versions": runs[-1]["versions"] if runs else {},
         "returns": {name: {row["seed"]: float(row["return"]) for row in cuts[name]} for name in SCRIPTS if cuts[name]},
     }

@@ -117,8 +117,9 @@ def _robustness(standings: Table) -> Html:
     if not rows:
         return paragraph("No constant has been swept.")
     told = paragraph(
-        "Each constant at both ends of its range, the others as in training; nobody is trained for it or told. The "
-        f"specimens are the first {standings.protocol.sweep_specimens} of class {standings.headline}."
+        "Each constant at both ends of its range, the others as in training; nobody is trained for it or told. "
+        "The first row changes none: from it a loss is read off. In all rows the specimens are the "
+        f"first {standings.protocol.sweep_specimens} of class {standings.headline}."
     )
     return joined(told, _plain("Return, interquartile mean with 95 % interval", heading, rows))
 

@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 import torch
 from arguments import AgentArguments, option, parse
+from checkpoints import end_interrupted
 from compare import compare, read_rows
-from evaluate import contestant, evaluate, write_csv
-from progress import Progress, save
-from run_folder import export, record_run, write_facts
+from evaluate import contestant, evaluate
+from progress import Progress, Standing, save
+from provenance import write_facts
+from run_folder import export, record_run
 
 from cutenv.policy import Network, RecurrentNetwork
 from cutenv.policy.features import feature_count
@@ -30,7 +32,7 @@ QUICK = {"timesteps": 400_000, "validations": 4, "validation_specimens": 50, "sp
 class TrialArguments(AgentArguments):
     """What a run of learning by trial depends on; every field is an option of the command line."""
 
-    timesteps: int = option(8_000_000, "decisions to train for")
+    timesteps: int = option(8_000_000, "decisions to train for", resumable=True)
     rollout: int = option(128, "decisions of each environment between updates")
     batch_size: int = option(1024, "decisions of a gradient step")
     epochs: int = option(8, "passes over a rollout")
@@ -46,7 +48,19 @@ class TrialArguments(AgentArguments):
     @classmethod
     def limits(cls) -> dict[str, tuple[float, float]]:
         """What the numbers must lie within."""
-        return super().limits() | {"timesteps": (1, 10**12), "gamma": (0.0, 1.0), "gae_lambda": (0.0, 1.0)}
+        return super().limits() | {
+            "timesteps": (1, 10**12),
+            "rollout": (2, 10**6),
+            "batch_size": (2, 10**9),  # advantages are divided by their spread within it
+            "epochs": (1, 10**6),
+            "learning_rate": (1e-9, 1.0),
+            "gamma": (0.0, 1.0),
+            "gae_lambda": (0.0, 1.0),
+            "averaging": (1e-6, 1.0),
+            "critic_first": (0.0, 1.0),
+            "exploration": (1e-6, 10.0),  # its logarithm is what the policy holds
+            "last_exploration": (1e-6, 10.0),
+        }
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -104,32 +118,46 @@ def train(learner: Learner, arguments: TrialArguments, run: Path, resume: bool) 
     environments = arguments.environments_at(arguments.training_seeds)
     events = str(run / "tensorboard") if arguments.tensorboard else None
     whole = True
+    curve: list[dict[str, float]] = []
+    standing = None
     if resume:
         model = learner.algorithm.load(checkpoint, env=environments, device="cpu", tensorboard_log=events)
+        environments.first_episode = unseen_episode(model)
+        curve = read_rows(run / "learning_curve.csv")
+        curve = [point for point in curve if point["decisions"] <= model.num_timesteps]
+        standing = Standing.of(model)
         print(f"resuming after {model.num_timesteps} decisions")
+        if standing is None:
+            print("the checkpoint, of an earlier version, holds no running average: that begins anew")
     else:
         model = learner.new_model(arguments, environments)
         model.tensorboard_log = events
         save(model, run / "untrained.zip")
         if arguments.demonstrations:
             learner.taught(model, arguments)
-    progress = Progress(run, arguments, read_rows(run / "learning_curve.csv") if resume else [], begun)
+    progress = Progress(run, arguments, curve, begun, standing)
+    progress.init_callback(model)
     trying, spent = time.perf_counter(), environments.seconds
     try:
         remaining = max(arguments.timesteps - model.num_timesteps, 0)
-        progress.init_callback(model)
         if remaining and progress.share < 1.0:
             model.learn(remaining, callback=progress, reset_num_timesteps=not resume, tb_log_name="run")
             progress.validate()
     except KeyboardInterrupt:
         whole = False
     share = (environments.seconds - spent) / (time.perf_counter() - trying)
-    save(model, checkpoint)
+    progress.save_checkpoint()
     if whole and not (run / "policy.zip").is_file():  # ended before it was ever validated
         save(model, run / "policy.zip")
-    if progress.curve:
-        write_csv(run / "learning_curve.csv", progress.curve)
     return whole, share
+
+
+def unseen_episode(model: Any) -> int:
+    """The first episode that none of a model's environments can have begun in training: each lasts a decision or more.
+
+    The specimens that an interrupted run has cut would otherwise come again, from the first on.
+    """
+    return 1 + int(model.num_timesteps) // int(model.n_envs)
 
 
 def exported(learner: Learner, arguments: TrialArguments, run: Path, name: str, facts: Mapping[str, Any]) -> None:
@@ -153,16 +181,18 @@ def level_after(arguments: TrialArguments, curve: Sequence[Mapping[str, float]])
 def main(learner: Learner, kind: type[TrialArguments], about: str | None, program: str) -> None:
     """Train, export, evaluate, report; ``program`` is what the command line calls the agent's file."""
     arguments, run, resume = parse(kind, about, Path(program).stem.replace("_", "-"), QUICK)
-    facts = record_run(arguments, run, learner.name)
-    begun = time.monotonic()
-    whole, share = train(learner, arguments, run, resume)
-    print(f"the environments took {100.0 * share:.0f} % of the time")
     started = "python3 scripts/start.py train" if program == "ppo.py" else f"python agents/{program}"
     again = f"{started} --resume {run}"
+    facts = record_run(arguments, run, learner.name)
+    begun = time.monotonic()
+    try:
+        whole, share = train(learner, arguments, run, resume)
+    except KeyboardInterrupt:  # before the trial, or a second time while it was being saved
+        whole = False
+    else:
+        print(f"the environments took {100.0 * share:.0f} % of the time")
     if not whole:
-        print(f"\ninterrupted; {run}/checkpoint.zip is usable.")
-        print(f"Go on with: {again}")
-        raise SystemExit(130)
+        end_interrupted(run, again)
     curve = read_rows(run / "learning_curve.csv")
     seconds = curve[-1]["seconds"] if curve else time.monotonic() - begun
     facts["training_minutes"] = round(seconds / 60.0, 1)

@@ -11,9 +11,12 @@ T = TypeVar("T")
 _KINDS = {"str": str, "int": int, "float": float}
 
 
-def option(default: Any, meaning: str, choices: tuple[str, ...] | None = None) -> Any:
-    """A field of the arguments that is an option of the command line; a tuple as default takes several texts."""
-    return dataclasses.field(default=default, metadata={"help": meaning, "choices": choices})
+def option(default: Any, meaning: str, choices: tuple[str, ...] | None = None, *, resumable: bool = False) -> Any:
+    """A field of the arguments that is an option of the command line; a tuple as default takes several texts.
+
+    ``resumable`` are those that may be given anew when an interrupted run goes on.
+    """
+    return dataclasses.field(default=default, metadata={"help": meaning, "choices": choices, "resumable": resumable})
 
 
 def parse(kind: type[T], about: str | None) -> T:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import math
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +40,31 @@ def validate(model: Any, arguments: TrialArguments) -> tuple[float, float]:
     return float(np.mean(returns)), float(np.mean(successes))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Standing:
+    """What of an interrupted trial its model does not hold: the checkpoint keeps it beside the model.
+
+    Attributes
+    ----------
+    averages : list of ndarray
+        Running average of the actor's parameters; empty before the first update.
+    seconds : float
+        Of work so far, an earlier interruption included.
+    taught_seconds : float
+        Of them, those of the demonstration.
+    """
+
+    averages: list[np.ndarray]
+    seconds: float
+    taught_seconds: float
+
+    @classmethod
+    def of(cls, model: Any) -> Standing | None:
+        """What a model was saved with; None for a checkpoint of an earlier version, which has no such part."""
+        kept = getattr(model, "standing", None)
+        return None if kept is None else cls(**kept)
+
+
 class Progress(BaseCallback):
     """Progress bar, learning curve, checkpoints, and the best of them by validation.
 
@@ -51,19 +78,27 @@ class Progress(BaseCallback):
         The learning curve of an interrupted run, or nothing.
     begun : float, optional
         When the work began (``time.monotonic``); default now.
+    standing : Standing, optional
+        Of an interrupted run; without one, its time is told by the curve and the average begins anew.
     """
 
     def __init__(
-        self, run: Path, arguments: TrialArguments, curve: list[dict[str, float]], begun: float | None = None
+        self,
+        run: Path,
+        arguments: TrialArguments,
+        curve: list[dict[str, float]],
+        begun: float | None = None,
+        standing: Standing | None = None,
     ) -> None:
         super().__init__()
         self._run, self._arguments, self.curve = run, arguments, curve
-        self.averages: list[torch.Tensor] = []
         self._saved = time.monotonic()
-        earlier = curve[-1].get("seconds", 0.0) if curve else 0.0
+        told = [point.get("seconds", 0.0) for point in curve]  # all that an earlier version's checkpoint comes with
+        earlier = (told or [0.0])[-1] if standing is None else standing.seconds
         self._begun = (self._saved if begun is None else begun) - earlier
         # Demonstrations count as time, but not as a share of the trial, by which critic and exploration go.
-        self._taught = curve[0].get("seconds", 0.0) if curve else self.seconds
+        self._taught = (told or [self.seconds])[0] if standing is None else standing.taught_seconds
+        self.averages = [] if standing is None else [torch.as_tensor(values) for values in standing.averages]
 
     @property
     def seconds(self) -> float:
@@ -137,14 +172,27 @@ class Progress(BaseCallback):
             self.curve.append(point | {"return": mean_return, "success": success})
             self._bar.set_postfix_str(f"return {mean_return:.2f}, success {success:.2f}")
         due = int(self.share * self._arguments.validations)
-        if due > self._validated:
+        validated = due > self._validated
+        if validated:
             self._validated = due
             self.validate()
         self._bar.update(min(self.num_timesteps, self._bar.total) - self._bar.n)
-        if time.monotonic() - self._saved > self._arguments.checkpoint_seconds:
-            save(self.model, self._run / "checkpoint.zip")
-            write_csv(self._run / "learning_curve.csv", self.curve)
-            self._saved = time.monotonic()
+        if validated or time.monotonic() - self._saved > self._arguments.checkpoint_seconds:
+            self.save_checkpoint()
+
+    def save_checkpoint(self) -> None:
+        """Keep what the training goes on from after an interruption.
+
+        The curve comes first: between the two it is ahead, and what it is ahead by is dropped again.
+        """
+        path = self._run / "learning_curve.csv"
+        if self.curve or path.is_file():
+            write_csv(path, self.curve)
+        averages = [values.numpy() for values in self.averages]
+        standing = Standing(averages=averages, seconds=self.seconds, taught_seconds=self._taught)
+        self.model.standing = dataclasses.asdict(standing)  # plain, so that it loads anywhere
+        save(self.model, self._run / "checkpoint.zip")
+        self._saved = time.monotonic()
 
     def validate(self) -> None:
         """Try the agent on the validation specimens, and keep it if it is the best so far."""

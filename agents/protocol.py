@@ -127,7 +127,7 @@ def slug(name: str) -> str:
 
 def keep_protocol(folder: Path, protocol: Protocol) -> None:
     """Write the protocol beside its results; SystemExit where those of another are."""
-    path, content = folder / "protocol.json", _content(protocol)
+    path, content = folder / "protocol.json", content_of(protocol)
     if path.is_file() and json.loads(path.read_text()) != content:
         raise SystemExit(f"{folder} holds results of another protocol (see {path}); give another --out.")
     folder.mkdir(parents=True, exist_ok=True)
@@ -145,7 +145,8 @@ def kept_protocol(folder: Path) -> Protocol:
     return Protocol(**{name: tuple(value) if isinstance(value, list) else value for name, value in content.items()})
 
 
-def _content(protocol: Protocol) -> dict[str, Any]:
+def content_of(protocol: Protocol) -> dict[str, Any]:
+    """What protocol.json holds: the numbers, and with which arguments every agent is trained."""
     entries = {entry.name: [entry.program, *entry.arguments] for entry in _ENTRIES}
     content: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(protocol) | {"entries": entries}))
     return content

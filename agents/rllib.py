@@ -17,8 +17,8 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-import importlib.metadata
 import json
+import math
 import os
 import time
 from collections.abc import Mapping, Sequence
@@ -28,9 +28,9 @@ from typing import TYPE_CHECKING, Any
 
 from evaluate import ENVIRONMENT, TRAINING_SEEDS, write_csv
 from options import option, parse
+from provenance import origin, write_facts
 from runner_env import RunnerEnv
 
-import cutenv
 from cutenv.policy import Network, save_policy
 from cutenv.tissue.specimen import CLASSES
 
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from ray.rllib.algorithms.ppo import PPO
 
 SEEDS_OF_A_RUN = 100_000  # of TRAINING_SEEDS
+PACKAGES = ("cutenv", "gymnasium", "numpy", "numba", "scikit-fem", "ray", "torch")
 _NAME = "gentle-cut-runner"
 _LOOPBACK = "127.0.0.1"
 
@@ -75,7 +76,13 @@ class Arguments:
             "seed": (0, len(TRAINING_SEEDS) // SEEDS_OF_A_RUN - 1),
             "history": (0, 100),
             "dead_zone": (0.0, 0.9),
+            "rollout": (2, 10**6),
+            "batch_size": (2, 10**9),
+            "epochs": (1, 10**6),
+            "learning_rate": (1e-9, 1.0),
             "gamma": (0.0, 1.0),
+            "gae_lambda": (0.0, 1.0),
+            "hidden": (1, 4096),
             "checkpoint_every": (1, 10**9),
         }
         for name, (low, high) in limits.items():
@@ -88,6 +95,12 @@ class Arguments:
     def environment(self) -> dict[str, Any]:
         """Keywords of the environment."""
         return {name: getattr(self, name) for name in ("specimen_class", "angle_mode", "control_hz")}
+
+    @property
+    def training_seeds(self) -> range:
+        """Seeds of the environments of all runners: the local one, which need not step, and the workers."""
+        first = self.seed * SEEDS_OF_A_RUN
+        return range(first, first + (self.workers + 1) * self.environments)
 
 
 def connect(arguments: Arguments) -> None:
@@ -108,7 +121,8 @@ def connect(arguments: Arguments) -> None:
     if arguments.address:
         ray.init(address=arguments.address, **shared)
         return
-    ray.init(num_cpus=arguments.workers + 1, include_dashboard=False, **shared)  # a core for learning
+    # "local", or Ray joins whatever cluster somebody has begun on this machine; one core more is for learning.
+    ray.init(address="local", num_cpus=arguments.workers + 1, include_dashboard=False, **shared)
     addresses = {node["NodeManagerAddress"] for node in ray.nodes()}
     if addresses != {_LOOPBACK}:
         ray.shutdown()
@@ -123,7 +137,7 @@ def algorithm(arguments: Arguments) -> PPO:
 
     register_env(_NAME, RunnerEnv.of_runner)
     keywords = arguments.environment | {
-        "first_seed": arguments.seed * SEEDS_OF_A_RUN,
+        "first_seed": arguments.training_seeds.start,
         "history": arguments.history,
         "dead_zone": arguments.dead_zone,
     }
@@ -175,9 +189,12 @@ def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
 def train(
     ppo: PPO, arguments: Arguments, run: Path, curve: Sequence[Mapping[str, Any]] = ()
 ) -> list[Mapping[str, Any]]:
-    """Train for so many rounds, or until interrupted; the learning curve is in the run's folder all along."""
+    """Train for so many rounds, or until interrupted; the learning curve is in the run's folder all along.
+
+    ``curve`` is that of a run that goes on, up to its checkpoint.
+    """
     curve = list(curve)
-    begun = time.monotonic()
+    begun = time.monotonic() - (float(curve[-1]["seconds"]) if curve else 0.0)
     try:
         while ppo.iteration < arguments.iterations:
             result = ppo.train()
@@ -187,7 +204,7 @@ def train(
                 "decisions": result["num_env_steps_sampled_lifetime"],
                 "seconds": round(time.monotonic() - begun, 1),
             }
-            if "success" in sampled:  # else no cut has come to its end yet
+            if not math.isnan(sampled.get("success", math.nan)):  # else no cut has come to its end yet
                 point |= {"return": sampled["episode_return_mean"], "success": sampled["success"]}
             curve.append(point)
             write_csv(run / "learning_curve.csv", curve)
@@ -209,6 +226,20 @@ def network(ppo: PPO) -> Network:
     return Network(tuple((arrays[f"{prefix}.weight"], arrays[f"{prefix}.bias"]) for prefix in prefixes), "tanh")
 
 
+def record_run(arguments: Arguments, run: Path, packages: Sequence[str] = PACKAGES) -> dict[str, Any]:
+    """Keep in a run's folder what the run depends on; of one that goes on, where it began."""
+    seeds = arguments.training_seeds
+    facts = {
+        "agent": "PPO of RLlib",
+        "arguments": dataclasses.asdict(arguments),
+        "environment": ENVIRONMENT,
+        "seeds": {"training": [min(seeds), max(seeds)]},
+        **origin(run, packages),
+    }
+    write_facts(run, facts)
+    return facts
+
+
 def main() -> None:
     """Train, and write the policy."""
     arguments = parse(Arguments, __doc__)
@@ -221,13 +252,8 @@ def main() -> None:
     run = resume or Path("runs") / (arguments.name or time.strftime("rllib-%Y%m%d-%H%M%S"))
     if resume is None and run.exists():
         raise SystemExit(f"{run} exists; give another --name, or --resume {run} to go on with it.")
-    facts = {
-        "arguments": dataclasses.asdict(arguments),
-        "versions": {name: importlib.metadata.version(name) for name in ("gymnasium", "ray", "torch")}
-        | {"cutenv": cutenv.__version__},
-    }
     run.mkdir(parents=True, exist_ok=True)
-    (run / "run.json").write_text(json.dumps(facts, indent=1) + "\n")
+    facts = record_run(arguments, run)
     connect(arguments)
     ppo = algorithm(arguments)
     earlier: list[dict[str, str]] = []

@@ -23,6 +23,8 @@ ALL = "all"
 """The classes from which others are mixed, together: a stratum each, in which one seed draws one specimen each."""
 MIXTURE = "mixed"
 """Its specimens are some of the other classes', of the same seeds: no evidence beside theirs."""
+UNCHANGED = "none"
+"""Stands for the constant in the rows of sweeps.csv with all constants as in training."""
 VERDICTS = {1: "beats it", 0: "does not beat it: level", -1: "does not beat it: worse"}
 _SHARES = ("success",)
 _NOT_SCORES = ("policy", "seed", "specimen_class", "end", "target_length_mm")
@@ -203,24 +205,40 @@ def _tried(run: Path) -> float:
 
 
 def sweep_lines(folder: Path, protocol: Protocol) -> list[dict[str, Any]]:
-    """Interquartile mean of the return with every other constant, one row for contestant and setting."""
+    """Interquartile mean of the return with every other constant, one row for contestant and setting.
+
+    Before them stand the rows with all constants as in training, on the same specimens, which are the first of
+    ``cuts/``: from these a loss is read off.
+    """
     from robustness import settings
 
-    result: list[dict[str, Any]] = []
+    swept: list[dict[str, Any]] = []
     for setting in settings():
-        rows = rows_of(folder / "sweeps" / f"{setting.name}.csv")
         by_name: dict[str, dict[str, list[Row]]] = {}
-        for row in rows:
+        for row in rows_of(folder / "sweeps" / f"{setting.name}.csv"):
             by_name.setdefault(row["policy"].rpartition(", seed ")[0] or row["policy"], {}).setdefault(
                 row["policy"], []
             ).append(row)
-        for name, runs in by_name.items():
-            values = np.array([[float(row["return"]) for row in own] for own in runs.values()])
-            found = stratified([values], resamples=min(protocol.resamples, 500))
-            about = {"contestant": name, "constant": setting.constant, "unit": setting.unit}
-            numbers = {"default": setting.default, "set_to": setting.value, "return": found.value}
-            result.append(about | numbers | {"low_95": found.low, "high_95": found.high, "cuts": values.size})
-    return result
+        about = {"constant": setting.constant, "unit": setting.unit}
+        about |= {"default": setting.default, "set_to": setting.value}
+        swept += [_sweep_line(name, list(runs.values()), about, protocol) for name, runs in by_name.items()]
+    unchanged = []
+    for name in dict.fromkeys(line["contestant"] for line in swept):
+        runs = Cuts(folder, name, protocol).by_class.get(protocol.training_class)
+        if runs is not None:  # else the cuts were lost, and the sweeps kept
+            first = [rows[: protocol.sweep_specimens] for rows in runs]
+            about = {"constant": UNCHANGED, "unit": "", "default": "", "set_to": ""}
+            unchanged.append(_sweep_line(name, first, about, protocol))
+    return unchanged + swept
+
+
+def _sweep_line(
+    name: str, runs: Sequence[Sequence[Row]], about: Mapping[str, Any], protocol: Protocol
+) -> dict[str, Any]:
+    values = np.array([[float(row["return"]) for row in rows] for rows in runs])
+    found = stratified([values], resamples=min(protocol.resamples, 500))
+    numbers = {"return": found.value, "low_95": found.low, "high_95": found.high, "cuts": values.size}
+    return {"contestant": name, **about, **numbers}
 
 
 def verdict(difference: Interval) -> str:

@@ -28,7 +28,7 @@ class NativeVecEnv(VecEnv):
     Parameters
     ----------
     seeds : sequence of int
-        Of the environments; the first reset of each begins with its seed's first episode.
+        Of the environments; the first reset of each begins with its seed's first episode, number 0.
     **arguments
         Keywords of ``cutenv/GentleCut-v0``.
     """
@@ -36,6 +36,8 @@ class NativeVecEnv(VecEnv):
     def __init__(self, seeds: Sequence[int], **arguments: Any) -> None:
         self.native = GentleCutVectorEnv(len(seeds), autoreset_mode=AutoresetMode.DISABLED, **arguments)
         self.specimen_seeds = list(seeds)  # SB3 has a _seeds of its own
+        self.first_episode = 0
+        """Number of the episode with which :meth:`reset` begins every environment."""
         self.observations = np.zeros(self.native.observation_space.shape or (), np.float32)
         self.seconds = 0.0
         """Spent in :meth:`reset` and :meth:`step_wait` so far."""
@@ -57,9 +59,9 @@ class NativeVecEnv(VecEnv):
         seen[begun] = self.observations[begun]
 
     def reset(self) -> np.ndarray:
-        """Begin every environment anew at its seed's first episode."""
+        """Begin every environment anew at :attr:`first_episode` of its seed."""
         start = time.perf_counter()
-        self.observations, _ = self.native.reset(seed=self.specimen_seeds)
+        self.observations, _ = self.native.reset(seed=self.specimen_seeds, options={"episode": self.first_episode})
         self._returns[:] = self._lengths[:] = 0
         seen = np.zeros((self.num_envs, *(self.observation_space.shape or ())), np.float32)
         self.see_beginning(seen, np.arange(self.num_envs))

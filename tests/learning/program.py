@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import csv
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 AGENTS = Path(__file__).parents[2] / "agents"
 
@@ -31,3 +34,57 @@ def interrupted(program: str, folder: Path, checkpoint: str, *arguments: str) ->
     process.send_signal(signal.SIGINT)
     printed, _ = process.communicate(timeout=120)
     return process.returncode, printed
+
+
+def interrupted_at(program: str, folder: Path, pattern: str, *arguments: str) -> tuple[int, str, str]:
+    """Run until its progress bar shows a pattern, press Ctrl-C; its status, what it printed, and its errors."""
+    process = subprocess.Popen(
+        [sys.executable, str(AGENTS / program), *arguments],
+        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+    )  # fmt: skip
+    assert process.stderr is not None
+    shown = ""
+    deadline = time.monotonic() + 120.0
+    while not re.search(pattern, shown[-200:]) and process.poll() is None and time.monotonic() < deadline:
+        shown += process.stderr.read(1)
+    process.send_signal(signal.SIGINT)
+    printed, errors = process.communicate(timeout=120)
+    return process.returncode, printed, shown + errors
+
+
+def assert_training_goes_on(program: str, folder: Path, algorithm: Any, rollout: int) -> None:
+    """Resume ``runs/small`` for six rollouts: decisions, seconds and curve go on, and the actor learns.
+
+    Six of 64 decisions of each environment: a cut ends after 300 at the latest, and then the curve has a point.
+    """
+    run_folder = folder / "runs" / "small"
+    before = algorithm.load(run_folder / "checkpoint.zip", device="cpu")
+    curve = _points(run_folder)
+    wanted = before.num_timesteps + 6 * rollout
+    done = run(program, folder, "--resume", "runs/small", "--timesteps", str(wanted))
+    assert done.returncode == 0, done.stderr
+    assert f"resuming after {before.num_timesteps} decisions" in done.stdout
+    after = algorithm.load(run_folder / "checkpoint.zip", device="cpu")
+    assert after.num_timesteps >= wanted
+    assert any(
+        (one != other).any()
+        for one, other in zip(before.policy.actor_parameters(), after.policy.actor_parameters(), strict=True)
+    )
+    kept = [point for point in curve if point["decisions"] <= before.num_timesteps]
+    longer = _points(run_folder)
+    assert len(longer) > len(kept)
+    assert [point["seconds"] for point in longer[: len(kept)]] == [point["seconds"] for point in kept]
+    for name in ("decisions", "seconds"):
+        values = [point[name] for point in longer]
+        assert values == sorted(values), name
+    assert longer[len(kept)]["decisions"] > before.num_timesteps
+    assert longer[len(kept)]["seconds"] >= before.standing["seconds"] - 0.1  # rounded
+
+
+def _points(run_folder: Path) -> list[dict[str, float]]:
+    path = run_folder / "learning_curve.csv"
+    if not path.is_file():
+        return []
+    with path.open() as file:
+        return [{name: float(row[name]) for name in ("decisions", "seconds")} for row in csv.DictReader(file)]

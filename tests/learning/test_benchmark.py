@@ -17,7 +17,7 @@ import benchmark as program
 from benchmark import Benchmark, Part, differs
 from evaluate import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, workers
 from intervals import Interval
-from leaderboard import markdown, publish, read_table, write_leaderboard, write_tables
+from leaderboard import markdown, origin_of, publish, read_table, write_leaderboard, write_tables
 from ppo import Arguments
 from protocol import BEST_FEED, ENTRIES, SCRIPTED, Protocol, keep_protocol, kept_protocol, slug
 from robustness import settings
@@ -111,6 +111,31 @@ def test_everyone_met_the_same_specimens_and_every_metric_of_the_score_card(comp
     assert len(files) == 6
     assert {tuple(row["seed"] for row in rows_of(path)) for path in files} == {tuple(map(str, TINY.test_seeds))}
     assert all("metric_peak_force_per_depth_N_per_m" in rows_of(path)[0] for path in files)
+
+
+def test_a_loss_by_another_constant_is_read_off_the_first_row_of_the_same_specimens(compared):
+    heading, (unchanged, *others) = read_table(compared).robustness()
+    assert unchanged[:3] == ["as in training", "–", "–"]
+    assert [row[0] for row in others] == ["motor_lag [s]", "eta90 [1]"]
+    values = sorted(
+        float(row["return"])
+        for seed in (0, 1)
+        for row in rows_of(compared / "cuts" / f"ppo-seed{seed}--mixed.csv")[: TINY.sweep_specimens]
+    )
+    assert TINY.sweep_specimens < TINY.specimens
+    shown = unchanged[heading.index("PPO")]
+    assert float(shown.split(" [")[0]) == pytest.approx(np.mean(values[1:3]), abs=6e-4)
+
+
+def test_runs_of_a_checkout_with_changes_and_commits_that_others_went_on_at_are_marked(tmp_path):
+    keep_protocol(tmp_path, TINY)
+    for seed in TINY.training_seeds:
+        pretend_trained(tmp_path, "PPO", seed)
+    assert origin_of(tmp_path)["commits"] == ["0" * 40]
+    for seed, more in ((0, {"uncommitted_changes": True}), (1, {"resumed_at_commits": ["1" * 40]})):
+        path = tmp_path / "runs" / f"ppo-seed{seed}" / "run.json"
+        path.write_text(json.dumps(json.loads(path.read_text()) | more))
+    assert origin_of(tmp_path)["commits"] == ["0" * 40, "0" * 40 + "+changes", "1" * 40]
 
 
 def test_an_agent_that_loses_is_said_to_lose(compared):
@@ -210,7 +235,8 @@ def test_an_interrupted_training_goes_on_and_one_without_checkpoint_begins_anew(
     assert [part.slug for part in benchmark.untrained()] == ["behaviour-cloning-seed0", "behaviour-cloning-seed1"]
     torn = tmp_path / "runs" / "behaviour-cloning-seed0"
     torn.mkdir(parents=True)
-    (torn / "run.json").write_text("{}")  # as left by an interruption before the first checkpoint
+    (torn / "run.json").write_text("{}")  # as left by a kill while the first checkpoint was written
+    (torn / "checkpoint.1a2b3c4d.part.safetensors").write_bytes(b"half of it")
     benchmark.train()
     assert benchmark.untrained() == []
     facts = json.loads((torn / "run.json").read_text())

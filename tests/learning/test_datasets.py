@@ -16,7 +16,15 @@ minari = pytest.importorskip("minari", reason="data sets are an extra: pip insta
 pytest.importorskip("h5py", reason="data sets are an extra: pip install 'cutenv[data]'")
 
 import datasets  # noqa: E402
-from datasets import Arguments, lessons, lessons_by_cut, of_policy, of_records, write  # noqa: E402
+from datasets import (  # noqa: E402
+    Arguments,
+    environment_of,
+    lessons,
+    lessons_by_cut,
+    of_policy,
+    of_records,
+    write,
+)
 from demonstrated import ESTIMATED, FELT, HIDDEN, recorded  # noqa: E402
 
 from cutenv.cutting.records import TICK  # noqa: E402
@@ -183,6 +191,25 @@ def test_lessons_are_the_features_that_an_agent_sees_and_the_actions_before_its_
     assert (shown[-len(expected) :] == expected).all()  # nothing of the first cut is remembered
 
 
+def test_lessons_for_an_agent_that_does_not_feel_hold_no_force(kept: Path) -> None:
+    dataset = write(ID, "script", *of_policy(Arguments(dataset=ID, policy="force feedback", cuts=1)))
+    shown, _ = lessons(dataset, history=2, dead_zone=0.25, force=False)
+    features = Features(history=2, force=False)
+    assert (shown == [features(observation) for observation in dataset[0].observations[:-1]]).all()
+    felt, _ = lessons(dataset, history=2, dead_zone=0.25)
+    assert felt.shape[1] > shown.shape[1] or (felt != shown).any()
+
+
+def test_what_the_actions_of_a_data_set_mean_is_told_or_it_is_refused(kept: Path) -> None:
+    keywords, cuts = of_policy(Arguments(dataset=ID, policy="nothing", cuts=1, control_hz=20))
+    assert environment_of(write(ID, "nothing", keywords, cuts)) == {"control_hz": 20, "angle_mode": "free"}
+    default = write("cutenv/test/default-v0", "nothing", {}, cuts)
+    assert environment_of(default) == {"control_hz": 50, "angle_mode": "free"}
+    inclined = write("cutenv/test/inclined-v0", "nothing", {"angle_mode": "fixed", "fixed_angle_deg": 60.0}, cuts)
+    with pytest.raises(ValueError, match="was cut at 60 deg"):
+        environment_of(inclined)
+
+
 def test_a_clone_learns_from_a_loaded_data_set_in_a_few_hundred_steps(kept: Path) -> None:
     torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
     write(ID, "script", *of_policy(Arguments(dataset=ID, policy="probe and creep", **SHORT)))
@@ -215,6 +242,8 @@ def test_a_data_set_of_another_environment_teaches_nothing(kept: Path) -> None:
         other = minari.create_dataset_from_buffers("other/cart-v0", [buffer], env="CartPole-v1")
     with pytest.raises(ValueError, match=r"'other/cart-v0' has observations of shape \(4,\)"):
         lessons(other, history=0, dead_zone=0.0)
+    with pytest.raises(ValueError, match="is of environment CartPole-v1; give one of cutenv/GentleCut-v0"):
+        environment_of(other)
 
 
 def test_an_id_that_is_taken_is_refused_and_the_first_stays(kept: Path) -> None:

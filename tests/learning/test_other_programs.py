@@ -9,7 +9,7 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import pytest
-from program import interrupted, run
+from program import assert_training_goes_on, interrupted, interrupted_at, run
 
 from cutenv.policy import Features, TrainedPolicy, past_dead_zone
 
@@ -110,15 +110,26 @@ def test_an_interrupted_cloning_goes_on_as_if_it_had_not_been(tmp_path):
         assert np.array_equal(one[name], two[name]), name
 
 
-def test_an_interrupted_recurrent_run_goes_on_from_its_checkpoint(tmp_path):
+def test_an_interrupted_recurrent_run_goes_on_training_from_its_checkpoint(tmp_path):
+    from sb3_contrib import RecurrentPPO
+
     endless = (*PROGRAMS["recurrent_ppo.py"], "--timesteps", "100000000", "--checkpoint-seconds", "0")
     status, printed = interrupted("recurrent_ppo.py", tmp_path, "checkpoint.zip", *endless)
     assert status == 130
     assert "checkpoint.zip is usable" in printed
-    done = run("recurrent_ppo.py", tmp_path, "--resume", "runs/small", "--timesteps", "1")
-    assert done.returncode == 0, done.stderr
-    assert "resuming after" in done.stdout
+    assert_training_goes_on("recurrent_ppo.py", tmp_path, RecurrentPPO, rollout=4 * 64)
     assert (tmp_path / "runs" / "small" / "policy" / "card.json").is_file()
+
+
+@pytest.mark.parametrize("program", ["ppo.py", "recurrent_ppo.py", "bc.py"])
+def test_interrupted_before_the_first_checkpoint_it_says_that_there_is_nothing_to_go_on_from(tmp_path, program):
+    long = ("--name", "small", "--demonstrations", "100000000")
+    # Once the bar moves: a press just as it came up was lost before, perhaps in code called back from C.
+    status, printed, errors = interrupted_at(program, tmp_path, r"demonstrating.*\d[kM]?decision/s", *long)
+    assert status == 130
+    assert "nothing to go on from. runs/small may be deleted." in printed
+    assert "--resume" not in printed
+    assert "Traceback" not in errors
 
 
 def test_the_clock_ends_training(tmp_path):

@@ -1,14 +1,19 @@
-"""What is kept of a training: the running average of the actor where it did best."""
+"""What is kept of a training: the running average of the actor where it did best, and what it goes on from."""
 
 from __future__ import annotations
+
+import dataclasses
 
 import pytest
 
 torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
 pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
+import learning  # noqa: E402
 import progress  # noqa: E402
-from ppo import Arguments, new_model  # noqa: E402
+from arguments import AgentArguments  # noqa: E402
+from ppo import LEARNER, Arguments, new_model  # noqa: E402
+from stable_baselines3 import PPO  # noqa: E402
 from stable_baselines3.common.logger import Logger  # noqa: E402
 from tqdm import tqdm  # noqa: E402
 
@@ -111,3 +116,79 @@ def test_the_rate_of_learning_falls_to_a_twentieth_by_that_share(watching):
     watching.num_timesteps = SMALL.timesteps
     watching._on_rollout_end()
     assert watching.model.lr_schedule(0.5) == pytest.approx(SMALL.learning_rate / 20.0)
+
+
+@pytest.fixture
+def trained(tmp_path, monkeypatch):
+    """Train in a run's folder, or go on; gives environments, progress, and its averages and seconds at first."""
+    made = []
+    make = AgentArguments.environments_at
+
+    def environments_at(self, seeds):
+        made.append(make(self, seeds))
+        return made[-1]
+
+    class Watched(progress.Progress):
+        def __init__(self, *given):
+            super().__init__(*given)
+            made.append((self, [values.clone() for values in self.averages], self.seconds))
+
+    monkeypatch.setattr(AgentArguments, "environments_at", environments_at)
+    monkeypatch.setattr(learning, "Progress", Watched)
+
+    def train(timesteps, resume):
+        made.clear()
+        learning.train(LEARNER, dataclasses.replace(SMALL, timesteps=timesteps), tmp_path, resume)
+        environments, watched, *_ = made
+        return environments, *watched
+
+    return train
+
+
+def test_what_is_averaged_goes_on_from_where_it_was(trained):
+    _, first, begins_with, _ = trained(64, resume=False)
+    assert begins_with == []
+    last = [values.clone() for values in first.averages]
+    assert not torch.equal(last[0], first_weights(first.model))
+    _, _, begins_with, _ = trained(128, resume=True)
+    assert len(begins_with) == len(last)
+    assert all(torch.equal(one, other) for one, other in zip(begins_with, last, strict=True))
+
+
+def test_a_resumed_training_cuts_no_specimen_again(trained):
+    environments, *_ = trained(64, resume=False)
+    begun = environments.native._episodes.max()  # as many of each seed, from the first on
+    assert begun >= 1
+    environments, *_ = trained(128, resume=True)
+    assert environments.first_episode >= begun
+    assert environments.native._episodes.min() > begun
+
+
+def test_its_clock_goes_on_from_the_checkpoint_even_where_no_cut_has_ended(trained, tmp_path):
+    _, first, _, begun = trained(64, resume=False)
+    assert first.curve == []
+    kept = progress.Standing.of(PPO.load(tmp_path / "checkpoint.zip"))
+    assert begun < kept.seconds
+    _, again, _, begun = trained(128, resume=True)
+    assert begun >= kept.seconds
+    assert again._taught == first._taught
+
+
+def test_a_curve_that_is_ahead_of_its_checkpoint_is_cut_off(trained, tmp_path):
+    trained(64, resume=False)
+    (tmp_path / "learning_curve.csv").write_text("decisions,seconds\n32,1.0\n1000000,2.0\n")
+    _, again, _, _ = trained(128, resume=True)
+    assert [point["decisions"] for point in again.curve][:1] == [32.0]
+    assert all(point["decisions"] <= 128 for point in again.curve)
+    assert "1000000" not in (tmp_path / "learning_curve.csv").read_text()
+
+
+def test_a_checkpoint_of_an_earlier_version_loads_and_says_what_it_lacks(trained, tmp_path, capsys):
+    trained(64, resume=False)
+    model = PPO.load(tmp_path / "checkpoint.zip")
+    del model.standing
+    progress.save(model, tmp_path / "checkpoint.zip")
+    _, _, begins_with, _ = trained(128, resume=True)
+    assert begins_with == []
+    assert "holds no running average: that begins anew" in capsys.readouterr().out
+    assert PPO.load(tmp_path / "checkpoint.zip").num_timesteps == 128

@@ -71,6 +71,19 @@ def test_another_dead_zone_would_be_noticed():
     assert not np.array_equal(shown[:, : -len(HIDDEN)], seen[-1])
 
 
+def test_they_begin_with_the_episode_that_is_asked_for_and_go_on_from_it():
+    environments = NativeVecEnv(SEEDS, **KEYWORDS)
+    environments.first_episode = 7
+    env = gymnasium.make(ENVIRONMENT, **KEYWORDS)
+    assert np.array_equal(environments.reset()[1], env.reset(seed=SEEDS[1], options={"episode": 7})[0])
+    for chosen in actions(130):
+        seen, _, ended, _ = environments.step(chosen)
+        if ended[1]:
+            assert np.array_equal(seen[1], env.reset(seed=SEEDS[1], options={"episode": 8})[0])
+            return
+    pytest.fail("no cut ended")
+
+
 def test_returns_lengths_and_ends_are_told():
     environments = CutVecEnv(SEEDS, history=0, dead_zone=0.25, **KEYWORDS)
     environments.reset()

@@ -1,0 +1,111 @@
+"""A program's command line: what makes no sense is refused at the door, for a new run and for one that goes on."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import pytest
+
+pytest.importorskip("sb3_contrib", reason="the learners are an extra: pip install 'cutenv[rl]'")
+
+import bc
+import ppo
+import recurrent_ppo
+from arguments import parse
+
+QUICK = {"specimens": 30}
+
+
+def parsed(monkeypatch, *given, kind=ppo.Arguments):
+    monkeypatch.setattr("sys.argv", ["program.py", *given])
+    return parse(kind, "About it.", "ppo", QUICK)
+
+
+@pytest.fixture
+def interrupted(tmp_path, monkeypatch):
+    """Leave a run as an interruption does."""
+    monkeypatch.chdir(tmp_path)
+    run = tmp_path / "runs" / "mine"
+    run.mkdir(parents=True)
+    kept = ppo.Arguments(name="mine", gamma=0.99, timesteps=1000)
+    (run / "run.json").write_text(json.dumps({"arguments": dataclasses.asdict(kept)}))
+    (run / "checkpoint.zip").touch()
+    return kept
+
+
+def test_what_still_has_an_effect_is_taken_over_and_the_rest_is_kept(interrupted, monkeypatch):
+    changed = {"timesteps": 5000, "minutes": 3.0, "specimens": 0, "checkpoint_seconds": 5.0, "validations": 3}
+    given = [text for name, value in changed.items() for text in ("--" + name.replace("_", "-"), str(value))]
+    arguments, run, resume = parsed(monkeypatch, "--resume", "runs/mine", *given, "--tensorboard")
+    assert resume
+    assert str(run) == "runs/mine"
+    assert arguments == dataclasses.replace(interrupted, **changed, tensorboard=True)
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "kept"),
+    [
+        ("--learning-rate", "1e-4", "0.0003"),
+        ("--gamma", "1.0", "0.99"),
+        ("--rollout", "64", "128"),
+        ("--batch-size", "64", "1024"),
+        ("--epochs", "2", "8"),
+        ("--hidden", "32", "64"),
+        ("--history", "0", "6"),
+        ("--exploration", "0.3", "0.15"),
+        ("--environments", "8", "64"),
+        ("--seed", "1", "0"),
+        ("--name", "other", "'mine'"),
+    ],
+)
+def test_what_has_no_effect_any_more_is_refused_with_what_has(interrupted, monkeypatch, option, value, kept):
+    with pytest.raises(
+        SystemExit, match=f"{option} .* would have no effect: runs/mine goes on with {kept}.*--timesteps"
+    ):
+        parsed(monkeypatch, "--resume", "runs/mine", option, value)
+
+
+def test_what_is_given_as_it_was_may_be_given(interrupted, monkeypatch):
+    assert parsed(monkeypatch, "--resume", "runs/mine", "--gamma", "0.99")[0] == interrupted
+
+
+def test_a_run_that_goes_on_is_not_made_quick(interrupted, monkeypatch):
+    with pytest.raises(SystemExit, match="--quick is for a new run"):
+        parsed(monkeypatch, "--resume", "runs/mine", "--quick")
+
+
+@pytest.mark.parametrize("suffix", ["zip", "safetensors"])
+def test_an_unfinished_checkpoint_is_nothing_to_go_on_from(interrupted, tmp_path, monkeypatch, suffix):
+    whole = tmp_path / "runs" / "mine" / "checkpoint.zip"
+    whole.rename(whole.with_name(f"checkpoint.1a2b3c4d.part.{suffix}"))  # as a kill leaves it
+    with pytest.raises(SystemExit, match=r"runs/mine holds no checkpoint\.zip or checkpoint\.safetensors"):
+        parsed(monkeypatch, "--resume", "runs/mine")
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "value"),
+    [
+        (ppo.Arguments, "exploration", 0.0),  # both once ended in a division or a logarithm, after the teaching
+        (ppo.Arguments, "last_exploration", 0.0),
+        (ppo.Arguments, "rollout", 0),
+        (ppo.Arguments, "batch_size", 1),
+        (ppo.Arguments, "epochs", 0),
+        (ppo.Arguments, "learning_rate", 0.0),
+        (ppo.Arguments, "learning_rate", float("nan")),
+        (ppo.Arguments, "averaging", 0.0),
+        (ppo.Arguments, "critic_first", 1.5),
+        (ppo.Arguments, "checkpoint_seconds", -1.0),
+        (recurrent_ppo.Arguments, "cloning_epochs", 0),
+        (bc.Arguments, "batch_size", 0),
+        (bc.Arguments, "learning_rate", -1e-3),
+    ],
+)
+def test_a_number_beyond_its_limits_is_refused(kind, name, value):
+    with pytest.raises(SystemExit, match=f"--{name.replace('_', '-')} {value} is outside "):
+        kind(**{name: value})
+
+
+def test_the_least_of_every_number_is_taken():
+    for kind in (ppo.Arguments, recurrent_ppo.Arguments, bc.Arguments):
+        kind(**{name: type(getattr(kind(), name))(low) for name, (low, _) in kind.limits().items()})

@@ -1,0 +1,133 @@
+"""Cloning: its clock goes on after an interruption, and a data set can be the teacher."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from program import run
+
+torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
+pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
+
+import bc  # noqa: E402
+import safetensors.torch  # noqa: E402
+from arguments import parse  # noqa: E402
+
+from cutenv.policy import TrainedPolicy  # noqa: E402
+
+ID = "cutenv/test/fixed-v0"
+SOURCE = "fast then slow"
+SMALL = bc.Arguments(
+    environments=2, demonstrations=200, epochs=4, validations=1, validation_specimens=2, hidden=8, checkpoint_seconds=0
+)
+
+
+def points(folder: Path) -> list[dict[str, float]]:
+    with (folder / "learning_curve.csv").open() as file:
+        return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+
+
+def cloned_for_two_epochs(folder: Path, monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:
+    """Leave what an interruption does after two of four epochs, none of which was validated."""
+    save = bc.save_checkpoint
+
+    def interrupted(path, clone, cloning, _):
+        save(path, clone, cloning, seconds)
+        if cloning.epoch == 2:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(bc, "save_checkpoint", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            bc.train(SMALL, folder, {}, resume=False)
+
+
+def test_the_clock_goes_on_from_the_checkpoint_not_from_the_last_validation(tmp_path, monkeypatch):
+    cloned_for_two_epochs(tmp_path, monkeypatch, seconds=500.0)
+    assert not (tmp_path / "learning_curve.csv").exists()
+    bc.train(SMALL, tmp_path, {}, resume=True)
+    (last,) = points(tmp_path)
+    assert last["decisions"] == 4 * 200
+    assert 500.0 < last["seconds"] < 600.0
+
+
+def test_a_checkpoint_of_an_earlier_version_has_the_time_of_the_curve(tmp_path, monkeypatch):
+    cloned_for_two_epochs(tmp_path, monkeypatch, seconds=500.0)
+    path = tmp_path / "checkpoint.safetensors"
+    safetensors.torch.save_file(safetensors.torch.load_file(path), path, {"epoch": "2"})
+    columns = "decisions,seconds,return,success,error,validation_return,validation_success"
+    (tmp_path / "learning_curve.csv").write_text(f"{columns}\n200,70.0,0,0,0,0,0\n")
+    bc.train(SMALL, tmp_path, {}, resume=True)
+    assert 70.0 < points(tmp_path)[-1]["seconds"] < 170.0
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory):
+    """Record three cuts of a script as a data set, 20 decisions a second, at a fixed angle."""
+    pytest.importorskip("minari", reason="data sets are an extra: pip install 'cutenv[data]'")
+    pytest.importorskip("h5py", reason="data sets are an extra: pip install 'cutenv[data]'")
+    folder = tmp_path_factory.mktemp("taught")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MINARI_DATASETS_PATH", str(folder / "kept"))
+        about = ("--cuts", "3", "--specimen-class", "liver", "--control-hz", "20", "--angle-mode", "fixed")
+        done = run("datasets.py", folder, "--dataset", ID, "--policy", SOURCE, *about)
+        assert done.returncode == 0, done.stderr
+        yield folder
+
+
+def test_a_data_set_teaches_a_run_like_any_other(recorded: Path):
+    small = ("--epochs", "20", "--validations", "2", "--validation-specimens", "4", "--specimens", "2")
+    done = run("bc.py", recorded, "--name", "taught", "--dataset", ID, "--force", "unfelt", *small)
+    assert done.returncode == 0, done.stderr
+    assert f"differ from those of data set '{ID}'" in done.stdout
+    folder = recorded / "runs" / "taught"
+    for name in ("scores.csv", "summary.csv", "differences.csv", "cut.png", "checkpoint.safetensors"):
+        assert (folder / name).is_file(), name
+    card = TrainedPolicy.load(folder / "policy").card
+    assert card.environment_arguments == {"control_hz": 20, "angle_mode": "fixed"}
+    assert card.features == {"history": 6, "force": False}
+    told = card.training["taught_by"]
+    assert told == {"dataset": ID, "source": SOURCE, "cuts": 3, "decisions": told["decisions"]}
+    facts = json.loads((folder / "run.json").read_text())
+    assert facts["taught_by"] == told
+    assert facts["arguments"]["script"] == ""
+    assert f"data set {ID}: 3 cuts by {SOURCE}" in (folder / "report.html").read_text()
+    first, last = points(folder)
+    assert (first["decisions"], last["decisions"]) == (10 * told["decisions"], 20 * told["decisions"])
+    assert last["error"] < first["error"] < 0.5
+
+
+def parsed(monkeypatch: pytest.MonkeyPatch, *given: str) -> bc.Arguments:
+    monkeypatch.setattr("sys.argv", ["bc.py", "--dataset", ID, *given])
+    return parse(bc.Arguments, None, "bc", bc.QUICK)[0]
+
+
+def test_rate_and_angle_mode_are_those_of_the_data_set(recorded: Path, monkeypatch):
+    for given in ((), ("--quick",), ("--control-hz", "20", "--angle-mode", "fixed")):
+        arguments = parsed(monkeypatch, *given)
+        assert (arguments.control_hz, arguments.angle_mode, arguments.script) == (20, "fixed", "")
+        lessons, told = bc.taught_by(arguments)
+        assert len(lessons.shown) == told["decisions"] == arguments.demonstrations
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (("--control-hz", "10"), "--control-hz 10 contradicts .* were made with 20; leave it out"),
+        (("--angle-mode", "free"), "--angle-mode free contradicts .* were made with fixed; leave it out"),
+        (("--script", "force feedback"), "--script is of a script; leave it out"),
+        (("--demonstrations", "100"), "--demonstrations is of a script; leave it out"),
+        (("--dataset", "cutenv/none-v0"), "there is no data set 'cutenv/none-v0' .*; record one"),
+    ],
+)
+def test_what_contradicts_the_data_set_is_refused_before_any_work(recorded: Path, monkeypatch, given, said):
+    with pytest.raises(SystemExit, match=said):
+        parsed(monkeypatch, *given)
+
+
+def test_a_data_set_that_has_changed_is_not_gone_on_with(recorded: Path):
+    with pytest.raises(SystemExit, match="not the 7 that this run began with; begin another run"):
+        bc.taught_by(bc.Arguments(dataset=ID, demonstrations=7))
