@@ -152,6 +152,8 @@ def resumed(kind: type[Given], run: Path, chosen: Mapping[str, Any]) -> Given:
     if checkpoint_of(run) is None:
         raise SystemExit(f"{run} holds no {' or '.join(NAMES)}; give the folder of an interrupted run.")
     kept = json.loads((run / "run.json").read_text())["arguments"]
+    if set(kept) != {field.name for field in dataclasses.fields(kind)}:
+        raise SystemExit(f"{run} is of another program, or of another version of it; go on with the one that made it.")
     free = [field.name for field in dataclasses.fields(kind) if field.metadata["resumable"]]
     for name, value in chosen.items():
         if name not in free and value != kept.get(name):

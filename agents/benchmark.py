@@ -226,9 +226,12 @@ def is_trained(run: Path) -> bool:
 
 def differs(published: Path, folder: Path) -> int:
     """Print where a comparison differs from another's summary.csv beyond both intervals; return 1 if it does."""
-    theirs = kept_protocol(published.parent)
-    if theirs != kept_protocol(folder):
-        raise SystemExit(f"{published} is of protocol {theirs.version} with other numbers; compare like with like.")
+    theirs, ours = (path.parent / "protocol.json" for path in (published, folder / "summary.csv"))
+    for path in (theirs, ours):
+        if not path.is_file():
+            raise SystemExit(f"{path} is missing; it says what was compared.")
+    if json.loads(theirs.read_text()) != json.loads(ours.read_text()):
+        raise SystemExit(f"{theirs} and {ours} are two protocols; compare like with like.")
     apart, count = disagreements(read_summary(published), read_summary(folder / "summary.csv"))
     print("\n".join(apart))
     print(f"{len(apart)} of {count} numbers that both have differ beyond both intervals")

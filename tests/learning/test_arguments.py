@@ -70,6 +70,12 @@ def test_what_is_given_as_it_was_may_be_given(interrupted, monkeypatch):
     assert parsed(monkeypatch, "--resume", "runs/mine", "--gamma", "0.99")[0] == interrupted
 
 
+@pytest.mark.parametrize("kind", [bc.Arguments, recurrent_ppo.Arguments])
+def test_a_run_of_another_program_is_not_gone_on_with(interrupted, monkeypatch, kind):
+    with pytest.raises(SystemExit, match="runs/mine is of another program"):
+        parsed(monkeypatch, "--resume", "runs/mine", kind=kind)
+
+
 def test_a_run_that_goes_on_is_not_made_quick(interrupted, monkeypatch):
     with pytest.raises(SystemExit, match="--quick is for a new run"):
         parsed(monkeypatch, "--resume", "runs/mine", "--quick")

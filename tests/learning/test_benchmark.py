@@ -193,7 +193,7 @@ def test_two_tables_agree_where_their_intervals_meet_and_only_there(compared, tm
     assert differs(tmp_path / "published" / "summary.csv", compared) == 0
     assert f"0 of {count} numbers" in capsys.readouterr().out
     keep_protocol(tmp_path / "other", Protocol())
-    with pytest.raises(SystemExit, match="compare like with like"):
+    with pytest.raises(SystemExit, match="are two protocols; compare like with like"):
         differs(tmp_path / "published" / "summary.csv", tmp_path / "other")
 
 
