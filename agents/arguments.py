@@ -33,6 +33,7 @@ class AgentArguments:
     )
     specimen_class: str = option("mixed", "tissue to train and test on", CLASSES)
     angle_mode: str = option("free", "whether the agent turns the blade", ("free", "fixed"))
+    fixed_angle_deg: float = option(90.0, "of the blade, if the agent does not turn it")
     control_hz: int = option(10, "decisions per second")
     history: int = option(6, "past decisions among the features")
     force: str = option("felt", "whether the agent feels the force", ("felt", "unfelt"))
@@ -54,6 +55,8 @@ class AgentArguments:
         for name, (low, high) in self.limits().items():
             if not low <= getattr(self, name) <= high:
                 raise SystemExit(f"{_flag(name)} {getattr(self, name)} is outside {low} to {high}")
+        if self.angle_mode == "free" and self.fixed_angle_deg != 90.0:
+            raise SystemExit(f"--fixed-angle-deg {self.fixed_angle_deg:g} has no effect without --angle-mode fixed")
         if self.specimens == 1:
             raise SystemExit("--specimens 1 tells no interval; give 2 or more, or 0 for no evaluation")
 
@@ -63,6 +66,7 @@ class AgentArguments:
         return {
             "seed": (0, len(TRAINING_SEEDS) // MAX_ENVIRONMENTS - 1),
             "minutes": (0.0, 1e6),
+            "fixed_angle_deg": (45.0, 90.0),
             "history": (0, 100),
             "dead_zone": (0.0, 0.9),
             "environments": (1, MAX_ENVIRONMENTS),
@@ -83,7 +87,14 @@ class AgentArguments:
     @property
     def environment(self) -> dict[str, Any]:
         """Keywords of the environment that the agent is trained and tested in."""
-        return {name: getattr(self, name) for name in ("specimen_class", "angle_mode", "control_hz")}
+        return {"specimen_class": self.specimen_class, "control_hz": self.control_hz, **self.angle}
+
+    @property
+    def angle(self) -> dict[str, Any]:
+        """Keywords of the environment that tell whether the blade is turned, and where it stands if not."""
+        return {"angle_mode": self.angle_mode} | (
+            {"fixed_angle_deg": self.fixed_angle_deg} if self.angle_mode == "fixed" else {}
+        )
 
     @property
     def features(self) -> dict[str, Any]:

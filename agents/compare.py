@@ -50,6 +50,8 @@ def compare(
         learned[f"{agent} untrained"] = run / "untrained"
     seeds = TEST_SEEDS[: arguments["specimens"]]
     shared = {"specimen_class": arguments["specimen_class"], "angle_mode": arguments["angle_mode"]}
+    if arguments["angle_mode"] == "fixed":
+        shared["fixed_angle_deg"] = arguments.get("fixed_angle_deg", 90.0)
     rate = {"control_hz": arguments["control_hz"]}
     contestants = {
         **{name: contestant(str(folder)) for name, folder in learned.items()},

@@ -195,12 +195,12 @@ def opened(dataset_id: str) -> MinariDataset:
 
 
 def environment_of(dataset: MinariDataset) -> dict[str, Any]:
-    """What the actions of a data set mean: ``control_hz`` and ``angle_mode`` of its environment.
+    """What the actions of a data set mean: ``control_hz``, ``angle_mode`` and a fixed angle of its environment.
 
     Raises
     ------
     ValueError
-        If it tells no environment of this package, or its angle is fixed where a trained policy's is not.
+        If it tells no environment of this package.
     """
     spec = dataset.env_spec
     if spec is None or spec.id != ENVIRONMENT:
@@ -208,14 +208,10 @@ def environment_of(dataset: MinariDataset) -> dict[str, Any]:
             f"data set {dataset.id!r} is of environment {None if spec is None else spec.id}; give one of {ENVIRONMENT}."
         )
     defaults = inspect.signature(GentleCutEnv).parameters
-    told = {name: spec.kwargs.get(name, defaults[name].default) for name in ("control_hz", "angle_mode")}
-    upright = defaults["fixed_angle_deg"].default
-    if spec.kwargs.get("fixed_angle_deg", upright) != upright:
-        raise ValueError(
-            f"data set {dataset.id!r} was cut at {spec.kwargs['fixed_angle_deg']:g} deg, which the card of a policy "
-            f"does not tell; give one of {upright:g} deg or with the angle free."
-        )
-    return told
+    names = ["control_hz", "angle_mode"]
+    if spec.kwargs.get("angle_mode") == "fixed":
+        names.append("fixed_angle_deg")
+    return {name: spec.kwargs.get(name, defaults[name].default) for name in names}
 
 
 def lessons(

@@ -170,7 +170,7 @@ def exported(learner: Learner, arguments: TrialArguments, run: Path, name: str, 
 
 def level_after(arguments: TrialArguments, curve: Sequence[Mapping[str, float]]) -> float | None:
     """Seconds after which the agent did as well as the demonstrated script on validation specimens; None: never."""
-    shared = {"specimen_class": arguments.specimen_class, "angle_mode": arguments.angle_mode}
+    shared = {"specimen_class": arguments.specimen_class, **arguments.angle}
     several, seeds = {arguments.script: contestant(arguments.script)}, arguments.validation_seeds
     rows = evaluate(several, seeds, shared, description="script on validation specimens")
     wanted = float(np.mean([row["return"] for row in rows]))

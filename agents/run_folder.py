@@ -49,7 +49,7 @@ def export(
         folder,
         network,
         environment=ENVIRONMENT,
-        environment_arguments={"control_hz": arguments.control_hz, "angle_mode": arguments.angle_mode},
+        environment_arguments={"control_hz": arguments.control_hz, **arguments.angle},
         features=arguments.features,
         dead_zone=arguments.dead_zone,
         training=facts,

@@ -76,6 +76,16 @@ def test_a_run_of_another_program_is_not_gone_on_with(interrupted, monkeypatch, 
         parsed(monkeypatch, "--resume", "runs/mine", kind=kind)
 
 
+def test_an_angle_of_ones_own_is_trained_for_and_told(monkeypatch):
+    arguments, _, _ = parsed(monkeypatch, "--angle-mode", "fixed", "--fixed-angle-deg", "75")
+    assert arguments.environment["fixed_angle_deg"] == arguments.angle["fixed_angle_deg"] == 75.0
+    assert "fixed_angle_deg" not in parsed(monkeypatch)[0].environment
+    with pytest.raises(SystemExit, match="--fixed-angle-deg 75 has no effect without --angle-mode fixed"):
+        parsed(monkeypatch, "--fixed-angle-deg", "75")
+    with pytest.raises(SystemExit, match=r"outside 45\.0 to 90\.0"):
+        parsed(monkeypatch, "--angle-mode", "fixed", "--fixed-angle-deg", "30")
+
+
 def test_a_run_that_goes_on_is_not_made_quick(interrupted, monkeypatch):
     with pytest.raises(SystemExit, match="--quick is for a new run"):
         parsed(monkeypatch, "--resume", "runs/mine", "--quick")

@@ -87,7 +87,7 @@ def test_a_data_set_teaches_a_run_like_any_other(recorded: Path):
     for name in ("scores.csv", "summary.csv", "differences.csv", "cut.png", "checkpoint.safetensors"):
         assert (folder / name).is_file(), name
     card = TrainedPolicy.load(folder / "policy").card
-    assert card.environment_arguments == {"control_hz": 20, "angle_mode": "fixed"}
+    assert card.environment_arguments == {"control_hz": 20, "angle_mode": "fixed", "fixed_angle_deg": 90.0}
     assert card.features == {"history": 6, "force": False}
     told = card.training["taught_by"]
     assert told == {"dataset": ID, "source": SOURCE, "cuts": 3, "decisions": told["decisions"]}

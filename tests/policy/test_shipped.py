@@ -38,6 +38,9 @@ def test_a_shipped_policy_finishes_a_cut_within_the_tolerance(name):
 def test_ppo_free_is_shipped_and_turns_the_blade():
     assert "ppo-free" in SHIPPED
     assert shipped("ppo-free").environment_arguments == {"control_hz": 10, "angle_mode": "free"}
+    upright = {"control_hz": 10, "angle_mode": "fixed", "fixed_angle_deg": 90.0}
+    assert shipped("ppo-fixed").environment_arguments == upright
+    assert len(shipped("ppo-fixed").card.training["commit"]) == 40
 
 
 def test_a_policy_is_taken_by_name_or_by_folder(tmp_path):

@@ -69,6 +69,15 @@ def test_a_policy_with_a_free_angle_is_refused_on_a_rig_set_by_hand(tmp_path, ca
     assert not list(tmp_path.glob("*.csv"))
 
 
+def test_a_shipped_policy_cuts_on_a_rig_set_by_hand_where_the_blade_stands_as_in_its_training(tmp_path, capsys):
+    pytest.importorskip("safetensors", reason="policies are kept with an extra: pip install 'cutenv[view]'")
+    upright = fixed_rig(tmp_path, 90.0)
+    assert run("--policy", "ppo-fixed", "--rig", upright, "--dry-run", "1") == 0
+    assert "the cut, on a drawn specimen" in capsys.readouterr().out
+    assert run("--policy", "ppo-fixed", "--rig", fixed_rig(tmp_path, 75.0), "--dry-run", "1") == 2
+    assert "is set to 75.0 degrees. Turn it" in capsys.readouterr().err
+
+
 def test_hardware_asks_a_person_and_without_a_terminal_nothing_is_connected(tmp_path, capsys):
     arguments = ("--policy", "fast then slow", "--rig", fixed_rig(tmp_path), "--out", str(tmp_path))
     assert run(*arguments) == 2
