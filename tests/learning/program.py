@@ -31,8 +31,7 @@ def interrupted(program: str, folder: Path, checkpoint: str, *arguments: str) ->
     deadline = time.monotonic() + 120.0
     while not list(folder.glob(f"runs/*/{checkpoint}")) and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
-    printed, _ = process.communicate(timeout=120)
+    printed, _ = ctrl_c(process)
     return process.returncode, printed
 
 
@@ -48,9 +47,20 @@ def interrupted_at(program: str, folder: Path, pattern: str, *arguments: str) ->
     deadline = time.monotonic() + 120.0
     while not re.search(pattern, shown[-200:]) and process.poll() is None and time.monotonic() < deadline:
         shown += process.stderr.read(1)
-    process.send_signal(signal.SIGINT)
-    printed, errors = process.communicate(timeout=120)
+    printed, errors = ctrl_c(process)
     return process.returncode, printed, shown + errors
+
+
+def ctrl_c(process: subprocess.Popen[str]) -> tuple[str, str]:
+    """Press Ctrl-C as a person does, again if nothing comes of it; what was printed, and errors."""
+    for _ in range(4):
+        process.send_signal(signal.SIGINT)
+        try:
+            return process.communicate(timeout=30)
+        except subprocess.TimeoutExpired:  # the press met a place from which no exception gets out
+            continue
+    process.kill()
+    raise AssertionError(f"{process.args} does not end on Ctrl-C: {process.communicate()}")
 
 
 def assert_training_goes_on(program: str, folder: Path, algorithm: Any, rollout: int) -> None:
