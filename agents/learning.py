@@ -168,7 +168,7 @@ def exported(learner: Learner, arguments: TrialArguments, run: Path, name: str, 
     export(arguments, run / name, network, {**facts, "decisions": int(model.num_timesteps)})
 
 
-def level_after(arguments: TrialArguments, curve: Sequence[Mapping[str, float]]) -> float | None:
+def level_after(arguments: AgentArguments, curve: Sequence[Mapping[str, float]]) -> float | None:
     """Seconds after which the agent did as well as the demonstrated script on validation specimens; None: never."""
     shared = {"specimen_class": arguments.specimen_class, **arguments.angle}
     several, seeds = {arguments.script: contestant(arguments.script)}, arguments.validation_seeds

@@ -74,6 +74,16 @@ def test_it_is_told_when_the_agent_was_level_with_its_teacher_or_that_it_never_w
     assert "level with 'probe and creep' on the validation specimens: " in printed
 
 
+def test_it_can_be_asked_again_of_a_finished_run(finished):
+    run = finished[0]
+    told = json.loads((run / "run.json").read_text())["level_with_script_after_s"]
+    program = str(Path(PROGRAM).parent / "level.py")
+    done = subprocess.run([sys.executable, program, run], capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 0, done.stderr
+    after = "never" if told is None else f"after {told:.0f} s"
+    assert done.stdout.startswith(f"small: level with 'probe and creep' {after}, of ")
+
+
 def test_level_is_when_validation_first_reaches_what_the_script_gets():
     easy = Arguments(validation_specimens=4, script="force feedback")
     curve = [{"seconds": 1.0, "return": 9.0}] + [

@@ -276,7 +276,7 @@ def test_arguments_are_passed_on_in_order(monkeypatch: pytest.MonkeyPatch) -> No
     start.main(["train", "--quick", "--torch-index", "elsewhere", "--seed", "3"])
     start.main(["test", "-k", "packaging", "tests/packaging"])
     assert became[0][1:] == ["agents/ppo.py", "--quick", "--seed", "3"]
-    assert became[1][1:] == ["-m", "pytest", "-n", "2", "-k", "packaging", "tests/packaging"]
+    assert became[1][1:] == ["-m", "pytest", "-n", "2", "--dist", "worksteal", "-k", "packaging", "tests/packaging"]
 
 
 def test_an_interrupted_set_up_says_what_to_do(
