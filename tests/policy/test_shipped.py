@@ -20,7 +20,7 @@ def test_a_shipped_policy_is_small_and_was_trained_on_seeds_of_training_alone(na
     assert card.environment == "cutenv/GentleCut-v0"
     assert set(card.layers[1:-1]) == {64}
     assert max(card.training["seeds"]["training"]) < 1_000_000
-    assert resources.path(f"policies/{name}/policy.safetensors").stat().st_size < 100_000
+    assert resources.path(f"policies/{name}/policy.safetensors").stat().st_size < 200_000
 
 
 @pytest.mark.parametrize("name", SHIPPED)
