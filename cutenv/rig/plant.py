@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from cutenv.rig.causes import WATCH, Cause, RigStopped, StopReport
 from cutenv.rig.clock import Clock, Repeating
 from cutenv.rig.drivers import ForceDriver, MotionDriver, RigError, Witness
 from cutenv.rig.motion_watch import STANDSTILL
-from cutenv.rig.samples import ForceSample, MotionSample
+from cutenv.rig.samples import ForceSample, MotionSample, interpolated, newest_since
 from cutenv.rig.settings import RigSettings
 from cutenv.rig.supervisor import Supervisor
 from cutenv.rig.timing import Timing
@@ -33,7 +32,6 @@ _ARRIVED = 2e-5  # [m]
 _SLICE = 0.02  # [s] of waiting at a time
 _OLDEST = 0.05  # [s] before a period, from which samples may still count
 _KEPT = 4.0  # [s] of samples that are kept for the grid of readings
-_Sample = TypeVar("_Sample", ForceSample, MotionSample)
 _UNKNOWN = ("true_force", "elastic_force", "tip", "jump")
 REST_WITHIN = 2.0
 """Time that a blade may take to come to rest after a stop [s]."""
@@ -380,38 +378,18 @@ class RigPlant:
         readings["time"] = TICK * count
         self._ticks += ticks
 
-        forces = _since(self._forces, time[0] - _OLDEST)
+        forces = newest_since(self._forces, time[0] - _OLDEST)
         if forces:
             sensed = np.array([sample.time for sample in forces])
             along = self.settings.sensor.sign * np.array([sample.force[self._cut_axis] for sample in forces])
             readings["force"] = along[np.maximum(np.searchsorted(sensed, time, side="right") - 1, 0)]
             self._newest_known = float(sensed[-1])
-        blade = _since(self._motions["blade"], time[0] - _OLDEST)
-        readings["position"], readings["speed"] = _along(time, blade)
+        blade = newest_since(self._motions["blade"], time[0] - _OLDEST)
+        readings["position"], readings["speed"] = interpolated(time, blade)
         readings["speed"][np.abs(readings["speed"]) < STANDSTILL] = 0.0
         if self._angle is None:
             readings["angle"] = self.settings.fixed_angle
         else:
-            readings["angle"], _ = _along(time, _since(self._motions["angle"], time[0] - _OLDEST))
+            readings["angle"], _ = interpolated(time, newest_since(self._motions["angle"], time[0] - _OLDEST))
         self.keep(readings)
         return readings
-
-
-def _since(samples: deque[_Sample], moment: float) -> list[_Sample]:
-    """The newest of the samples, back to ``moment`` [s] and one more."""
-    kept: list[_Sample] = []
-    for sample in reversed(samples.copy()):  # a thread may add to it
-        kept.append(sample)
-        if sample.time < moment:
-            break
-    return kept[::-1]
-
-
-def _along(time: NDArray[np.float64], samples: list[MotionSample]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Position and speed at times [s]: between samples on a line, beyond the last one at its speed."""
-    if not samples:
-        return np.zeros_like(time), np.zeros_like(time)
-    times = np.array([sample.time for sample in samples])
-    speed = np.interp(time, times, [sample.speed for sample in samples])
-    position = np.interp(time, times, [sample.position for sample in samples])
-    return position + samples[-1].speed * np.maximum(time - times[-1], 0.0), speed

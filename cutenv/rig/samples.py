@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections import deque
 from enum import Enum
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 
 class DriveState(Enum):
@@ -66,3 +70,28 @@ class ForceSample(NamedTuple):
     status: int
     sequence: int
     lost: int
+
+
+_Sample = TypeVar("_Sample", ForceSample, MotionSample)
+
+
+def newest_since(samples: deque[_Sample], moment: float) -> list[_Sample]:
+    """The newest of the samples, back to ``moment`` [s] and one more."""
+    kept: list[_Sample] = []
+    for sample in reversed(samples.copy()):  # a thread may add to it
+        kept.append(sample)
+        if sample.time < moment:
+            break
+    return kept[::-1]
+
+
+def interpolated(
+    time: NDArray[np.float64], samples: list[MotionSample]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Position and speed at times [s]: between samples on a line, beyond the last one at its speed."""
+    if not samples:
+        return np.zeros_like(time), np.zeros_like(time)
+    times = np.array([sample.time for sample in samples])
+    speed = np.interp(time, times, [sample.speed for sample in samples])
+    position = np.interp(time, times, [sample.position for sample in samples])
+    return position + samples[-1].speed * np.maximum(time - times[-1], 0.0), speed

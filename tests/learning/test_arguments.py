@@ -125,4 +125,5 @@ def test_a_number_beyond_its_limits_is_refused(kind, name, value):
 def test_the_least_of_every_number_is_taken():
     for kind in (ppo.Arguments, recurrent_ppo.Arguments, bc.Arguments):
         least = {name: type(getattr(kind(), name))(low) for name, (low, _) in kind.limits().items()}
-        kind(angle_mode="fixed", **least)
+        taken = kind(angle_mode="fixed", **least)
+        assert {name: getattr(taken, name) for name in least} == least
