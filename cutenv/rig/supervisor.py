@@ -27,8 +27,8 @@ BRAKING = 0.16
 _SHORT = 1e-4  # [m] before the end of travel, where commands have faded out
 INSIST = 0.010
 """Time after a quick stop [s] from which a drive that still has its power on is sent another with every sample."""
-DEAF = 0.050
-"""The same after which it is left by our heartbeat, so that it stops by its own watch [s]."""
+DEAF = 0.040
+"""Time of being sent more after which it is left by our heartbeat, so that it stops by its own watch [s]."""
 _STRAYED = {"blade": 0.003, "angle": math.radians(10.0)}  # [m], [rad] of a locked axis from where it was locked
 _FALLEN = (DriveState.QUICK_STOP, DriveState.REACTING, DriveState.FAULT)
 
@@ -78,6 +78,7 @@ class Supervisor:
         self._command = self._turning = 0.0
         self._held_until = math.inf
         self._locked_at: dict[str, float] = {}
+        self._insisting: dict[str, float] = {}
         self._abandoned: set[str] = set()
         self.on_stop: Callable[[StopReport], None] = lambda report: None
         """Called once for every stop, after the quick stop is on the bus."""
@@ -116,12 +117,12 @@ class Supervisor:
             report = self.report
             if self.phase != "stopped" or report is None or report.commanded is None:
                 return
-            waited = now - report.commanded
-            if waited < INSIST or name in self._abandoned:
+            if now - report.commanded < INSIST or name in self._abandoned:
                 return
             axis = self._axes[name]
             try:
-                if waited < DEAF:
+                # It counts from its first answer: nothing gets to a drive whose bus is off, and it may come back late.
+                if now - self._insisting.setdefault(name, now) < DEAF:
                     axis.quick_stop()
                 else:
                     self._abandoned.add(name)
@@ -250,6 +251,7 @@ class Supervisor:
             return None
         now = self._clock.now() if detected is None else detected
         self._rest()
+        self._insisting.clear()
         self._abandoned.clear()
         blade = self._motions.newest.get("blade")
         self.report = report = StopReport(

@@ -51,9 +51,22 @@ def test_a_drive_that_never_obeys_is_left_by_the_heartbeat():
     pass_time(rig, 0.2)
     (abandoned,) = (time for time, what in rig.blade.sent if what == "abandoned")
     report = rig.plant.supervisor.report
-    assert DEAF <= abandoned - report.commanded <= DEAF + SYNC + 1e-9
+    assert INSIST + DEAF <= abandoned - report.commanded <= INSIST + DEAF + 2 * SYNC + 1e-9
     assert "left to its own watch" in report.detail
     assert report.standstill is not None
+
+
+def test_a_drive_that_comes_back_late_is_told_again_before_it_is_left():
+    rig = ready_rig()
+    cut_for(rig, 0.2)
+    rig.faults.quick_stops_lost, rig.faults.motion_silent = 1, True
+    rig.plant.supervisor.trip(Cause.OPERATOR, "as told")
+    pass_time(rig, 0.090)
+    rig.faults.motion_silent = False
+    pass_time(rig, 0.1)
+    assert [what for _, what in rig.blade.sent] == ["quick stop", "quick stop"]
+    assert rig.blade.state is DriveState.QUICK_STOP
+    assert rig.plant.supervisor.report.standstill is not None
 
 
 def test_a_drive_that_obeys_is_told_once():
