@@ -17,6 +17,8 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numba.extending
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba.core import cgutils
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -71,6 +73,14 @@ def compiled(function: Function) -> Function:
     return _compiled(function, nogil=False)
 
 
+def inlined(function: Function) -> Function:
+    """Like :func:`compiled`, and made part of every kernel that calls it.
+
+    For functions that take arrays in an inner loop: a call counts references to them, about which cores quarrel.
+    """
+    return _compiled(function, nogil=False, forceinline=True)
+
+
 def compiled_for_cores(function: Function) -> Function:
     """Like :func:`compiled`, and other threads run meanwhile: for loops that are worth one; see :mod:`cutenv.cores`."""
     return _compiled(function, nogil=True)
@@ -79,6 +89,34 @@ def compiled_for_cores(function: Function) -> Function:
 def shared_with_kernels(function: Function) -> Function:
     """Let kernels call ``function``, with which it compiles; elsewhere it stays plain Python, for arrays as well."""
     return numba.extending.register_jitable(function)
+
+
+def fetch_ahead(array: Any, i: int) -> None:
+    """Have element ``i`` of a flat array brought into the first-level cache, and do not wait for it.
+
+    Only kernels gain by it; plain Python does nothing.
+    """
+
+
+@numba.extending.intrinsic
+def _prefetch(_: Any, array: Any, i: Any) -> Any:
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        pointer = builder.bitcast(builder.gep(data, [arguments[1]]), cgutils.voidptr_t)
+        word = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t, word, word, word])
+        prefetch = cgutils.get_or_insert_function(  # type: ignore[no-untyped-call]
+            builder.module, kind, "llvm.prefetch.p0"
+        )
+        builder.call(prefetch, [pointer, word(0), word(3), word(1)])  # to read, kept near, data
+        return context.get_dummy_value()
+
+    return numba.types.none(array, i), build
+
+
+@numba.extending.overload(fetch_ahead, strict=False)
+def _fetch_ahead(array: Any, i: Any) -> Any:
+    return lambda array, i: _prefetch(array, i)  # type: ignore[call-arg]  # the context is Numba's to add
 
 
 def announce(*kernels: Callable[..., Any]) -> None:
@@ -92,13 +130,15 @@ def announce(*kernels: Callable[..., Any]) -> None:
     print(f"{_PACKAGE.name}: compiling for this machine; takes some seconds, once.", file=sys.stderr, flush=True)
 
 
-def _compiled(function: Function, *, nogil: bool) -> Function:
+def _compiled(function: Function, *, nogil: bool, forceinline: bool = False) -> Function:
     # Numba reads the folder once, when it decorates; other packages' kernels stay where they are.
     settings: Any = numba.config
     before = settings.CACHE_DIR
     settings.CACHE_DIR = "" if _FOLDER is None else str(_FOLDER)
     try:
-        decorate = numba.njit(cache=_FOLDER is not None, fastmath=False, error_model="numpy", nogil=nogil)
+        decorate = numba.njit(
+            cache=_FOLDER is not None, fastmath=False, error_model="numpy", nogil=nogil, forceinline=forceinline
+        )
         return cast(Function, decorate(function))
     finally:
         settings.CACHE_DIR = before

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.compiled import compiled
+from cutenv.compiled import compiled, inlined
 
 Integer: TypeAlias = int | np.integer[Any]
 
@@ -32,7 +32,7 @@ _WEYL_0, _WEYL_1 = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
 _ROUNDS = 10
 
 
-@compiled
+@inlined
 def philox(
     key_0: np.uint64, key_1: np.uint64, c0: np.uint64, c1: np.uint64, c2: np.uint64, c3: np.uint64
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
@@ -46,7 +46,7 @@ def philox(
     return c0, c1, c2, c3
 
 
-@compiled
+@inlined
 def words_at(
     seed: Integer, episode: Integer, stream: Integer, counter: Integer
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
@@ -100,7 +100,7 @@ def _ziggurat() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 _LAYERS = 256
 _R = 3.6541528853610088  # where the tail begins, so that the topmost layer closes at x = 0
-_WIDTHS, _HEIGHTS = _ziggurat()
+WIDTHS, _HEIGHTS = _ziggurat()
 _AGAIN = np.uint64(1 << 16)  # added to a stream: words for the few numbers that one word does not settle
 
 
@@ -111,16 +111,26 @@ def _normal(word: np.uint64, seed: Integer, episode: Integer, stream: Integer, c
     Marsaglia and Tsang, "The ziggurat method for generating random variables", J. Stat. Softw. 5(8), 2000; with bits of
     their own for layer and place, as Doornik (2005) asks for.  One word settles 98.8 % of the numbers.
     """
+    layer, sign, across = in_layer(word)
+    x = across * float(WIDTHS[layer])
+    if x < WIDTHS[layer + 1]:
+        return sign * x
+    return sign * normal_at_the_rim(layer, x, seed, episode, stream, counter)
+
+
+@inlined
+def in_layer(word: np.uint64) -> tuple[Integer, float, float]:
+    """A word's layer, sign and place across the layer, 0 to 1.
+
+    Its place times the layer's width is the number's size, and is settled if it is below the width of the next layer.
+    """
     layer = np.int64(word & np.uint64(255))
     sign = 1.0 - 2.0 * float((word >> np.uint64(8)) & np.uint64(1))
-    x = (float(word >> np.uint64(9)) + 0.5) * 2.0**-23 * _WIDTHS[layer]
-    if x < _WIDTHS[layer + 1]:
-        return float(sign * x)
-    return sign * _normal_at_the_rim(layer, x, seed, episode, stream, counter)
+    return layer, sign, (float(word >> np.uint64(9)) + 0.5) * 2.0**-23
 
 
 @compiled
-def _normal_at_the_rim(
+def normal_at_the_rim(
     layer: Integer, x: float, seed: Integer, episode: Integer, stream: Integer, counter: Integer
 ) -> float:
     """The size of the number where ``x`` lies in the rim of its layer, with fresh words until it is settled."""
@@ -138,8 +148,8 @@ def _normal_at_the_rim(
             if height < math.exp(-0.5 * x**2):
                 return x
             layer = np.int64(w2 & np.uint64(255))
-            x = (float(w3 >> np.uint64(9)) + 0.5) * 2.0**-23 * _WIDTHS[layer]
-            if x < _WIDTHS[layer + 1]:
+            x = (float(w3 >> np.uint64(9)) + 0.5) * 2.0**-23 * WIDTHS[layer]
+            if x < WIDTHS[layer + 1]:
                 return x
         attempt += 1
 

@@ -101,9 +101,10 @@ def _lead(states, profile, law, positions, angles, dt, readings):
 
 def changed_law(*changes: tuple[str, str]) -> ModuleType:
     """The cutting law in plain Python, with parts of its source replaced: physics broken on purpose."""
-    source = Path(cutting_law.__file__).read_text().replace("@compiled\n", "")
+    source = Path(cutting_law.__file__).read_text().replace("@compiled\n", "").replace("@inlined\n", "")
     for old, new in changes:
-        assert source.count(old) == 1, f"the law holds {source.count(old)} times: {old}"
+        if source.count(old) != 1:  # no AssertionError, which is what a broken law is to raise
+            raise LookupError(f"the law holds {source.count(old)} times: {old}")
         source = source.replace(old, new)
     module = ModuleType("changed_law")
     exec(compile(source, "changed_law", "exec"), module.__dict__)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutenv.compiled import compiled
+from cutenv.compiled import compiled, inlined
 from cutenv.cutting.records import DRIVE, TICK, Record, Records
 from cutenv.parameter import check_parameters, parameter
 
@@ -103,11 +103,11 @@ class Hand:
 _AT_REST = 1e-5  # [m/s], below the step of an encoder: 10 nm in a millisecond
 
 
-@compiled
-def next_angle(state: Record, drive: Record, target: float, dt: float) -> float:
-    """The blade's angle after ``dt``, turning toward ``target`` at the drive's rate [rad]."""
-    turn = drive.rotation_rate * dt
-    return state.angle + min(max(target - state.angle, -turn), turn)  # type: ignore[no-any-return]
+@inlined
+def turning(angle: float, target: float, rotation_rate: float, dt: float) -> float:
+    """The blade's angle after ``dt``, turning toward ``target`` at ``rotation_rate`` [rad]."""
+    turn = rotation_rate * dt
+    return angle + min(max(target - angle, -turn), turn)
 
 
 @compiled
@@ -116,35 +116,91 @@ def made_up(drive: Record, dt: float) -> float:
     return 1.0 - math.exp(-dt / drive.lag)
 
 
+@inlined
+def on_its_way(
+    command: float, dead_ticks: int, next_target: float, waiting: int, target: float
+) -> tuple[float, int, float]:
+    """A commanded speed [m/s] on its way, the updates until it is there, and the one that has reached the drive.
+
+    Commands have to last longer than the dead time.
+    """
+    if command != next_target:
+        next_target = command
+        waiting = dead_ticks
+    if waiting > 0:
+        return next_target, waiting - 1, target
+    return next_target, waiting, command
+
+
 @compiled
 def delayed(state: Record, drive: Record, target: float) -> float:
-    """The commanded speed [m/s] that has reached the drive; commands have to last longer than the dead time."""
+    """The commanded speed [m/s] that has reached the drive."""
     if drive.dead_ticks == 0:
         return target
-    if target != state.next_target:
-        state.next_target = target
-        state.waiting = drive.dead_ticks
-    if state.waiting > 0:
-        state.waiting -= 1
-    else:
-        state.target = target
+    state.next_target, state.waiting, state.target = on_its_way(
+        target, drive.dead_ticks, state.next_target, state.waiting, state.target
+    )
     return state.target  # type: ignore[no-any-return]
+
+
+@inlined
+def commanded(
+    hand: float, speed: float, target: float, share: float, acceleration: float, travel: float, dt: float
+) -> tuple[float, float]:
+    """Position [m] and speed [m/s] of the carriage after ``dt`` under a commanded speed ``target``.
+
+    It follows through the velocity loop, ``share`` of :func:`made_up`, and its limit of acceleration.
+    """
+    limit = acceleration * dt
+    next_speed = speed + min(max((target - speed) * share, -limit), limit)
+    if target == 0.0 and abs(next_speed) < _AT_REST:
+        next_speed = 0.0  # a lag alone would creep for ever, and friction with it
+    end = hand + 0.5 * (speed + next_speed) * dt
+    if end < 0.0 or end > travel:  # the end stop
+        return min(max(end, 0.0), travel), 0.0
+    return end, next_speed
 
 
 @compiled
 def advance_command(state: Record, drive: Record, share: float, target: float, dt: float) -> None:
-    """Follow a commanded speed [m/s] through the velocity loop, ``share`` of :func:`made_up`, and its limit."""
-    change = (target - state.hand_speed) * share
-    limit = drive.acceleration * dt
-    speed = state.hand_speed + min(max(change, -limit), limit)
-    if target == 0.0 and abs(speed) < _AT_REST:
-        speed = 0.0  # a lag alone would creep for ever, and friction with it
-    end = state.hand + 0.5 * (state.hand_speed + speed) * dt
-    if end < 0.0 or end > drive.travel:  # the end stop
-        end = min(max(end, 0.0), drive.travel)
-        speed = 0.0
-    state.hand = end
-    state.hand_speed = speed
+    """:func:`commanded` of a state's carriage, or of its hand."""
+    state.hand, state.hand_speed = commanded(
+        state.hand, state.hand_speed, target, share, drive.acceleration, drive.travel, dt
+    )
+
+
+@inlined
+def carried(hand: float, blade: float, backlash: float) -> float:
+    """Displacement [m] of a rig's blade, which goes where the carriage goes.
+
+    With backlash the guides' friction holds it until the carriage's nut pushes it: forward from behind, and back once
+    the play is used up.
+    """
+    dx = hand - blade
+    if dx < 0.0 and backlash > 0.0:
+        return min(dx + backlash, 0.0)
+    return dx
+
+
+@compiled
+def pulled(
+    drive: Record,
+    hand: float,
+    hand_speed: float,
+    blade: float,
+    speed: float,
+    elastic: float,
+    friction: float,
+    dt: float,
+) -> float:
+    """Displacement [m] of a hand's blade: a mass on a spring and a damper, by semi-implicit Euler.
+
+    The tissue's ``elastic`` force pulls it back, and ``friction`` (its size) slows, but never reverses it [N].
+    """
+    coupling = drive.coupling_stiffness * (hand - blade) + drive.coupling_damping * hand_speed
+    speed = (speed + (coupling - elastic) * dt / drive.mass) / (1.0 + drive.coupling_damping * dt / drive.mass)
+    speed = math.copysign(max(abs(speed) - friction * dt / drive.mass, 0.0), speed)
+    return min(max(blade + speed * dt, 0.0), drive.travel) - blade  # type: ignore[no-any-return]
 
 
 @compiled
@@ -153,22 +209,12 @@ def motion(
 ) -> float:
     """Displacement of the blade [m] in ``dt`` under a commanded speed; sets ``state.speed`` to its speed.
 
-    The rig's blade goes where the carriage goes.  The hand's blade is a mass on a spring and a damper that the tissue's
-    ``elastic`` force pulls back and ``friction`` (its size) slows, but never reverses; semi-implicit Euler.  With
-    backlash the guides' friction holds the rig's blade until the carriage's nut pushes it: forward from behind, and
-    back once the play is used up.
+    ``elastic`` and ``friction``, the forces on the blade [N], matter to a hand alone: a rig holds position.
     """
     advance_command(state, drive, share, delayed(state, drive, target), dt)
-    if drive.mass <= 0.0:
-        dx = state.hand - state.blade
-        if dx < 0.0 and drive.backlash > 0.0:
-            dx = min(dx + drive.backlash, 0.0)
-        state.speed = dx / dt
-        return dx  # type: ignore[no-any-return]
-    coupling = drive.coupling_stiffness * (state.hand - state.blade) + drive.coupling_damping * state.hand_speed
-    speed = (state.speed + (coupling - elastic) * dt / drive.mass) / (1.0 + drive.coupling_damping * dt / drive.mass)
-    speed = math.copysign(max(abs(speed) - friction * dt / drive.mass, 0.0), speed)
-    end = min(max(state.blade + speed * dt, 0.0), drive.travel)
-    dx = end - state.blade
+    if drive.mass > 0.0:
+        dx = pulled(drive, state.hand, state.hand_speed, state.blade, state.speed, elastic, friction, dt)
+    else:
+        dx = carried(state.hand, state.blade, drive.backlash)
     state.speed = dx / dt
-    return dx  # type: ignore[no-any-return]
+    return dx

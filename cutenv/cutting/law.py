@@ -16,38 +16,54 @@ from __future__ import annotations
 
 import math
 
-from cutenv.compiled import compiled
-from cutenv.cutting.records import Record
+from cutenv.compiled import compiled, inlined
+from cutenv.cutting.records import Record, Records
 from cutenv.tissue.specimen import N_POINTS, POINTS_PER_METRE
 
 _SOFTEST = 0.1  # of K: where a force that hardly falls with growth would need a leap of the tip, loading is elastic
 
 
+@inlined
+def place(at: float) -> tuple[int, float]:
+    """The point of a profile at or before ``at`` [m], and the share of the way to the next one."""
+    s = at * POINTS_PER_METRE
+    i = min(max(int(s), 0), N_POINTS - 2)
+    return i, s - i
+
+
+@inlined
+def between(values: Records, i: int, share: float) -> float:
+    """A profile at a :func:`place`, linear between its points."""
+    value: float = values[i] + share * (values[i + 1] - values[i])
+    return value
+
+
+@inlined
+def slope(values: Records, i: int) -> float:
+    """A profile's derivative between points ``i`` and ``i + 1`` [1/m]."""
+    rise: float = (values[i + 1] - values[i]) * POINTS_PER_METRE
+    return rise
+
+
 @compiled
 def stiffness_at(profile: Record, a: float) -> tuple[float, float]:
-    """K [N/m] and its derivative K' [N/m2] at tip position ``a`` [m], linear between the points of the profile."""
-    s = a * POINTS_PER_METRE
-    i = min(max(int(s), 0), N_POINTS - 2)
-    rise = profile.stiffness[i + 1] - profile.stiffness[i]
-    return profile.stiffness[i] + (s - i) * rise, rise * POINTS_PER_METRE
+    """K [N/m] and its derivative K' [N/m2] at tip position ``a`` [m]."""
+    i, share = place(a)
+    return between(profile.stiffness, i, share), slope(profile.stiffness, i)
 
 
 @compiled
 def toughness_at(profile: Record, a: float) -> float:
     """R B [N], the force per advance that fracture alone would take, at ``a`` [m]."""
-    s = a * POINTS_PER_METRE
-    i = min(max(int(s), 0), N_POINTS - 2)
-    toughness: float = profile.toughness[i] + (s - i) * (profile.toughness[i + 1] - profile.toughness[i])
-    return toughness
+    i, share = place(a)
+    return between(profile.toughness, i, share)
 
 
 @compiled
 def depth_at(profile: Record, x: float) -> float:
     """Depth of cut B [m] at ``x`` [m]."""
-    s = x * POINTS_PER_METRE
-    i = min(max(int(s), 0), N_POINTS - 2)
-    depth: float = profile.depth[i] + (s - i) * (profile.depth[i + 1] - profile.depth[i])
-    return depth
+    i, share = place(x)
+    return between(profile.depth, i, share)
 
 
 @compiled
@@ -62,7 +78,7 @@ def stored_energy(profile: Record, x: float, a: float) -> float:
     return 0.5 * stiffness_at(profile, a)[0] * max(x - a, 0.0) ** 2
 
 
-@compiled
+@inlined
 def loading_ratio(law: Record, speed: float, angle: float) -> float:
     """R = min(1, LEM(v, theta) / E0): how fast the force rises, over how fast it would rise without growth."""
     v = min(max(abs(speed), law.speed_min), law.speed_max)
@@ -73,40 +89,83 @@ def loading_ratio(law: Record, speed: float, angle: float) -> float:
     return ratio
 
 
-@compiled
-def initiation_excess(state: Record, law: Record) -> float:
+@inlined
+def initiation_excess(law: Record, pushing: float) -> float:
     """eta(theta) = eta90 sin^2(theta): a slicing edge starts a crack more easily than a pushing one (assumed)."""
-    eta: float = law.eta90 * state.pushing
+    eta: float = law.eta90 * pushing
     return eta
 
 
-@compiled
-def may_grow(state: Record, change: float, toughness: float, debt_length: float) -> bool:
+@inlined
+def may_grow(ledger: float, change: float, toughness: float, debt_length: float) -> bool:
     """Whether growth may change the ledger so: never below -R B l, unless the growth raises it."""
-    return change >= 0.0 or state.ledger + change >= -toughness * debt_length
+    return change >= 0.0 or ledger + change >= -toughness * debt_length
+
+
+@inlined
+def settled(ledger: float, loss: float) -> tuple[float, float]:
+    """Ledger and loss at full unloading: what the tissue gave beyond fracture is lost; a debt stays."""
+    return min(ledger, 0.0), loss + max(ledger, 0.0)
 
 
 @compiled
-def settle(state: Record) -> None:
-    """At full unloading, book what the tissue gave beyond fracture as loss; a debt stays."""
-    state.loss += max(state.ledger, 0.0)
-    state.ledger = min(state.ledger, 0.0)
+def turned(profile: Record, x: float, lean: float, angle: float) -> tuple[float, float, float]:
+    """Lean and sin^2 of a blade that turns to ``angle``, and the energy that it takes.
+
+    Toward upright, its leaning edge sweeps B^2 |d cot(theta)| / 2 and pays R for it.
+    """
+    next_lean = 1.0 / math.tan(angle)
+    swept = lean - next_lean
+    energy = 0.5 * toughness_at(profile, x) * depth_at(profile, x) * swept if swept > 0.0 else 0.0
+    return next_lean, 1.0 / (1.0 + next_lean**2), energy
 
 
-@compiled
-def turn(state: Record, profile: Record, angle: float) -> None:
-    """Turn the blade.  Toward upright, its leaning edge sweeps B^2 |d cot(theta)| / 2 and pays R for it."""
-    if angle == state.angle:
-        return
-    lean = 1.0 / math.tan(angle)
-    swept = state.lean - lean
-    if swept > 0.0:
-        energy = 0.5 * toughness_at(profile, state.blade) * depth_at(profile, state.blade) * swept
-        state.work += energy
-        state.fracture += energy
-    state.angle = angle
-    state.lean = lean
-    state.pushing = 1.0 / (1.0 + lean**2)
+@inlined
+def elastic_part(x: float, a: float, K: float, F_start: float, dx: float) -> float:
+    """The part of a motion ``dx`` that is elastic: all of it back, and forward up to the force ``F_start``."""
+    if dx > 0.0:
+        return min(dx, max(a - x, 0.0) + max(F_start - K * max(x - a, 0.0), 0.0) / K)
+    return dx
+
+
+@inlined
+def stable_growth(law: Record, K: float, dK: float, lag: float, loading: float, speed: float, angle: float) -> float:
+    """The advance da of the tip for which the force rises only r times as fast as elastically over ``loading``."""
+    softening = K - dK * lag  # -dF/da at fixed x
+    if loading > 0.0 and softening > _SOFTEST * K:
+        return (1.0 - loading_ratio(law, speed, angle)) * K * loading / softening
+    return 0.0
+
+
+@inlined
+def loaded(
+    law: Record,
+    x: float,
+    a: float,
+    da: float,
+    loading: float,
+    F: float,
+    U: float,
+    K: float,
+    toughness: float,
+    next_K: float,
+    next_toughness: float,
+    ledger: float,
+) -> tuple[float, float, float, float, float, float]:
+    """The state after a blade was led by ``loading`` to ``x``, the tip following by ``da`` if the ledger lets it.
+
+    ``F`` [N] and ``U`` [J] are those before.  Returns the tip, F, R B, work, change of the ledger and energy of
+    fracture; where the tip has to wait, those of elastic motion.
+    """
+    next_F = next_K * max(x - (a + da), 0.0)
+    next_U = 0.5 * next_K * max(x - (a + da), 0.0) ** 2
+    spent = 0.5 * (toughness + next_toughness) * da
+    work = 0.5 * (F + next_F) * loading
+    change = work - (next_U - U) - spent
+    if da > 0.0 and may_grow(ledger, change, 0.5 * (toughness + next_toughness), law.debt_length):
+        return a + da, next_F, next_toughness, work, change, spent
+    lag = max(x - a, 0.0)
+    return a, K * lag, toughness, 0.5 * K * lag**2 - U, 0.0, 0.0
 
 
 @compiled
@@ -119,105 +178,74 @@ def move(state: Record, profile: Record, law: Record, dx: float, speed: float) -
     a = state.tip
     K, dK = stiffness_at(profile, a)
     toughness = toughness_at(profile, a)
-    lag = max(x - a, 0.0)
-    U = 0.5 * K * lag**2
+    U = 0.5 * K * max(x - a, 0.0) ** 2
 
     # Elastic, up to the force at which a loading blade begins to cut.  Its work is the change of U, exactly.
-    elastic = dx
-    if dx > 0.0:
-        F_start = min(state.arrest_ratio, 1.0 - initiation_excess(state, law)) * toughness
-        elastic = min(dx, max(a - x, 0.0) + max(F_start - K * lag, 0.0) / K)
+    F_start = min(state.arrest_ratio, 1.0 - initiation_excess(law, state.pushing)) * toughness
+    elastic = elastic_part(x, a, K, F_start, dx)
     x += elastic
     lag = max(x - a, 0.0)
     F = K * lag
     loaded_U = 0.5 * K * lag**2
     work = loaded_U - U
     if x <= a:
-        settle(state)
+        state.ledger, state.loss = settled(state.ledger, state.loss)
 
     # Stable growth: the tip follows so that the force rises only r times as fast as elastically.
     loading = dx - elastic
     if loading > 0.0:
         x += loading
-        da = 0.0
-        softening = K - dK * lag  # -dF/da at fixed x
-        if softening > _SOFTEST * K:
-            da = (1.0 - loading_ratio(law, speed, state.angle)) * K * loading / softening
-        next_K = stiffness_at(profile, a + da)[0]
-        next_toughness = toughness_at(profile, a + da)
-        next_F = next_K * max(x - (a + da), 0.0)
-        next_U = 0.5 * next_K * max(x - (a + da), 0.0) ** 2
-        spent = 0.5 * (toughness + next_toughness) * da
-        cutting_work = 0.5 * (F + next_F) * loading
-        change = cutting_work - (next_U - loaded_U) - spent
-        if da > 0.0 and may_grow(state, change, 0.5 * (toughness + next_toughness), law.debt_length):
-            state.tip = a + da
-            state.ledger += change
-            state.fracture += spent
-            work += cutting_work
-            F = next_F
-            toughness = next_toughness
-        else:
-            lag = max(x - a, 0.0)
-            work += 0.5 * K * lag**2 - loaded_U
-            F = K * lag
+        da = stable_growth(law, K, dK, lag, loading, speed, state.angle)
+        i, share = place(a + da)
+        state.tip, F, toughness, cutting_work, change, spent = loaded(
+            law, x, a, da, loading, F, loaded_U, K, toughness,
+            between(profile.stiffness, i, share), between(profile.toughness, i, share), state.ledger,
+        )  # fmt: skip
+        state.ledger += change
+        state.fracture += spent
+        work += cutting_work
     state.blade = x
     state.work += work
     return F, toughness
 
 
 @compiled
-def run_crack(state: Record, profile: Record, law: Record) -> float:
-    """Let the crack run at fixed blade, its force having reached (1 + eta) R B; return the length of the run [m]."""
-    x = state.blade
-    start = state.tip
-    toughness = toughness_at(profile, start)
-    U = stored_energy(profile, x, start)
-    F = 0.0
+def run_crack(
+    profile: Record, law: Record, x: float, a: float, ledger: float, fracture: float, loss: float
+) -> tuple[float, float, float, float, float, float]:
+    """Let the crack run from ``a`` at a fixed blade ``x``, its force having reached (1 + eta) R B.
+
+    Returns the tip, ledger, energy of fracture, loss, force and R B where it comes to rest.
+    """
+    toughness = toughness_at(profile, a)
+    U = stored_energy(profile, x, a)
+    F = elastic_force(profile, x, a)
     while True:
-        a = min(state.tip + law.growth_step, x)
-        next_toughness = toughness_at(profile, a)
-        spent = 0.5 * (toughness + next_toughness) * (a - state.tip)
-        next_U = stored_energy(profile, x, a)
+        tip = min(a + law.growth_step, x)
+        next_toughness = toughness_at(profile, tip)
+        spent = 0.5 * (toughness + next_toughness) * (tip - a)
+        next_U = stored_energy(profile, x, tip)
         change = U - next_U - spent
-        if not may_grow(state, change, next_toughness, law.debt_length):
+        if not may_grow(ledger, change, next_toughness, law.debt_length):
             break
-        state.tip = a
-        state.ledger += change
-        state.fracture += spent
+        a = tip
+        ledger += change
+        fracture += spent
         toughness = next_toughness
         U = next_U
         F = elastic_force(profile, x, a)
         if a >= x:
-            settle(state)
+            ledger, loss = settled(ledger, loss)
             break
-        if state.ledger <= 0.0 and F < toughness:
+        if ledger <= 0.0 and F < toughness:
             break
-    length: float = state.tip - start
-    if length > 0.0:
-        state.arrest_ratio = F / toughness
-        state.uncontrolled += length
-        state.units += 1 - state.running  # a run that the ledger lets on only bit by bit is one unit
-        state.running = 1
-    return length
+    return a, ledger, fracture, loss, F, toughness
 
 
-@compiled
-def rub(state: Record, profile: Record, law: Record, dx: float, speed: float) -> float:
-    """Book friction of the blade's faces over ``dx``; return its force [N], against the motion, zero at rest."""
-    if dx == 0.0:
-        return 0.0
-    force = friction_force(state, profile, law, speed)
-    state.work += force * abs(dx)
-    state.friction += force * abs(dx)
-    return math.copysign(force, dx)
-
-
-@compiled
-def friction_force(state: Record, profile: Record, law: Record, speed: float) -> float:
+@inlined
+def rubbing(law: Record, depth: float, speed: float) -> float:
     """Size of the friction force [N] on a moving blade: proportional to depth, and optionally to speed."""
-    per_depth = law.friction_per_depth + law.friction_per_depth_speed * abs(speed)
-    force: float = per_depth * depth_at(profile, state.blade)
+    force: float = (law.friction_per_depth + law.friction_per_depth_speed * abs(speed)) * depth
     return force
 
 
@@ -239,17 +267,33 @@ def cut(state: Record, profile: Record, law: Record, dx: float, angle: float, dt
     Returns
     -------
     elastic, friction, jump : float
-        Force of the tissue on the blade, back toward the clamp, and force of friction, against the motion: a sensor
-        feels their sum [N].  Length of an unstable run [m].
+        Force of the tissue on the blade, back toward the clamp, and force of friction, against the motion, zero at
+        rest: a sensor feels their sum [N].  Length of an unstable run [m].
     """
     speed = dx / dt
-    turn(state, profile, angle)
-    friction = rub(state, profile, law, dx, speed)
+    if angle != state.angle:
+        state.lean, state.pushing, energy = turned(profile, state.blade, state.lean, angle)
+        state.angle = angle
+        state.work += energy
+        state.fracture += energy
+    friction = 0.0
+    if dx != 0.0:
+        friction = rubbing(law, depth_at(profile, state.blade), speed)
+        state.work += friction * abs(dx)
+        state.friction += friction * abs(dx)
     elastic, toughness = move(state, profile, law, dx, speed)
     jump = 0.0
-    if elastic < (1.0 + initiation_excess(state, law)) * toughness:
+    if elastic < (1.0 + initiation_excess(law, state.pushing)) * toughness:
         state.running = 0
     else:
-        jump = run_crack(state, profile, law)
-        elastic = elastic_force(profile, state.blade, state.tip)
-    return elastic, friction, jump
+        start = state.tip
+        state.tip, state.ledger, state.fracture, state.loss, elastic, toughness = run_crack(
+            profile, law, state.blade, start, state.ledger, state.fracture, state.loss
+        )
+        jump = state.tip - start
+        if jump > 0.0:
+            state.arrest_ratio = elastic / toughness
+            state.uncontrolled += jump
+            state.units += 1 - state.running  # a run that the ledger lets on only bit by bit is one unit
+            state.running = 1
+    return elastic, math.copysign(friction, dx), jump

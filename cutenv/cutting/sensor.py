@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.compiled import compiled
+from cutenv.compiled import compiled, inlined
 from cutenv.cutting.records import TICK, Record, Records
 from cutenv.parameter import check_parameters, parameter
 from cutenv.randomness import SENSOR_DRIFT, SENSOR_NOISE, four_normals_at, normal_at
@@ -41,21 +41,32 @@ SENSOR: np.dtype[Any] = np.dtype(
 @compiled
 def measure(sensor: Record, force: float, tick: int) -> float:
     """The reading [N] at update ``tick`` (counted from 0 at reset, every tick once) under a true ``force`` [N]."""
-    line = sensor.line
-    line[tick & WRAP] = force
-    delayed = line[(tick - sensor.delay) & WRAP] if tick >= sensor.delay else 0.0
-    if sensor.drift > 0.0:
-        sensor.offset += sensor.drift * TICK**0.5 * normal_at(sensor.seed, sensor.episode, SENSOR_DRIFT, tick)
-    reading = delayed + sensor.offset - sensor.tare
-    if sensor.noise > 0.0:
-        reading += sensor.noise * _standard_noise(sensor, tick)
-    if sensor.resolution > 0.0:
-        reading = sensor.resolution * np.floor(reading / sensor.resolution + 0.5)
-    return reading  # type: ignore[no-any-return]
+    standard = standard_noise(sensor, tick) if sensor.noise > 0.0 else 0.0
+    return as_read(passed(sensor, force, tick), sensor.noise, standard, sensor.resolution)
 
 
 @compiled
-def _standard_noise(sensor: Record, tick: int) -> float:
+def passed(sensor: Record, force: float, tick: int) -> float:
+    """The force [N] that comes out of the line at update ``tick`` as ``force`` goes in, drifted and tared."""
+    line = sensor.line
+    line[tick & WRAP] = force
+    delayed: float = line[(tick - sensor.delay) & WRAP] if tick >= sensor.delay else 0.0
+    if sensor.drift > 0.0:
+        sensor.offset += sensor.drift * TICK**0.5 * normal_at(sensor.seed, sensor.episode, SENSOR_DRIFT, tick)
+    return delayed + sensor.offset - sensor.tare  # type: ignore[no-any-return]
+
+
+@inlined
+def as_read(force: float, noise: float, standard: float, resolution: float) -> float:
+    """The reading [N] of a ``force`` [N] under ``standard`` normal noise."""
+    reading = force + noise * standard
+    if resolution > 0.0:
+        return resolution * np.floor(reading / resolution + 0.5)  # type: ignore[no-any-return]
+    return reading
+
+
+@compiled
+def standard_noise(sensor: Record, tick: int) -> float:
     """The number that (seed, episode, tick) stands for; they come by fours, so three of four are kept ones."""
     block = tick >> 2
     kept = sensor.standard_noise

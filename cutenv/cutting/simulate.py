@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from cutenv.compiled import compiled, compiled_for_cores
-from cutenv.cutting.drive import made_up, motion, next_angle
-from cutenv.cutting.law import cut, elastic_force, friction_force, stored_energy
+from cutenv.cutting.drive import made_up, motion, turning
+from cutenv.cutting.law import cut, depth_at, elastic_force, rubbing, stored_energy
 from cutenv.cutting.records import DRIVE, LAW, PROFILE, STATE, Record, Records
 from cutenv.cutting.sensor import SENSOR, measure
 from cutenv.tissue.specimen import LENGTH
@@ -53,9 +53,9 @@ def update(
     elastic = friction = 0.0
     if drive.mass > 0.0:  # a hand yields to what it feels, a rig does not
         elastic = elastic_force(profile, state.blade, state.tip)
-        friction = friction_force(state, profile, law, state.speed)
+        friction = rubbing(law, depth_at(profile, state.blade), state.speed)
     dx = motion(state, drive, share, speed, elastic, friction, dt)
-    elastic, friction, jump = cut(state, profile, law, dx, next_angle(state, drive, angle, dt), dt)
+    elastic, friction, jump = cut(state, profile, law, dx, turning(state.angle, angle, drive.rotation_rate, dt), dt)
     state.tick += 1
     measured = measure(sensor, elastic + friction, state.tick - 1)
     _note(state, reading, measured, elastic, friction, jump, dt)

@@ -13,10 +13,11 @@ unloads escapes them, so a breach is dearer than stopping in every state.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from cutenv.compiled import compiled
+from cutenv.compiled import compiled, inlined
 from cutenv.cutting.law import depth_at, stiffness_at, toughness_at
 from cutenv.cutting.records import TICK, Record, Records
 from cutenv.terms import ANGLE_TOLERANCE, TIP_TOLERANCE, force_per_depth, lag, overshoot, tip_error, wedge
@@ -47,6 +48,126 @@ WORST_STORED = 2.0
 _PROGRESS, _UNCONTROLLED, _JUMP, _FORCE, _LAG, _BACKWARD, _HASTE, _TIME, _TIP, _WEDGE, _STORED, _SAFETY = range(12)
 _FINISHED, _FORCE_LIMIT, _OVERSHOOT, _DEADLINE = range(1, 5)
 _SHALLOWEST = 0.001  # [m], below which force per depth would be noise over nothing
+
+
+class Tally(NamedTuple):
+    """What is counted at every millisecond of a step: memory of the assessment, and sums that the weights are for."""
+
+    position: float
+    """Of the blade [m]."""
+    touched: int
+    """Whether the blade has loaded the tissue."""
+    furthest: float
+    """Of the blade so far [m]."""
+    time: float
+    """Since reset [s]."""
+    quiet: float
+    """Time for which the blade has been at rest and unloaded [s]."""
+    tip: float
+    """As assessed [m]."""
+    end: int
+    """Index in :data:`~cutenv.task.records.ENDS`."""
+    updates: int
+    """Of this step."""
+    out_of_range: int
+    """Those at a speed outside the measured range."""
+    over_limit: float
+    """Largest force above the limit [N]."""
+    uncontrolled: float
+    """Sum of unstable growth [m], and"""
+    jumped: float
+    """of its squares [m2]."""
+    over_force: float
+    """Sum of force per depth above what costs nothing [N/m]."""
+    over_lag: float
+    """Sum of lag above what costs nothing [m]."""
+    backward: float
+    """Travel back [m]."""
+    haste: float
+    """Integral of speed squared over travel [m3/s2]."""
+
+
+@compiled
+def fresh(progress: Record) -> Tally:
+    """The tally at the beginning of a step."""
+    return Tally(
+        progress.position, progress.touched, progress.furthest, progress.time, progress.quiet, progress.tip,
+        0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    )  # fmt: skip
+
+
+@inlined
+def counted(
+    tally: Tally,
+    task: Record,
+    x: float,
+    velocity: float,
+    force: float,
+    felt: float,
+    a: float,
+    jump: float,
+    depth: float,
+) -> Tally:
+    """The tally a millisecond later.
+
+    Parameters
+    ----------
+    tally : Tally
+        Before.
+    task : Record
+        Limits and target, by name as in :data:`~cutenv.task.records.TASK`.
+    x, velocity : float
+        Of the blade [m], [m/s].
+    force, felt : float
+        On the blade, true or measured, and measured [N].
+    a, jump : float
+        Crack tip and unstable growth, true or estimated [m].
+    depth : float
+        Of cut at the blade [m].
+    """
+    moved = x - tally.position
+    speed, size = abs(velocity), abs(force)
+    depth = max(depth, _SHALLOWEST)
+    force_limit = task.force_limit_per_depth * depth
+
+    over_force = force_per_depth(size, depth) - FORCE_ALLOWED if size > FORCE_ALLOWED * depth else 0.0
+    backward = max(-moved, 0.0) if tally.touched == 1 else 0.0
+    furthest = max(tally.furthest, x)
+    time = tally.time + TICK
+    measured = speed == 0.0 or task.speed_min <= speed <= task.speed_max
+
+    unloaded = felt < task.friction_per_depth * depth + FORCE_UNLOADED
+    resting = speed < SPEED_AT_REST and unloaded and furthest >= TRAVEL_TO_FINISH
+    quiet = tally.quiet + TICK if resting else 0.0
+
+    end = 0
+    if time >= task.deadline - 0.5 * TICK:
+        end = _DEADLINE
+    if quiet >= TIME_AT_REST - 0.5 * TICK:
+        end = _FINISHED
+    if a > task.target + OVERSHOOT_ALLOWED:
+        end = _OVERSHOOT
+    if size > force_limit:
+        end = _FORCE_LIMIT
+
+    return Tally(
+        x,
+        1 if x > a else tally.touched,
+        furthest,
+        time,
+        quiet,
+        a,
+        end,
+        tally.updates + 1,
+        tally.out_of_range + (0 if measured else 1),
+        max(tally.over_limit, size - force_limit),
+        tally.uncontrolled + jump,
+        tally.jumped + jump**2,
+        tally.over_force + over_force,
+        tally.over_lag + max(lag(x, a) - LAG_ALLOWED, 0.0),
+        tally.backward + backward,
+        tally.haste + speed**2 * abs(moved),
+    )
 
 
 @compiled
@@ -80,72 +201,47 @@ def assess(
     terms : array, shape (12,)
         Filled with the terms of this step in the order of :data:`~cutenv.task.records.TERMS`; their sum is the reward.
     """
-    L = task.target
-    force_limit, friction = task.force_limit_per_depth, task.friction_per_depth
-    x, touched, furthest = progress.position, progress.touched, progress.furthest
-    time, quiet, end = progress.time, progress.quiet, 0
-    tip_before = a = progress.tip
-    over_limit, out_of_range, updates = 0.0, 0, 0
-    # Sums of what the weights are for; multiplied once, at the end.
-    uncontrolled = jumped = over_force = over_lag = backward = haste = 0.0
+    tally = fresh(progress)
     for i in range(len(readings)):
         reading = readings[i]
-        moved = reading.position - x
-        x = reading.position
-        a = reading.tip if from_truth else tips[i]
-        jump = reading.jump if from_truth else jumps[i]
-        speed = abs(reading.speed)
-        force = abs(reading.true_force if from_truth else reading.force)
-        depth = max(depth_at(profile, x), _SHALLOWEST)
-
-        if jump != 0.0:
-            uncontrolled += jump
-            jumped += jump**2
-        if force > FORCE_ALLOWED * depth:
-            over_force += force_per_depth(force, depth) - FORCE_ALLOWED
-        over_lag += max(lag(x, a) - LAG_ALLOWED, 0.0)
-        if touched == 1:
-            backward += max(-moved, 0.0)
-        haste += speed**2 * abs(moved)
-
-        touched = 1 if x > a else touched
-        furthest = max(furthest, x)
-        time += TICK
-        updates += 1
-        over_limit = max(over_limit, force - force_limit * depth)
-        if speed != 0.0 and not task.speed_min <= speed <= task.speed_max:
-            out_of_range += 1
-
-        unloaded = reading.force < friction * depth + FORCE_UNLOADED
-        quiet = quiet + TICK if speed < SPEED_AT_REST and unloaded and furthest >= TRAVEL_TO_FINISH else 0.0
-
-        if force > force_limit * depth:
-            end = _FORCE_LIMIT
-        elif a > L + OVERSHOOT_ALLOWED:
-            end = _OVERSHOOT
-        elif quiet >= TIME_AT_REST - 0.5 * TICK:
-            end = _FINISHED
-        elif time >= task.deadline - 0.5 * TICK:
-            end = _DEADLINE
-        if end != 0:
+        tally = counted(
+            tally,
+            task,
+            reading.position,
+            reading.speed,
+            reading.true_force if from_truth else reading.force,
+            reading.force,
+            reading.tip if from_truth else tips[i],
+            reading.jump if from_truth else jumps[i],
+            depth_at(profile, reading.position),
+        )
+        if tally.end != 0:
             break
+    charge(task, progress, profile, tally, readings[tally.updates - 1].angle, terms)
 
-    progress.position, progress.touched, progress.furthest = x, touched, furthest
-    progress.time, progress.quiet, progress.end = time, quiet, end
-    progress.tip, progress.angle = a, readings[updates - 1].angle
-    progress.over_limit, progress.out_of_range, progress.updates = over_limit, out_of_range, updates
-    progress.overshoot = overshoot(a, L)
+
+@compiled
+def charge(task: Record, progress: Record, profile: Record, tally: Tally, angle: float, terms: Records) -> None:
+    """Charge what was counted in a step to the reward's terms; the blade ended at ``angle`` [rad]."""
+    L = task.target
+    progress.position, progress.touched, progress.furthest = tally.position, tally.touched, tally.furthest
+    progress.time, progress.quiet, progress.end = tally.time, tally.quiet, tally.end
+    tip_before = progress.tip
+    progress.tip, progress.angle = tally.tip, angle
+    progress.over_limit, progress.out_of_range = tally.over_limit, tally.out_of_range
+    progress.updates = tally.updates
+    progress.overshoot = overshoot(tally.tip, L)
 
     terms[:] = 0.0
-    terms[_PROGRESS] = (min(a, L) - min(tip_before, L)) / L
-    terms[_UNCONTROLLED] -= task.uncontrolled * uncontrolled / L
-    terms[_JUMP] -= task.jump * jumped / 0.010**2
-    terms[_FORCE] -= task.force * over_force * TICK / 100.0
-    terms[_LAG] -= task.lag * over_lag * TICK / 0.010
-    terms[_BACKWARD] -= task.backward * backward / L
-    terms[_HASTE] -= task.haste * haste / (2.0 * DECELERATION * TIP_TOLERANCE * L)
-    terms[_TIME] -= task.time * updates * TICK / TIME_SCALE
-    if end != 0:
+    terms[_PROGRESS] = (min(tally.tip, L) - min(tip_before, L)) / L
+    terms[_UNCONTROLLED] -= task.uncontrolled * tally.uncontrolled / L
+    terms[_JUMP] -= task.jump * tally.jumped / 0.010**2
+    terms[_FORCE] -= task.force * tally.over_force * TICK / 100.0
+    terms[_LAG] -= task.lag * tally.over_lag * TICK / 0.010
+    terms[_BACKWARD] -= task.backward * tally.backward / L
+    terms[_HASTE] -= task.haste * tally.haste / (2.0 * DECELERATION * TIP_TOLERANCE * L)
+    terms[_TIME] -= task.time * tally.updates * TICK / TIME_SCALE
+    if tally.end != 0:
         charge_end(task, progress, profile, terms)
 
 

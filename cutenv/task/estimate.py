@@ -14,31 +14,40 @@ _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
 
 @compiled
 def estimate(task: Record, progress: Record, nominal: Record, readings: Records, tips: Records, jumps: Records) -> None:
-    """Fill ``tips`` [m] and ``jumps`` [m], shape (ticks,), from what was felt.
-
-    A cut never heals, so the tip never goes back.  Over every 20 ms, the tip's advance beyond the blade's is taken for
-    an unstable run, booked at their last millisecond.
-    """
+    """Fill ``tips`` [m] and ``jumps`` [m], shape (ticks,), from what was felt."""
     a = progress.tip
     tick = round(progress.time / TICK)
     for i in range(len(readings)):
-        reading = readings[i]
-        friction = task.friction_per_depth * depth_at(nominal, reading.position)
-        moving = 1.0 if reading.speed > 0.0 else (-1.0 if reading.speed < 0.0 else 0.0)
-        progress.settled = progress.settled + 1 if moving == progress.direction else 0
-        progress.direction = moving
-        elastic = max(reading.force - moving * friction, 0.0)
-        guess = a
-        for _ in range(_ITERATIONS):
-            guess = reading.position - elastic / stiffness_at(nominal, max(guess, 0.0))[0]
-        if elastic > 0.0 and progress.settled >= _SETTLE:
-            a = max(a, guess)
-        tips[i] = a
-        jumps[i] = 0.0
         tick += 1
-        if tick % _WINDOW == 0:
-            run = a - progress.window_tip - max(reading.position - progress.window_position, 0.0)
-            if run > SMALLEST_RUN:
-                jumps[i] = run
-            progress.window_tip = a
-            progress.window_position = reading.position
+        reading = readings[i]
+        a, jumps[i] = estimated(task, progress, nominal, a, tick, reading.position, reading.speed, reading.force)
+        tips[i] = a
+
+
+@compiled
+def estimated(
+    task: Record, progress: Record, nominal: Record, a: float, tick: int, x: float, speed: float, force: float
+) -> tuple[float, float]:
+    """Tip and unstable growth [m] at update ``tick`` (from 1 at reset), the tip having been estimated at ``a`` before.
+
+    A cut never heals, so the tip never goes back.  Over every 20 ms, the tip's advance beyond the blade's is taken for
+    an unstable run, booked at their last millisecond.  ``progress`` remembers.
+    """
+    friction = task.friction_per_depth * depth_at(nominal, x)
+    moving = 1.0 if speed > 0.0 else (-1.0 if speed < 0.0 else 0.0)
+    progress.settled = progress.settled + 1 if moving == progress.direction else 0
+    progress.direction = moving
+    elastic = max(force - moving * friction, 0.0)
+    guess = a
+    for _ in range(_ITERATIONS):
+        guess = x - elastic / stiffness_at(nominal, max(guess, 0.0))[0]
+    if elastic > 0.0 and progress.settled >= _SETTLE:
+        a = max(a, guess)
+    jump = 0.0
+    if tick % _WINDOW == 0:
+        run = a - progress.window_tip - max(x - progress.window_position, 0.0)
+        if run > SMALLEST_RUN:
+            jump = run
+        progress.window_tip = a
+        progress.window_position = x
+    return a, jump

@@ -56,7 +56,7 @@ def tell(
     told[1] = state.blade
     told[2] = resistance[place]
     told[3] = modulus[place]
-    told[4] = initiation_excess(state, law)
+    told[4] = initiation_excess(law, state.pushing)
     told[5] = state.units
     told[6] = state.uncontrolled
     told[7] = task.target

@@ -137,7 +137,7 @@ def test_doubled_eta90_fails_units_share_and_peak():
 
 def test_an_eta_blind_to_the_angle_fails_the_peak_at_45_degrees():
     row = ROWS[-1]
-    law = changed_law(("law.eta90 * state.pushing", "law.eta90"))
+    law = changed_law(("law.eta90 * pushing", "law.eta90"))
     with pytest.raises(AssertionError):
         check_peak_force(lead_by(law, homogeneous(), constant_feed(row.speed), row.angle), row)
 
@@ -157,14 +157,14 @@ def test_a_blade_that_never_cuts_as_it_loads_fails_slope_and_share():
 
 
 def test_force_times_growth_instead_of_the_difference_of_stored_energy_does_not_close():
-    law = changed_law(("change = U - next_U - spent", "change = F * (a - state.tip) - spent"))
+    law = changed_law(("change = U - next_U - spent", "change = F * (tip - a) - spent"))
     cut = lead_by(law, homogeneous(), constant_feed(FAST.speed), FAST.angle)
     with pytest.raises(AssertionError):
         check_residual(cut)
 
 
 def test_a_run_that_stops_at_the_resistance_wastes_energy_and_fails_work_per_area():
-    law = changed_law(("if state.ledger <= 0.0 and F < toughness:", "if F < toughness:"))
+    law = changed_law(("if ledger <= 0.0 and F < toughness:", "if F < toughness:"))
     cut = lead_by(law, homogeneous(), constant_feed(0.0127))
     with pytest.raises(AssertionError):
         check_work_per_area(cut)

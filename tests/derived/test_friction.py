@@ -51,7 +51,7 @@ def test_friction_opposes_the_motion_both_ways():
 
 def test_a_pull_forward_on_the_way_back_fails_the_check():
     with pytest.raises(AssertionError):
-        check_opposes_motion(there_and_back(changed_law(("math.copysign(force, dx)", "force"))))
+        check_opposes_motion(there_and_back(changed_law(("math.copysign(friction, dx)", "friction"))))
 
 
 def test_a_blade_at_rest_feels_no_friction():
@@ -67,7 +67,10 @@ def test_the_closed_loop_returns_the_resistance_that_was_put_in():
 
 
 def test_friction_charged_on_top_of_the_whole_resistance_fails_the_check():
-    law = changed_law(("toughness: float = profile.toughness[i] + (s - i) *", "toughness = R_B + (s - i) *"))
+    law = changed_law(
+        ("    return between(profile.toughness, i, share)\n", "    return R_B\n"),
+        ("between(profile.toughness, i, share), state.ledger", "R_B, state.ledger"),
+    )
     law.R_B = R * B
     with pytest.raises(AssertionError):
         check_resistance_returned(there_and_back(law))

@@ -71,8 +71,8 @@ def test_wedge_is_paid_once_toward_upright_and_never_given_back(check):
     [
         (check_wedge_is_paid, "energy = 0.5 * toughness_at", "energy = toughness_at"),
         (check_wedge_is_paid, "        state.fracture += energy\n", ""),
-        (check_turning_away_is_free, "if swept > 0.0:", "if swept != 0.0:"),
-        (check_oscillation_pays_every_time, "if swept > 0.0:", "if swept != 0.0:"),
+        (check_turning_away_is_free, "if swept > 0.0 else", "if swept != 0.0 else"),
+        (check_oscillation_pays_every_time, "if swept > 0.0 else", "if swept != 0.0 else"),
     ],
 )
 def test_turning_broken_on_purpose_fails_the_check(check, old, new):

@@ -88,6 +88,6 @@ def test_a_law_that_lends_without_limit_fails_the_check():
     specimen = homogeneous()
     path = through([x for peak in np.linspace(0.02, 0.05, 300) for x in (peak, peak - 0.3e-3)], 25e-6)
     check_loan(lead(specimen, path))
-    law = changed_law(("state.ledger + change >= -toughness * debt_length", "True"))
+    law = changed_law(("ledger + change >= -toughness * debt_length", "True"))
     with pytest.raises(AssertionError):
         check_loan(lead_by(law, specimen, path))

@@ -91,7 +91,7 @@ def test_a_run_that_waits_for_the_next_update_fails_the_peak_force():
         "    elastic = elastic_force(profile, state.blade, state.tip)\n"
         "    toughness = toughness_at(profile, state.tip)\n"
     )
-    last = "    return elastic, friction, jump\n"
+    last = "    return elastic, math.copysign(friction, dx), jump\n"
     waiting = changed_law((move + run, before + run), (last, move + last))
     path = [constant_feed(0.0254, to=0.05, dt=dt) for dt in (8 * COARSE, FINE)]
     check_peak_force(*(lead_by(changed_law(), homogeneous(), positions) for positions in path))

@@ -139,7 +139,7 @@ HEALING = "    a = state.tip = min(state.tip, state.blade)\n    K,"
 @pytest.mark.parametrize(
     ("check", "old", "new"),
     [
-        (check_same_friction_in_the_old_crack, "math.copysign(force, dx)", "math.copysign(force, dx) + 0.2"),
+        (check_same_friction_in_the_old_crack, "math.copysign(friction, dx)", "math.copysign(friction, dx) + 0.2"),
         (check_same_friction_in_the_old_crack, START, HEALING),
         (check_force_resumes, START, HEALING),
         (check_second_inch_continues_the_first, START, BACKWARD_CUT),
