@@ -14,6 +14,7 @@ from cutenv.bench.limits import limits
 from cutenv.bench.measured import Measured, Number, at_least, at_most
 from cutenv.compiled import compiled_for_cores
 from cutenv.cores import cores, over_cores
+from cutenv.cutting.abreast import hold_some
 from cutenv.cutting.drive import made_up
 from cutenv.cutting.records import READING, TICK
 from cutenv.cutting.simulate import update
@@ -40,13 +41,16 @@ class Rates(NamedTuple):
 
     native: float
     bare: float
+    """Of the updates alone, cuts abreast: no assessment, no observation, no info, no ends."""
+    single_file: float
+    """Of the same, one cut after the other."""
     resets: float
     """Environments begun per second."""
 
 
 @compiled_for_cores
-def _bare(first: int, last: int, cuts: Cuts, ticks: int, speed: float, angle: float) -> None:
-    """Nothing but the updates: no assessment, no observation, no info, no ends."""
+def _single_file(first: int, last: int, cuts: Cuts, ticks: int, speed: float, angle: float) -> None:
+    """What :func:`cutenv.cutting.abreast.hold_some` does, one cut after the other."""
     readings = np.empty(ticks, READING)
     for n in range(first, last):
         state, sensor, drive, law, profile = (
@@ -71,20 +75,23 @@ def rates(count: int, rounds: int | None = None) -> Rates:
     env = GentleCutVectorEnv(count)
     actions = np.tile(np.array(_ACTION, np.float32), (count, 1))
     speed, angle = SPEED_SCALE * _ACTION[0], ANGLE_CENTRE + ANGLE_SCALE * _ACTION[1]
-    best = [np.inf, np.inf, np.inf]
+    commands, felt = np.tile((speed, angle), (count, 1)), np.empty(count)
+    best = [np.inf, np.inf, np.inf, np.inf]
     for _ in range(rounds + 1):  # the first one warms up
         start = time.perf_counter()
         env.reset(seed=0)
-        best[2] = min(best[2], time.perf_counter() - start)
+        best[3] = min(best[3], time.perf_counter() - start)
         for _ in range(_WARM_UP):
             env.step(actions)
-        alone = Cuts(*(part.copy() for part in env.cuts))
-        best[0] = min(best[0], _seconds(lambda: env.step(actions)))
-        best[1] = min(
-            best[1],
-            _seconds(lambda: over_cores(_bare, count, alone, env.single.ticks, speed, angle)),  # noqa: B023
+        abreast, alone = (Cuts(*(part.copy() for part in env.cuts)) for _ in range(2))
+        ways = (
+            lambda: env.step(actions),
+            lambda: over_cores(hold_some, count, *abreast[:5], commands, env.single.ticks, felt),  # noqa: B023
+            lambda: over_cores(_single_file, count, alone, env.single.ticks, speed, angle),  # noqa: B023
         )
-    return Rates(count / best[0], count / best[1], count / best[2])
+        for k, way in enumerate(ways):
+            best[k] = min(best[k], _seconds(way))
+    return Rates(*(count / seconds for seconds in best))
 
 
 def _seconds(step: Callable[[], Any]) -> float:
@@ -112,6 +119,7 @@ def _numbers(found: dict[int, Rates], others: dict[Other, dict[int, float]]) -> 
     for count, rate in found.items():
         numbers[f"steps of cutenv/GentleCut-v0, {count}"] = Number(rate.native, "1/s")
         numbers[f"of the bare loop, {count}"] = Number(rate.native / rate.bare, "1")
+        numbers[f"over the bare loop in single file, {count}"] = Number(rate.native / rate.single_file, "1")
         numbers[f"resets of cutenv/GentleCut-v0, {count}"] = Number(rate.resets, "1/s")
     for other, rate_of in others.items():
         for count, per_second in rate_of.items():
@@ -127,8 +135,8 @@ def _table(found: dict[int, Rates], others: dict[Other, dict[int, float]]) -> li
         f"  beside {SYNC.name} in {SYNC.way}, to {SYNC.largest} of them, and in {ASYNC.way}, a process for each, to "
         f"{ASYNC.largest};",
         f"  beside {NATIVE.name} in {NATIVE.way}",
-        "             thousand environment steps a second       of the  ns an update  ms to reset",
-        "   number    cutenv      Sync     Async  CartPole   bare loop     of cutenv          all",
+        "             thousand environment steps a second         of the bare loop  ns an update  ms to reset",
+        "   number    cutenv      Sync     Async  CartPole   abreast  in single file     of cutenv          all",
     ]
     for count, rate in found.items():
         beside = "".join(
@@ -136,8 +144,8 @@ def _table(found: dict[int, Rates], others: dict[Other, dict[int, float]]) -> li
             for other in (SYNC, ASYNC, NATIVE)
         )
         lines.append(
-            f"  {count:7d}{rate.native / 1e3:10.1f}{beside}{rate.native / rate.bare:12.2f}"
-            f"{1e9 / rate.native / 20:14.0f}{1e3 * count / rate.resets:13.1f}"
+            f"  {count:7d}{rate.native / 1e3:10.1f}{beside}{rate.native / rate.bare:10.2f}"
+            f"{rate.native / rate.single_file:16.2f}{1e9 / rate.native / 20:14.0f}{1e3 * count / rate.resets:13.1f}"
         )
     return lines
 

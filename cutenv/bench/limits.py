@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from cutenv.bench.measured import Measured, Number
 from cutenv.compiled import compiled
 from cutenv.cores import cores
+from cutenv.cutting.abreast import ABREAST
 from cutenv.cutting.records import DRIVE, LAW, STATE, Records
 from cutenv.cutting.sensor import SENSOR
 from cutenv.task.observation import COMPONENTS
@@ -28,7 +30,7 @@ def _chain(count: int, x: float) -> float:
 
 
 @compiled
-def _abreast(count: int, values: Records) -> None:
+def _in_turn(count: int, values: Records) -> None:
     a, b, c, d, e, f = values[0], values[1], values[2], values[3], values[4], values[5]
     for _ in range(count):
         a, b, c = a * 0.999999 + 1e-6, b * 0.999999 + 1e-6, c * 0.999999 + 1e-6
@@ -36,19 +38,32 @@ def _abreast(count: int, values: Records) -> None:
     values[0] = a + b + c + d + e + f
 
 
-def operations_per_ns() -> tuple[float, float]:
-    """Floating-point operations a nanosecond on one core: each waiting for the last, and six abreast."""
-    values: NDArray[np.float64] = np.ones(6)
-    _chain(10, 1.0)
-    _abreast(10, values)
-    count, best = 1_000_000, [np.inf, np.inf]
-    for _ in range(5):
-        start = time.perf_counter()
-        _chain(count, 1.0)
-        middle = time.perf_counter()
-        _abreast(count, values)
-        best = [min(best[0], middle - start), min(best[1], time.perf_counter() - middle)]
-    return 2 * count / best[0] / 1e9, 12 * count / best[1] / 1e9
+@compiled
+def _row(count: int, values: Records) -> None:
+    for _ in range(count):
+        for n in range(ABREAST):
+            values[n] = values[n] * 0.999999 + 1e-6
+
+
+def operations_per_ns() -> tuple[float, float, float]:
+    """Floating-point operations a nanosecond on one core: each waiting for the last, six in turn, and in rows."""
+    six: NDArray[np.float64] = np.ones(6)
+    row: NDArray[np.float64] = np.ones(ABREAST)
+    ways: list[tuple[int, int, Callable[[int], object]]] = [
+        (2, 1_000_000, lambda count: _chain(count, 1.0)),
+        (12, 1_000_000, lambda count: _in_turn(count, six)),
+        (2 * ABREAST, 200_000, lambda count: _row(count, row)),
+    ]
+    rates = []
+    for operations, count, way in ways:
+        way(10)
+        best = np.inf
+        for _ in range(5):
+            start = time.perf_counter()
+            way(count)
+            best = min(best, time.perf_counter() - start)
+        rates.append(operations * count / best / 1e9)
+    return rates[0], rates[1], rates[2]
 
 
 def copy_rate() -> float:
@@ -88,7 +103,7 @@ def limits(native: float, bare: float) -> Measured:
     operations = operations_per_update()
     total = sum(operations.values())
     update = 1e9 * cores() / bare / 20
-    waiting, abreast = operations_per_ns()
+    waiting, in_turn, in_rows = operations_per_ns()
     touched, copied = bytes_per_step(), copy_rate()
     listed = ", ".join(f"{value:.0f} {name}" for name, value in operations.items())
     nanoseconds = 1e9 * cores() / native
@@ -96,13 +111,15 @@ def limits(native: float, bare: float) -> Measured:
         "what limits it, per update and core",
         f"  {total:.0f} floating-point operations ({listed}) in the bare loop's {update:.0f} ns: "
         f"{total / update:.1f} a ns",
-        f"  the core does {waiting:.1f} a ns if each waits for the last, {abreast:.1f} a ns six abreast",
+        f"  the core does {waiting:.1f} a ns if each waits for the last, {in_turn:.1f} a ns six in turn, "
+        f"{in_rows:.1f} a ns in a row of {ABREAST}",
         f"  a step touches {touched} bytes: {touched / nanoseconds:.1f} a ns; a large copy moves {copied:.1f} a ns",
     ]
     numbers = {
         "operations of an update": Number(total, "1"),
         "operations of the core, each waiting": Number(waiting, "1/ns"),
-        "operations of the core, six abreast": Number(abreast, "1/ns"),
+        "operations of the core, six in turn": Number(in_turn, "1/ns"),
+        "operations of the core, in a row": Number(in_rows, "1/ns"),
         "bytes of a step": Number(touched, "byte"),
         "bytes of a large copy": Number(copied, "byte/ns"),
     }

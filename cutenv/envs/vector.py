@@ -14,7 +14,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from cutenv.compiled import announce
-from cutenv.cores import over_cores
+from cutenv.cores import FEWEST, over_cores
 from cutenv.envs.gentle_cut import OPTIONS, GentleCutEnv, checked_episode, checked_length
 from cutenv.randomness import check_key
 from cutenv.task.assessment import succeeded_all
@@ -30,6 +30,7 @@ from cutenv.tissue.specimen import STEEPEST, Specimen, too_uneven
 from cutenv.validation import in_range, one_of
 
 _SOURCES = {"liver": LIVER, "vascular": VASCULAR, "mixed": MIXED}
+_FEWEST_TICKS = 4000  # updates of all cuts, below which waking another thread costs more than it saves
 _END_NAMES = np.array(ENDS, dtype=object)
 
 Flags = NDArray[np.bool_]
@@ -168,6 +169,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             rewards,
             ends,
             told,
+            fewest=max(FEWEST, _FEWEST_TICKS // self.single.ticks),
         )
         ended = ends != 0
         finished = np.flatnonzero(ended)

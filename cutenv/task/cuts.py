@@ -6,22 +6,29 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv.compiled import compiled, compiled_for_cores
-from cutenv.cutting.drive import made_up
-from cutenv.cutting.records import DRIVE, LAW, PROFILE, READING, STATE, TICK, Records
+from cutenv.compiled import compiled, compiled_for_cores, fetch_ahead, inlined
+from cutenv.cutting.abreast import ABREAST, ROW, begin, put, take, update_row
+from cutenv.cutting.law import place
+from cutenv.cutting.records import DRIVE, LAW, PROFILE, STATE, Record, Records
 from cutenv.cutting.sensor import SENSOR, WRAP
-from cutenv.cutting.simulate import update
-from cutenv.task.assessment import assess
-from cutenv.task.estimate import estimate
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE, observe
+from cutenv.task.assessment import charge
+from cutenv.task.counting import COUNT, begin_count, count_one, count_row, observe_counted, tally_of
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
 from cutenv.task.records import PROGRESS, TASK, TERMS
-from cutenv.task.told import tell
-from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
+from cutenv.task.told import TOLD, tell
+from cutenv.tissue.grid import N_POINTS
 
 SPECIMEN: np.dtype[Any] = np.dtype(
     (np.record, [("modulus", "f8", (N_POINTS,)), ("fracture_resistance", "f8", (N_POINTS,))])
 )
 """What is told of a specimen beyond its profile: local effective modulus [Pa], measured kind of resistance [J/m2]."""
+
+
+_STATE, _LAW, _DRIVE, _SENSOR, _TASK, _PROGRESS = (
+    kind.itemsize // 8 for kind in (STATE, LAW, DRIVE, SENSOR, TASK, PROGRESS)
+)
+_LINE = 8  # numbers in a line of a cache
+_AT_A_TIME = 4  # cuts of the next row that are fetched while a millisecond of this one is worked out
 
 
 class Cuts(NamedTuple):
@@ -70,7 +77,7 @@ def step_some(
     rewards: Records,
     ends: Records,
     told: Records,
-) -> float:
+) -> None:
     """One decision of the cuts from ``first`` to before ``last`` of n.
 
     Parameters
@@ -92,73 +99,118 @@ def step_some(
         :func:`~cutenv.task.told.tell` tells.
     """
     # One room for all: it stays in the first-level cache.
-    readings = np.empty(ticks, READING)
-    tips, jumps = np.empty(ticks), np.empty(ticks)
-    terms = np.empty(len(TERMS))
-    states = np.empty(1, STATE)
-    touched = 0.0
-    for n in range(first, last):
-        touched += _touch(cuts, min(n + 1, last - 1))
-        if waiting[n]:
-            rewards[n] = 0.0
-            ends[n] = 0
-            continue
-        # Records, for they are passed on without counting references: two cores would quarrel about the counts.
-        state, sensor, drive, law = cuts.states[n], cuts.sensors[n], cuts.drives[n], cuts.laws[n]
-        profile, nominal, specimen = cuts.profiles[n], cuts.nominals[n], cuts.specimens[n]
-        task, progress = cuts.tasks[n], cuts.progresses[n]
-        speed = SPEED_SCALE * actions[n, 0]
-        angle = ANGLE_CENTRE + ANGLE_SCALE * actions[n, 1]
-        share = made_up(drive, TICK)
-        states[0] = state
-        offset = sensor.offset
-        for i in range(ticks):
-            update(state, profile, law, drive, sensor, share, speed, angle, TICK, readings[i])
-        known = profile
-        if not from_truth:
-            known = nominal
-            estimate(task, progress, nominal, readings, tips, jumps)
-        assess(task, progress, known, readings, from_truth, tips, jumps, terms)
-        observe(task, nominal, readings[: progress.updates], progress.time, actions[n], observations[n])
-        if progress.updates < ticks:  # what came after the end is taken back
-            cuts.states[n] = states[0]
-            sensor.offset = offset  # the rest of its memory is written anew before it is read
-            for i in range(progress.updates):
-                update(state, profile, law, drive, sensor, share, speed, angle, TICK, readings[i])
-        rewards[n] = total(terms)
-        ends[n] = progress.end
-        tell(
-            state, profile, law, task, progress, specimen.modulus, specimen.fracture_resistance, terms, told[n]
-        )  # fmt: skip
-    return touched
+    rows, counts, terms = np.zeros(1, ROW), np.zeros(1, COUNT), np.empty(len(TERMS))
+    row, count, numbers = rows[0], counts[0], rows.view(np.float64)
+    # By names of their own: to fetch one from the tuple counts a reference, about which cores quarrel.
+    states, profiles, laws, drives, sensors, tasks, progresses, nominals, _, specimens = cuts
+    plain = (
+        states.view(np.float64), laws.view(np.float64), drives.view(np.float64), sensors.view(np.float64),
+        tasks.view(np.float64), progresses.view(np.float64), told.reshape(-1),
+    )  # fmt: skip
+    n = first
+    while n < last:
+        taken = 0
+        while n < last and taken < ABREAST:
+            if waiting[n]:
+                rewards[n] = 0.0
+                ends[n] = 0
+            else:
+                take(row, numbers, plain[0], plain[1], plain[2], drives[n], sensors[n], profiles[n], taken, n)
+                begin_count(count, tasks[n], progresses[n], taken)
+                row.given[taken] = SPEED_SCALE * actions[n, 0]
+                row.aim[taken] = ANGLE_CENTRE + ANGLE_SCALE * actions[n, 1]
+                taken += 1
+            n += 1
+        if taken == 0:
+            break
+        begin(row, numbers, taken)
+        for i in range(ticks + 1):
+            _fetch_some(plain, states, profiles, nominals, specimens, sensors, i, n, min(n + ABREAST, last))
+            over = taken  # after the last millisecond, for all of them
+            if i < ticks:
+                update_row(row, profiles, sensors, i == 0)
+                if from_truth and row.slack == 0:
+                    over = count_row(row, count)
+                else:
+                    over = 0
+                    for k in range(taken):
+                        c = row.cut[k]
+                        known = profiles[c] if from_truth else nominals[c]
+                        over += count_one(row, count, k, tasks[c], progresses[c], known, from_truth)
+            if over == 0:
+                continue
+            for k in range(taken):
+                if row.going[k] == 1 and (i == ticks or count.end[k] != 0):
+                    c = row.cut[k]
+                    row.going[k] = 0
+                    put(numbers, plain[0], k, c)
+                    task, progress, nominal, specimen = tasks[c], progresses[c], nominals[c], specimens[c]
+                    known = profiles[c] if from_truth else nominal
+                    charge(task, progress, known, tally_of(count, k), row.angle[k], terms)
+                    observe_counted(row, count, k, task, progress, nominal, actions[c], observations[c])
+                    rewards[c] = total(terms)
+                    ends[c] = progress.end
+                    tell(
+                        states[c], profiles[c], laws[c], task, progress, specimen.modulus,
+                        specimen.fracture_resistance, terms, told[c],
+                    )  # fmt: skip
 
 
-@compiled
-def _touch(cuts: Cuts, n: int) -> float:
-    """Have the memory of cut n brought near, all of it at once: met one after the other, each part is waited for.
+@inlined
+def _fetch_some(
+    plain: tuple[Records, ...],
+    states: Records,
+    profiles: Records,
+    nominals: Records,
+    specimens: Records,
+    sensors: Records,
+    i: int,
+    first: int,
+    last: int,
+) -> None:
+    """In millisecond ``i`` of a row, have some of the next row, ``first`` to before ``last``, brought near.
 
-    The sum is of no use, but that it keeps the compiler from leaving this out.
+    Thousands of cuts lie further off than a first-level cache.  Their records come first, and then, for these tell
+    where, what they meet at tip and blade.
     """
-    state, sensor, profile, specimen = cuts.states[n], cuts.sensors[n], cuts.profiles[n], cuts.specimens[n]
-    at_tip = min(max(int(state.tip * POINTS_PER_METRE), 0), N_POINTS - 2)
-    at_blade = min(max(int(state.blade * POINTS_PER_METRE), 0), N_POINTS - 2)
-    touched: float = (
-        profile.stiffness[at_tip]
-        + profile.toughness[at_tip]
-        + profile.depth[at_blade]
-        + cuts.nominals[n].depth[at_blade]
-        + specimen.modulus[at_tip]
-        + specimen.fracture_resistance[at_tip]
-        + cuts.laws[n].eta90
-        + cuts.drives[n].lag
-        + cuts.tasks[n].target
-        + cuts.progresses[n].time
-        + sensor.noise
-        + sensor.line[state.tick & WRAP]
-        + sensor.line[(state.tick + 16) & WRAP]
-        + sensor.standard_noise[0]
-    )
-    return touched
+    for c in range(first + _AT_A_TIME * i, min(first + _AT_A_TIME * (i + 1), last)):
+        _fetch_records(plain, c)
+    later = first + _AT_A_TIME * i - ABREAST
+    for c in range(max(later, first), min(later + _AT_A_TIME, last)):
+        _fetch_places(states[c], profiles[c], nominals[c], specimens[c], sensors[c])
+
+
+@inlined
+def _fetch_records(records: tuple[Records, ...], n: int) -> None:
+    """Have the records of cut ``n`` brought near, which are seen as plain numbers."""
+    states, laws, drives, sensors, tasks, progresses, told = records
+    for k in range(0, _STATE, _LINE):
+        fetch_ahead(states, _STATE * n + k)
+    for k in range(0, _LAW, _LINE):
+        fetch_ahead(laws, _LAW * n + k)
+    for k in range(0, _DRIVE, _LINE):
+        fetch_ahead(drives, _DRIVE * n + k)
+    for k in range(0, _TASK, _LINE):
+        fetch_ahead(tasks, _TASK * n + k)
+    for k in range(0, _PROGRESS, _LINE):
+        fetch_ahead(progresses, _PROGRESS * n + k)
+    for k in range(0, TOLD, _LINE):
+        fetch_ahead(told, TOLD * n + k)
+    fetch_ahead(sensors, _SENSOR * n)
+
+
+@inlined
+def _fetch_places(state: Record, profile: Record, nominal: Record, specimen: Record, sensor: Record) -> None:
+    """Have brought near what a cut meets at its tip and at its blade, and what its sensor has under way."""
+    tip, blade = place(state.tip)[0], place(state.blade)[0]
+    fetch_ahead(profile.stiffness, tip)
+    fetch_ahead(profile.toughness, tip)
+    fetch_ahead(profile.depth, blade)
+    fetch_ahead(nominal.depth, blade)
+    fetch_ahead(specimen.modulus, tip)
+    fetch_ahead(specimen.fracture_resistance, tip)
+    for k in range(-2 * _LINE, 3 * _LINE, _LINE):
+        fetch_ahead(sensor.line, (state.tick + k) & WRAP)
 
 
 @compiled

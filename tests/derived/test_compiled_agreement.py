@@ -17,6 +17,7 @@ from led_cut import UPRIGHT, changed_law, constant_feed, homogeneous, lead, lead
 
 import cutenv
 from cutenv.cores import over_cores
+from cutenv.cutting.abreast import ABREAST, hold_some
 from cutenv.cutting.drive import Hand, Rig, made_up
 from cutenv.cutting.parameters import law_records, profile_records
 from cutenv.cutting.records import DRIVE, LAW, PROFILE, READING, STATE, TICK, new_state
@@ -97,10 +98,10 @@ def instants(cases: Cases) -> Cases:
     return {name: np.concatenate(values) for name, values in picked.items()}
 
 
-def plain_python(cases: Cases, folder: Path) -> Cases:
+def plain_python(cases: Cases, folder: Path, way: str = "one_by_one") -> Cases:
     """What the same functions answer without Numba's compiler, in a process of their own."""
     np.savez(folder / "cases.npz", **cases)
-    command = [sys.executable, __file__, str(folder / "cases.npz"), str(folder / "answers.npz")]
+    command = [sys.executable, __file__, way, str(folder / "cases.npz"), str(folder / "answers.npz")]
     places = [str(Path(cutenv.__file__).parents[1]), str(Path(__file__).parents[1])]
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(places)}
     subprocess.run(command, check=True, env=environment)
@@ -116,6 +117,25 @@ def numbers(records: Any) -> np.ndarray:
     """Every field of records that is one number as float64, shape (n_fields, ...)."""
     fields = [name for name in records.dtype.names if not records.dtype[name].shape]
     return np.stack([np.asarray(records[name], dtype=float) for name in fields])
+
+
+def abreast(cases: Cases, ticks: int) -> Cases:
+    """The same by rows of cuts, each of the commands for so many updates; ``felt`` are the forces at their ends."""
+    c = copied(cases)
+    felt = np.zeros(c["speeds"].shape)
+    for k in range(felt.shape[1]):
+        commands, last = np.stack((c["speeds"][:, k], c["angles"][:, k]), axis=1), np.zeros(len(felt))
+        hold_some(0, len(felt), *(c[name] for name in ORDER[:5]), commands, ticks, last)
+        felt[:, k] = last
+    return c | {"felt": felt}
+
+
+def check_abreast(rows: Cases, single: Cases) -> None:
+    assert rows["states"].tobytes() == single["states"].tobytes()
+    for name in ("line", "offset"):
+        assert np.array_equal(rows["sensors"][name], single["sensors"][name])
+    every = single["readings"].shape[1] // rows["felt"].shape[1]
+    assert np.array_equal(rows["felt"], single["readings"]["force"][:, every - 1 :: every])
 
 
 def check_one_update(ours: Cases, theirs: Cases) -> None:
@@ -183,6 +203,33 @@ def test_one_cut_and_a_batch_of_cuts_are_equal_bit_for_bit(cases):
         check_bit_for_bit(batch(nearly), single)
 
 
+def test_rows_of_cuts_are_equal_to_single_ones_bit_for_bit(cases):
+    many = {name: np.concatenate((values, values[::-1])) for name, values in cases.items()}
+    many["drives"]["dead_ticks"][::5] = 7
+    many["drives"]["backlash"][many["drives"]["mass"] == 0.0] = 1e-4
+    assert ABREAST < len(many["states"]) < 2 * ABREAST
+    single = one_by_one(many)
+    assert single["states"]["units"].max() >= 3
+    # Readings of a blade behind a backlash tell of the carriage; its state, of the blade.
+    check_abreast(abreast(many, TICKS // COMMANDS), single)
+    nearly = copied(many)
+    nearly["laws"]["eta90"][0] *= 1.0 + 1e-15
+    with pytest.raises(AssertionError):
+        check_abreast(abreast(nearly, TICKS // COMMANDS), single)
+
+
+def test_from_equal_state_a_row_agrees_in_plain_python_and_compiled(moments, tmp_path):
+    few = {name: values[: ABREAST + 8] for name, values in moments.items()}
+    plain, compiled = plain_python(few, tmp_path, "abreast"), abreast(few, 1)
+    assert (compiled["states"]["running"] == 1).any()
+    for ours, theirs in ((compiled["states"], plain["states"]), (compiled["sensors"], plain["sensors"])):
+        a, b = numbers(ours), numbers(theirs)
+        finite = np.isfinite(a)
+        assert np.array_equal(finite, np.isfinite(b))
+        assert np.abs(a[finite] - b[finite]).max() <= 1e-9
+    assert np.abs(compiled["felt"] - plain["felt"]).max() <= 1e-9
+
+
 def test_the_order_in_a_batch_and_repetition_change_nothing(cases):
     once = batch(cases)
     check_bit_for_bit(batch(cases), once)
@@ -201,5 +248,5 @@ def test_following_a_path_is_the_law_that_the_other_checks_use(cases):
 
 
 if __name__ == "__main__":
-    answers = one_by_one(load(Path(sys.argv[1])))
-    np.savez(sys.argv[2], **answers)
+    given = load(Path(sys.argv[2]))
+    np.savez(sys.argv[3], **(one_by_one(given) if sys.argv[1] == "one_by_one" else abreast(given, 1)))

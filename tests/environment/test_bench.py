@@ -45,6 +45,7 @@ def test_rates_are_of_whole_batches():
     found = batch.rates(64, rounds=1)
     assert 0.0 < found.native
     assert 0.0 < found.bare
+    assert 0.0 < found.single_file
     assert 0.0 < found.resets
 
 
@@ -128,7 +129,7 @@ def made_up(monkeypatch):
     names = ("cutenv/GentleCut-v0", "Pendulum-v1", "CartPole-v1")
     monkeypatch.setattr(environment, "step_times", lambda: dict(zip(names, (3.0, 2.0, 1.0), strict=True)))
     monkeypatch.setattr(environment, "reset_times", lambda: dict.fromkeys(names, 50.0))
-    monkeypatch.setattr(batch, "rates", lambda count: batch.Rates(1.0e6, 2.0e6, 1.0e5))
+    monkeypatch.setattr(batch, "rates", lambda count: batch.Rates(1.0e6, 2.0e6, 0.5e6, 1.0e5))
     monkeypatch.setattr(batch, "step_rate", lambda other, count: 1.0e4)
     monkeypatch.setattr(batch, "limits", lambda native, bare: Measured({"bytes": Number(2816, "byte")}, ["limits"]))
     monkeypatch.setattr(tick, "durations", lambda: (np.full(1000, 50_000), np.full(1000, 100), 0))
@@ -155,8 +156,8 @@ def made_up(monkeypatch):
         ("step", 1, "1.50 x Pendulum-v1   reset   50.0"),
         ("batch", 2, "100 times SyncVectorEnv of Pendulum-v1 at 1024 (10 thousand/s): at least 50 required"),
         ("batch", 2, "as much as 10.0 steps of the batch; within the 100 allowed"),
-        ("batch", 2, "  65536    1000.0         -         -      10.0        0.50"),
-        ("batch", 2, "     16    1000.0      10.0      10.0      10.0        0.50"),
+        ("batch", 2, "  65536    1000.0         -         -      10.0      0.50            2.00"),
+        ("batch", 2, "     16    1000.0      10.0      10.0      10.0      0.50            2.00"),
         ("tick", 1, "99.9 % are within 49.9 us of the empty loop's; MISSED: the 20 us allowed"),
         ("field", 2, "99 % in 3000 us, 18.0 % of a picture's time; MISSED: the 10 % allowed"),
         ("models", 0, "quad8          200        0.667      0.1          6.0 ms  0.667"),

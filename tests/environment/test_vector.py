@@ -13,6 +13,7 @@ from numpy.testing import assert_array_equal
 
 import cutenv  # noqa: F401  registers the environment
 from cutenv import cores
+from cutenv.cutting.abreast import ABREAST
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.tissue import Specimen, measured_liver
 
@@ -96,6 +97,26 @@ def test_it_stays_so_with_the_default_rate_and_deadline_to_all_ends():
     ended, ends = run_both(*both(num_envs=3, force_limit_per_depth=500.0), steps=2500, num_envs=3)
     assert ended >= 6
     assert {"overshoot", "force_limit"} <= ends
+
+
+ROWS = [
+    {"drive": "hand"},
+    {"force_drift": 0.02},
+    {"backlash": 2e-4, "dead_time": 0.007, "control_hz": 40},
+    {"reward_from": "estimate"},
+    {"force_noise": 0.0, "force_resolution": 0.0, "force_delay": 0.0},
+    {"force_limit_per_depth": 400.0, "control_hz": 125},
+]
+
+
+@pytest.mark.parametrize("keywords", ROWS, ids=lambda keywords: ", ".join(keywords))
+def test_it_is_so_for_rows_of_cuts_and_for_every_drive_and_sensor(keywords):
+    """More cuts than a row holds, not a whole number of rows, ending at different times."""
+    count = ABREAST + 5
+    keywords = SHORT | keywords
+    steps = round(1.5 * keywords["deadline_s"] * keywords["control_hz"])
+    ended, _ = run_both(*both("NextStep", count, **keywords), steps=steps, num_envs=count)
+    assert ended >= count
 
 
 def test_a_cut_that_has_finished_is_told_so():

@@ -1,0 +1,442 @@
+"""Many cuts abreast, a millisecond of all of them at a time: the same law, for several cuts in one instruction.
+
+No physics stands here, only the order of the work.  :mod:`cutenv.cutting.law` and its neighbours say what one cut does;
+here their functions are called in loops over a row of cuts, whose numbers lie side by side.  A loop that does nothing
+but arithmetic is compiled to vector instructions, eight numbers at once on a processor that has them.  What fetches
+from each cut's own profile, and what happens seldom (turning, running), has loops of its own, one cut after the other.
+Bit for bit, a cut does what :func:`cutenv.cutting.simulate.update` makes of it alone.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cutenv.compiled import compiled_for_cores, inlined
+from cutenv.cutting.drive import carried, commanded, made_up, on_its_way, pulled, turning
+from cutenv.cutting.law import (
+    between,
+    depth_at,
+    elastic_part,
+    initiation_excess,
+    loaded,
+    place,
+    rubbing,
+    run_crack,
+    settled,
+    slope,
+    stable_growth,
+    stiffness_at,
+    toughness_at,
+    turned,
+)
+from cutenv.cutting.records import DRIVE, LAW, STATE, TICK, Record, Records
+from cutenv.cutting.sensor import as_read, passed
+from cutenv.randomness import SENSOR_NOISE, WIDTHS, in_layer, normal_at_the_rim, words_at
+
+ABREAST = 32
+"""Cuts in a row: enough for several vectors, few enough for the first-level cache."""
+_BLOCK = 4  # milliseconds whose noise is drawn at once
+
+_OWN = (STATE, LAW, DRIVE)  # kept for every cut in records of its own, all of their fields 8 bytes wide
+_PASSING = (
+    ("cut", "i8"),  # number of the cut, and
+    ("going", "i8"),  # whether it goes on: one that has ended is led along, and leaves no trace
+    ("noise", "f8"),  # of its sensor [N]
+    ("resolution", "f8"),  # [N]
+    ("share", "f8"),  # of the velocity loop, see made_up
+    ("given", "f8"),  # commanded speed [m/s], and
+    ("command", "f8"),  # what has reached the drive of it
+    ("aim", "f8"),  # commanded angle [rad]
+    ("next_angle", "f8"),
+    ("dx", "f8"),  # motion of the blade in this millisecond [m]
+    ("K", "f8"),  # stiffness at the tip [N/m],
+    ("dK", "f8"),  # its derivative [N/m2]
+    ("toughness", "f8"),  # and R B there [N]
+    ("depth", "f8"),  # of cut at the blade [m]
+    ("loading", "f8"),  # part of the motion under which the tip follows [m], and
+    ("da", "f8"),  # by how much it would [m]
+    ("F", "f8"),  # elastic force [N] and
+    ("U", "f8"),  # stored energy [J] before that part
+    ("elastic_work", "f8"),  # until then [J]
+    ("next_K", "f8"),  # at the place to which the tip would follow,
+    ("next_dK", "f8"),
+    ("next_toughness", "f8"),
+    ("tip_point", "i8"),  # which is at this point of the profile, and
+    ("tip_share", "f8"),  # so much of the way to the next
+    ("blade_point", "i8"),  # the same of the blade
+    ("blade_share", "f8"),
+    ("rubbing", "f8"),  # friction, against the motion [N]
+    ("elastic", "f8"),  # force of the tissue [N]
+    ("force", "f8"),  # both, on the blade [N]
+    ("jump", "f8"),  # unstable growth [m]
+    ("seed", "u8"),  # key of its noise
+    ("episode", "u8"),
+    ("width", "f8"),  # of a random number's layer, and
+    ("inner", "f8"),  # of the next
+    ("passed", "f8"),  # force as it comes out of the sensor's line [N]
+    ("felt", "f8"),  # force as measured [N]
+)
+
+ROW: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            *((name, kind[name].base, (ABREAST,)) for kind in _OWN for name in kind.names or ()),
+            *((name, kind, (ABREAST,)) for name, kind in _PASSING),
+            ("words", "u8", (_BLOCK, ABREAST)),  # random ones for four milliseconds,
+            ("normals", "f8", (_BLOCK, ABREAST)),  # and the standard normal numbers that they stand for
+            ("widths", "f8", WIDTHS.shape),  # of all layers: what is fetched from here, not even a compiler can gather
+            ("taken", "i8"),  # cuts in the row
+            ("hands", "i8"),  # of them, driven by hand
+            ("late", "i8"),  # with a dead time
+            ("slack", "i8"),  # with backlash
+            ("turns", "i8"),  # turning in this millisecond
+            ("runs", "i8"),  # whose crack runs in it
+        ],
+    )
+)
+"""A row of cuts: of every number of a cut, and of what passes between loops, one for each of them."""
+_N_STATE, _N_LAW, _N_DRIVE = (len(kind.names or ()) for kind in _OWN)
+
+
+class _Law(NamedTuple):
+    """What the law's functions ask of a law, of one cut in a row."""
+
+    quasi_static_modulus: float
+    intercept_90: float
+    slope_90: float
+    intercept_45: float
+    slope_45: float
+    speed_min: float
+    speed_max: float
+    eta90: float
+    debt_length: float
+    growth_step: float
+    friction_per_depth: float
+    friction_per_depth_speed: float
+
+
+class _Drive(NamedTuple):
+    """What :func:`cutenv.cutting.drive.pulled` asks of a drive."""
+
+    travel: float
+    mass: float
+    coupling_stiffness: float
+    coupling_damping: float
+
+
+@inlined
+def _law(row: Record, n: int) -> _Law:
+    return _Law(
+        row.quasi_static_modulus[n], row.intercept_90[n], row.slope_90[n], row.intercept_45[n], row.slope_45[n],
+        row.speed_min[n], row.speed_max[n], row.eta90[n], row.debt_length[n], row.growth_step[n],
+        row.friction_per_depth[n], row.friction_per_depth_speed[n],
+    )  # fmt: skip
+
+
+@inlined
+def take(
+    row: Record,
+    numbers: Records,
+    states: Records,
+    laws: Records,
+    drives: Records,
+    drive: Record,
+    sensor: Record,
+    profile: Record,
+    n: int,
+    cut: int,
+) -> None:
+    """Put cut number ``cut`` into place ``n`` of a row.
+
+    ``numbers``, ``states``, ``laws`` and ``drives`` are the row and the cuts' records seen as plain numbers: views cost
+    more than what they show, so they are made once for many calls.
+    """
+    for k in range(_N_STATE):
+        numbers[k * ABREAST + n] = states[cut * _N_STATE + k]
+    for k in range(_N_LAW):
+        numbers[(_N_STATE + k) * ABREAST + n] = laws[cut * _N_LAW + k]
+    for k in range(_N_DRIVE):
+        numbers[(_N_STATE + _N_LAW + k) * ABREAST + n] = drives[cut * _N_DRIVE + k]
+    row.cut[n], row.going[n] = cut, 1
+    row.noise[n], row.resolution[n], row.seed[n], row.episode[n] = (
+        sensor.noise, sensor.resolution, sensor.seed, sensor.episode,
+    )  # fmt: skip
+    # An exponential costs more than all the rest, and neighbours seldom differ.
+    row.share[n] = row.share[n - 1] if n > 0 and row.lag[n] == row.lag[n - 1] else made_up(drive, TICK)
+    row.K[n], row.dK[n] = stiffness_at(profile, row.tip[n])
+    row.toughness[n] = toughness_at(profile, row.tip[n])
+    row.depth[n] = depth_at(profile, row.blade[n])
+
+
+@inlined
+def begin(row: Record, numbers: Records, taken: int) -> None:
+    """Make a row of its first ``taken`` places ready; in the others a cut stands still, and nobody looks."""
+    for n in range(taken, ABREAST):
+        for k in range(_N_STATE + _N_LAW + _N_DRIVE + len(_PASSING)):
+            numbers[k * ABREAST + n] = numbers[k * ABREAST]
+        row.hand[n], row.hand_speed[n], row.given[n], row.mass[n] = row.blade[0], 0.0, 0.0, 0.0
+        row.aim[n], row.dead_ticks[n], row.going[n] = row.angle[0], 0, 0
+    for k in range(len(WIDTHS)):  # a slice would bring its messages about shapes along
+        row.widths[k] = WIDTHS[k]
+    row.taken = taken
+    hands, late, slack = 0, 0, 0
+    for n in range(ABREAST):
+        hands += 1 if row.mass[n] > 0.0 else 0
+        late += 1 if row.dead_ticks[n] > 0 else 0
+        slack += 1 if row.backlash[n] > 0.0 else 0
+    row.hands, row.late, row.slack = hands, late, slack
+
+
+@inlined
+def put(numbers: Records, states: Records, n: int, cut: int) -> None:
+    """Write the state in place ``n`` of a row back to its cut."""
+    for k in range(_N_STATE):
+        states[cut * _N_STATE + k] = numbers[k * ABREAST + n]
+
+
+@inlined
+def update_row(row: Record, profiles: Records, sensors: Records, first: bool) -> None:
+    """One force update of every cut in a row, ``first`` since it was taken up.
+
+    :func:`cutenv.cutting.simulate.update` does the same to one cut.
+    """
+    _drive(row)
+    if row.turns > 0:
+        _turn(row, profiles)
+    _load(row)
+    _look(row, profiles)
+    _grow(row)
+    if row.runs > 0:
+        _run(row, profiles)
+    _feel(row, sensors, first)
+
+
+@inlined
+def _drive(row: Record) -> None:
+    for n in range(ABREAST):
+        row.command[n] = row.given[n]
+    if row.late > 0:
+        for n in range(ABREAST):
+            if row.dead_ticks[n] > 0:
+                row.next_target[n], row.waiting[n], row.target[n] = on_its_way(
+                    row.given[n], row.dead_ticks[n], row.next_target[n], row.waiting[n], row.target[n]
+                )
+                row.command[n] = row.target[n]
+    turns = 0
+    for n in range(ABREAST):
+        hand, hand_speed = commanded(
+            row.hand[n], row.hand_speed[n], row.command[n], row.share[n], row.acceleration[n], row.travel[n], TICK
+        )
+        row.hand[n], row.hand_speed[n] = hand, hand_speed
+        row.dx[n] = carried(hand, row.blade[n], row.backlash[n])
+        row.next_angle[n] = turning(row.angle[n], row.aim[n], row.rotation_rate[n], TICK)
+        turns += 1 if row.next_angle[n] != row.angle[n] else 0
+    row.turns = turns
+    if row.hands > 0:
+        for n in range(ABREAST):
+            if row.mass[n] > 0.0:
+                drive = _Drive(row.travel[n], row.mass[n], row.coupling_stiffness[n], row.coupling_damping[n])
+                row.dx[n] = pulled(
+                    drive, row.hand[n], row.hand_speed[n], row.blade[n], row.speed[n],
+                    row.K[n] * max(row.blade[n] - row.tip[n], 0.0), rubbing(_law(row, n), row.depth[n], row.speed[n]),
+                    TICK,
+                )  # fmt: skip
+
+
+@inlined
+def _turn(row: Record, profiles: Records) -> None:
+    for n in range(row.taken):
+        if row.next_angle[n] != row.angle[n]:
+            row.lean[n], row.pushing[n], energy = turned(
+                profiles[row.cut[n]], row.blade[n], row.lean[n], row.next_angle[n]
+            )
+            row.angle[n] = row.next_angle[n]
+            row.work[n] += energy
+            row.fracture[n] += energy
+
+
+@inlined
+def _load(row: Record) -> None:
+    """Friction, elastic motion, and where the tip would follow to."""
+    for n in range(ABREAST):
+        law = _law(row, n)
+        x, a, dx, K = row.blade[n], row.tip[n], row.dx[n], row.K[n]
+        speed = dx / TICK
+        row.speed[n] = speed
+        friction = rubbing(law, row.depth[n], speed)
+        row.rubbing[n] = np.copysign(friction, dx) if dx != 0.0 else 0.0
+        row.work[n] += friction * abs(dx)
+        row.friction[n] += friction * abs(dx)
+
+        U = 0.5 * K * max(x - a, 0.0) ** 2
+        F_start = min(row.arrest_ratio[n], 1.0 - initiation_excess(law, row.pushing[n])) * row.toughness[n]
+        elastic = elastic_part(x, a, K, F_start, dx)
+        x += elastic
+        lag = max(x - a, 0.0)
+        row.F[n] = K * lag
+        row.U[n] = 0.5 * K * lag**2
+        row.elastic_work[n] = row.U[n] - U
+        ledger, loss = row.ledger[n], row.loss[n]
+        if x <= a:
+            ledger, loss = settled(ledger, loss)
+        row.ledger[n], row.loss[n] = ledger, loss
+
+        loading = dx - elastic
+        x += loading
+        da = stable_growth(law, K, row.dK[n], lag, loading, speed, row.angle[n])
+        row.blade[n], row.loading[n], row.da[n] = x, loading, da
+        row.tip_point[n], row.tip_share[n] = place(a + da)
+        row.blade_point[n], row.blade_share[n] = place(x)
+
+
+@inlined
+def _look(row: Record, profiles: Records) -> None:
+    """What stands at the blade, and where the tip would follow to."""
+    for n in range(ABREAST):
+        profile = profiles[row.cut[n]]
+        i, share = row.tip_point[n], row.tip_share[n]
+        row.next_K[n], row.next_dK[n] = between(profile.stiffness, i, share), slope(profile.stiffness, i)
+        row.next_toughness[n] = between(profile.toughness, i, share)
+        row.depth[n] = between(profile.depth, row.blade_point[n], row.blade_share[n])
+
+
+@inlined
+def _grow(row: Record) -> None:
+    """The tip follows, where the ledger lets it."""
+    runs = 0
+    for n in range(ABREAST):
+        law = _law(row, n)
+        a, K, dK, next_K, next_dK, running = (
+            row.tip[n], row.K[n], row.dK[n], row.next_K[n], row.next_dK[n], row.running[n],
+        )  # fmt: skip
+        tip, F, toughness, work, change, spent = loaded(
+            law, row.blade[n], a, row.da[n], row.loading[n], row.F[n], row.U[n], K, row.toughness[n],
+            next_K, row.next_toughness[n], row.ledger[n],
+        )  # fmt: skip
+        row.K[n] = next_K if tip > a else K
+        row.dK[n] = next_dK if tip > a else dK
+        row.tip[n], row.elastic[n], row.toughness[n] = tip, F, toughness
+        row.work[n] += row.elastic_work[n] + work
+        row.ledger[n] += change
+        row.fracture[n] += spent
+        row.jump[n] = 0.0
+        row.tick[n] += 1
+        waits = F < (1.0 + initiation_excess(law, row.pushing[n])) * toughness
+        row.running[n] = 0 if waits else running
+        runs += 0 if waits else 1
+    row.runs = runs
+
+
+@inlined
+def _run(row: Record, profiles: Records) -> None:
+    for n in range(row.taken):
+        law = _law(row, n)
+        if row.going[n] == 0 or row.elastic[n] < (1.0 + initiation_excess(law, row.pushing[n])) * row.toughness[n]:
+            continue
+        start, profile = row.tip[n], profiles[row.cut[n]]
+        row.tip[n], row.ledger[n], row.fracture[n], row.loss[n], row.elastic[n], row.toughness[n] = run_crack(
+            profile, law, row.blade[n], start, row.ledger[n], row.fracture[n], row.loss[n]
+        )
+        row.jump[n] = row.tip[n] - start
+        if row.jump[n] > 0.0:
+            row.K[n], row.dK[n] = stiffness_at(profile, row.tip[n])
+            row.arrest_ratio[n] = row.elastic[n] / row.toughness[n]
+            row.uncontrolled[n] += row.jump[n]
+            row.units[n] += 1 - row.running[n]
+            row.running[n] = 1
+
+
+@inlined
+def _feel(row: Record, sensors: Records, first: bool) -> None:
+    for n in range(ABREAST):
+        row.force[n] = row.elastic[n] + row.rubbing[n]
+    for n in range(row.taken):
+        if row.going[n] == 1:
+            row.passed[n] = passed(sensors[row.cut[n]], row.force[n], row.tick[n] - 1)
+    new = 0
+    for n in range(ABREAST):
+        new += 1 if (row.tick[n] - 1) & 3 == 0 else 0
+    if new > 0 or first:
+        _draw(row)
+    for n in range(ABREAST):
+        k, z0, z1, z2, z3 = (
+            (row.tick[n] - 1) & 3, row.normals[0, n], row.normals[1, n], row.normals[2, n], row.normals[3, n],
+        )  # fmt: skip
+        low, high = z1 if k == 1 else z0, z3 if k == 3 else z2
+        row.felt[n] = as_read(row.passed[n], row.noise[n], high if k > 1 else low, row.resolution[n])
+
+
+@inlined
+def _draw(row: Record) -> None:
+    """Four milliseconds' noise of every cut, as :func:`cutenv.randomness.four_normals_at` has it."""
+    for n in range(ABREAST):
+        row.words[0, n], row.words[1, n], row.words[2, n], row.words[3, n] = words_at(
+            row.seed[n], row.episode[n], SENSOR_NOISE, (row.tick[n] - 1) >> 2
+        )
+    for k in range(_BLOCK):
+        unsettled = 0
+        for n in range(ABREAST):
+            layer = in_layer(row.words[k, n])[0]
+            row.width[n], row.inner[n] = row.widths[layer], row.widths[layer + 1]
+        for n in range(ABREAST):
+            _, sign, across = in_layer(row.words[k, n])
+            x = across * row.width[n]
+            row.normals[k, n] = sign * x
+            unsettled += 0 if x < row.inner[n] else 1
+        for n in range(row.taken if unsettled > 0 else 0):
+            if abs(row.normals[k, n]) >= row.inner[n]:
+                layer, sign, _ = in_layer(row.words[k, n])
+                tick = _BLOCK * ((row.tick[n] - 1) >> 2) + k
+                row.normals[k, n] = sign * normal_at_the_rim(
+                    layer, abs(row.normals[k, n]), row.seed[n], row.episode[n], SENSOR_NOISE, tick
+                )
+
+
+@compiled_for_cores
+def hold_some(
+    first: int,
+    last: int,
+    states: Records,
+    profiles: Records,
+    laws: Records,
+    drives: Records,
+    sensors: Records,
+    commands: Records,
+    ticks: int,
+    felt: Records,
+) -> None:
+    """Run cuts ``first`` to before ``last`` of n through ``ticks`` updates, each under one command, and nothing else.
+
+    Parameters
+    ----------
+    first, last : int
+        See :func:`cutenv.cores.over_cores`.
+    states, profiles, laws, drives, sensors : Records
+        Of the cuts, shape (n,); states and sensors are changed.
+    commands : array, shape (n, 2)
+        Speed [m/s] and angle [rad].
+    ticks : int
+        Milliseconds.
+    felt : array, shape (n,)
+        Filled with the force measured at last [N].
+    """
+    rows = np.zeros(1, ROW)
+    row, numbers = rows[0], rows.view(np.float64)
+    plain_states, plain_laws, plain_drives = (
+        states.view(np.float64), laws.view(np.float64), drives.view(np.float64),
+    )  # fmt: skip
+    for begun in range(first, last, ABREAST):
+        taken = min(ABREAST, last - begun)
+        for k in range(taken):
+            n = begun + k
+            take(row, numbers, plain_states, plain_laws, plain_drives, drives[n], sensors[n], profiles[n], k, n)
+            row.given[k], row.aim[k] = commands[n, 0], commands[n, 1]
+        begin(row, numbers, taken)
+        for i in range(ticks):
+            update_row(row, profiles, sensors, i == 0)
+        for k in range(taken):
+            put(numbers, plain_states, k, begun + k)
+            felt[begun + k] = row.felt[k]

@@ -1,0 +1,130 @@
+"""What is counted of a row of cuts at every millisecond: :func:`cutenv.task.assessment.counted`, for all of them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cutenv.compiled import compiled, inlined
+from cutenv.cutting.abreast import ABREAST
+from cutenv.cutting.law import depth_at
+from cutenv.cutting.records import TICK, Record, Records
+from cutenv.task.assessment import Tally, counted, fresh
+from cutenv.task.estimate import estimated
+from cutenv.task.observation import fill
+
+_WHOLE = ("touched", "end", "updates", "out_of_range")
+_PASSING = ("speed", "felt_low", "felt_high", "felt_sum")
+
+
+class Asked(NamedTuple):
+    """What :func:`~cutenv.task.assessment.counted` asks of a task, of one cut in a row."""
+
+    target: float
+    deadline: float
+    force_limit_per_depth: float
+    friction_per_depth: float
+    speed_min: float
+    speed_max: float
+
+
+COUNT: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [(name, "i8" if name in _WHOLE else "f8", (ABREAST,)) for name in (*Tally._fields, *Asked._fields, *_PASSING)],
+    )
+)
+"""Of every cut in a row its tally, what it is asked for, what a millisecond shows of it, and force felt so far."""
+
+
+@compiled
+def begin_count(count: Record, task: Record, progress: Record, k: int) -> None:
+    """Begin a step of the cut in place ``k``."""
+    keep(count, k, fresh(progress))
+    count.target[k], count.deadline[k] = task.target, task.deadline
+    count.force_limit_per_depth[k], count.friction_per_depth[k] = task.force_limit_per_depth, task.friction_per_depth
+    count.speed_min[k], count.speed_max[k] = task.speed_min, task.speed_max
+    count.felt_low[k], count.felt_high[k], count.felt_sum[k] = math.inf, -math.inf, 0.0
+
+
+@inlined
+def tally_of(count: Record, k: int) -> Tally:
+    """The tally of the cut in place ``k``."""
+    return Tally(
+        count.position[k], count.touched[k], count.furthest[k], count.time[k], count.quiet[k], count.tip[k],
+        count.end[k], count.updates[k], count.out_of_range[k], count.over_limit[k], count.uncontrolled[k],
+        count.jumped[k], count.over_force[k], count.over_lag[k], count.backward[k], count.haste[k],
+    )  # fmt: skip
+
+
+@inlined
+def keep(count: Record, k: int, tally: Tally) -> None:
+    """The tally of the cut in place ``k`` is this one."""
+    count.position[k], count.touched[k], count.furthest[k] = tally.position, tally.touched, tally.furthest
+    count.time[k], count.quiet[k], count.tip[k] = tally.time, tally.quiet, tally.tip
+    count.end[k], count.updates[k], count.out_of_range[k] = tally.end, tally.updates, tally.out_of_range
+    count.over_limit[k], count.uncontrolled[k], count.jumped[k] = tally.over_limit, tally.uncontrolled, tally.jumped
+    count.over_force[k], count.over_lag[k] = tally.over_force, tally.over_lag
+    count.backward[k], count.haste[k] = tally.backward, tally.haste
+
+
+@inlined
+def count_row(row: Record, count: Record) -> int:
+    """Count a millisecond of every cut in a row by the true state; return how many of those that go on end with it."""
+    ended = 0
+    for k in range(ABREAST):
+        asked = Asked(
+            count.target[k], count.deadline[k], count.force_limit_per_depth[k], count.friction_per_depth[k],
+            count.speed_min[k], count.speed_max[k],
+        )  # fmt: skip
+        going, felt, low, high = row.going[k], row.felt[k], count.felt_low[k], count.felt_high[k]
+        tally = counted(
+            tally_of(count, k), asked, row.blade[k], row.speed[k], row.force[k], felt, row.tip[k], row.jump[k],
+            row.depth[k],
+        )  # fmt: skip
+        keep(count, k, tally)
+        count.speed[k] = row.speed[k]
+        count.felt_low[k], count.felt_high[k] = min(low, felt), max(high, felt)
+        count.felt_sum[k] += felt
+        ended += 1 if going == 1 and tally.end != 0 else 0
+    return ended
+
+
+@inlined
+def count_one(
+    row: Record, count: Record, k: int, task: Record, progress: Record, known: Record, from_truth: bool
+) -> int:
+    """The same of the cut in place ``k``, assessed as a rig would, or with its encoder behind a backlash."""
+    felt, x, speed = row.felt[k], row.blade[k], row.speed[k]
+    if row.backlash[k] > 0.0:  # the encoder sits at the motor
+        x, speed = row.hand[k], row.hand_speed[k]
+    force, tip, jump = row.force[k], row.tip[k], row.jump[k]
+    if not from_truth:
+        force = felt
+        tip, jump = estimated(task, progress, known, count.tip[k], round(count.time[k] / TICK) + 1, x, speed, felt)
+    tally = counted(tally_of(count, k), task, x, speed, force, felt, tip, jump, depth_at(known, x))
+    keep(count, k, tally)
+    count.speed[k] = speed
+    count.felt_low[k], count.felt_high[k] = min(count.felt_low[k], felt), max(count.felt_high[k], felt)
+    count.felt_sum[k] += felt
+    return 1 if row.going[k] == 1 and tally.end != 0 else 0
+
+
+@inlined
+def observe_counted(
+    row: Record,
+    count: Record,
+    k: int,
+    task: Record,
+    progress: Record,
+    nominal: Record,
+    action: Records,
+    observation: Records,
+) -> None:
+    """:func:`~cutenv.task.observation.observe` of the step of the cut in place ``k``."""
+    fill(
+        task, nominal, row.felt[k], count.felt_sum[k] / progress.updates, count.felt_low[k], count.felt_high[k],
+        count.position[k], count.speed[k], row.angle[k], progress.time, action[0], action[1], observation,
+    )  # fmt: skip
