@@ -17,7 +17,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numba.extending
-from llvmlite import ir  # type: ignore[import-untyped]
+from llvmlite import ir
 from numba.core import cgutils
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -76,7 +76,8 @@ def compiled(function: Function) -> Function:
 def inlined(function: Function) -> Function:
     """Like :func:`compiled`, and made part of every kernel that calls it.
 
-    For functions that take arrays in an inner loop: a call counts references to them, about which cores quarrel.
+    For what is called in inner loops over many cuts: only a loop that calls nothing becomes vector instructions, and a
+    call that takes arrays counts references to them, about which cores quarrel.
     """
     return _compiled(function, nogil=False, forceinline=True)
 
@@ -105,9 +106,7 @@ def _prefetch(_: Any, array: Any, i: Any) -> Any:
         pointer = builder.bitcast(builder.gep(data, [arguments[1]]), cgutils.voidptr_t)
         word = ir.IntType(32)
         kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t, word, word, word])
-        prefetch = cgutils.get_or_insert_function(  # type: ignore[no-untyped-call]
-            builder.module, kind, "llvm.prefetch.p0"
-        )
+        prefetch = builder.module.declare_intrinsic("llvm.prefetch", (cgutils.voidptr_t,), kind)
         builder.call(prefetch, [pointer, word(0), word(3), word(1)])  # to read, kept near, data
         return context.get_dummy_value()
 
