@@ -73,8 +73,7 @@ _PASSING = (
     ("jump", "f8"),  # unstable growth [m]
     ("seed", "u8"),  # key of its noise
     ("episode", "u8"),
-    ("width", "f8"),  # of a random number's layer, and
-    ("inner", "f8"),  # of the next
+    ("inner", "f8"),  # width of the layer next to a random number's
     ("passed", "f8"),  # force as it comes out of the sensor's line [N]
     ("felt", "f8"),  # force as measured [N]
 )
@@ -87,7 +86,6 @@ ROW: np.dtype[Any] = np.dtype(
             *((name, kind, (ABREAST,)) for name, kind in _PASSING),
             ("words", "u8", (_BLOCK, ABREAST)),  # random ones for four milliseconds,
             ("normals", "f8", (_BLOCK, ABREAST)),  # and the standard normal numbers that they stand for
-            ("widths", "f8", WIDTHS.shape),  # of all layers: what is fetched from here, not even a compiler can gather
             ("taken", "i8"),  # cuts in the row
             ("hands", "i8"),  # of them, driven by hand
             ("late", "i8"),  # with a dead time
@@ -179,8 +177,6 @@ def begin(row: Record, numbers: Records, taken: int) -> None:
             numbers[k * ABREAST + n] = numbers[k * ABREAST]
         row.hand[n], row.hand_speed[n], row.given[n], row.mass[n] = row.blade[0], 0.0, 0.0, 0.0
         row.aim[n], row.dead_ticks[n], row.going[n] = row.angle[0], 0, 0
-    for k in range(len(WIDTHS)):  # a slice would bring its messages about shapes along
-        row.widths[k] = WIDTHS[k]
     row.taken = taken
     hands, late, slack = 0, 0, 0
     for n in range(ABREAST):
@@ -379,13 +375,10 @@ def _draw(row: Record) -> None:
     for k in range(_BLOCK):
         unsettled = 0
         for n in range(ABREAST):
-            layer = in_layer(row.words[k, n])[0]
-            row.width[n], row.inner[n] = row.widths[layer], row.widths[layer + 1]
-        for n in range(ABREAST):
-            _, sign, across = in_layer(row.words[k, n])
-            x = across * row.width[n]
-            row.normals[k, n] = sign * x
-            unsettled += 0 if x < row.inner[n] else 1
+            layer, sign, across = in_layer(row.words[k, n])
+            x, inner = across * WIDTHS[layer], WIDTHS[layer + 1]
+            row.normals[k, n], row.inner[n] = sign * x, inner
+            unsettled += 0 if x < inner else 1
         for n in range(row.taken if unsettled > 0 else 0):
             if abs(row.normals[k, n]) >= row.inner[n]:
                 layer, sign, _ = in_layer(row.words[k, n])

@@ -30,6 +30,11 @@ from cutenv.tissue.specimen import STEEPEST, Specimen, too_uneven
 from cutenv.validation import in_range, one_of
 
 _SOURCES = {"liver": LIVER, "vascular": VASCULAR, "mixed": MIXED}
+_NAMED = tuple(
+    (group, "_" + group, tuple((name, "_" + name, place.start + k) for k, name in enumerate(names)))
+    for group, names, place in PLACES
+)
+"""Groups of what is told, their masks, and in them names, masks and columns."""
 _FEWEST_TICKS = 4000  # updates of all cuts, below which waking another thread costs more than it saves
 _END_NAMES = np.array(ENDS, dtype=object)
 
@@ -275,12 +280,14 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
 
     def _info(self, told: Numbers, present: Flags) -> dict[str, Any]:
         """What is told as arrays by name, each with its mask."""
+        columns = told.T
         info: dict[str, Any] = {}
-        for group, names, place in PLACES:
+        for group, mask, named in _NAMED:
             inside: dict[str, Any] = {}
-            for name, values in zip(names, told[:, place].T, strict=True):
-                inside[name], inside["_" + name] = values, present
-            info[group], info["_" + group] = inside, present
+            for name, own_mask, column in named:
+                inside[name] = columns[column]
+                inside[own_mask] = present
+            info[group], info[mask] = inside, present
         truth = info["truth"]
         truth["units"] = truth["units"].astype(np.int64)
         truth["specimen_class"], truth["_specimen_class"] = _where(present, self._classes), present

@@ -184,19 +184,21 @@ def _fetch_some(
 def _fetch_records(records: tuple[Records, ...], n: int) -> None:
     """Have the records of cut ``n`` brought near, which are seen as plain numbers."""
     states, laws, drives, sensors, tasks, progresses, told = records
-    for k in range(0, _STATE, _LINE):
-        fetch_ahead(states, _STATE * n + k)
-    for k in range(0, _LAW, _LINE):
-        fetch_ahead(laws, _LAW * n + k)
-    for k in range(0, _DRIVE, _LINE):
-        fetch_ahead(drives, _DRIVE * n + k)
-    for k in range(0, _TASK, _LINE):
-        fetch_ahead(tasks, _TASK * n + k)
-    for k in range(0, _PROGRESS, _LINE):
-        fetch_ahead(progresses, _PROGRESS * n + k)
-    for k in range(0, TOLD, _LINE):
-        fetch_ahead(told, TOLD * n + k)
+    _fetch_lines(states, _STATE, n)
+    _fetch_lines(laws, _LAW, n)
+    _fetch_lines(drives, _DRIVE, n)
+    _fetch_lines(tasks, _TASK, n)
+    _fetch_lines(progresses, _PROGRESS, n)
+    _fetch_lines(told, TOLD, n)
     fetch_ahead(sensors, _SENSOR * n)
+
+
+@inlined
+def _fetch_lines(numbers: Records, size: int, n: int) -> None:
+    """Have ``size`` numbers of cut ``n`` brought near; they need not begin with a line."""
+    for k in range(0, size - 1, _LINE):
+        fetch_ahead(numbers, size * n + k)
+    fetch_ahead(numbers, size * n + size - 1)
 
 
 @inlined
