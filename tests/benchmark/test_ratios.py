@@ -83,7 +83,7 @@ def test_a_slow_step_is_noticed(ratio):
 
 
 def check_batch(ratio: Ratio, env: VectorEnv[Any, Any, Any]) -> None:
-    """A batch of 256 takes less than half the time of as many pendulums in a loop; measured: 0.1."""
+    """A batch of 256 takes less than half the time of as many pendulums in a loop; measured: 0.06."""
     assert ratio(batch_steps(env), batch_steps(batch("Pendulum-v1", 256, "sync"))) < 0.5
 
 
@@ -124,14 +124,14 @@ def test_rows_that_are_no_faster_are_noticed(ratio):
 
 
 def test_a_larger_batch_costs_no_more_for_each(ratio):
-    """Eight times as many take less than 24 times as long; measured: 6."""
+    """Eight times as many take less than 24 times as long; measured: 5."""
     assert ratio(*(batch_steps(batch("cutenv/GentleCut-v0", count)) for count in (2048, 256))) < 24.0
 
 
 def test_resetting_a_batch_is_so_many_steps_of_it(ratio):
-    """Measured: 7; 100 are allowed."""
+    """Measured: 21, for steps are cheap; 100 are allowed."""
     env, other = (batch("cutenv/GentleCut-v0", 256) for _ in range(2))
-    assert ratio(env.reset, batch_steps(other)) < 60.0
+    assert ratio(env.reset, batch_steps(other)) < 100.0
 
 
 def test_a_force_update_is_a_fraction_of_a_pendulums_step(ratio):
