@@ -345,7 +345,7 @@ def test_a_network_with_other_than_two_actions_is_not_saved(tmp_path):
 # What is off is refused, with the file, what was found, and what to do.
 
 
-def refused(folder: Path, file: str, found: str) -> None:
+def check_refused(folder: Path, file: str, found: str) -> None:
     with pytest.raises(ValueError, match=found) as raised:
         TrainedPolicy.load(folder)
     assert str(folder / file) in str(raised.value)
@@ -387,7 +387,7 @@ def test_a_missing_file_is_named(folder, file):
 )
 def test_a_changed_card_is_refused(folder, change, found):
     change_card(folder, **change)
-    refused(folder, CARD, found)
+    check_refused(folder, CARD, found)
 
 
 @pytest.mark.parametrize(
@@ -398,21 +398,21 @@ def test_another_scaling_of_the_observation_is_refused_by_the_components_name(fo
     scaling = json.loads((folder / CARD).read_text())["scaling"]
     scaling[index] |= change
     change_card(folder, scaling=scaling)
-    refused(folder, CARD, f"scaling: component '{COMPONENTS[index].name}' is")
+    check_refused(folder, CARD, f"scaling: component '{COMPONENTS[index].name}' is")
 
 
 def test_a_component_too_few_or_too_many_is_named(folder):
     scaling = json.loads((folder / CARD).read_text())["scaling"]
     change_card(folder, scaling=scaling[:-1])
-    refused(folder, CARD, "scaling: component 'last_angle' is None in the card")
+    check_refused(folder, CARD, "scaling: component 'last_angle' is None in the card")
     change_card(folder, scaling=[*scaling, {"name": "sound", "unit": "1", "scale": 1.0, "offset": 0.0}])
-    refused(folder, CARD, "scaling: a component after 'last_angle' is .*'sound'")
+    check_refused(folder, CARD, "scaling: a component after 'last_angle' is .*'sound'")
 
 
 @pytest.mark.parametrize("content", [b"", b"[]", b'{"schema": "cutenv-pol', b"\xff\xfe\x00"])
 def test_a_torn_card_is_refused(folder, content):
     (folder / CARD).write_bytes(content)
-    refused(folder, CARD, "not JSON|expected a JSON object|decode")
+    check_refused(folder, CARD, "not JSON|expected a JSON object|decode")
 
 
 @pytest.mark.parametrize("place", [0, 100, -1])
@@ -420,13 +420,13 @@ def test_a_single_damaged_byte_of_the_weights_is_noticed(folder, place):
     content = bytearray((folder / WEIGHTS).read_bytes())
     content[place] ^= 1
     (folder / WEIGHTS).write_bytes(content)
-    refused(folder, WEIGHTS, f"its SHA-256 is .*{CARD} says .*changed or damaged")
+    check_refused(folder, WEIGHTS, f"its SHA-256 is .*{CARD} says .*changed or damaged")
 
 
 def test_weights_that_are_no_safetensors_are_refused_even_with_their_hash(folder):
     (folder / WEIGHTS).write_bytes(b"PK\x03\x04")
     change_card(folder, sha256=hashlib.sha256(b"PK\x03\x04").hexdigest())
-    refused(folder, WEIGHTS, "not a safetensors file")
+    check_refused(folder, WEIGHTS, "not a safetensors file")
 
 
 def with_value(name: str, value: float) -> dict[str, np.ndarray]:
@@ -451,12 +451,12 @@ def with_value(name: str, value: float) -> dict[str, np.ndarray]:
 def test_weights_that_make_no_network_are_refused_even_with_their_hash(folder, change, found):
     arrays = network().to_arrays() | change
     swap_weights(folder, {name: values for name, values in arrays.items() if values is not None})
-    refused(folder, WEIGHTS, found)
+    check_refused(folder, WEIGHTS, found)
 
 
 def test_weights_of_another_size_are_refused_even_with_their_hash(folder):
     swap_weights(folder, network(sizes=(SIZE, 5, 2)).to_arrays())
-    refused(folder, CARD, f"layers is {SIZE}-8-6-2, but the network's are {SIZE}-5-2")
+    check_refused(folder, CARD, f"layers is {SIZE}-8-6-2, but the network's are {SIZE}-5-2")
 
 
 # It needs no learning library.
