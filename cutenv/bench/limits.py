@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from cutenv.bench.measured import Measured, Number
 from cutenv.compiled import compiled
 from cutenv.cores import cores
-from cutenv.cutting.abreast import ABREAST
 from cutenv.cutting.records import DRIVE, LAW, STATE, Records
+from cutenv.cutting.row import ABREAST
 from cutenv.cutting.sensor import SENSOR
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.records import PROGRESS, TASK

@@ -9,15 +9,12 @@ Bit for bit, a cut does what :func:`cutenv.cutting.simulate.update` makes of it 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numpy as np
 
 from cutenv.compiled import compiled_for_cores, inlined
-from cutenv.cutting.drive import carried, commanded, made_up, on_its_way, pulled, turning
+from cutenv.cutting.drive import carried, commanded, on_its_way, pulled, turning
 from cutenv.cutting.law import (
     between,
-    depth_at,
     elastic_part,
     initiation_excess,
     loaded,
@@ -28,169 +25,12 @@ from cutenv.cutting.law import (
     slope,
     stable_growth,
     stiffness_at,
-    toughness_at,
     turned,
 )
-from cutenv.cutting.records import DRIVE, LAW, STATE, TICK, Record, Records
+from cutenv.cutting.records import TICK, Record, Records
+from cutenv.cutting.row import ABREAST, BLOCK, ROW, DriveInRow, begin, law_in_row, put, take
 from cutenv.cutting.sensor import as_read, passed
 from cutenv.randomness import SENSOR_NOISE, WIDTHS, in_layer, normal_at_the_rim, words_at
-
-ABREAST = 32
-"""Cuts in a row: enough for several vectors, few enough for the first-level cache."""
-_BLOCK = 4  # milliseconds whose noise is drawn at once
-
-_OWN = (STATE, LAW, DRIVE)  # kept for every cut in records of its own, all of their fields 8 bytes wide
-_PASSING = (
-    ("cut", "i8"),  # number of the cut, and
-    ("going", "i8"),  # whether it goes on: one that has ended is led along, and leaves no trace
-    ("noise", "f8"),  # of its sensor [N]
-    ("resolution", "f8"),  # [N]
-    ("share", "f8"),  # of the velocity loop, see made_up
-    ("given", "f8"),  # commanded speed [m/s], and
-    ("command", "f8"),  # what has reached the drive of it
-    ("aim", "f8"),  # commanded angle [rad]
-    ("next_angle", "f8"),
-    ("dx", "f8"),  # motion of the blade in this millisecond [m]
-    ("K", "f8"),  # stiffness at the tip [N/m],
-    ("dK", "f8"),  # its derivative [N/m2]
-    ("toughness", "f8"),  # and R B there [N]
-    ("depth", "f8"),  # of cut at the blade [m]
-    ("loading", "f8"),  # part of the motion under which the tip follows [m], and
-    ("da", "f8"),  # by how much it would [m]
-    ("F", "f8"),  # elastic force [N] and
-    ("U", "f8"),  # stored energy [J] before that part
-    ("elastic_work", "f8"),  # until then [J]
-    ("next_K", "f8"),  # at the place to which the tip would follow,
-    ("next_dK", "f8"),
-    ("next_toughness", "f8"),
-    ("tip_point", "i8"),  # which is at this point of the profile, and
-    ("tip_share", "f8"),  # so much of the way to the next
-    ("blade_point", "i8"),  # the same of the blade
-    ("blade_share", "f8"),
-    ("rubbing", "f8"),  # friction, against the motion [N]
-    ("elastic", "f8"),  # force of the tissue [N]
-    ("force", "f8"),  # both, on the blade [N]
-    ("jump", "f8"),  # unstable growth [m]
-    ("seed", "u8"),  # key of its noise
-    ("episode", "u8"),
-    ("inner", "f8"),  # width of the layer next to a random number's
-    ("passed", "f8"),  # force as it comes out of the sensor's line [N]
-    ("felt", "f8"),  # force as measured [N]
-)
-
-ROW: np.dtype[Any] = np.dtype(
-    (
-        np.record,
-        [
-            *((name, kind[name].base, (ABREAST,)) for kind in _OWN for name in kind.names or ()),
-            *((name, kind, (ABREAST,)) for name, kind in _PASSING),
-            ("words", "u8", (_BLOCK, ABREAST)),  # random ones for four milliseconds,
-            ("normals", "f8", (_BLOCK, ABREAST)),  # and the standard normal numbers that they stand for
-            ("taken", "i8"),  # cuts in the row
-            ("hands", "i8"),  # of them, driven by hand
-            ("late", "i8"),  # with a dead time
-            ("slack", "i8"),  # with backlash
-            ("turns", "i8"),  # turning in this millisecond
-            ("runs", "i8"),  # whose crack runs in it
-        ],
-    )
-)
-"""A row of cuts: of every number of a cut, and of what passes between loops, one for each of them."""
-_N_STATE, _N_LAW, _N_DRIVE = (len(kind.names or ()) for kind in _OWN)
-
-
-class _Law(NamedTuple):
-    """What the law's functions ask of a law, of one cut in a row."""
-
-    quasi_static_modulus: float
-    intercept_90: float
-    slope_90: float
-    intercept_45: float
-    slope_45: float
-    speed_min: float
-    speed_max: float
-    eta90: float
-    debt_length: float
-    growth_step: float
-    friction_per_depth: float
-    friction_per_depth_speed: float
-
-
-class _Drive(NamedTuple):
-    """What :func:`cutenv.cutting.drive.pulled` asks of a drive."""
-
-    travel: float
-    mass: float
-    coupling_stiffness: float
-    coupling_damping: float
-
-
-@inlined
-def _law(row: Record, n: int) -> _Law:
-    return _Law(
-        row.quasi_static_modulus[n], row.intercept_90[n], row.slope_90[n], row.intercept_45[n], row.slope_45[n],
-        row.speed_min[n], row.speed_max[n], row.eta90[n], row.debt_length[n], row.growth_step[n],
-        row.friction_per_depth[n], row.friction_per_depth_speed[n],
-    )  # fmt: skip
-
-
-@inlined
-def take(
-    row: Record,
-    numbers: Records,
-    states: Records,
-    laws: Records,
-    drives: Records,
-    drive: Record,
-    sensor: Record,
-    profile: Record,
-    n: int,
-    cut: int,
-) -> None:
-    """Put cut number ``cut`` into place ``n`` of a row.
-
-    ``numbers``, ``states``, ``laws`` and ``drives`` are the row and the cuts' records seen as plain numbers: views cost
-    more than what they show, so they are made once for many calls.
-    """
-    for k in range(_N_STATE):
-        numbers[k * ABREAST + n] = states[cut * _N_STATE + k]
-    for k in range(_N_LAW):
-        numbers[(_N_STATE + k) * ABREAST + n] = laws[cut * _N_LAW + k]
-    for k in range(_N_DRIVE):
-        numbers[(_N_STATE + _N_LAW + k) * ABREAST + n] = drives[cut * _N_DRIVE + k]
-    row.cut[n], row.going[n] = cut, 1
-    row.noise[n], row.resolution[n], row.seed[n], row.episode[n] = (
-        sensor.noise, sensor.resolution, sensor.seed, sensor.episode,
-    )  # fmt: skip
-    # An exponential costs more than all the rest, and neighbours seldom differ.
-    row.share[n] = row.share[n - 1] if n > 0 and row.lag[n] == row.lag[n - 1] else made_up(drive, TICK)
-    row.K[n], row.dK[n] = stiffness_at(profile, row.tip[n])
-    row.toughness[n] = toughness_at(profile, row.tip[n])
-    row.depth[n] = depth_at(profile, row.blade[n])
-
-
-@inlined
-def begin(row: Record, numbers: Records, taken: int) -> None:
-    """Make a row of its first ``taken`` places ready; in the others a cut stands still, and nobody looks."""
-    for n in range(taken, ABREAST):
-        for k in range(_N_STATE + _N_LAW + _N_DRIVE + len(_PASSING)):
-            numbers[k * ABREAST + n] = numbers[k * ABREAST]
-        row.hand[n], row.hand_speed[n], row.given[n], row.mass[n] = row.blade[0], 0.0, 0.0, 0.0
-        row.aim[n], row.dead_ticks[n], row.going[n] = row.angle[0], 0, 0
-    row.taken = taken
-    hands, late, slack = 0, 0, 0
-    for n in range(ABREAST):
-        hands += 1 if row.mass[n] > 0.0 else 0
-        late += 1 if row.dead_ticks[n] > 0 else 0
-        slack += 1 if row.backlash[n] > 0.0 else 0
-    row.hands, row.late, row.slack = hands, late, slack
-
-
-@inlined
-def put(numbers: Records, states: Records, n: int, cut: int) -> None:
-    """Write the state in place ``n`` of a row back to its cut."""
-    for k in range(_N_STATE):
-        states[cut * _N_STATE + k] = numbers[k * ABREAST + n]
 
 
 @inlined
@@ -234,11 +74,11 @@ def _drive(row: Record) -> None:
     if row.hands > 0:
         for n in range(ABREAST):
             if row.mass[n] > 0.0:
-                drive = _Drive(row.travel[n], row.mass[n], row.coupling_stiffness[n], row.coupling_damping[n])
+                drive = DriveInRow(row.travel[n], row.mass[n], row.coupling_stiffness[n], row.coupling_damping[n])
                 row.dx[n] = pulled(
                     drive, row.hand[n], row.hand_speed[n], row.blade[n], row.speed[n],
-                    row.K[n] * max(row.blade[n] - row.tip[n], 0.0), rubbing(_law(row, n), row.depth[n], row.speed[n]),
-                    TICK,
+                    row.K[n] * max(row.blade[n] - row.tip[n], 0.0),
+                    rubbing(law_in_row(row, n), row.depth[n], row.speed[n]), TICK,
                 )  # fmt: skip
 
 
@@ -258,7 +98,7 @@ def _turn(row: Record, profiles: Records) -> None:
 def _load(row: Record) -> None:
     """Friction, elastic motion, and where the tip would follow to."""
     for n in range(ABREAST):
-        law = _law(row, n)
+        law = law_in_row(row, n)
         x, a, dx, K = row.blade[n], row.tip[n], row.dx[n], row.K[n]
         speed = dx / TICK
         row.speed[n] = speed
@@ -304,7 +144,7 @@ def _grow(row: Record) -> None:
     """The tip follows, where the ledger lets it."""
     runs = 0
     for n in range(ABREAST):
-        law = _law(row, n)
+        law = law_in_row(row, n)
         a, K, dK, next_K, next_dK, running = (
             row.tip[n], row.K[n], row.dK[n], row.next_K[n], row.next_dK[n], row.running[n],
         )  # fmt: skip
@@ -329,7 +169,7 @@ def _grow(row: Record) -> None:
 @inlined
 def _run(row: Record, profiles: Records) -> None:
     for n in range(row.taken):
-        law = _law(row, n)
+        law = law_in_row(row, n)
         if row.going[n] == 0 or row.elastic[n] < (1.0 + initiation_excess(law, row.pushing[n])) * row.toughness[n]:
             continue
         start, profile = row.tip[n], profiles[row.cut[n]]
@@ -372,7 +212,7 @@ def _draw(row: Record) -> None:
         row.words[0, n], row.words[1, n], row.words[2, n], row.words[3, n] = words_at(
             row.seed[n], row.episode[n], SENSOR_NOISE, (row.tick[n] - 1) >> 2
         )
-    for k in range(_BLOCK):
+    for k in range(BLOCK):
         unsettled = 0
         for n in range(ABREAST):
             layer, sign, across = in_layer(row.words[k, n])
@@ -382,7 +222,7 @@ def _draw(row: Record) -> None:
         for n in range(row.taken if unsettled > 0 else 0):
             if abs(row.normals[k, n]) >= row.inner[n]:
                 layer, sign, _ = in_layer(row.words[k, n])
-                tick = _BLOCK * ((row.tick[n] - 1) >> 2) + k
+                tick = BLOCK * ((row.tick[n] - 1) >> 2) + k
                 row.normals[k, n] = sign * normal_at_the_rim(
                     layer, abs(row.normals[k, n]), row.seed[n], row.episode[n], SENSOR_NOISE, tick
                 )

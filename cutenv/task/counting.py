@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv.compiled import compiled, inlined
-from cutenv.cutting.abreast import ABREAST
 from cutenv.cutting.law import depth_at
 from cutenv.cutting.records import TICK, Record, Records
+from cutenv.cutting.row import ABREAST
 from cutenv.task.assessment import Tally, counted, fresh
 from cutenv.task.estimate import estimated
 from cutenv.task.observation import fill

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv.compiled import compiled, compiled_for_cores, fetch_ahead, inlined
-from cutenv.cutting.abreast import ABREAST, ROW, begin, put, take, update_row
+from cutenv.cutting.abreast import update_row
 from cutenv.cutting.law import place
 from cutenv.cutting.records import DRIVE, LAW, PROFILE, STATE, Record, Records
+from cutenv.cutting.row import ABREAST, ROW, begin, put, take
 from cutenv.cutting.sensor import SENSOR, WRAP
 from cutenv.task.assessment import charge
 from cutenv.task.counting import COUNT, begin_count, count_one, count_row, observe_counted, tally_of

@@ -17,10 +17,11 @@ from led_cut import UPRIGHT, changed_law, constant_feed, homogeneous, lead, lead
 
 import cutenv
 from cutenv.cores import over_cores
-from cutenv.cutting.abreast import ABREAST, hold_some
+from cutenv.cutting.abreast import hold_some
 from cutenv.cutting.drive import Hand, Rig, made_up
 from cutenv.cutting.parameters import law_records, profile_records
 from cutenv.cutting.records import DRIVE, LAW, PROFILE, READING, STATE, TICK, new_state
+from cutenv.cutting.row import ABREAST
 from cutenv.cutting.sensor import SENSOR, SensorParameters, sensor_records
 from cutenv.cutting.simulate import follow, simulate, simulate_some, update
 from cutenv.randomness import generator

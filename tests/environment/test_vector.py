@@ -13,7 +13,7 @@ from numpy.testing import assert_array_equal
 
 import cutenv  # noqa: F401  registers the environment
 from cutenv import cores
-from cutenv.cutting.abreast import ABREAST
+from cutenv.cutting.row import ABREAST
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.tissue import Specimen, measured_liver
 
