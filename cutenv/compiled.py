@@ -21,8 +21,10 @@ from llvmlite import ir
 from numba.core import cgutils
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
 
 _PACKAGE = Path(__file__).parent
+_llvm: Any = cgutils  # has no types
 _PREFIX = "kernels-"
 
 
@@ -116,6 +118,33 @@ def _prefetch(_: Any, array: Any, i: Any) -> Any:
 @numba.extending.overload(fetch_ahead, strict=False)
 def _fetch_ahead(array: Any, i: Any) -> Any:
     return lambda array, i: _prefetch(array, i)  # type: ignore[call-arg]  # the context is Numba's to add
+
+
+def borrowed(arrays: Arrays) -> Arrays:
+    """A tuple of arrays, without a count of the references to them: for kernels whose caller holds them meanwhile.
+
+    Cores that count references to the same array wait for each other at every one.  Plain Python counts on.
+    """
+    return arrays
+
+
+@numba.extending.intrinsic
+def _uncounted(_: Any, arrays: Any) -> Any:
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        uncounted = []
+        for kind, counted in zip(arrays, _llvm.unpack_tuple(builder, arguments[0]), strict=True):
+            array = context.make_array(kind)(context, builder, counted)
+            array.meminfo = _llvm.get_null_value(array.meminfo.type)
+            array.parent = _llvm.get_null_value(array.parent.type)
+            uncounted.append(array._getvalue())
+        return context.make_tuple(builder, signature.return_type, uncounted)
+
+    return arrays(arrays), build
+
+
+@numba.extending.overload(borrowed, strict=False)
+def _borrowed(arrays: Any) -> Any:
+    return lambda arrays: _uncounted(arrays)  # type: ignore[call-arg]  # the context is Numba's to add
 
 
 def announce(*kernels: Callable[..., Any]) -> None:

@@ -38,12 +38,23 @@ if "CUTENV_CORES" in os.environ:
     set_cores(int(os.environ["CUTENV_CORES"]))
 
 
-def over_cores(kernel: Callable[..., Any], count: int, *arguments: Any, fewest: int = FEWEST) -> None:
-    """Call ``kernel(first, last, *arguments)`` for stretches, of ``fewest`` or more, that cover 0 to ``count``."""
+def over_cores(
+    kernel: Callable[..., Any],
+    count: int,
+    *arguments: Any,
+    fewest: int = FEWEST,
+    meanwhile: Callable[[], None] | None = None,
+) -> None:
+    """Call ``kernel(first, last, *arguments)`` for stretches, of ``fewest`` or more, that cover 0 to ``count``.
+
+    ``meanwhile`` is called while other threads wake: for what needs nothing that the kernel fills.
+    """
     workers = max(min(_cores, count // fewest), 1)
     bounds = [count * k // workers for k in range(workers + 1)]
     others = [_pool().submit(kernel, *stretch, *arguments) for stretch in itertools.pairwise(bounds[1:])]
     try:
+        if meanwhile is not None:
+            meanwhile()
         kernel(0, bounds[1], *arguments)
     finally:
         for other in others:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutenv.compiled import compiled_for_cores, inlined
+from cutenv.compiled import borrowed, compiled_for_cores, inlined
 from cutenv.cutting.drive import carried, commanded, on_its_way, pulled, turning
 from cutenv.cutting.law import (
     between,
@@ -256,6 +256,7 @@ def hold_some(
     felt : array, shape (n,)
         Filled with the force measured at last [N].
     """
+    states, profiles, laws, drives, sensors = borrowed((states, profiles, laws, drives, sensors))
     rows = np.zeros(1, ROW)
     row, numbers = rows[0], rows.view(np.float64)
     plain_states, plain_laws, plain_drives = (

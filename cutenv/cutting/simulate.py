@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.compiled import compiled, compiled_for_cores
+from cutenv.compiled import compiled, compiled_for_cores, inlined
 from cutenv.cutting.drive import made_up, motion, turning
 from cutenv.cutting.law import cut, depth_at, elastic_force, rubbing, stored_energy
 from cutenv.cutting.records import DRIVE, LAW, PROFILE, STATE, Record, Records
@@ -137,7 +137,7 @@ def hold(cuts: Records, speed: float, angle: float, dt: float, readings: Records
         update(c.state, c.profile, c.law, c.drive, c.sensor, share, speed, angle, dt, readings[i])
 
 
-@compiled
+@inlined
 def account(state: Record, profile: Record, energies: Records) -> None:
     """Fill ``energies``, shape (7,) [J], in the order of :data:`ENERGIES`."""
     stored = stored_energy(profile, state.blade, state.tip)

@@ -162,6 +162,8 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         rewards = np.empty(self.num_envs)
         ends = np.empty(self.num_envs, np.int64)
         told = np.empty((self.num_envs, TOLD))
+        all_of_it: dict[str, Any] = {}
+        present = np.ones(self.num_envs, bool)
         over_cores(
             step_some,
             self.num_envs,
@@ -175,6 +177,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             ends,
             told,
             fewest=max(FEWEST, _FEWEST_TICKS // self.single.ticks),
+            meanwhile=lambda: all_of_it.update(_by_name(told, present)),
         )
         ended = ends != 0
         finished = np.flatnonzero(ended)
@@ -186,7 +189,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         if len(began):
             self._begin(began, {})
             self._told_at_start(began, told)
-        info |= self._info(told, np.ones(self.num_envs, bool))
+        info |= self._completed(all_of_it, told, present)
         if len(finished) and self.autoreset_mode != AutoresetMode.SAME_STEP:
             self._add_ends(info, ended, ends)
         self._ended = self._none_waits if self.autoreset_mode == AutoresetMode.SAME_STEP else ended
@@ -280,14 +283,10 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
 
     def _info(self, told: Numbers, present: Flags) -> dict[str, Any]:
         """What is told as arrays by name, each with its mask."""
-        columns = told.T
-        info: dict[str, Any] = {}
-        for group, mask, named in _NAMED:
-            inside: dict[str, Any] = {}
-            for name, own_mask, column in named:
-                inside[name] = columns[column]
-                inside[own_mask] = present
-            info[group], info[mask] = inside, present
+        return self._completed(_by_name(told, present), told, present)
+
+    def _completed(self, info: dict[str, Any], told: Numbers, present: Flags) -> dict[str, Any]:
+        """``info`` with what is not as it is told: whole numbers, flags and names."""
         truth = info["truth"]
         truth["units"] = truth["units"].astype(np.int64)
         truth["specimen_class"], truth["_specimen_class"] = _where(present, self._classes), present
@@ -313,6 +312,19 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Nothing is held."""
+
+
+def _by_name(told: Numbers, present: Flags) -> dict[str, Any]:
+    """Columns of what is told, whether or not it is yet filled, by group and name, each with its mask."""
+    columns = told.T
+    info: dict[str, Any] = {}
+    for group, mask, named in _NAMED:
+        inside: dict[str, Any] = {}
+        for name, own_mask, column in named:
+            inside[name] = columns[column]
+            inside[own_mask] = present
+        info[group], info[mask] = inside, present
+    return info
 
 
 def _where(present: Flags, values: NDArray[Any]) -> NDArray[Any]:

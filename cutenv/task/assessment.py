@@ -220,7 +220,7 @@ def assess(
     charge(task, progress, profile, tally, readings[tally.updates - 1].angle, terms)
 
 
-@compiled
+@inlined
 def charge(task: Record, progress: Record, profile: Record, tally: Tally, angle: float, terms: Records) -> None:
     """Charge what was counted in a step to the reward's terms; the blade ended at ``angle`` [rad]."""
     L = task.target

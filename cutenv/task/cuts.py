@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv.compiled import compiled, compiled_for_cores, fetch_ahead, inlined
+from cutenv.compiled import borrowed, compiled, compiled_for_cores, fetch_ahead, inlined
 from cutenv.cutting.abreast import update_row
 from cutenv.cutting.law import place
 from cutenv.cutting.records import DRIVE, LAW, PROFILE, STATE, Record, Records
@@ -99,14 +99,16 @@ def step_some(
         Filled: ``ends`` are indices in :data:`~cutenv.task.records.ENDS`; ``told`` is what
         :func:`~cutenv.task.told.tell` tells.
     """
+    cuts = borrowed(cuts)
+    waiting, actions, observations, rewards, ends, told = borrowed(
+        (waiting, actions, observations, rewards, ends, told)
+    )
     # One room for all: it stays in the first-level cache.
     rows, counts, terms = np.zeros(1, ROW), np.zeros(1, COUNT), np.empty(len(TERMS))
     row, count, numbers = rows[0], counts[0], rows.view(np.float64)
-    # By names of their own: to fetch one from the tuple counts a reference, about which cores quarrel.
-    states, profiles, laws, drives, sensors, tasks, progresses, nominals, _, specimens = cuts
     plain = (
-        states.view(np.float64), laws.view(np.float64), drives.view(np.float64), sensors.view(np.float64),
-        tasks.view(np.float64), progresses.view(np.float64), told.reshape(-1),
+        cuts.states.view(np.float64), cuts.laws.view(np.float64), cuts.drives.view(np.float64),
+        cuts.sensors.view(np.float64), cuts.tasks.view(np.float64), cuts.progresses.view(np.float64), told.reshape(-1),
     )  # fmt: skip
     n = first
     while n < last:
@@ -116,8 +118,11 @@ def step_some(
                 rewards[n] = 0.0
                 ends[n] = 0
             else:
-                take(row, numbers, plain[0], plain[1], plain[2], drives[n], sensors[n], profiles[n], taken, n)
-                begin_count(count, tasks[n], progresses[n], taken)
+                take(
+                    row, numbers, plain[0], plain[1], plain[2], cuts.drives[n], cuts.sensors[n], cuts.profiles[n],
+                    taken, n,
+                )  # fmt: skip
+                begin_count(count, cuts.tasks[n], cuts.progresses[n], taken)
                 row.given[taken] = SPEED_SCALE * actions[n, 0]
                 row.aim[taken] = ANGLE_CENTRE + ANGLE_SCALE * actions[n, 1]
                 taken += 1
@@ -126,49 +131,59 @@ def step_some(
             break
         begin(row, numbers, taken)
         for i in range(ticks + 1):
-            _fetch_some(plain, states, profiles, nominals, specimens, sensors, i, n, min(n + ABREAST, last))
+            _fetch_some(cuts, plain, i, n, min(n + ABREAST, last))
             over = taken  # after the last millisecond, for all of them
             if i < ticks:
-                update_row(row, profiles, sensors, i == 0)
-                if from_truth and row.slack == 0:
-                    over = count_row(row, count)
-                else:
-                    over = 0
-                    for k in range(taken):
-                        c = row.cut[k]
-                        known = profiles[c] if from_truth else nominals[c]
-                        over += count_one(row, count, k, tasks[c], progresses[c], known, from_truth)
-            if over == 0:
-                continue
-            for k in range(taken):
+                update_row(row, cuts.profiles, cuts.sensors, i == 0)
+                over = _count(cuts, row, count, from_truth)
+            for k in range(taken if over > 0 else 0):
                 if row.going[k] == 1 and (i == ticks or count.end[k] != 0):
                     c = row.cut[k]
                     row.going[k] = 0
                     put(numbers, plain[0], k, c)
-                    task, progress, nominal, specimen = tasks[c], progresses[c], nominals[c], specimens[c]
-                    known = profiles[c] if from_truth else nominal
-                    charge(task, progress, known, tally_of(count, k), row.angle[k], terms)
-                    observe_counted(row, count, k, task, progress, nominal, actions[c], observations[c])
-                    rewards[c] = total(terms)
-                    ends[c] = progress.end
-                    tell(
-                        states[c], profiles[c], laws[c], task, progress, specimen.modulus,
-                        specimen.fracture_resistance, terms, told[c],
-                    )  # fmt: skip
+                    _conclude(cuts, c, row, count, k, from_truth, actions[c], terms, observations[c], told[c])
+                    rewards[c], ends[c] = total(terms), cuts.progresses[c].end
 
 
 @inlined
-def _fetch_some(
-    plain: tuple[Records, ...],
-    states: Records,
-    profiles: Records,
-    nominals: Records,
-    specimens: Records,
-    sensors: Records,
-    i: int,
-    first: int,
-    last: int,
+def _count(cuts: Cuts, row: Record, count: Record, from_truth: bool) -> int:
+    """Count a millisecond of a row; return how many of its cuts end with it."""
+    if from_truth and row.slack == 0:
+        return count_row(row, count)
+    over = 0
+    for k in range(row.taken):
+        c = row.cut[k]
+        known = cuts.profiles[c] if from_truth else cuts.nominals[c]
+        over += count_one(row, count, k, cuts.tasks[c], cuts.progresses[c], known, from_truth)
+    return over
+
+
+@inlined
+def _conclude(
+    cuts: Cuts,
+    c: int,
+    row: Record,
+    count: Record,
+    k: int,
+    from_truth: bool,
+    action: Records,
+    terms: Records,
+    observation: Records,
+    told: Records,
 ) -> None:
+    """Charge, observe and tell of the step of cut number ``c``, in place ``k`` of a row."""
+    task, progress, profile, nominal = cuts.tasks[c], cuts.progresses[c], cuts.profiles[c], cuts.nominals[c]
+    charge(task, progress, profile if from_truth else nominal, tally_of(count, k), row.angle[k], terms)
+    observe_counted(row, count, k, task, progress, nominal, action, observation)
+    specimen = cuts.specimens[c]
+    tell(
+        cuts.states[c], profile, cuts.laws[c], task, progress, specimen.modulus, specimen.fracture_resistance, terms,
+        told,
+    )  # fmt: skip
+
+
+@inlined
+def _fetch_some(cuts: Cuts, plain: tuple[Records, ...], i: int, first: int, last: int) -> None:
     """In millisecond ``i`` of a row, have some of the next row, ``first`` to before ``last``, brought near.
 
     Thousands of cuts lie further off than a first-level cache.  Their records come first, and then, for these tell
@@ -178,7 +193,7 @@ def _fetch_some(
         _fetch_records(plain, c)
     later = first + _AT_A_TIME * i - ABREAST
     for c in range(max(later, first), min(later + _AT_A_TIME, last)):
-        _fetch_places(states[c], profiles[c], nominals[c], specimens[c], sensors[c])
+        _fetch_places(cuts.states[c], cuts.profiles[c], cuts.nominals[c], cuts.specimens[c], cuts.sensors[c])
 
 
 @inlined

@@ -124,9 +124,18 @@ def within_reach(action: Records, fixed_angle: float) -> bool:
 @compiled
 def all_within_reach(actions: Records, waiting: Records, fixed_angle: float) -> int:
     """:func:`within_reach` of actions, shape (n, 2), but those that wait; the first with a NaN, or -1."""
-    for n in range(len(actions)):
-        if not within_reach(actions[n], fixed_angle) and not waiting[n]:
+    numbers = actions.reshape(-1)
+    missing = 0
+    for k in range(len(numbers)):  # in loops of their own, that become vector instructions
+        missing += 1 if math.isnan(numbers[k]) else 0
+    for n in range(len(actions) if missing > 0 else 0):
+        if not waiting[n] and (math.isnan(actions[n, 0]) or math.isnan(actions[n, 1])):
             return n
+    for k in range(len(numbers)):
+        numbers[k] = min(max(numbers[k], -1.0), 1.0)
+    if not math.isnan(fixed_angle):
+        for n in range(len(actions)):
+            actions[n, 1] = (fixed_angle - ANGLE_CENTRE) / ANGLE_SCALE
     return -1
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cutenv.compiled import compiled
+from cutenv.compiled import compiled, inlined
 from cutenv.cutting.law import initiation_excess
 from cutenv.cutting.records import Record, Records
 from cutenv.cutting.simulate import ENERGIES, account
@@ -38,7 +38,7 @@ PLACES = tuple(
 """Group, its names, and where it stands among what is told."""
 
 
-@compiled
+@inlined
 def tell(
     state: Record,
     profile: Record,
