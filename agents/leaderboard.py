@@ -96,7 +96,7 @@ class Table:
     def kind(self, name: str) -> str:
         """What a contestant is."""
         if name in ENTRIES:
-            return "ablation" if ENTRIES[name].leaves_out else "learned"
+            return "ablation" if ENTRIES[name].change else "learned"
         if name == self.script:
             return "best script"
         return "upper bound: sees hidden state" if name == BOUND else "idle" if name in IDLE else "script"
@@ -142,14 +142,14 @@ class Table:
         return ["policy", *kinds], rows
 
     def ablations(self) -> tuple[list[str], list[list[str]]]:
-        """What each thing left out costs, paired by specimen and training seed."""
+        """What each ablation costs, paired by specimen and training seed."""
         rows = []
         for name, entry in ENTRIES.items():
             found = [self.difference(name, REFERENCE, score) for score in ("return", "success")]
-            if entry.leaves_out and found[0] is not None:
+            if entry.change and found[0] is not None:
                 cells = [self.shown(found[0], digits=3, sign="+"), self.shown(found[1], 100.0, 1, "+")]
-                rows.append([entry.leaves_out, name, *cells])
-        return ["left out", "agent", f"return minus {REFERENCE}", "success, percentage points"], rows
+                rows.append([entry.change, name, *cells])
+        return ["ablation", "agent", f"return minus {REFERENCE}", "success, percentage points"], rows
 
     def metrics(self) -> tuple[list[str], list[list[str]]]:
         """Every metric of the score card."""
@@ -193,7 +193,7 @@ def markdown(folder: Path) -> str:
         parts.append("\n".join(f"- {sentence}" for sentence in table.verdicts()))
     for title, content in (
         ("Return on every class of specimens", table.classes()),
-        ("What each thing left out costs", table.ablations()),
+        ("What each ablation costs", table.ablations()),
         ("Return where a constant is not what it was in training", table.robustness()),
     ):
         if content[1]:

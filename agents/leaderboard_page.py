@@ -33,8 +33,8 @@ _ROLES = {"learned": "agent", "best script": "script", "upper bound: sees hidden
 _NOT_SAID = (
     "Cuts are simulated: nobody has measured how these policies do on a rig. Intervals tell of specimens and of a few "
     "training runs, not of the assumptions of the model; the sweep of constants tells of some of those. No agent was "
-    "trained or chosen on the held-out specimens; their first 500 were cut by scripts when the reward was revised, and "
-    "every training run prints what it does on the first 200: they are new to agents, and not to their makers."
+    "trained or chosen on the held-out specimens, and no run but a comparison like this one cuts them. Mixed ones are "
+    "drawn of liver and of vascular tissue from the same seeds."
 )
 
 
@@ -43,7 +43,7 @@ def write_page_of(path: Path, standings: Table, about: str, origin: Mapping[str,
     sections = [
         Section("table", "Standings", joined(paragraph(about), _main(standings), _picture(standings))),
         Section("classes", "By class of specimens", _plain("Return, interquartile mean", *standings.classes())),
-        Section("ablations", "What each thing left out costs", _ablations(standings)),
+        Section("ablations", "What each ablation costs", _ablations(standings)),
         Section("robustness", "Where a constant is not what it was in training", _robustness(standings)),
         Section("metrics", "Every metric of the score card", _metrics(standings)),
         Section("meaning", "What this page does not say", paragraph(_NOT_SAID)),

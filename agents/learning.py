@@ -33,6 +33,7 @@ class TrialArguments(AgentArguments):
     """What a run of learning by trial depends on; every field is an option of the command line."""
 
     timesteps: int = option(8_000_000, "decisions to train for", resumable=True)
+    history: int = option(0, "past decisions among the features")
     rollout: int = option(128, "decisions of each environment between updates")
     batch_size: int = option(1024, "decisions of a gradient step")
     epochs: int = option(8, "passes over a rollout")

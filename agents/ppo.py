@@ -6,14 +6,14 @@
 
 The agent decides 10 times a second: a cut is then some 80 decisions, 300 at most.  gamma = 1 has no horizon, for a cut
 ends by itself, and what it is scored by is the plain sum; with 0.995 progress made early is worth more, and the agent
-learns a haste that the reward does not ask for.  It sees features that a person would work out, and a short history;
-its critic sees the hidden state too, which training needs and cutting does not.
+learns a haste that the reward does not ask for.  It sees features that a person would work out; its critic sees
+the hidden state too, which training needs and cutting does not.
 
 It starts as a clone of the best script and learns on by trial; for a while only the critic does, because one that knows
 nothing would spoil the clone.  Exploration is given and falls: a policy that may keep its noise leans on it.  What is
 tried on validation specimens, and kept where it does best, is the running average of the actor.
 
-What is worth leaving out, to see what it does: ``--angle-mode fixed``, ``--force unfelt``, ``--history 0``,
+What is worth changing, to see what it does: ``--angle-mode fixed``, ``--force unfelt``, ``--history 6``,
 ``--critic features``.
 """
 

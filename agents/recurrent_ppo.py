@@ -28,7 +28,6 @@ class Arguments(TrialArguments):
     """What a run depends on; every field is an option of the command line."""
 
     timesteps: int = option(4_000_000, "decisions to train for", resumable=True)
-    history: int = option(0, "past decisions among the features")
     epochs: int = option(4, "passes over a rollout")
     critic_first: float = option(0.15, "share of the training in which only the critic learns, after a demonstration")
     cloning_epochs: int = option(15, "passes over the demonstrations")

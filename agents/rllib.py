@@ -57,7 +57,7 @@ class Arguments:
     specimen_class: str = option("mixed", "tissue to train on", CLASSES)
     angle_mode: str = option("free", "whether the agent turns the blade", ("free", "fixed"))
     control_hz: int = option(10, "decisions a second")
-    history: int = option(6, "past decisions among the features")
+    history: int = option(0, "past decisions among the features")
     dead_zone: float = option(0.25, "share of the speed's action that means rest")
     rollout: int = option(128, "decisions of each environment between updates")
     batch_size: int = option(1024, "decisions of a gradient step")

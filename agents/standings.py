@@ -122,7 +122,7 @@ def summary(folder: Path, protocol: Protocol) -> list[Line]:
                 lines += _differences(name, known[name], script, known[script], protocol)
     if REFERENCE in known:
         for name, entry in ENTRIES.items():
-            if name in known and entry.leaves_out:
+            if name in known and entry.change:
                 lines += _differences(name, known[name], REFERENCE, known[REFERENCE], protocol)
     for name in known:
         if name in ENTRIES:

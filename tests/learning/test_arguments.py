@@ -52,7 +52,7 @@ def test_what_still_has_an_effect_is_taken_over_and_the_rest_is_kept(interrupted
         ("--batch-size", "64", "1024"),
         ("--epochs", "2", "8"),
         ("--hidden", "32", "64"),
-        ("--history", "0", "6"),
+        ("--history", "6", "0"),
         ("--exploration", "0.3", "0.15"),
         ("--environments", "8", "64"),
         ("--seed", "1", "0"),

@@ -266,9 +266,9 @@ def test_everything_that_is_asked_for_takes_part():
     assert len(Protocol().training_seeds) == 3
     assert {"PPO", "recurrent PPO", "behaviour cloning"} <= ENTRIES.keys()
     assert {BEST_FEED, "probe and creep", "planner, nominal", "planner with truth"} <= set(SCRIPTED)
-    assert {entry.leaves_out for entry in ENTRIES.values()} - {""} == {
-        "turning the blade", "the force", "the truth in the critic",
-        "the six past decisions; what is worked out from the cut so far stays",
+    assert {entry.change for entry in ENTRIES.values()} - {""} == {
+        "the blade stays upright", "the force is not felt", "the critic does not see the truth",
+        "the six past decisions are seen besides",
     }  # fmt: skip
 
 
@@ -278,6 +278,8 @@ def test_seeds_of_training_runs_validation_and_test_are_disjoint():
     assert all(seeds <= set(TRAINING_SEEDS) for seeds in of_runs)
     assert max(TRAINING_SEEDS) < min(VALIDATION_SEEDS)
     assert set(Protocol().test_seeds) <= set(TEST_SEEDS)
+    assert not set(Protocol().test_seeds) & set(TEST_SEEDS[: Arguments().specimens])  # those that every run prints
+    assert len(Protocol().test_seeds) == Protocol().specimens
 
 
 def test_every_constant_of_the_parameter_table_that_has_a_range_is_swept(tmp_path):
