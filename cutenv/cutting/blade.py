@@ -8,8 +8,8 @@ from cutenv.compiled import inlined
 
 _QUARTER, _HALF = 0.25 * math.pi, 0.5 * math.pi
 _REST = 6.123233995736766e-17  # of pi/2, which a float does not hold
-_S3, _S5, _S7, _S9, _S11, _S13, _S15 = ((-1) ** (n // 2) / math.factorial(n) for n in range(3, 16, 2))
-_C4, _C6, _C8, _C10, _C12, _C14, _C16 = ((-1) ** (n // 2) / math.factorial(n) for n in range(4, 17, 2))
+_S3, _S5, _S7, _S9, _S11, _S13, _S15 = ((-1.0) ** (n // 2) / math.factorial(n) for n in range(3, 16, 2))
+_C4, _C6, _C8, _C10, _C12, _C14, _C16 = ((-1.0) ** (n // 2) / math.factorial(n) for n in range(4, 17, 2))
 
 
 @inlined
