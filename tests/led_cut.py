@@ -11,6 +11,7 @@ import numba
 import numpy as np
 from hypothesis import strategies as st
 
+from cutenv.cutting import blade as cutting_blade
 from cutenv.cutting import law as cutting_law
 from cutenv.cutting.law import cut
 from cutenv.cutting.parameters import LawParameters, law_records, profile_records
@@ -101,14 +102,23 @@ def _lead(states, profile, law, positions, angles, dt, readings):
 
 def changed_law(*changes: tuple[str, str]) -> ModuleType:
     """The cutting law in plain Python, with parts of its source replaced: physics broken on purpose."""
-    source = Path(cutting_law.__file__).read_text().replace("@compiled\n", "").replace("@inlined\n", "")
+    modules = []
+    sources = [
+        Path(part.__file__).read_text().replace("@compiled\n", "").replace("@inlined\n", "")
+        for part in (cutting_blade, cutting_law)
+    ]
     for old, new in changes:
-        if source.count(old) != 1:  # no AssertionError, which is what a broken law is to raise
-            raise LookupError(f"the law holds {source.count(old)} times: {old}")
-        source = source.replace(old, new)
-    module = ModuleType("changed_law")
-    exec(compile(source, "changed_law", "exec"), module.__dict__)
-    return module
+        found = sum(source.count(old) for source in sources)
+        if found != 1:  # no AssertionError, which is what a broken law is to raise
+            raise LookupError(f"the law holds {found} times: {old}")
+        sources = [source.replace(old, new) for source in sources]
+    for source in sources:
+        module = ModuleType("changed_law")
+        exec(compile(source, "changed_law", "exec"), module.__dict__)
+        modules.append(module)
+    blade, law = modules
+    law.leaning, law.sweeping = blade.leaning, blade.sweeping
+    return law
 
 
 def lead_by(

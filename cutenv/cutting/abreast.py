@@ -3,7 +3,8 @@
 No physics stands here, only the order of the work.  :mod:`cutenv.cutting.law` and its neighbours say what one cut does;
 here their functions are called in loops over a row of cuts, whose numbers lie side by side.  A loop that does nothing
 but arithmetic is compiled to vector instructions, eight numbers at once on a processor that has them.  What fetches
-from each cut's own profile, and what happens seldom (turning, running), has loops of its own, one cut after the other.
+from each cut's own profile has loops of its own; so has turning, left out where no blade turns, and a run of a crack,
+which is followed one cut after the other.
 Bit for bit, a cut does what :func:`cutenv.cutting.simulate.update` makes of it alone.
 """
 
@@ -12,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from cutenv.compiled import borrowed, compiled_for_cores, inlined
+from cutenv.cutting.blade import leaning, sweeping
 from cutenv.cutting.drive import carried, commanded, on_its_way, pulled, turning
 from cutenv.cutting.law import (
     between,
@@ -25,7 +27,6 @@ from cutenv.cutting.law import (
     slope,
     stable_growth,
     stiffness_at,
-    turned,
 )
 from cutenv.cutting.records import TICK, Record, Records
 from cutenv.cutting.row import ABREAST, BLOCK, ROW, DriveInRow, begin, law_in_row, put, take
@@ -84,14 +85,17 @@ def _drive(row: Record) -> None:
 
 @inlined
 def _turn(row: Record, profiles: Records) -> None:
-    for n in range(row.taken):
-        if row.next_angle[n] != row.angle[n]:
-            row.lean[n], row.pushing[n], energy = turned(
-                profiles[row.cut[n]], row.blade[n], row.lean[n], row.next_angle[n]
-            )
-            row.angle[n] = row.next_angle[n]
-            row.work[n] += energy
-            row.fracture[n] += energy
+    for n in range(ABREAST):
+        row.blade_point[n], row.blade_share[n] = place(row.blade[n])
+    for n in range(ABREAST):
+        profile, i, share = profiles[row.cut[n]], row.blade_point[n], row.blade_share[n]
+        row.edge_toughness[n] = between(profile.toughness, i, share)
+    for n in range(ABREAST):  # one that does not turn leans as before
+        lean, pushing = leaning(row.next_angle[n])
+        energy = sweeping(row.lean[n], lean, row.edge_toughness[n], row.depth[n])
+        row.lean[n], row.pushing[n], row.angle[n] = lean, pushing, row.next_angle[n]
+        row.work[n] += energy
+        row.fracture[n] += energy
 
 
 @inlined

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 
 from cutenv.compiled import compiled, inlined
+from cutenv.cutting.blade import leaning, sweeping
 from cutenv.cutting.records import Record, Records
 from cutenv.tissue.specimen import N_POINTS, POINTS_PER_METRE
 
@@ -110,14 +111,9 @@ def settled(ledger: float, loss: float) -> tuple[float, float]:
 
 @compiled
 def turned(profile: Record, x: float, lean: float, angle: float) -> tuple[float, float, float]:
-    """Lean and sin^2 of a blade that turns to ``angle``, and the energy that it takes.
-
-    Toward upright, its leaning edge sweeps B^2 |d cot(theta)| / 2 and pays R for it.
-    """
-    next_lean = 1.0 / math.tan(angle)
-    swept = lean - next_lean
-    energy = 0.5 * toughness_at(profile, x) * depth_at(profile, x) * swept if swept > 0.0 else 0.0
-    return next_lean, 1.0 / (1.0 + next_lean**2), energy
+    """Lean and sin^2 of a blade at ``x`` that turns to ``angle``, and the energy [J] that it takes."""
+    next_lean, pushing = leaning(angle)
+    return next_lean, pushing, sweeping(lean, next_lean, toughness_at(profile, x), depth_at(profile, x))
 
 
 @inlined

@@ -6,12 +6,12 @@ thousands of them side by side in one array.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv.cutting.blade import leaning
 from cutenv.tissue.specimen import N_POINTS
 
 Record = Any
@@ -97,7 +97,6 @@ def new_state(count: int, angle: float) -> Records:
     """``count`` fresh states, shape (count,): blade and tip at the clamp, at rest, ``angle`` [rad]."""
     states = np.zeros(count, STATE)
     states["angle"] = angle
-    states["lean"] = 1.0 / math.tan(angle)
-    states["pushing"] = 1.0 / (1.0 + states["lean"] ** 2)
+    states["lean"], states["pushing"] = leaning(angle)
     states["arrest_ratio"] = np.inf
     return states

@@ -32,6 +32,7 @@ _PASSING = (
     ("dK", "f8"),  # its derivative [N/m2]
     ("toughness", "f8"),  # and R B there [N]
     ("depth", "f8"),  # of cut at the blade [m]
+    ("edge_toughness", "f8"),  # R B there [N]
     ("loading", "f8"),  # part of the motion under which the tip follows [m], and
     ("da", "f8"),  # by how much it would [m]
     ("F", "f8"),  # elastic force [N] and

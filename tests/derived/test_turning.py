@@ -69,10 +69,10 @@ def test_wedge_is_paid_once_toward_upright_and_never_given_back(check):
 @pytest.mark.parametrize(
     ("check", "old", "new"),
     [
-        (check_wedge_is_paid, "energy = 0.5 * toughness_at", "energy = toughness_at"),
+        (check_wedge_is_paid, "return 0.5 * toughness * depth", "return toughness * depth"),
         (check_wedge_is_paid, "        state.fracture += energy\n", ""),
-        (check_turning_away_is_free, "if swept > 0.0 else", "if swept != 0.0 else"),
-        (check_oscillation_pays_every_time, "if swept > 0.0 else", "if swept != 0.0 else"),
+        (check_turning_away_is_free, "max(lean - next_lean, 0.0)", "(lean - next_lean)"),
+        (check_oscillation_pays_every_time, "max(lean - next_lean, 0.0)", "(lean - next_lean)"),
     ],
 )
 def test_turning_broken_on_purpose_fails_the_check(check, old, new):
