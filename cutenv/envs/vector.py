@@ -31,8 +31,7 @@ from cutenv.validation import in_range, one_of
 
 _SOURCES = {"liver": LIVER, "vascular": VASCULAR, "mixed": MIXED}
 _NAMED = tuple(
-    (group, "_" + group, tuple((name, "_" + name, place.start + k) for k, name in enumerate(names)))
-    for group, names, place in PLACES
+    (group, "_" + group, names, tuple("_" + name for name in names), place) for group, names, place in PLACES
 )
 """Groups of what is told, their masks, and in them names, masks and columns."""
 _FEWEST_TICKS = 4000  # updates of all cuts, below which waking another thread costs more than it saves
@@ -316,13 +315,11 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
 
 def _by_name(told: Numbers, present: Flags) -> dict[str, Any]:
     """Columns of what is told, whether or not it is yet filled, by group and name, each with its mask."""
-    columns = told.T
+    columns = tuple(told.T)
     info: dict[str, Any] = {}
-    for group, mask, named in _NAMED:
-        inside: dict[str, Any] = {}
-        for name, own_mask, column in named:
-            inside[name] = columns[column]
-            inside[own_mask] = present
+    for group, mask, names, masks, place in _NAMED:
+        inside: dict[str, Any] = dict(zip(names, columns[place], strict=True))
+        inside.update(dict.fromkeys(masks, present))
         info[group], info[mask] = inside, present
     return info
 
