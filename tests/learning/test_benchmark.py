@@ -142,7 +142,7 @@ def test_an_agent_that_loses_is_said_to_lose(compared):
     text = markdown(compared)
     assert "PPO against probe and creep: does not beat it: worse" in text
     assert "No agent beats the best script" in (compared / "leaderboard.html").read_text()
-    assert "| the force | PPO without force |" in text
+    assert "| the force is not felt | PPO without force |" in text
     assert "| eta90 [1] | 0.345 | 0.45 |" in text
 
 
@@ -225,7 +225,7 @@ def test_results_of_another_protocol_are_not_mixed_in(compared):
 def test_specimens_that_are_not_the_protocols_are_refused(compared, tmp_path):
     (tmp_path / "cuts").mkdir()
     for path in (compared / "cuts").iterdir():
-        (tmp_path / "cuts" / path.name).write_text(path.read_text().replace(f",{TEST_SEEDS[1]},", ",5,"))
+        (tmp_path / "cuts" / path.name).write_text(path.read_text().replace(f",{TINY.test_seeds[1]},", ",5,"))
     with pytest.raises(SystemExit, match="met other specimens of"):
         write_tables(tmp_path, TINY)
 
