@@ -1,19 +1,31 @@
 """How fast PPO trains here with the settings of ppo.py, and how much of the time the environments take.
 
-    python agents/speed.py               some 15 seconds; prints one line of JSON
+    python agents/speed.py               some 30 seconds; prints one line of JSON
     python agents/speed.py --updates 20  for a steadier number
 
-Part of `cutenv bench`. Validation, clone and report are left out: they are not what a decision costs.
+Part of `cutenv bench`.  The agent has the skill of the shipped one, explores as at the end of training, and keeps its
+skill (it learns, but next to nothing): one that knows nothing stands still until the deadline, which is cheaper to
+simulate than cutting and beginning anew.  Teaching, validation and report are left out: they are not what a decision
+costs.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
+import math
 import time
 
 import torch
 from ppo import Arguments, new_model
+from stable_baselines3 import PPO
+
+from cutenv.policy import shipped
+
+SKILLED = "ppo-free"
+"""Whose skill it is."""
+_NEXT_TO_NOTHING = 1e-9  # rate of learning
 
 
 def speed(arguments: Arguments, updates: int) -> dict[str, float]:
@@ -21,6 +33,7 @@ def speed(arguments: Arguments, updates: int) -> dict[str, float]:
     torch.set_num_threads(1)  # as in training: two pools of threads on two cores fight
     model = new_model(arguments, arguments.environments_at(arguments.training_seeds))
     rollout = arguments.environments * arguments.rollout
+    give_skill(model, arguments.last_exploration)
     model.learn(rollout)
     environments = model.get_env()
     begun, spent = time.perf_counter(), environments.seconds
@@ -33,6 +46,15 @@ def speed(arguments: Arguments, updates: int) -> dict[str, float]:
     }
 
 
+def give_skill(model: PPO, exploration: float) -> None:
+    """Give the actor the weights of the shipped agent, and this standard deviation."""
+    weights = itertools.chain.from_iterable(shipped(SKILLED).network.layers)
+    with torch.no_grad():
+        for own, known in zip(model.policy.actor_parameters(), weights, strict=True):
+            own.copy_(torch.from_numpy(known))
+        model.policy.log_std.fill_(math.log(exploration))
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -40,7 +62,7 @@ def main() -> None:
     updates = parser.parse_args().updates
     if updates < 1:
         parser.error(f"--updates {updates} is less than 1: nothing would be measured")
-    print(json.dumps(speed(Arguments(), updates)))
+    print(json.dumps(speed(Arguments(learning_rate=_NEXT_TO_NOTHING), updates)))
 
 
 if __name__ == "__main__":

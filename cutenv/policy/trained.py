@@ -106,6 +106,11 @@ class TrainedPolicy:
         return self._card
 
     @property
+    def network(self) -> Network | RecurrentNetwork:
+        """What acts, from features to actions; its weights begin another training."""
+        return self._network
+
+    @property
     def environment_arguments(self) -> dict[str, Any]:
         """With what an environment must be made so that observations and actions mean the same."""
         return dict(self._card.environment_arguments)
