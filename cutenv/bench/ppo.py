@@ -70,7 +70,7 @@ def measure() -> Measured:
     share = found["environments_share"]
     taken = f"the environments take {100.0 * share:.0f} % of the time"
     lines = [
-        "PPO (Stable-Baselines3) with the settings of agents/ppo.py, after its first update",
+        "PPO (Stable-Baselines3) with the settings of agents/ppo.py, of an agent that cuts",
         f"  {found['decisions_per_s']:.0f} decisions a second over {found['decisions']:.0f}",
         at_most(taken, share, ALLOWED_SHARE, f"{100.0 * ALLOWED_SHARE:g} %"),
     ]
