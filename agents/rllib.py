@@ -129,8 +129,8 @@ def connect(arguments: Arguments) -> None:
         raise RuntimeError(f"the local cluster listens on {addresses}, not on {_LOOPBACK}: import ray after connect().")
 
 
-def algorithm(arguments: Arguments) -> PPO:
-    """An untrained agent with its runners; after :func:`connect`."""
+def algorithm(arguments: Arguments, first_episode: int = 0) -> PPO:
+    """An untrained agent with its runners, whose environments begin with this episode; after :func:`connect`."""
     from ray.rllib.algorithms.ppo import PPOConfig
     from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
     from ray.tune.registry import register_env
@@ -138,6 +138,7 @@ def algorithm(arguments: Arguments) -> PPO:
     register_env(_NAME, RunnerEnv.of_runner)
     keywords = arguments.environment | {
         "first_seed": arguments.training_seeds.start,
+        "first_episode": first_episode,
         "history": arguments.history,
         "dead_zone": arguments.dead_zone,
     }
@@ -217,6 +218,14 @@ def train(
     return curve
 
 
+def uncut_episode(arguments: Arguments, curve: Sequence[Mapping[str, Any]]) -> int:
+    """An episode that no environment of a run with this learning curve has come to: a cut takes a decision or more."""
+    if not curve:
+        return 0
+    decisions = max(int(point["decisions"]) for point in curve)
+    return decisions // (arguments.workers * arguments.environments) + 2  # one that had begun, and rounding
+
+
 def network(ppo: PPO) -> Network:
     """The actor: its most likely action before clipping."""
     arrays = ppo.learner_group.get_weights()["default_policy"]
@@ -255,12 +264,14 @@ def main() -> None:
     run.mkdir(parents=True, exist_ok=True)
     facts = record_run(arguments, run)
     connect(arguments)
-    ppo = algorithm(arguments)
     earlier: list[dict[str, str]] = []
     if resume is not None:
-        ppo.restore_from_path((resume / "checkpoint").absolute())
         with (resume / "learning_curve.csv").open(newline="") as file:
-            earlier = [row for row in csv.DictReader(file) if int(row["iteration"]) <= ppo.iteration]
+            earlier = list(csv.DictReader(file))
+    ppo = algorithm(arguments, uncut_episode(arguments, earlier))
+    if resume is not None:
+        ppo.restore_from_path((resume / "checkpoint").absolute())
+        earlier = [row for row in earlier if int(row["iteration"]) <= ppo.iteration]
     curve = train(ppo, arguments, run, earlier)
     save_policy(
         run / "policy",

@@ -30,14 +30,25 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         Decisions of history among the features.
     dead_zone : float
         Share of the speed's action that means rest.
+    first_episode : int
+        Of each seed; a training that goes on begins where no specimen has been cut yet.
     **arguments
         Keywords of ``cutenv/GentleCut-v0``.
     """
 
-    def __init__(self, num_envs: int, *, first_seed: int, history: int, dead_zone: float, **arguments: Any) -> None:
+    def __init__(
+        self,
+        num_envs: int,
+        *,
+        first_seed: int,
+        history: int,
+        dead_zone: float,
+        first_episode: int = 0,
+        **arguments: Any,
+    ) -> None:
         self._native = GentleCutVectorEnv(num_envs, autoreset_mode=AutoresetMode.NEXT_STEP, **arguments)
         self.num_envs, self.metadata = num_envs, self._native.metadata
-        self._first_seed, self._dead_zone = first_seed, dead_zone
+        self._first_seed, self._first_episode, self._dead_zone = first_seed, first_episode, dead_zone
         self._memory, self._frames = new_memory(num_envs, history)
         self._begins = np.zeros(num_envs, bool)
         self._fresh = True
@@ -58,10 +69,13 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._first_seed += runner * self.num_envs
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin every cut anew: at first each seed's first, then its next."""
-        seeds = [self._first_seed + n for n in range(self.num_envs)] if self._fresh else None
+        """Begin every cut anew: at first each seed's ``first_episode``, then its next."""
+        seeds, first = None, {}
+        if self._fresh:
+            seeds = [self._first_seed + n for n in range(self.num_envs)]
+            first = {"episode": self._first_episode}
         self._fresh = False
-        observations, _ = self._native.reset(seed=seeds)
+        observations, _ = self._native.reset(seed=seeds, options=first)
         self._begins = np.ones(self.num_envs, bool)
         seen = self._seen(observations)
         self._begins = np.zeros(self.num_envs, bool)

@@ -14,7 +14,7 @@ import pytest
 
 pytest.importorskip("tqdm", reason="learners need an extra: pip install 'cutenv[distributed]'")
 
-from rllib import Arguments, connect, record_run, train
+from rllib import Arguments, connect, record_run, train, uncut_episode
 
 HERE = ("cutenv", "numpy")  # Ray is not where the other tests run
 
@@ -76,3 +76,11 @@ def test_without_an_address_no_cluster_that_was_begun_before_is_joined(monkeypat
 def test_a_number_beyond_its_limits_is_refused(name, value):
     with pytest.raises(SystemExit, match=f"--{name.replace('_', '-')} {value} is outside "):
         Arguments(**{name: value})
+
+
+def test_a_run_that_goes_on_begins_beyond_every_episode_that_can_have_begun():
+    arguments = Arguments(workers=2, environments=8)
+    assert uncut_episode(arguments, []) == 0
+    rows = [{"iteration": "1", "decisions": "1600"}, {"iteration": "2", "decisions": "3205"}]
+    every_decision_a_cut = 3205 / 16
+    assert every_decision_a_cut + 1 < uncut_episode(arguments, rows) < every_decision_a_cut + 3

@@ -49,6 +49,15 @@ def test_a_second_reset_goes_on_to_the_next_specimens():
     assert (RunnerEnv(2, first_seed=7, **SHORT).reset(seed=3)[0] == first).all()
 
 
+def test_a_training_that_goes_on_begins_with_specimens_not_yet_cut():
+    runner = RunnerEnv(2, first_seed=7, **SHORT)
+    for _ in range(4):
+        fourth = runner.reset()[0]
+    goes_on = RunnerEnv(2, first_seed=7, first_episode=3, **SHORT)
+    assert (goes_on.reset()[0] == fourth).all()
+    assert (goes_on.reset()[0] == runner.reset()[0]).all()
+
+
 def test_spaces_hold_what_is_seen():
     runner = RunnerEnv(4, first_seed=0, **SHORT)
     seen, _ = runner.reset()
