@@ -51,7 +51,7 @@ def give_skill(model: PPO, exploration: float) -> None:
     weights = itertools.chain.from_iterable(shipped(SKILLED).network.layers)
     with torch.no_grad():
         for own, known in zip(model.policy.actor_parameters(), weights, strict=True):
-            own.copy_(torch.from_numpy(known))
+            own.copy_(torch.tensor(known))
         model.policy.log_std.fill_(math.log(exploration))
 
 

@@ -125,7 +125,8 @@ def test_the_actor_never_sees_what_the_critic_sees(finished):
     model = stable_baselines3.PPO.load(finished[0] / "policy.zip", device="cpu")
     size = model.observation_space.shape[0]
     shown, other = np.zeros((2, size), np.float32)
-    other[feature_count(6) :] = 3.0
+    other[feature_count(Arguments().history) :] = 3.0
+    assert other.any(), "nothing hidden is shown"
     assert (model.predict(shown, deterministic=True)[0] == model.predict(other, deterministic=True)[0]).all()
     with torch.no_grad():
         values = model.policy.predict_values(torch.as_tensor(np.stack((shown, other))))
