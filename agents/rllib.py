@@ -222,8 +222,8 @@ def uncut_episode(arguments: Arguments, curve: Sequence[Mapping[str, Any]]) -> i
     """An episode that no environment of a run with this learning curve has come to: a cut takes a decision or more."""
     if not curve:
         return 0
-    decisions = max(int(point["decisions"]) for point in curve)
-    return decisions // (arguments.workers * arguments.environments) + 2  # one that had begun, and rounding
+    decisions = max(float(point["decisions"]) for point in curve)
+    return int(decisions) // (arguments.workers * arguments.environments) + 2  # one that had begun, and rounding
 
 
 def network(ppo: PPO) -> Network:
@@ -280,7 +280,7 @@ def main() -> None:
         environment_arguments={"control_hz": arguments.control_hz, "angle_mode": arguments.angle_mode},
         features={"history": arguments.history},
         dead_zone=arguments.dead_zone,
-        training=facts | {"decisions": int(curve[-1]["decisions"]) if curve else 0},
+        training=facts | {"decisions": int(float(curve[-1]["decisions"])) if curve else 0},
         replace=True,
     )
     ppo.stop()  # the cluster, if it is a local one, ends with this process

@@ -81,6 +81,6 @@ def test_a_number_beyond_its_limits_is_refused(name, value):
 def test_a_run_that_goes_on_begins_beyond_every_episode_that_can_have_begun():
     arguments = Arguments(workers=2, environments=8)
     assert uncut_episode(arguments, []) == 0
-    rows = [{"iteration": "1", "decisions": "1600"}, {"iteration": "2", "decisions": "3205"}]
+    rows = [{"iteration": "1", "decisions": "1600.0"}, {"iteration": "2", "decisions": "3205.0"}]
     every_decision_a_cut = 3205 / 16
     assert every_decision_a_cut + 1 < uncut_episode(arguments, rows) < every_decision_a_cut + 3
