@@ -91,6 +91,5 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _seen(self, observations: np.ndarray) -> np.ndarray:
         """The features; those of a cut that begins remember nothing of the last."""
-        for n in np.flatnonzero(self._begins):
-            forget(self._memory, self._frames, n)
+        forget(self._memory, self._frames, np.flatnonzero(self._begins))
         return extract_batch(self._memory, self._frames, observations)

@@ -19,7 +19,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.policy.features import FeatureBatch, past_dead_zone
 from cutenv.task.hidden import HIDDEN, reveal
-from cutenv.task.observation import BOUND
+from cutenv.task.records import ENDS
 
 
 class NativeVecEnv(VecEnv):
@@ -38,7 +38,7 @@ class NativeVecEnv(VecEnv):
         self.specimen_seeds = list(seeds)  # SB3 has a _seeds of its own
         self.first_episode = 0
         """Number of the episode with which :meth:`reset` begins every environment."""
-        self.observations = np.zeros(self.native.observation_space.shape or (), np.float32)
+        self._batch = self.native.batch
         self.seconds = 0.0
         """Spent in :meth:`reset` and :meth:`step_wait` so far."""
         self._returns, self._lengths = np.zeros(len(seeds)), np.zeros(len(seeds), int)
@@ -50,21 +50,25 @@ class NativeVecEnv(VecEnv):
         """Of what an environment shows."""
         return self.native.single_observation_space
 
+    @property
+    def observations(self) -> np.ndarray:
+        """The environment's own, shape (n, 12), as they are now."""
+        return self._batch.observations
+
     def see(self) -> np.ndarray:
         """What the environments show after a step."""
-        return self.observations
+        return self.observations.copy()
 
-    def see_beginning(self, seen: np.ndarray, begun: np.ndarray) -> None:
-        """Replace rows ``begun`` of ``seen`` by what these environments show at their beginning."""
-        seen[begun] = self.observations[begun]
+    def see_beginning(self, begun: np.ndarray) -> np.ndarray:
+        """What the environments numbered ``begun`` show at their beginning."""
+        return self.observations[begun]
 
     def reset(self) -> np.ndarray:
         """Begin every environment anew at :attr:`first_episode` of its seed."""
         start = time.perf_counter()
-        self.observations, _ = self.native.reset(seed=self.specimen_seeds, options={"episode": self.first_episode})
+        self.native.reset(seed=self.specimen_seeds, options={"episode": self.first_episode})
         self._returns[:] = self._lengths[:] = 0
-        seen = np.zeros((self.num_envs, *(self.observation_space.shape or ())), np.float32)
-        self.see_beginning(seen, np.arange(self.num_envs))
+        seen = self.see_beginning(np.arange(self.num_envs))
         self.seconds += time.perf_counter() - start
         return seen
 
@@ -75,27 +79,24 @@ class NativeVecEnv(VecEnv):
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Observations, rewards, ends and infos; a finished environment is begun anew at once."""
         start = time.perf_counter()
-        self.observations, rewards, ended, _, told = self.native.step(self._actions)
+        rewards, ends = self._batch.decide(self._actions)
         self._returns += rewards
         self._lengths += 1
-        seen = self.see()
+        seen, ended = self.see(), ends != 0
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         finished = np.flatnonzero(ended)
-        for n in finished:
-            infos[n] = {
-                "episode": {
-                    "r": float(self._returns[n]),
-                    "l": int(self._lengths[n]),
-                    "t": time.monotonic() - self._begun,
-                },
-                "is_success": bool(told["is_success"][n]),
-                "end": told["end"][n],
-                "terminal_observation": seen[n].copy(),
-            }
         if len(finished):
-            self.observations, _ = self.native.reset(options={"reset_mask": ended})
+            success, now = self._batch.succeeded(), time.monotonic() - self._begun
+            for n in finished:
+                infos[n] = {
+                    "episode": {"r": float(self._returns[n]), "l": int(self._lengths[n]), "t": now},
+                    "is_success": bool(success[n]),
+                    "end": ENDS[ends[n]],
+                    "terminal_observation": seen[n].copy(),
+                }
+            self._batch.begin(finished)
             self._returns[finished] = self._lengths[finished] = 0
-            self.see_beginning(seen, finished)
+            seen[finished] = self.see_beginning(finished)
         self.seconds += time.perf_counter() - start
         return seen, rewards.astype(np.float32), ended, infos
 
@@ -144,6 +145,7 @@ class CutVecEnv(NativeVecEnv):
     ) -> None:
         self._seen = FeatureBatch(len(seeds), history=history, force=force)
         self.features, self.dead_zone = self._seen.size, dead_zone
+        self._all = np.arange(len(seeds))
         super().__init__(seeds, **arguments)
 
     def space(self) -> gymnasium.Space[Any]:
@@ -156,15 +158,9 @@ class CutVecEnv(NativeVecEnv):
 
     def see(self) -> np.ndarray:
         """Features and hidden state, once per decision: features keep it in mind."""
-        return np.concatenate((self._seen(self.observations), self._revealed()), axis=1)
+        return reveal(self._batch.cuts, self._seen(self.observations), self._all)
 
-    def see_beginning(self, seen: np.ndarray, begun: np.ndarray) -> None:
+    def see_beginning(self, begun: np.ndarray) -> np.ndarray:
         """Forget the last cut first."""
-        for n in begun:
-            self._seen.forget(n)
-            own = slice(n, n + 1)
-            seen[own, : self.features] = self._seen(self.observations[own], own)
-        seen[begun, self.features :] = self._revealed()[begun]
-
-    def _revealed(self) -> np.ndarray:
-        return np.clip(reveal(self.native.cuts), -BOUND, BOUND).astype(np.float32)
+        self._seen.forget(begun)
+        return reveal(self._batch.cuts, self._seen(self.observations[begun], begun), begun)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,27 +13,18 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from cutenv.compiled import announce
-from cutenv.cores import FEWEST, over_cores
-from cutenv.envs.gentle_cut import OPTIONS, GentleCutEnv, checked_episode, checked_length
-from cutenv.randomness import check_key
-from cutenv.task.assessment import succeeded_all
-from cutenv.task.beginning import GIVEN, LIVER, LONGEST, MIXED, VASCULAR, begin_some
-from cutenv.task.cuts import SPECIMEN, Cuts, step_some, tell_of_all
-from cutenv.task.gentle_cutting import nominal_per_depth
-from cutenv.task.observation import COMPONENTS, all_within_reach
+from cutenv.envs.batch import CutBatch
+from cutenv.envs.gentle_cut import OPTIONS, GentleCutEnv
+from cutenv.task.beginning import begin_some
+from cutenv.task.cuts import Cuts, step_some, tell_of_all
 from cutenv.task.records import ENDS
 from cutenv.task.told import PLACES, TOLD
-from cutenv.tissue.description import measured_liver
-from cutenv.tissue.drawing import recipe, tissue_modes
-from cutenv.tissue.specimen import STEEPEST, Specimen, too_uneven
 from cutenv.validation import in_range, one_of
 
-_SOURCES = {"liver": LIVER, "vascular": VASCULAR, "mixed": MIXED}
 _NAMED = tuple(
     (group, "_" + group, names, tuple("_" + name for name in names), place) for group, names, place in PLACES
 )
 """Groups of what is told, their masks, and in them names, masks and columns."""
-_FEWEST_TICKS = 4000  # updates of all cuts, below which waking another thread costs more than it saves
 _END_NAMES = np.array(ENDS, dtype=object)
 
 Flags = NDArray[np.bool_]
@@ -106,17 +96,15 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space: spaces.Space[Any] = batch_space(self.single_action_space, self.num_envs)
 
-        self.cuts = Cuts.empty(self.num_envs)
-        self._start: tuple[Cuts, str | None] | None = None
-        self._tissue = self.single.tissue.tissue or measured_liver()
-        self._seeds = np.zeros(self.num_envs, np.uint64)
-        self._episodes = np.zeros(self.num_envs, np.uint64)
-        self._begun = np.zeros(self.num_envs, bool)
+        self.batch = CutBatch(self.num_envs, self.single)
+        """The cuts, for who needs no info; do not mix its steps with these."""
         self._ended = np.zeros(self.num_envs, bool)
-        self._vascular = np.zeros(self.num_envs, np.int8)
-        self._classes = np.full(self.num_envs, None, dtype=object)
-        self._observations = np.zeros((self.num_envs, len(COMPONENTS)), np.float32)
         self._none_waits = np.zeros(self.num_envs, bool)
+
+    @property
+    def cuts(self) -> Cuts:
+        """Everything about the cuts."""
+        return self.batch.cuts
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -134,49 +122,22 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         which = self._masked(options.pop("reset_mask", None))
         for name in options:
             one_of("option", name, (*OPTIONS, "reset_mask"))
-        self._give_seeds(seed, which)
-        if options.get("episode") is not None:
-            self._episodes[which] = checked_episode(options["episode"])
-        self._begin(which, options)
+        if seed is not None or not self.batch.begun[which].all():
+            self.batch.give_seeds(self._seeds_of_all(seed), which, self.np_random)
+        self.batch.begin(which, options)
         self._ended[which] = False
-        return self._observations.copy(), self._info(self._told_at_start(which), self._mask(which))
+        return self.batch.observations.copy(), self._info(self._told_at_start(which), self._mask(which))
 
     def step(self, actions: Observations) -> tuple[Observations, Numbers, Flags, Flags, dict[str, Any]]:
         """Take an action, shape (2,), in every environment, shape (num_envs, 2); see ``autoreset_mode`` for ends."""
-        commands = np.array(actions, np.float64)
-        if commands.shape != (self.num_envs, 2):
-            raise ValueError(
-                f"actions have shape {commands.shape}; give ({self.num_envs}, 2): speed and angle of each."
-            )
         waiting = self._ended if self.autoreset_mode == AutoresetMode.NEXT_STEP else self._none_waits
-        if not self._begun.all() or (self._ended.any() and waiting is self._none_waits):
+        if waiting is self._none_waits and self._ended.any():
             raise gymnasium.error.ResetNeeded("in some environments no cut is going on: call reset() before step().")
-        bad = all_within_reach(commands, waiting, self.single.fixed_angle or math.nan)
-        if bad >= 0:
-            raise ValueError(
-                f"actions[{bad}] = {np.asarray(actions)[bad]} must hold 2 numbers in [-1, 1] (speed, angle), "
-                "and none may be NaN."
-            )
-        observations = self._observations
-        rewards = np.empty(self.num_envs)
-        ends = np.empty(self.num_envs, np.int64)
         told = np.empty((self.num_envs, TOLD))
         all_of_it: dict[str, Any] = {}
         present = np.ones(self.num_envs, bool)
-        over_cores(
-            step_some,
-            self.num_envs,
-            self.cuts,
-            self.single.ticks,
-            self.single.from_truth,
-            waiting,
-            commands,
-            observations,
-            rewards,
-            ends,
-            told,
-            fewest=max(FEWEST, _FEWEST_TICKS // self.single.ticks),
-            meanwhile=lambda: all_of_it.update(_by_name(told, present)),
+        rewards, ends = self.batch.decide(
+            actions, waiting, told, meanwhile=lambda: all_of_it.update(_by_name(told, present))
         )
         ended = ends != 0
         finished = np.flatnonzero(ended)
@@ -186,13 +147,13 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             info = self._final(finished, ended, ends, told)
             began = finished
         if len(began):
-            self._begin(began, {})
+            self.batch.begin(began)
             self._told_at_start(began, told)
         info |= self._completed(all_of_it, told, present)
         if len(finished) and self.autoreset_mode != AutoresetMode.SAME_STEP:
             self._add_ends(info, ended, ends)
         self._ended = self._none_waits if self.autoreset_mode == AutoresetMode.SAME_STEP else ended
-        return observations.copy(), rewards, ended.copy(), np.zeros(self.num_envs, bool), info
+        return self.batch.observations.copy(), rewards, ended.copy(), np.zeros(self.num_envs, bool), info
 
     def _masked(self, mask: Any) -> NDArray[np.int64]:
         """The environments that a reset mask names; all without one."""
@@ -204,70 +165,12 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             raise ValueError("reset_mask names no environment; leave the reset out.")
         return np.flatnonzero(mask)
 
-    def _give_seeds(self, seed: int | Sequence[int | None] | None, which: NDArray[np.int64]) -> None:
-        if seed is None or isinstance(seed, int | np.integer):
-            super().reset(seed=None if seed is None else int(seed))
-            seeds = [None if seed is None else int(seed) + n for n in range(self.num_envs)]
-        else:
-            seeds = list(seed)
-            if len(seeds) != self.num_envs:
-                raise ValueError(f"seed holds {len(seeds)} numbers; give one for each of {self.num_envs} environments.")
-        for n in which if seed is not None or not self._begun[which].all() else ():
-            given = seeds[n]
-            if given is None and not self._begun[n]:
-                given = int(self.np_random.integers(2**63))
-            if given is not None:
-                check_key(given, 0)
-                self._seeds[n] = given
-                self._episodes[n] = 0
-        self._begun[which] = True
-
-    def _begin(self, which: NDArray[np.int64], options: dict[str, Any]) -> None:
-        """Begin the next cut of some environments."""
-        if self._start is None or options.get("specimen") is not None:
-            start, given = self._shared_start(options)
-        else:
-            start, given = self._start
-        if options.get("specimen") is None:
-            self._start = start, given
-        target = self.single.target_length or 0.0
-        if options.get("target_length") is not None:
-            target = checked_length(options["target_length"])
-        knowledge = self.single.constants.knowledge
-        over_cores(
-            begin_some, len(which), self.cuts, start, which, self._seeds, self._episodes,
-            GIVEN if given else _SOURCES[self.single.specimen_class], self.single.from_truth, target, STEEPEST,
-            recipe(self._tissue), tissue_modes(self._tissue), knowledge.depth_noise, knowledge.depth_modes(),
-            self._observations, self._vascular,
-        )  # fmt: skip
-        if given:
-            self._classes[which] = given
-        elif (self._vascular[which] < 0).any():
-            raise ValueError(too_uneven(self._tissue))
-        else:
-            self._classes[which] = np.where(self._vascular[which] == 1, "vascular", "liver")
-        self._episodes[which] += np.uint64(1)
-
-    def _shared_start(self, options: dict[str, Any]) -> tuple[Cuts, str | None]:
-        """A single environment's start, what does not depend on the key, and the class of a specimen that is given."""
-        specimen = self.single.given_specimen(options.get("specimen"))
-        if specimen is None and self.single.specimen_class == "uniform":
-            specimen = Specimen.drawn(0, specimen_class="uniform", tissue=self._tissue)
-        given = specimen is not None
-        specimen = specimen or Specimen.mean(self._tissue)  # its tissue matters, and nothing else
-        self.single.set_up(specimen, self.single.target_length or LONGEST, seed=0, episode=0, depth=specimen.depth)
-        plant, cutting = self.single.plant, self.single.cutting
-        parts = plant.snapshot()
-        start = Cuts(
-            *parts,
-            *cutting.assessment(),
-            nominals=cutting.nominal,
-            per_depth=nominal_per_depth(specimen.tissue),
-            specimens=np.zeros(1, SPECIMEN),
-        )
-        start.specimens["modulus"] = specimen.modulus
-        start.specimens["fracture_resistance"] = specimen.fracture_resistance
-        return start, (specimen.specimen_class if given else None)
+    def _seeds_of_all(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        """The seeds that ``reset`` is given, one for each environment."""
+        if not (seed is None or isinstance(seed, int | np.integer)):
+            return list(seed)
+        super().reset(seed=None if seed is None else int(seed))
+        return [None if seed is None else int(seed) + n for n in range(self.num_envs)]
 
     def _told_at_start(self, which: NDArray[np.int64], told: Numbers | None = None) -> Numbers:
         if told is None:
@@ -288,13 +191,13 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         """``info`` with what is not as it is told: whole numbers, flags and names."""
         truth = info["truth"]
         truth["units"] = truth["units"].astype(np.int64)
-        truth["specimen_class"], truth["_specimen_class"] = _where(present, self._classes), present
+        truth["specimen_class"], truth["_specimen_class"] = _where(present, self.batch.classes), present
         info["speed_out_of_range"], info["_speed_out_of_range"] = told[:, -1] > 0.0, present
         return info
 
     def _add_ends(self, info: dict[str, Any], ended: Flags, ends: NDArray[np.int64]) -> None:
         info["end"], info["_end"] = _where(ended, _END_NAMES[ends]), ended
-        info["is_success"], info["_is_success"] = succeeded_all(self.cuts.tasks, self.cuts.progresses) & ended, ended
+        info["is_success"], info["_is_success"] = self.batch.succeeded() & ended, ended
 
     def _final(
         self, finished: NDArray[np.int64], ended: Flags, ends: NDArray[np.int64], told: Numbers
@@ -306,7 +209,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         self._add_ends(final_info, ended, ends)
         final_obs = np.full(self.num_envs, None, dtype=object)
         for n in finished:  # by Gymnasium's convention an array of arrays
-            final_obs[n] = self._observations[n].copy()
+            final_obs[n] = self.batch.observations[n].copy()
         return {"final_obs": final_obs, "_final_obs": ended, "final_info": final_info, "_final_info": ended}
 
     def close_extras(self, **kwargs: Any) -> None:

@@ -105,22 +105,22 @@ class FeatureBatch:
         self._memory, self._frames = new_memory(int(count), int(history))
         self._force = force
         self.size = feature_count(int(history))
-        for cut in range(int(count)):
-            self.forget(cut)
+        self._all = np.arange(int(count))
+        self.forget(self._all)
 
-    def forget(self, cut: int) -> None:
-        """Begin one of the cuts anew."""
-        forget(self._memory, self._frames, cut)
+    def forget(self, cuts: int | NDArray[np.int64]) -> None:
+        """Begin one of the cuts anew, or several, by their numbers."""
+        forget(self._memory, self._frames, cuts)
 
-    def __call__(self, observations: NDArray[np.float32], cuts: slice = slice(None)) -> NDArray[np.float32]:
-        """The features, shape (n, size) float32, of the ``cuts`` with these observations, shape (n, 12)."""
+    def __call__(self, observations: NDArray[np.float32], cuts: NDArray[np.int64] | None = None) -> NDArray[np.float32]:
+        """The features, shape (n, size) float32, of the cuts with these observations, shape (n, 12): all, or some."""
         seen = checked_observation(observations).astype(np.float32)
-        memory, frames = self._memory[cuts], self._frames[cuts]
-        if seen.shape[:-1] != (len(memory),):
-            raise ValueError(f"observations have shape {seen.shape}; give ({len(memory)}, {seen.shape[-1]}).")
+        cuts = self._all if cuts is None else cuts
+        if seen.shape[:-1] != cuts.shape:
+            raise ValueError(f"observations have shape {seen.shape}; give ({len(cuts)}, {seen.shape[-1]}).")
         if not self._force:
             seen[:, : _MAX + 1] = 0.0
-        return extract_batch(memory, frames, seen)
+        return extract_batch(self._memory, self._frames, seen, cuts)
 
 
 class Features:
@@ -173,39 +173,46 @@ def new_memory(cuts: int, history: int) -> tuple[Records, NDArray[np.float64]]:
     return np.zeros(cuts, MEMORY), np.zeros((cuts, history, _CHANNELS))
 
 
-def forget(memory: Records, frames: NDArray[np.float64], cut: int) -> None:
-    """Begin ``cut`` anew."""
-    memory[cut] = np.zeros(1, MEMORY)[0]
-    memory["friction_per_depth"][cut] = _NOMINAL_FRICTION
-    memory["stiffness_ratio"][cut] = 1.0
-    frames[cut] = 0.0
-
-
 _NOMINAL_STIFFNESS = nominal_stiffness_per_depth(measured_liver())
 _NOMINAL_FRICTION = nominal_friction_per_depth(measured_liver())
+_NOTHING = np.zeros(1, MEMORY)
+_NOTHING["friction_per_depth"] = _NOMINAL_FRICTION
+_NOTHING["stiffness_ratio"] = 1.0
+
+
+def forget(memory: Records, frames: NDArray[np.float64], cuts: int | NDArray[np.int64]) -> None:
+    """Begin a cut anew, or several, by their numbers."""
+    memory[cuts] = _NOTHING[0]
+    frames[cuts] = 0.0
 
 
 def extract_batch(
-    memory: Records, frames: NDArray[np.float64], observations: NDArray[np.float32]
+    memory: Records,
+    frames: NDArray[np.float64],
+    observations: NDArray[np.float32],
+    cuts: NDArray[np.int64] | None = None,
 ) -> NDArray[np.float32]:
-    """The features of many cuts, shape (n, size), for their observations, shape (n, 12)."""
-    features = np.empty((len(memory), feature_count(frames.shape[1])), np.float32)
-    extract_all(memory, frames, _NOMINAL_STIFFNESS, _NOMINAL_FRICTION, observations, features)
+    """The features, shape (n, size), of all cuts, or of some by their numbers, for observations, shape (n, 12)."""
+    features = np.empty((len(observations), feature_count(frames.shape[1])), np.float32)
+    cuts = np.arange(len(memory)) if cuts is None else cuts
+    extract_some(memory, frames, cuts, _NOMINAL_STIFFNESS, _NOMINAL_FRICTION, observations, features)
     return features
 
 
 @compiled
-def extract_all(
+def extract_some(
     memory: Records,
     frames: Records,
+    cuts: Records,
     stiffness_per_depth: Records,
     friction_per_depth: float,
     observations: Records,
     features: Records,
 ) -> None:
-    """Fill ``features``, shape (n, size), and keep in mind what was observed."""
-    for n in range(len(memory)):
-        _extract(memory[n], frames[n], stiffness_per_depth, friction_per_depth, observations[n], features[n])
+    """Fill ``features``, shape (n, size), and keep in mind what was observed of these cuts, n of them."""
+    for k in range(len(cuts)):
+        n = cuts[k]
+        _extract(memory[n], frames[n], stiffness_per_depth, friction_per_depth, observations[k], features[k])
 
 
 @compiled

@@ -9,6 +9,7 @@ from cutenv.compiled import compiled
 from cutenv.cutting.law import depth_at, elastic_force, stiffness_at, toughness_at
 from cutenv.cutting.records import Records
 from cutenv.task.cuts import Cuts
+from cutenv.task.observation import BOUND
 
 HIDDEN = (
     "distance from tip to target [cm]",
@@ -26,26 +27,38 @@ HIDDEN = (
 _AHEAD = (0.0, 0.003, 0.006, 0.012)
 
 
-def reveal(cuts: Cuts) -> NDArray[np.float64]:
-    """The hidden state of n cuts, shape (n, 10), as :data:`HIDDEN` names it."""
-    hidden = np.empty((len(cuts.states), len(HIDDEN)))
-    _reveal(cuts.states, cuts.profiles, cuts.tasks, hidden)
-    return hidden
+def reveal(cuts: Cuts, features: NDArray[np.float32], which: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Features, shape (m, size), followed by the hidden state of the cuts numbered ``which``, shape (m, size + 10).
+
+    It is what :data:`HIDDEN` names, clipped as observations are.
+    """
+    seen = np.empty((len(features), features.shape[1] + len(HIDDEN)), np.float32)
+    _reveal(cuts.states, cuts.profiles, cuts.tasks, features, which, seen)
+    return seen
 
 
 @compiled
-def _reveal(states: Records, profiles: Records, tasks: Records, hidden: Records) -> None:
-    """Fill ``hidden``, shape (n, 10), with what :data:`HIDDEN` names."""
-    for n in range(len(states)):
+def _reveal(
+    states: Records, profiles: Records, tasks: Records, features: Records, which: Records, seen: Records
+) -> None:
+    """Fill ``seen``."""
+    hidden = np.empty(len(HIDDEN))
+    size = features.shape[1]
+    for m in range(len(which)):
+        n = which[m]
         state, profile = states[n], profiles[n]
         a = state.tip
         toughness = toughness_at(profile, a)
-        hidden[n, 0] = (tasks[n].target - a) / 0.01
-        hidden[n, 1] = (state.blade - a) / 0.01
-        hidden[n, 2] = elastic_force(profile, state.blade, a) / toughness
-        hidden[n, 3] = min(state.arrest_ratio, 2.0)
-        hidden[n, 4] = state.ledger / (toughness * 0.001)
-        hidden[n, 5] = stiffness_at(profile, a)[0] / 500.0
+        hidden[0] = (tasks[n].target - a) / 0.01
+        hidden[1] = (state.blade - a) / 0.01
+        hidden[2] = elastic_force(profile, state.blade, a) / toughness
+        hidden[3] = min(state.arrest_ratio, 2.0)
+        hidden[4] = state.ledger / (toughness * 0.001)
+        hidden[5] = stiffness_at(profile, a)[0] / 500.0
         for k in range(len(_AHEAD)):
             place = a + _AHEAD[k]
-            hidden[n, 6 + k] = toughness_at(profile, place) / depth_at(profile, place) / 200.0
+            hidden[6 + k] = toughness_at(profile, place) / depth_at(profile, place) / 200.0
+        for k in range(size):
+            seen[m, k] = features[m, k]
+        for k in range(len(hidden)):
+            seen[m, size + k] = min(max(hidden[k], -BOUND), BOUND)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -145,9 +146,11 @@ def in_units(observation: ArrayLike) -> dict[str, NDArray[np.float64]]:
     return {component.name: values[..., k] for k, component in enumerate(COMPONENTS)}
 
 
-def checked_observation(observation: ArrayLike) -> NDArray[np.float64]:
-    """An observation, shape (..., 12), of finite numbers; ValueError for anything else."""
-    values = np.asarray(observation, dtype=np.float64)
+def checked_observation(observation: ArrayLike) -> NDArray[np.floating[Any]]:
+    """An observation, shape (..., 12), of finite numbers, float32 as it is told; ValueError for anything else."""
+    values = np.asarray(observation)
+    if values.dtype != np.float32:
+        values = np.asarray(observation, dtype=np.float64)
     if values.shape[-1:] != (len(COMPONENTS),):
         raise ValueError(f"observation has shape {values.shape}; its last axis must hold {len(COMPONENTS)} numbers.")
     if not np.isfinite(values).all():

@@ -137,7 +137,7 @@ def test_a_cut_that_has_finished_is_told_so():
 def test_a_difference_in_one_bit_is_noticed():
     native, singles = both(**SHORT)
     native.reset(seed=SEED)
-    native.unwrapped._start[0].laws["eta90"] *= 1.0 + 2e-16
+    native.unwrapped.batch._start[0].laws["eta90"] *= 1.0 + 2e-16
     with pytest.raises(AssertionError):
         run_both(native, singles)
 

@@ -157,11 +157,11 @@ def test_what_is_averaged_goes_on_from_where_it_was(trained):
 
 def test_a_resumed_training_cuts_no_specimen_again(trained):
     environments, *_ = trained(64, resume=False)
-    begun = environments.native._episodes.max()  # as many of each seed, from the first on
+    begun = environments.native.batch.episodes.max()  # as many of each seed, from the first on
     assert begun >= 1
     environments, *_ = trained(128, resume=True)
     assert environments.first_episode >= begun
-    assert environments.native._episodes.min() > begun
+    assert environments.native.batch.episodes.min() > begun
 
 
 def test_its_clock_goes_on_from_the_checkpoint_even_where_no_cut_has_ended(trained, tmp_path):

@@ -165,7 +165,7 @@ def test_the_stiffness_that_was_felt_is_told_by_its_logarithm():
 
 def test_nothing_hidden_reaches_them():
     """They are made of observations, and the module knows no plant, no law and no environment."""
-    assert list(inspect.signature(extract_batch).parameters) == ["memory", "frames", "observations"]
+    assert list(inspect.signature(extract_batch).parameters) == ["memory", "frames", "observations", "cuts"]
     tree = ast.parse(Path(features.__file__).read_text(encoding="utf-8"))
     rooms = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
     assert {room for room in rooms if room.startswith("cutenv.")} == {
@@ -191,3 +191,15 @@ def test_a_dead_zone_maps_small_speeds_to_rest_and_keeps_the_ends_and_the_angle(
     np.testing.assert_array_equal(past_dead_zone(actions[3], 0.25), mapped[3])
     np.testing.assert_array_equal(past_dead_zone(actions, 0.0), actions)
     assert mapped.dtype == np.float32
+
+
+def test_some_cuts_of_many_are_fed_by_their_numbers():
+    seen = observations(0)
+    some, all_of_them = features.FeatureBatch(3, history=2), features.FeatureBatch(3, history=2)
+    for observation in seen[:60]:
+        expected = all_of_them(np.array([observation] * 3))
+        found = some(np.array([observation] * 2), np.array([2, 0]))
+        np.testing.assert_array_equal(found, expected[[2, 0]])
+    some.forget(np.array([0, 2]))
+    np.testing.assert_array_equal(some(seen[:1], np.array([2])), all_features(seen, history=2)[:1])
+    np.testing.assert_array_equal(some(seen[:1], np.array([1])), all_features(seen, history=2)[:1])

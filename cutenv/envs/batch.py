@@ -1,0 +1,208 @@
+"""Cuts side by side, each of its own key: begun and decided on by compiled calls, on all cores, and nothing told.
+
+What :class:`cutenv.envs.vector.GentleCutVectorEnv` names in its info is worked out there; a learner that reads
+observations, rewards and ends alone is served here, and sooner.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cutenv.cores import FEWEST, over_cores
+from cutenv.envs.gentle_cut import GentleCutEnv, checked_episode, checked_length
+from cutenv.randomness import check_key
+from cutenv.task.assessment import succeeded_all
+from cutenv.task.beginning import GIVEN, LIVER, LONGEST, MIXED, VASCULAR, begin_some
+from cutenv.task.cuts import SPECIMEN, Cuts, step_some
+from cutenv.task.gentle_cutting import nominal_per_depth
+from cutenv.task.observation import COMPONENTS, all_within_reach
+from cutenv.task.told import TOLD
+from cutenv.tissue.description import measured_liver
+from cutenv.tissue.drawing import recipe, tissue_modes
+from cutenv.tissue.specimen import STEEPEST, Specimen, too_uneven
+
+_SOURCES = {"liver": LIVER, "vascular": VASCULAR, "mixed": MIXED}
+_DRAWN = np.array(["liver", "vascular"], dtype=object)
+_FEWEST_TICKS = 4000  # updates of all cuts, below which waking another thread costs more than it saves
+
+
+class CutBatch:
+    """``count`` cuts, bit for bit equal to those of single environments with the same keys and actions.
+
+    Parameters
+    ----------
+    count : int
+        How many.
+    single : GentleCutEnv
+        An environment as they all are.
+
+    Attributes
+    ----------
+    cuts : Cuts
+        Everything about them.
+    observations : array of float32, shape (count, 12)
+        What they show now; written over by :meth:`begin` and :meth:`decide`.
+    seeds, episodes : array of uint64, shape (count,)
+        Their keys: that of the next cut of each.
+    classes : array of object, shape (count,)
+        Of the specimens; None where no cut has begun.
+    begun : array of bool, shape (count,)
+        Whether there is one.
+    """
+
+    def __init__(self, count: int, single: GentleCutEnv) -> None:
+        self.single = single
+        self.cuts = Cuts.empty(count)
+        self.observations = np.zeros((count, len(COMPONENTS)), np.float32)
+        self.seeds, self.episodes = np.zeros(count, np.uint64), np.zeros(count, np.uint64)
+        self.classes = np.full(count, None, dtype=object)
+        self.begun = np.zeros(count, bool)
+        self._all_begun = False
+        self._vascular = np.zeros(count, np.int8)
+        self._none_waits = np.zeros(count, bool)
+        self._start: tuple[Cuts, str | None] | None = None
+        self._tissue = single.tissue.tissue or measured_liver()
+
+    def __len__(self) -> int:
+        return len(self.begun)
+
+    @cached_property
+    def _drawn_by(self) -> tuple[Any, ...]:
+        """What :func:`~cutenv.task.beginning.begin_some` draws specimens and their measured depth by."""
+        knowledge = self.single.constants.knowledge
+        tissue = recipe(self._tissue), tissue_modes(self._tissue)
+        return STEEPEST, *tissue, knowledge.depth_noise, knowledge.depth_modes()
+
+    def give_seeds(self, seeds: Sequence[int | None], which: NDArray[np.int64], chance: np.random.Generator) -> None:
+        """Give the cuts numbered ``which`` their own of the ``seeds`` of all; one that gets None keeps its own.
+
+        One that has none yet takes it from ``chance``.
+        """
+        if len(seeds) != len(self):
+            raise ValueError(f"seed holds {len(seeds)} numbers; give one for each of {len(self)} environments.")
+        for n in which:
+            given = seeds[n]
+            if given is None and not self.begun[n]:
+                given = int(chance.integers(2**63))
+            if given is not None:
+                check_key(given, 0)
+                self.seeds[n] = given
+                self.episodes[n] = 0
+        self.begun[which] = True
+        self._all_begun = bool(self.begun.all())
+
+    def begin(self, which: NDArray[np.int64], options: dict[str, Any] | None = None) -> None:
+        """Begin the next cut of some, numbered ``which``; ``options`` as in :meth:`GentleCutEnv.reset`.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For an option that means nothing, and for a tissue too uneven to draw specimens of.
+        """
+        options = options or {}
+        if options.get("episode") is not None:
+            self.episodes[which] = checked_episode(options["episode"])
+        if options.get("specimen") is not None:
+            start, given = self._shared_start(options)
+        else:
+            start, given = self._start = self._start or self._shared_start(options)
+        target = self.single.target_length or 0.0
+        if options.get("target_length") is not None:
+            target = checked_length(options["target_length"])
+        over_cores(
+            begin_some, len(which), self.cuts, start, which, self.seeds, self.episodes,
+            GIVEN if given else _SOURCES[self.single.specimen_class], self.single.from_truth, target, *self._drawn_by,
+            self.observations, self._vascular,
+        )  # fmt: skip
+        drawn = self._vascular[which]
+        if given is None and drawn.min() < 0:
+            raise ValueError(too_uneven(self._tissue))
+        self.classes[which] = _DRAWN[drawn] if given is None else given
+        self.episodes[which] += np.uint64(1)
+
+    def decide(
+        self,
+        actions: ArrayLike,
+        waiting: NDArray[np.bool_] | None = None,
+        told: NDArray[np.float64] | None = None,
+        meanwhile: Callable[[], None] | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Take an action in every cut, and go on until the next decision.
+
+        Parameters
+        ----------
+        actions : array, shape (count, 2)
+            Clipped to [-1, 1].
+        waiting : array of bool, shape (count,), optional
+            Cuts that are left alone.
+        told : array, shape (count, 30), optional
+            Filled with what :func:`cutenv.task.told.tell` tells.
+        meanwhile : callable, optional
+            Called while other cores wake.
+
+        Returns
+        -------
+        rewards, ends : array, shape (count,)
+            And why a cut has ended, as indices in :data:`~cutenv.task.records.ENDS`; 0 if it has not.
+
+        Raises
+        ------
+        ResetNeeded
+            If some were never begun.
+        ValueError
+            For actions of another shape, and for NaN.
+        """
+        if not self._all_begun:
+            raise gymnasium.error.ResetNeeded("in some environments no cut is going on: call reset() before step().")
+        count = len(self)
+        commands = np.array(actions, np.float64)
+        if commands.shape != (count, 2):
+            raise ValueError(f"actions have shape {commands.shape}; give ({count}, 2): speed and angle of each.")
+        waiting = self._none_waits if waiting is None else waiting
+        bad = all_within_reach(commands, waiting, self.single.fixed_angle or math.nan)
+        if bad >= 0:
+            raise ValueError(
+                f"actions[{bad}] = {np.asarray(actions)[bad]} must hold 2 numbers in [-1, 1] (speed, angle), "
+                "and none may be NaN."
+            )
+        told = np.empty((count, TOLD)) if told is None else told
+        rewards, ends = np.empty(count), np.empty(count, np.int64)
+        ticks = self.single.ticks
+        over_cores(
+            step_some, count, self.cuts, ticks, self.single.from_truth, waiting, commands, self.observations, rewards,
+            ends, told, fewest=max(FEWEST, _FEWEST_TICKS // ticks), meanwhile=meanwhile,
+        )  # fmt: skip
+        return rewards, ends
+
+    def succeeded(self) -> NDArray[np.bool_]:
+        """Whether each has ended well, shape (count,)."""
+        success: NDArray[np.bool_] = succeeded_all(self.cuts.tasks, self.cuts.progresses)
+        return success
+
+    def _shared_start(self, options: dict[str, Any]) -> tuple[Cuts, str | None]:
+        """A single environment's start, what does not depend on the key, and the class of a specimen that is given."""
+        specimen = self.single.given_specimen(options.get("specimen"))
+        if specimen is None and self.single.specimen_class == "uniform":
+            specimen = Specimen.drawn(0, specimen_class="uniform", tissue=self._tissue)
+        given = specimen is not None
+        specimen = specimen or Specimen.mean(self._tissue)  # its tissue matters, and nothing else
+        self.single.set_up(specimen, self.single.target_length or LONGEST, seed=0, episode=0, depth=specimen.depth)
+        plant, cutting = self.single.plant, self.single.cutting
+        parts = plant.snapshot()
+        start = Cuts(
+            *parts,
+            *cutting.assessment(),
+            nominals=cutting.nominal,
+            per_depth=nominal_per_depth(specimen.tissue),
+            specimens=np.zeros(1, SPECIMEN),
+        )
+        start.specimens["modulus"] = specimen.modulus
+        start.specimens["fracture_resistance"] = specimen.fracture_resistance
+        return start, (specimen.specimen_class if given else None)
