@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutenv.compiled import borrowed, compiled_for_cores, inlined
+from cutenv.compiled import as_numbers, borrowed, compiled_for_cores, inlined
 from cutenv.cutting.blade import leaning, sweeping
 from cutenv.cutting.drive import carried, commanded, on_its_way, pulled, turning
 from cutenv.cutting.law import (
@@ -262,10 +262,8 @@ def hold_some(
     """
     states, profiles, laws, drives, sensors = borrowed((states, profiles, laws, drives, sensors))
     rows = np.zeros(1, ROW)
-    row, numbers = rows[0], rows.view(np.float64)
-    plain_states, plain_laws, plain_drives = (
-        states.view(np.float64), laws.view(np.float64), drives.view(np.float64),
-    )  # fmt: skip
+    row, numbers = rows[0], as_numbers(rows)
+    plain_states, plain_laws, plain_drives = as_numbers(states), as_numbers(laws), as_numbers(drives)
     for begun in range(first, last, ABREAST):
         taken = min(ABREAST, last - begun)
         for k in range(taken):

@@ -10,6 +10,7 @@ from cutenv.compiled import inlined
 from cutenv.cutting.drive import made_up
 from cutenv.cutting.law import depth_at, stiffness_at, toughness_at
 from cutenv.cutting.records import DRIVE, LAW, STATE, TICK, Record, Records
+from cutenv.randomness import Integer
 
 ABREAST = 32
 """Cuts in a row: enough for several vectors, few enough for the first-level cache."""
@@ -123,8 +124,8 @@ def take(
     drive: Record,
     sensor: Record,
     profile: Record,
-    n: int,
-    cut: int,
+    n: Integer,
+    cut: Integer,
 ) -> None:
     """Put cut number ``cut`` into place ``n`` of a row.
 
@@ -149,7 +150,7 @@ def take(
 
 
 @inlined
-def begin(row: Record, numbers: Records, taken: int) -> None:
+def begin(row: Record, numbers: Records, taken: Integer) -> None:
     """Make a row of its first ``taken`` places ready; in the others a cut stands still, and nobody looks."""
     for n in range(taken, ABREAST):
         for k in range(_N_STATE + _N_LAW + _N_DRIVE + len(_PASSING)):

@@ -18,6 +18,8 @@ SHORTEST, LONGEST = 0.060, 0.100
 SHALLOWEST = 0.5e-3
 """Depth that a measured profile can show [m]."""
 
+_FIRST = np.int64(0)  # for a literal Numba would compile once more
+
 LIVER, VASCULAR, MIXED, GIVEN = range(4)
 """Where specimens come from: drawn of a class, or one that is given."""
 
@@ -33,7 +35,7 @@ def drawn_length(seed: Integer, episode: Integer) -> float:
 @compiled
 def measure_depth(seed: Integer, episode: Integer, noise: float, modes: Array, depth: Array, measured: Array) -> None:
     """Fill ``measured``, shape (301,), with the depth of cut [m] as the lab finds it: the true one, a smooth error."""
-    smooth_field(seed, episode, DEPTH_ERROR, 0, modes, measured)
+    smooth_field(seed, episode, DEPTH_ERROR, _FIRST, modes, measured)
     for i in range(len(depth)):
         measured[i] = max(depth[i] + noise * measured[i], SHALLOWEST)
 

@@ -11,6 +11,7 @@ from cutenv.compiled import compiled, inlined
 from cutenv.cutting.law import depth_at
 from cutenv.cutting.records import TICK, Record, Records
 from cutenv.cutting.row import ABREAST
+from cutenv.randomness import Integer
 from cutenv.task.assessment import Tally, counted, fresh
 from cutenv.task.estimate import estimated
 from cutenv.task.observation import fill
@@ -40,7 +41,7 @@ COUNT: np.dtype[Any] = np.dtype(
 
 
 @compiled
-def begin_count(count: Record, task: Record, progress: Record, k: int) -> None:
+def begin_count(count: Record, task: Record, progress: Record, k: Integer) -> None:
     """Begin a step of the cut in place ``k``."""
     keep(count, k, fresh(progress))
     count.target[k], count.deadline[k] = task.target, task.deadline
@@ -60,7 +61,16 @@ def tally_of(count: Record, k: int) -> Tally:
 
 
 @inlined
-def keep(count: Record, k: int, tally: Tally) -> None:
+def asked_of(count: Record, k: int) -> Asked:
+    """What is asked of the cut in place ``k``."""
+    return Asked(
+        count.target[k], count.deadline[k], count.force_limit_per_depth[k], count.friction_per_depth[k],
+        count.speed_min[k], count.speed_max[k],
+    )  # fmt: skip
+
+
+@inlined
+def keep(count: Record, k: Integer, tally: Tally) -> None:
     """The tally of the cut in place ``k`` is this one."""
     count.position[k], count.touched[k], count.furthest[k] = tally.position, tally.touched, tally.furthest
     count.time[k], count.quiet[k], count.tip[k] = tally.time, tally.quiet, tally.tip
@@ -75,14 +85,10 @@ def count_row(row: Record, count: Record) -> int:
     """Count a millisecond of every cut in a row by the true state; return how many of those that go on end with it."""
     ended = 0
     for k in range(ABREAST):
-        asked = Asked(
-            count.target[k], count.deadline[k], count.force_limit_per_depth[k], count.friction_per_depth[k],
-            count.speed_min[k], count.speed_max[k],
-        )  # fmt: skip
         going, felt, low, high = row.going[k], row.felt[k], count.felt_low[k], count.felt_high[k]
         tally = counted(
-            tally_of(count, k), asked, row.blade[k], row.speed[k], row.force[k], felt, row.tip[k], row.jump[k],
-            row.depth[k],
+            tally_of(count, k), asked_of(count, k), row.blade[k], row.speed[k], row.force[k], felt, row.tip[k],
+            row.jump[k], row.depth[k],
         )  # fmt: skip
         keep(count, k, tally)
         count.speed[k] = row.speed[k]
@@ -104,7 +110,7 @@ def count_one(
     if not from_truth:
         force = felt
         tip, jump = estimated(task, progress, known, count.tip[k], round(count.time[k] / TICK) + 1, x, speed, felt)
-    tally = counted(tally_of(count, k), task, x, speed, force, felt, tip, jump, depth_at(known, x))
+    tally = counted(tally_of(count, k), asked_of(count, k), x, speed, force, felt, tip, jump, depth_at(known, x))
     keep(count, k, tally)
     count.speed[k] = speed
     count.felt_low[k], count.felt_high[k] = min(count.felt_low[k], felt), max(count.felt_high[k], felt)

@@ -6,12 +6,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv.compiled import borrowed, compiled, compiled_for_cores, fetch_ahead, inlined
+from cutenv.compiled import as_numbers, borrowed, compiled, compiled_for_cores, fetch_ahead, inlined
 from cutenv.cutting.abreast import update_row
 from cutenv.cutting.law import place
 from cutenv.cutting.records import DRIVE, LAW, PROFILE, STATE, Record, Records
 from cutenv.cutting.row import ABREAST, ROW, begin, put, take
 from cutenv.cutting.sensor import SENSOR, WRAP
+from cutenv.randomness import Integer
 from cutenv.task.assessment import charge
 from cutenv.task.counting import COUNT, begin_count, count_one, count_row, observe_counted, tally_of
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
@@ -25,8 +26,10 @@ SPECIMEN: np.dtype[Any] = np.dtype(
 """What is told of a specimen beyond its profile: local effective modulus [Pa], measured kind of resistance [J/m2]."""
 
 
-_STATE, _LAW, _DRIVE, _SENSOR, _TASK, _PROGRESS = (
-    kind.itemsize // 8 for kind in (STATE, LAW, DRIVE, SENSOR, TASK, PROGRESS)
+# Numbers of a record.  Numba compiles what is given a literal integer for that integer alone, but not these.
+_NONE = np.int64(0)
+_STATE, _LAW, _DRIVE, _SENSOR, _TASK, _PROGRESS, _TOLD = (
+    np.int64(size) for size in (*(kind.itemsize // 8 for kind in (STATE, LAW, DRIVE, SENSOR, TASK, PROGRESS)), TOLD)
 )
 _LINE = 8  # numbers in a line of a cache
 _AT_A_TIME = 4  # cuts of the next row that are fetched while a millisecond of this one is worked out
@@ -105,14 +108,14 @@ def step_some(
     )
     # One room for all: it stays in the first-level cache.
     rows, counts, terms = np.zeros(1, ROW), np.zeros(1, COUNT), np.empty(len(TERMS))
-    row, count, numbers = rows[0], counts[0], rows.view(np.float64)
+    row, count, numbers = rows[0], counts[0], as_numbers(rows)
     plain = (
-        cuts.states.view(np.float64), cuts.laws.view(np.float64), cuts.drives.view(np.float64),
-        cuts.sensors.view(np.float64), cuts.tasks.view(np.float64), cuts.progresses.view(np.float64), told.reshape(-1),
+        as_numbers(cuts.states), as_numbers(cuts.laws), as_numbers(cuts.drives), as_numbers(cuts.sensors),
+        as_numbers(cuts.tasks), as_numbers(cuts.progresses), as_numbers(told),
     )  # fmt: skip
     n = first
     while n < last:
-        taken = 0
+        taken: Integer = _NONE
         while n < last and taken < ABREAST:
             if waiting[n]:
                 rewards[n] = 0.0
@@ -197,7 +200,7 @@ def _fetch_some(cuts: Cuts, plain: tuple[Records, ...], i: int, first: int, last
 
 
 @inlined
-def _fetch_records(records: tuple[Records, ...], n: int) -> None:
+def _fetch_records(records: tuple[Records, ...], n: Integer) -> None:
     """Have the records of cut ``n`` brought near, which are seen as plain numbers."""
     states, laws, drives, sensors, tasks, progresses, told = records
     _fetch_lines(states, _STATE, n)
@@ -205,12 +208,12 @@ def _fetch_records(records: tuple[Records, ...], n: int) -> None:
     _fetch_lines(drives, _DRIVE, n)
     _fetch_lines(tasks, _TASK, n)
     _fetch_lines(progresses, _PROGRESS, n)
-    _fetch_lines(told, TOLD, n)
+    _fetch_lines(told, _TOLD, n)
     fetch_ahead(sensors, _SENSOR * n)
 
 
 @inlined
-def _fetch_lines(numbers: Records, size: int, n: int) -> None:
+def _fetch_lines(numbers: Records, size: Integer, n: Integer) -> None:
     """Have ``size`` numbers of cut ``n`` brought near; they need not begin with a line."""
     for k in range(0, size - 1, _LINE):
         fetch_ahead(numbers, size * n + k)

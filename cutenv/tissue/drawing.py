@@ -121,7 +121,7 @@ def lognormal(normal: float, sigma: float) -> float:
 
 
 @compiled
-def smooth_field(seed: Integer, episode: Integer, stream: Integer, first: int, modes: Array, field: Array) -> None:
+def smooth_field(seed: Integer, episode: Integer, stream: Integer, first: Integer, modes: Array, field: Array) -> None:
     """Fill ``field``, shape (301,), with a unit Gaussian field made of normal numbers from number ``first`` on."""
     field[:] = 0.0
     for k in range(modes.shape[0]):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 
 import numba
 import numpy as np
+import pytest
 
-from cutenv.compiled import borrowed
+from cutenv.compiled import as_numbers, borrowed, compiled
 
 
 @numba.njit
@@ -71,3 +73,68 @@ def test_no_reference_is_counted_to_what_is_lent():
 def test_plain_python_is_given_the_arrays_themselves():
     given = tables()
     assert borrowed(given) is given
+
+
+KIND = np.dtype([("a", "f8"), ("b", "f8", (3,))])
+
+
+@numba.njit
+def doubled(records):
+    numbers = as_numbers(records)
+    for k in range(len(numbers)):
+        numbers[k] *= 2.0
+
+
+@numba.njit
+def own_numbers(count):
+    records = np.zeros(count, KIND)
+    records[count - 1].b[2] = 7.0
+    return as_numbers(records)
+
+
+def test_numbers_of_records_are_the_records_own_memory():
+    records = np.zeros(2, KIND)
+    records["a"], records["b"] = (1.0, 2.0), ((3.0, 4.0, 5.0), (6.0, 7.0, 8.0))
+    assert as_numbers(records).tolist() == [1.0, 3.0, 4.0, 5.0, 2.0, 6.0, 7.0, 8.0]
+    before = sys.getrefcount(records)
+    doubled(records)
+    assert records["b"].tolist() == [[6.0, 8.0, 10.0], [12.0, 14.0, 16.0]]
+    assert sys.getrefcount(records) == before
+
+
+def test_numbers_outlive_the_name_of_their_records():
+    found = [own_numbers(1000) for _ in range(20)]
+    assert all(numbers[-1] == 7.0 and numbers.sum() == 7.0 for numbers in found)
+
+
+def test_numbers_with_gaps_between_them_are_refused():
+    with pytest.raises(numba.errors.TypingError):
+        doubled(np.zeros(6)[::2])
+
+
+def test_garbage_is_collected_again_once_a_kernel_is_compiled_even_in_vain(monkeypatch):
+    collected = []
+
+    def watched(number):
+        pass
+
+    @numba.extending.overload(watched, strict=False)
+    def _watch(number):  # called while a kernel is typed
+        collected.append(gc.isenabled())
+        return lambda number: None
+
+    def kernel(number):
+        watched(number)
+
+    def in_vain(number):
+        watched(number)
+        return number.nothing_of_the_kind
+
+    for function in (kernel, in_vain):
+        monkeypatch.setattr(function, "__module__", "cutenv.made_up")
+    compiled(kernel)(1.0)
+    with pytest.raises(numba.errors.TypingError):
+        compiled(in_vain)(2)
+    assert collected
+    assert not any(collected)
+    assert gc.isenabled()
