@@ -16,6 +16,8 @@ from cutenv.compiled import as_numbers, borrowed, compiled_for_cores, inlined
 from cutenv.cutting.blade import leaning, sweeping
 from cutenv.cutting.drive import carried, commanded, on_its_way, pulled, turning
 from cutenv.cutting.law import (
+    along,
+    around,
     between,
     elastic_part,
     initiation_excess,
@@ -30,7 +32,7 @@ from cutenv.cutting.law import (
 )
 from cutenv.cutting.records import TICK, Record, Records
 from cutenv.cutting.row import ABREAST, BLOCK, ROW, DriveInRow, begin, law_in_row, put, take
-from cutenv.cutting.sensor import as_read, passed
+from cutenv.cutting.sensor import as_read, delayed, wandered
 from cutenv.randomness import SENSOR_NOISE, WIDTHS, in_layer, normal_at_the_rim, words_at
 
 
@@ -44,7 +46,8 @@ def update_row(row: Record, profiles: Records, sensors: Records, first: bool) ->
     if row.turns > 0:
         _turn(row, profiles)
     _load(row)
-    _look(row, profiles)
+    if row.points > 0:
+        _look(row, profiles)
     _grow(row)
     if row.runs > 0:
         _run(row, profiles)
@@ -101,6 +104,7 @@ def _turn(row: Record, profiles: Records) -> None:
 @inlined
 def _load(row: Record) -> None:
     """Friction, elastic motion, and where the tip would follow to."""
+    points = 0
     for n in range(ABREAST):
         law = law_in_row(row, n)
         x, a, dx, K = row.blade[n], row.tip[n], row.dx[n], row.K[n]
@@ -130,17 +134,24 @@ def _load(row: Record) -> None:
         row.blade[n], row.loading[n], row.da[n] = x, loading, da
         row.tip_point[n], row.tip_share[n] = place(a + da)
         row.blade_point[n], row.blade_share[n] = place(x)
+        same = row.tip_point[n] == row.seen_tip_point[n] and row.blade_point[n] == row.seen_blade_point[n]
+        points += 0 if same else 1
+    row.points = points
 
 
 @inlined
 def _look(row: Record, profiles: Records) -> None:
-    """What stands at the blade, and where the tip would follow to."""
+    """What stands at the blade, and where the tip would follow to, of cuts that come to another point."""
     for n in range(ABREAST):
-        profile = profiles[row.cut[n]]
-        i, share = row.tip_point[n], row.tip_share[n]
-        row.next_K[n], row.next_dK[n] = between(profile.stiffness, i, share), slope(profile.stiffness, i)
-        row.next_toughness[n] = between(profile.toughness, i, share)
-        row.depth[n] = between(profile.depth, row.blade_point[n], row.blade_share[n])
+        i, j = row.tip_point[n], row.blade_point[n]
+        if i != row.seen_tip_point[n]:
+            profile = profiles[row.cut[n]]
+            row.point_K[n], row.rise_K[n] = around(profile.stiffness, i)
+            row.point_toughness[n], row.rise_toughness[n] = around(profile.toughness, i)
+            row.seen_tip_point[n] = i
+        if j != row.seen_blade_point[n]:
+            row.point_depth[n], row.rise_depth[n] = around(profiles[row.cut[n]].depth, j)
+            row.seen_blade_point[n] = j
 
 
 @inlined
@@ -149,15 +160,16 @@ def _grow(row: Record) -> None:
     runs = 0
     for n in range(ABREAST):
         law = law_in_row(row, n)
-        a, K, dK, next_K, next_dK, running = (
-            row.tip[n], row.K[n], row.dK[n], row.next_K[n], row.next_dK[n], row.running[n],
-        )  # fmt: skip
+        a, K, dK, running, share = row.tip[n], row.K[n], row.dK[n], row.running[n], row.tip_share[n]
+        next_K = along(row.point_K[n], row.rise_K[n], share)
+        next_toughness = along(row.point_toughness[n], row.rise_toughness[n], share)
         tip, F, toughness, work, change, spent = loaded(
             law, row.blade[n], a, row.da[n], row.loading[n], row.F[n], row.U[n], K, row.toughness[n],
-            next_K, row.next_toughness[n], row.ledger[n],
+            next_K, next_toughness, row.ledger[n],
         )  # fmt: skip
         row.K[n] = next_K if tip > a else K
-        row.dK[n] = next_dK if tip > a else dK
+        row.dK[n] = slope(row.rise_K[n]) if tip > a else dK
+        row.depth[n] = along(row.point_depth[n], row.rise_depth[n], row.blade_share[n])
         row.tip[n], row.elastic[n], row.toughness[n] = tip, F, toughness
         row.work[n] += row.elastic_work[n] + work
         row.ledger[n] += change
@@ -165,6 +177,7 @@ def _grow(row: Record) -> None:
         row.jump[n] = 0.0
         row.tick[n] += 1
         waits = F < (1.0 + initiation_excess(law, row.pushing[n])) * toughness
+        row.waits[n] = 1 if waits else 0
         row.running[n] = 0 if waits else running
         runs += 0 if waits else 1
     row.runs = runs
@@ -173,10 +186,9 @@ def _grow(row: Record) -> None:
 @inlined
 def _run(row: Record, profiles: Records) -> None:
     for n in range(row.taken):
-        law = law_in_row(row, n)
-        if row.going[n] == 0 or row.elastic[n] < (1.0 + initiation_excess(law, row.pushing[n])) * row.toughness[n]:
+        if row.going[n] == 0 or row.waits[n] == 1:
             continue
-        start, profile = row.tip[n], profiles[row.cut[n]]
+        law, start, profile = law_in_row(row, n), row.tip[n], profiles[row.cut[n]]
         row.tip[n], row.ledger[n], row.fracture[n], row.loss[n], row.elastic[n], row.toughness[n] = run_crack(
             profile, law, row.blade[n], start, row.ledger[n], row.fracture[n], row.loss[n]
         )
@@ -195,7 +207,10 @@ def _feel(row: Record, sensors: Records, first: bool) -> None:
         row.force[n] = row.elastic[n] + row.rubbing[n]
     for n in range(row.taken):
         if row.going[n] == 1:
-            row.passed[n] = passed(sensors[row.cut[n]], row.force[n], row.tick[n] - 1)
+            row.delayed[n] = delayed(sensors[row.cut[n]].line, row.delay[n], row.force[n], row.tick[n] - 1)
+    for n in range(row.taken if row.drifting > 0 else 0):
+        if row.going[n] == 1:
+            row.offset[n] = wandered(sensors[row.cut[n]], row.tick[n] - 1)
     new = 0
     for n in range(ABREAST):
         new += 1 if (row.tick[n] - 1) & 3 == 0 else 0
@@ -206,7 +221,9 @@ def _feel(row: Record, sensors: Records, first: bool) -> None:
             (row.tick[n] - 1) & 3, row.normals[0, n], row.normals[1, n], row.normals[2, n], row.normals[3, n],
         )  # fmt: skip
         low, high = z1 if k == 1 else z0, z3 if k == 3 else z2
-        row.felt[n] = as_read(row.passed[n], row.noise[n], high if k > 1 else low, row.resolution[n])
+        row.felt[n] = as_read(
+            row.delayed[n] + row.offset[n] - row.tare[n], row.noise[n], high if k > 1 else low, row.resolution[n]
+        )
 
 
 @inlined

@@ -33,24 +33,36 @@ def place(at: float) -> tuple[int, float]:
 
 
 @inlined
-def between(values: Records, i: int, share: float) -> float:
-    """A profile at a :func:`place`, linear between its points."""
-    value: float = values[i] + share * (values[i + 1] - values[i])
-    return value
+def around(values: Records, i: int) -> tuple[float, float]:
+    """A profile at its point ``i``, and its rise to the next."""
+    return values[i], values[i + 1] - values[i]
 
 
 @inlined
-def slope(values: Records, i: int) -> float:
-    """A profile's derivative between points ``i`` and ``i + 1`` [1/m]."""
-    rise: float = (values[i + 1] - values[i]) * POINTS_PER_METRE
-    return rise
+def along(value: float, rise: float, share: float) -> float:
+    """A profile at a share of the way from one point to the next: linear."""
+    return value + share * rise
+
+
+@inlined
+def between(values: Records, i: int, share: float) -> float:
+    """A profile at a :func:`place`."""
+    value, rise = around(values, i)
+    return along(value, rise, share)
+
+
+@inlined
+def slope(rise: float) -> float:
+    """A profile's derivative where it rises so from one point to the next [1/m]."""
+    return rise * POINTS_PER_METRE
 
 
 @compiled
 def stiffness_at(profile: Record, a: float) -> tuple[float, float]:
     """K [N/m] and its derivative K' [N/m2] at tip position ``a`` [m]."""
     i, share = place(a)
-    return between(profile.stiffness, i, share), slope(profile.stiffness, i)
+    value, rise = around(profile.stiffness, i)
+    return along(value, rise, share), slope(rise)
 
 
 @compiled

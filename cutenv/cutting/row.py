@@ -39,21 +39,31 @@ _PASSING = (
     ("F", "f8"),  # elastic force [N] and
     ("U", "f8"),  # stored energy [J] before that part
     ("elastic_work", "f8"),  # until then [J]
-    ("next_K", "f8"),  # at the place to which the tip would follow,
-    ("next_dK", "f8"),
-    ("next_toughness", "f8"),
-    ("tip_point", "i8"),  # which is at this point of the profile, and
+    ("tip_point", "i8"),  # of the profile, at or before where the tip would follow to, and
     ("tip_share", "f8"),  # so much of the way to the next
+    ("seen_tip_point", "i8"),  # the one that was looked at, where there are
+    ("point_K", "f8"),
+    ("rise_K", "f8"),  # to the next point
+    ("point_toughness", "f8"),
+    ("rise_toughness", "f8"),
     ("blade_point", "i8"),  # the same of the blade
     ("blade_share", "f8"),
+    ("seen_blade_point", "i8"),
+    ("point_depth", "f8"),
+    ("rise_depth", "f8"),
     ("rubbing", "f8"),  # friction, against the motion [N]
     ("elastic", "f8"),  # force of the tissue [N]
     ("force", "f8"),  # both, on the blade [N]
+    ("waits", "i8"),  # whether its crack does not run
     ("jump", "f8"),  # unstable growth [m]
     ("seed", "u8"),  # key of its noise
     ("episode", "u8"),
     ("inner", "f8"),  # width of the layer next to a random number's
-    ("passed", "f8"),  # force as it comes out of the sensor's line [N]
+    ("delay", "i8"),  # of its sensor's line [ticks]
+    ("delayed", "f8"),  # force as it comes out of that [N]
+    ("offset", "f8"),  # drift so far [N]
+    ("tare", "f8"),  # [N]
+    ("drift", "f8"),  # [N/s^0.5]
     ("felt", "f8"),  # force as measured [N]
 )
 
@@ -69,7 +79,9 @@ ROW: np.dtype[Any] = np.dtype(
             ("hands", "i8"),  # of them, driven by hand
             ("late", "i8"),  # with a dead time
             ("slack", "i8"),  # with backlash
+            ("drifting", "i8"),  # with a sensor whose zero drifts
             ("turns", "i8"),  # turning in this millisecond
+            ("points", "i8"),  # coming to another point of their profile in it
             ("runs", "i8"),  # whose crack runs in it
         ],
     )
@@ -142,6 +154,10 @@ def take(
     row.noise[n], row.resolution[n], row.seed[n], row.episode[n] = (
         sensor.noise, sensor.resolution, sensor.seed, sensor.episode,
     )  # fmt: skip
+    row.delay[n], row.offset[n], row.tare[n], row.drift[n] = (
+        sensor.delay, sensor.offset, sensor.tare, sensor.drift,
+    )  # fmt: skip
+    row.seen_tip_point[n], row.seen_blade_point[n] = -1, -1
     # An exponential costs more than all the rest, and neighbours seldom differ.
     row.share[n] = row.share[n - 1] if n > 0 and row.lag[n] == row.lag[n - 1] else made_up(drive, TICK)
     row.K[n], row.dK[n] = stiffness_at(profile, row.tip[n])
@@ -158,12 +174,13 @@ def begin(row: Record, numbers: Records, taken: Integer) -> None:
         row.hand[n], row.hand_speed[n], row.given[n], row.mass[n] = row.blade[0], 0.0, 0.0, 0.0
         row.aim[n], row.dead_ticks[n], row.going[n] = row.angle[0], 0, 0
     row.taken = taken
-    hands, late, slack = 0, 0, 0
+    hands, late, slack, drifting = 0, 0, 0, 0
     for n in range(ABREAST):
         hands += 1 if row.mass[n] > 0.0 else 0
         late += 1 if row.dead_ticks[n] > 0 else 0
         slack += 1 if row.backlash[n] > 0.0 else 0
-    row.hands, row.late, row.slack = hands, late, slack
+        drifting += 1 if row.drift[n] > 0.0 else 0
+    row.hands, row.late, row.slack, row.drifting = hands, late, slack, drifting
 
 
 @inlined

@@ -42,18 +42,24 @@ SENSOR: np.dtype[Any] = np.dtype(
 def measure(sensor: Record, force: float, tick: int) -> float:
     """The reading [N] at update ``tick`` (counted from 0 at reset, every tick once) under a true ``force`` [N]."""
     standard = standard_noise(sensor, tick) if sensor.noise > 0.0 else 0.0
-    return as_read(passed(sensor, force, tick), sensor.noise, standard, sensor.resolution)
+    felt = delayed(sensor.line, sensor.delay, force, tick) + wandered(sensor, tick) - sensor.tare
+    return as_read(felt, sensor.noise, standard, sensor.resolution)
+
+
+@inlined
+def delayed(line: Records, delay: int, force: float, tick: int) -> float:
+    """The force [N] that comes out of the line at update ``tick`` as ``force`` goes in."""
+    line[tick & WRAP] = force
+    out: float = line[(tick - delay) & WRAP] if tick >= delay else 0.0
+    return out
 
 
 @compiled
-def passed(sensor: Record, force: float, tick: int) -> float:
-    """The force [N] that comes out of the line at update ``tick`` as ``force`` goes in, drifted and tared."""
-    line = sensor.line
-    line[tick & WRAP] = force
-    delayed: float = line[(tick - sensor.delay) & WRAP] if tick >= sensor.delay else 0.0
+def wandered(sensor: Record, tick: int) -> float:
+    """How far the sensor's zero has drifted at update ``tick`` [N]."""
     if sensor.drift > 0.0:
         sensor.offset += sensor.drift * TICK**0.5 * normal_at(sensor.seed, sensor.episode, SENSOR_DRIFT, tick)
-    return delayed + sensor.offset - sensor.tare  # type: ignore[no-any-return]
+    return sensor.offset  # type: ignore[no-any-return]
 
 
 @inlined
