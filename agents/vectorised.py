@@ -79,7 +79,7 @@ class NativeVecEnv(VecEnv):
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Observations, rewards, ends and infos; a finished environment is begun anew at once."""
         start = time.perf_counter()
-        rewards, ends = self._batch.decide(self._actions)
+        rewards, (ends, *_) = self._batch.decide(self._actions)
         self._returns += rewards
         self._lengths += 1
         seen, ended = self.see(), ends != 0

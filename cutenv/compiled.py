@@ -30,6 +30,7 @@ Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
 _PACKAGE = Path(__file__).parent
 _llvm: Any = cgutils  # has no types, nor have these
 _lower: Any = numba.extending.lower_builtin
+_type: Any = numba.extending.type_callable
 _llvm_arrays: Any = arrayobj
 _llvm_results: Any = imputils
 _events: Any = event
@@ -102,9 +103,19 @@ def shared_with_kernels(function: Function) -> Function:
     return numba.extending.register_jitable(function)
 
 
-def _lowered(function: Callable[..., Any], *kinds: Any) -> Callable[[Function], Function]:
+def typed(function: Callable[..., Any]) -> Callable[[Function], Function]:
+    """How kernels type a call of ``function``: decorates what returns that for a typing context."""
+    return cast(Callable[[Function], Function], _type(function))
+
+
+def lowered(function: Callable[..., Any], *kinds: Any) -> Callable[[Function], Function]:
     """What kernels make of a call of ``function``, without a function of its own that takes its time to compile."""
     return cast(Callable[[Function], Function], _lower(function, *kinds))
+
+
+def array_data(context: Any, builder: Any, signature: Any, arguments: Any, k: int) -> Any:
+    """Where the elements of argument ``k``, an array, begin."""
+    return context.make_array(signature.args[k])(context, builder, arguments[k]).data
 
 
 def fetch_ahead(array: Any, i: Any) -> None:
@@ -114,14 +125,14 @@ def fetch_ahead(array: Any, i: Any) -> None:
     """
 
 
-@numba.extending.type_callable(fetch_ahead)
+@typed(fetch_ahead)
 def _type_of_fetched(_: Any) -> Any:
     return lambda array, i: numba.types.none
 
 
-@_lowered(fetch_ahead, numba.types.Array, numba.types.Integer)
+@lowered(fetch_ahead, numba.types.Array, numba.types.Integer)
 def _fetch_ahead(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+    data = array_data(context, builder, signature, arguments, 0)
     pointer = builder.bitcast(builder.gep(data, [arguments[1]]), cgutils.voidptr_t)
     word = ir.IntType(32)
     kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t, word, word, word])
@@ -138,12 +149,12 @@ def borrowed(arrays: Arrays) -> Arrays:
     return arrays
 
 
-@numba.extending.type_callable(borrowed)
+@typed(borrowed)
 def _type_of_borrowed(_: Any) -> Any:
     return lambda arrays: arrays
 
 
-@_lowered(borrowed, numba.types.BaseTuple)
+@lowered(borrowed, numba.types.BaseTuple)
 def _borrowed(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     uncounted = []
     for kind, counted in zip(signature.args[0], _llvm.unpack_tuple(builder, arguments[0]), strict=True):
@@ -165,12 +176,12 @@ def as_numbers(records: Any) -> Any:
 _NUMBERS = numba.types.Array(numba.types.float64, 1, "C")
 
 
-@numba.extending.type_callable(as_numbers)
+@typed(as_numbers)
 def _type_of_numbers(_: Any) -> Any:
     return lambda records: _NUMBERS if getattr(records, "layout", None) == "C" else None
 
 
-@_lowered(as_numbers, numba.types.Array)
+@lowered(as_numbers, numba.types.Array)
 def _as_numbers(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     array = context.make_array(signature.args[0])(context, builder, arguments[0])
     numbers = context.make_array(_NUMBERS)(context, builder)

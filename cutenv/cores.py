@@ -7,16 +7,18 @@ robs whatever else runs beside them.
 
 from __future__ import annotations
 
-import itertools
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+from cutenv.portions import all_finished, portions
 from cutenv.validation import in_range
 
 FEWEST = 32
 """Members of a batch, below which waking another thread (some 50 microseconds) costs more than it saves."""
+
+_PATIENCE = 100_000  # looks at what is finished, some 100 microseconds, before a core is left to others
 
 _cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 _threads: tuple[int, ThreadPoolExecutor] | None = None  # and the process that they belong to
@@ -45,20 +47,26 @@ def over_cores(
     fewest: int = FEWEST,
     meanwhile: Callable[[], None] | None = None,
 ) -> None:
-    """Call ``kernel(first, last, *arguments)`` for stretches, of ``fewest`` or more, that cover 0 to ``count``.
+    """Call ``kernel(portions, *arguments)`` on as many cores as there are ``fewest`` members for.
 
-    ``meanwhile`` is called while other threads wake: for what needs nothing that the kernel fills.
+    The kernel takes portions of the ``count`` members (:mod:`cutenv.portions`) until there are none.  Who comes late
+    finds the less to do; nobody waits for a thread that has not even begun.  ``meanwhile`` is called while other
+    threads wake: for what needs nothing that the kernel fills.
     """
     workers = max(min(_cores, count // fewest), 1)
-    bounds = [count * k // workers for k in range(workers + 1)]
-    others = [_pool().submit(kernel, *stretch, *arguments) for stretch in itertools.pairwise(bounds[1:])]
+    of_batch = portions(count)
+    others = [_pool().submit(kernel, of_batch, *arguments) for _ in range(workers - 1)]
     try:
         if meanwhile is not None:
             meanwhile()
-        kernel(0, bounds[1], *arguments)
+        kernel(of_batch, *arguments)
     finally:
+        # The last portion of another is finished sooner than its thread could say so.
+        if others and not all_finished(of_batch, _PATIENCE):
+            for other in others:
+                other.result()
         for other in others:
-            other.result()
+            other.cancel()
 
 
 def _pool() -> ThreadPoolExecutor:

@@ -33,6 +33,7 @@ from cutenv.cutting.law import (
 from cutenv.cutting.records import TICK, Record, Records
 from cutenv.cutting.row import ABREAST, BLOCK, ROW, DriveInRow, begin, law_in_row, put, take
 from cutenv.cutting.sensor import as_read, delayed, wandered
+from cutenv.portions import MEMBERS, Portions, claim, finish
 from cutenv.randomness import SENSOR_NOISE, WIDTHS, in_layer, normal_at_the_rim, words_at
 
 
@@ -251,8 +252,7 @@ def _draw(row: Record) -> None:
 
 @compiled_for_cores
 def hold_some(
-    first: int,
-    last: int,
+    passed: Portions,
     states: Records,
     profiles: Records,
     laws: Records,
@@ -262,12 +262,12 @@ def hold_some(
     ticks: int,
     felt: Records,
 ) -> None:
-    """Run cuts ``first`` to before ``last`` of n through ``ticks`` updates, each under one command, and nothing else.
+    """Run n cuts through ``ticks`` updates, each under one command, and nothing else.
 
     Parameters
     ----------
-    first, last : int
-        See :func:`cutenv.cores.over_cores`.
+    passed : Portions
+        Of the cuts: see :func:`cutenv.cores.over_cores`.
     states, profiles, laws, drives, sensors : Records
         Of the cuts, shape (n,); states and sensors are changed.
     commands : array, shape (n, 2)
@@ -281,8 +281,9 @@ def hold_some(
     rows = np.zeros(1, ROW)
     row, numbers = rows[0], as_numbers(rows)
     plain_states, plain_laws, plain_drives = as_numbers(states), as_numbers(laws), as_numbers(drives)
-    for begun in range(first, last, ABREAST):
-        taken = min(ABREAST, last - begun)
+    begun = claim(passed, ABREAST)
+    while begun < passed[MEMBERS]:
+        taken = min(ABREAST, passed[MEMBERS] - begun)
         for k in range(taken):
             n = begun + k
             take(row, numbers, plain_states, plain_laws, plain_drives, drives[n], sensors[n], profiles[n], k, n)
@@ -293,3 +294,5 @@ def hold_some(
         for k in range(taken):
             put(numbers, plain_states, k, begun + k)
             felt[begun + k] = row.felt[k]
+        finish(passed, taken)
+        begun = claim(passed, ABREAST)

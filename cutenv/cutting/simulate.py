@@ -11,6 +11,7 @@ from cutenv.cutting.drive import made_up, motion, turning
 from cutenv.cutting.law import cut, depth_at, elastic_force, rubbing, stored_energy
 from cutenv.cutting.records import DRIVE, LAW, PROFILE, STATE, Record, Records
 from cutenv.cutting.sensor import SENSOR, measure
+from cutenv.portions import MEMBERS, Portions, claim, finish
 from cutenv.tissue.specimen import LENGTH
 
 ENERGIES = ("work", "stored", "fracture", "friction", "loss", "ledger", "residual")
@@ -158,8 +159,7 @@ def account_one(cuts: Records, energies: Records) -> None:
 
 @compiled_for_cores
 def simulate_some(
-    first: int,
-    last: int,
+    passed: Portions,
     states: Records,
     profiles: Records,
     laws: Records,
@@ -170,9 +170,12 @@ def simulate_some(
     dt: float,
     readings: Records,
 ) -> None:
-    """:func:`simulate` for cuts ``first`` to before ``last`` of n: see :func:`cutenv.cores.over_cores`.
+    """:func:`simulate` for the ``passed`` of n cuts: see :func:`cutenv.cores.over_cores`.
 
     Every argument but ``dt`` has a leading axis of length n.
     """
-    for n in range(first, last):
+    n = claim(passed, 1)
+    while n < passed[MEMBERS]:
         simulate(states[n], profiles[n], laws[n], drives[n], sensors[n], speeds[n], angles[n], dt, readings[n])
+        finish(passed, 1)
+        n = claim(passed, 1)

@@ -23,7 +23,7 @@ from cutenv.task.beginning import GIVEN, LIVER, LONGEST, MIXED, VASCULAR, begin_
 from cutenv.task.cuts import SPECIMEN, Cuts, step_some
 from cutenv.task.gentle_cutting import nominal_per_depth
 from cutenv.task.observation import COMPONENTS, all_within_reach
-from cutenv.task.told import TOLD
+from cutenv.task.told import CODES, TOLD
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.drawing import recipe, tissue_modes
 from cutenv.tissue.specimen import STEEPEST, Specimen, too_uneven
@@ -124,7 +124,10 @@ class CutBatch:
         drawn = self._vascular[which]
         if given is None and drawn.min() < 0:
             raise ValueError(too_uneven(self._tissue))
-        self.classes[which] = _DRAWN[drawn] if given is None else given
+        classes = self.classes.copy()  # whoever was given the last ones keeps them
+        classes[which] = _DRAWN[drawn] if given is None else given
+        classes.setflags(write=False)
+        self.classes = classes
         self.episodes[which] += np.uint64(1)
 
     def decide(
@@ -149,8 +152,8 @@ class CutBatch:
 
         Returns
         -------
-        rewards, ends : array, shape (count,)
-            And why a cut has ended, as indices in :data:`~cutenv.task.records.ENDS`; 0 if it has not.
+        rewards, codes : array, shape (count,), and of int64, shape (3, count)
+            And :data:`~cutenv.task.told.CODES`, first of all why a cut has ended; 0 if it has not.
 
         Raises
         ------
@@ -173,13 +176,13 @@ class CutBatch:
                 "and none may be NaN."
             )
         told = np.empty((count, TOLD)) if told is None else told
-        rewards, ends = np.empty(count), np.empty(count, np.int64)
+        rewards, codes = np.empty(count), np.empty((len(CODES), count), np.int64)
         ticks = self.single.ticks
         over_cores(
             step_some, count, self.cuts, ticks, self.single.from_truth, waiting, commands, self.observations, rewards,
-            ends, told, fewest=max(FEWEST, _FEWEST_TICKS // ticks), meanwhile=meanwhile,
+            codes, told, fewest=max(FEWEST, _FEWEST_TICKS // ticks), meanwhile=meanwhile,
         )  # fmt: skip
-        return rewards, ends
+        return rewards, codes
 
     def succeeded(self) -> NDArray[np.bool_]:
         """Whether each has ended well, shape (count,)."""

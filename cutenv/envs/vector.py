@@ -18,17 +18,19 @@ from cutenv.envs.gentle_cut import OPTIONS, GentleCutEnv
 from cutenv.task.beginning import begin_some
 from cutenv.task.cuts import Cuts, step_some, tell_of_all
 from cutenv.task.records import ENDS
-from cutenv.task.told import PLACES, TOLD
+from cutenv.task.told import CODES, PLACES, TOLD
 from cutenv.validation import in_range, one_of
 
 _NAMED = tuple(
     (group, "_" + group, names, tuple("_" + name for name in names), place) for group, names, place in PLACES
 )
 """Groups of what is told, their masks, and in them names, masks and columns."""
+_END, _UNITS, _OUT_OF_RANGE = range(len(CODES))
 _END_NAMES = np.array(ENDS, dtype=object)
 
 Flags = NDArray[np.bool_]
 Numbers = NDArray[np.float64]
+Codes = NDArray[np.int64]
 Observations = NDArray[np.float32]
 
 
@@ -126,7 +128,9 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             self.batch.give_seeds(self._seeds_of_all(seed), which, self.np_random)
         self.batch.begin(which, options)
         self._ended[which] = False
-        return self.batch.observations.copy(), self._info(self._told_at_start(which), self._mask(which))
+        return self.batch.observations.copy(), self._info(
+            self._told_at_start(which), self._no_codes(), self._mask(which)
+        )
 
     def step(self, actions: Observations) -> tuple[Observations, Numbers, Flags, Flags, dict[str, Any]]:
         """Take an action, shape (2,), in every environment, shape (num_envs, 2); see ``autoreset_mode`` for ends."""
@@ -136,20 +140,22 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         told = np.empty((self.num_envs, TOLD))
         all_of_it: dict[str, Any] = {}
         present = np.ones(self.num_envs, bool)
-        rewards, ends = self.batch.decide(
+        rewards, codes = self.batch.decide(
             actions, waiting, told, meanwhile=lambda: all_of_it.update(_by_name(told, present))
         )
+        ends = codes[_END]
         ended = ends != 0
         finished = np.flatnonzero(ended)
         began = np.flatnonzero(waiting) if waiting is self._ended else finished[:0]
         info: dict[str, Any] = {}
         if self.autoreset_mode == AutoresetMode.SAME_STEP and len(finished):
-            info = self._final(finished, ended, ends, told)
+            info = self._final(finished, ended, codes.copy(), told)
             began = finished
         if len(began):
             self.batch.begin(began)
             self._told_at_start(began, told)
-        info |= self._completed(all_of_it, told, present)
+            codes[:, began] = 0
+        info |= self._completed(all_of_it, codes, present)
         if len(finished) and self.autoreset_mode != AutoresetMode.SAME_STEP:
             self._add_ends(info, ended, ends)
         self._ended = self._none_waits if self.autoreset_mode == AutoresetMode.SAME_STEP else ended
@@ -178,35 +184,37 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         tell_of_all(self.cuts, which, told)
         return told
 
+    def _no_codes(self) -> Codes:
+        return np.zeros((len(CODES), self.num_envs), np.int64)
+
     def _mask(self, which: NDArray[np.int64]) -> Flags:
         mask = np.zeros(self.num_envs, bool)
         mask[which] = True
         return mask
 
-    def _info(self, told: Numbers, present: Flags) -> dict[str, Any]:
+    def _info(self, told: Numbers, codes: Codes, present: Flags) -> dict[str, Any]:
         """What is told as arrays by name, each with its mask."""
-        return self._completed(_by_name(told, present), told, present)
+        return self._completed(_by_name(told, present), codes, present)
 
-    def _completed(self, info: dict[str, Any], told: Numbers, present: Flags) -> dict[str, Any]:
+    def _completed(self, info: dict[str, Any], codes: Codes, present: Flags) -> dict[str, Any]:
         """``info`` with what is not as it is told: whole numbers, flags and names."""
         truth = info["truth"]
-        truth["units"] = truth["units"].astype(np.int64)
+        truth["units"] = codes[_UNITS]
         truth["specimen_class"], truth["_specimen_class"] = _where(present, self.batch.classes), present
-        info["speed_out_of_range"], info["_speed_out_of_range"] = told[:, -1] > 0.0, present
+        info["speed_out_of_range"], info["_speed_out_of_range"] = codes[_OUT_OF_RANGE] > 0, present
         return info
 
     def _add_ends(self, info: dict[str, Any], ended: Flags, ends: NDArray[np.int64]) -> None:
         info["end"], info["_end"] = _where(ended, _END_NAMES[ends]), ended
         info["is_success"], info["_is_success"] = self.batch.succeeded() & ended, ended
 
-    def _final(
-        self, finished: NDArray[np.int64], ended: Flags, ends: NDArray[np.int64], told: Numbers
-    ) -> dict[str, Any]:
+    def _final(self, finished: NDArray[np.int64], ended: Flags, codes: Codes, told: Numbers) -> dict[str, Any]:
         """Last observation and info of the cuts that have ended, before the next ones begin."""
         last = np.zeros_like(told)
         last[finished] = told[finished]
-        final_info = self._info(last, ended)
-        self._add_ends(final_info, ended, ends)
+        codes[:, ~ended] = 0
+        final_info = self._info(last, codes, ended)
+        self._add_ends(final_info, ended, codes[_END])
         final_obs = np.full(self.num_envs, None, dtype=object)
         for n in finished:  # by Gymnasium's convention an array of arrays
             final_obs[n] = self.batch.observations[n].copy()
@@ -230,7 +238,7 @@ def _by_name(told: Numbers, present: Flags) -> dict[str, Any]:
 def _where(present: Flags, values: NDArray[Any]) -> NDArray[Any]:
     """The objects that are present; None elsewhere."""
     if present.all():
-        return values.copy()
+        return values
     chosen = np.full(len(values), None, dtype=object)
     chosen[present] = values[present]
     return chosen

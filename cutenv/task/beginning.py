@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from cutenv.compiled import compiled, compiled_for_cores
 from cutenv.cutting.records import Record, Records
+from cutenv.portions import MEMBERS, Portions, claim, finish
 from cutenv.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, Integer, uniform_at
 from cutenv.task.cuts import Cuts
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, fill
@@ -49,8 +50,7 @@ def rest(task: Record, nominal: Record, angle: float, observation: Records) -> N
 
 @compiled_for_cores
 def begin_some(
-    first: int,
-    last: int,
+    passed: Portions,
     cuts: Cuts,
     start: Cuts,
     which: Records,
@@ -67,12 +67,12 @@ def begin_some(
     observations: Records,
     vascular: Records,
 ) -> None:
-    """Begin the cuts numbered ``which[first:last]``, each of its own key, as a single environment would.
+    """Begin the cuts numbered ``which``, each of its own key, as a single environment would.
 
     Parameters
     ----------
-    first, last : int
-        See :func:`cutenv.cores.over_cores`.
+    passed : Portions
+        Of ``which``: see :func:`cutenv.cores.over_cores`.
     cuts : Cuts
         n cuts; those of ``which`` are begun anew.
     start : Cuts
@@ -96,7 +96,9 @@ def begin_some(
     vascular : array of int8, shape (n,)
         1 for a drawn specimen with vessels, 0 without; -1 where none was smooth enough.
     """
-    for n in which[first:last]:
+    k = claim(passed, 1)
+    while k < passed[MEMBERS]:
+        n = which[k]
         seed, episode = seeds[n], episodes[n]
         cuts.states[n] = start.states[0]
         cuts.laws[n] = start.laws[0]
@@ -131,3 +133,5 @@ def begin_some(
             nominal.stiffness[i] = start.per_depth[0].stiffness[i] * nominal.depth[i]
             nominal.toughness[i] = start.per_depth[0].toughness[i] * nominal.depth[i]
         rest(cuts.tasks[n], nominal, cuts.states[n].angle, observations[n])
+        finish(passed, 1)
+        k = claim(passed, 1)

@@ -12,12 +12,13 @@ from cutenv.cutting.law import place
 from cutenv.cutting.records import DRIVE, LAW, PROFILE, STATE, Record, Records
 from cutenv.cutting.row import ABREAST, ROW, begin, put, take
 from cutenv.cutting.sensor import SENSOR, WRAP
+from cutenv.portions import MEMBERS, Portions, claim, finish
 from cutenv.randomness import Integer
 from cutenv.task.assessment import charge
 from cutenv.task.counting import COUNT, begin_count, count_one, count_row, observe_counted, tally_of
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
 from cutenv.task.records import PROGRESS, TASK, TERMS
-from cutenv.task.told import TOLD, tell
+from cutenv.task.told import CODES, TOLD, tell
 from cutenv.tissue.grid import N_POINTS
 
 SPECIMEN: np.dtype[Any] = np.dtype(
@@ -31,6 +32,7 @@ _NONE = np.int64(0)
 _STATE, _LAW, _DRIVE, _SENSOR, _TASK, _PROGRESS, _TOLD = (
     np.int64(size) for size in (*(kind.itemsize // 8 for kind in (STATE, LAW, DRIVE, SENSOR, TASK, PROGRESS)), TOLD)
 )
+_END, _UNITS, _OUT_OF_RANGE = range(len(CODES))
 _LINE = 8  # numbers in a line of a cache
 _AT_A_TIME = 4  # cuts of the next row that are fetched while a millisecond of this one is worked out
 
@@ -70,8 +72,7 @@ class Cuts(NamedTuple):
 
 @compiled_for_cores
 def step_some(
-    first: int,
-    last: int,
+    passed: Portions,
     cuts: Cuts,
     ticks: int,
     from_truth: bool,
@@ -79,15 +80,15 @@ def step_some(
     actions: Records,
     observations: Records,
     rewards: Records,
-    ends: Records,
+    codes: Records,
     told: Records,
 ) -> None:
-    """One decision of the cuts from ``first`` to before ``last`` of n.
+    """One decision of n cuts.
 
     Parameters
     ----------
-    first, last : int
-        See :func:`cutenv.cores.over_cores`.
+    passed : Portions
+        Of the cuts: see :func:`cutenv.cores.over_cores`.
     cuts : Cuts
         Changed in place.
     ticks : int
@@ -98,13 +99,12 @@ def step_some(
         Cuts that are left alone: they have ended.
     actions : array, shape (n, 2)
         Within [-1, 1].
-    observations, rewards, ends, told : array, shape (n, 12) float32, (n,), (n,) int64, (n, 30)
-        Filled: ``ends`` are indices in :data:`~cutenv.task.records.ENDS`; ``told`` is what
-        :func:`~cutenv.task.told.tell` tells.
+    observations, rewards, codes, told : array, shape (n, 12) float32, (n,), (3, n) int64, (n, 30)
+        Filled: ``codes`` are :data:`~cutenv.task.told.CODES`; ``told`` is what :func:`~cutenv.task.told.tell` tells.
     """
     cuts = borrowed(cuts)
-    waiting, actions, observations, rewards, ends, told = borrowed(
-        (waiting, actions, observations, rewards, ends, told)
+    waiting, actions, observations, rewards, codes, told = borrowed(
+        (waiting, actions, observations, rewards, codes, told)
     )
     # One room for all: it stays in the first-level cache.
     rows, counts, terms = np.zeros(1, ROW), np.zeros(1, COUNT), np.empty(len(TERMS))
@@ -113,13 +113,15 @@ def step_some(
         as_numbers(cuts.states), as_numbers(cuts.laws), as_numbers(cuts.drives), as_numbers(cuts.sensors),
         as_numbers(cuts.tasks), as_numbers(cuts.progresses), as_numbers(told),
     )  # fmt: skip
-    n = first
-    while n < last:
+    count_of_all = passed[MEMBERS]
+    first = claim(passed, ABREAST)
+    while first < count_of_all:
+        following, last = claim(passed, ABREAST), min(first + ABREAST, count_of_all)
         taken: Integer = _NONE
-        while n < last and taken < ABREAST:
+        for n in range(first, last):
             if waiting[n]:
                 rewards[n] = 0.0
-                ends[n] = 0
+                codes[:, n] = 0
             else:
                 take(
                     row, numbers, plain[0], plain[1], plain[2], cuts.drives[n], cuts.sensors[n], cuts.profiles[n],
@@ -129,12 +131,10 @@ def step_some(
                 row.given[taken] = SPEED_SCALE * actions[n, 0]
                 row.aim[taken] = ANGLE_CENTRE + ANGLE_SCALE * actions[n, 1]
                 taken += 1
-            n += 1
-        if taken == 0:
-            break
-        begin(row, numbers, taken)
-        for i in range(ticks + 1):
-            _fetch_some(cuts, plain, i, n, min(n + ABREAST, last))
+        if taken > 0:
+            begin(row, numbers, taken)
+        for i in range(ticks + 1 if taken > 0 else 0):
+            _fetch_some(cuts, plain, i, following, min(following + ABREAST, count_of_all))
             over = taken  # after the last millisecond, for all of them
             if i < ticks:
                 update_row(row, cuts.profiles, cuts.sensors, i == 0)
@@ -145,7 +145,10 @@ def step_some(
                     row.going[k] = 0
                     put(numbers, plain[0], k, c)
                     _conclude(cuts, c, row, count, k, from_truth, actions[c], terms, observations[c], told[c])
-                    rewards[c], ends[c] = total(terms), cuts.progresses[c].end
+                    rewards[c], codes[_END, c] = total(terms), cuts.progresses[c].end
+                    codes[_UNITS, c], codes[_OUT_OF_RANGE, c] = row.units[k], cuts.progresses[c].out_of_range
+        finish(passed, last - first)
+        first = following
 
 
 @inlined

@@ -28,6 +28,9 @@ GROUPS = {"truth": TRUTH, "energy": ENERGIES, "reward_terms": TERMS, "cost": COS
 TOLD = sum(len(names) for names in GROUPS.values()) + 1
 """How many numbers that are."""
 
+CODES = ("end", "units", "out_of_range")
+"""What is told in whole numbers: the end as an index in ENDS, runs so far, updates of the step out of range."""
+
 _ENERGY = len(TRUTH)
 _TERMS = _ENERGY + len(ENERGIES)
 _COST = _TERMS + len(TERMS)

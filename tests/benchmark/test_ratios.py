@@ -23,6 +23,7 @@ from cutenv.cutting.abreast import hold_some
 from cutenv.cutting.records import READING, TICK
 from cutenv.cutting.simulate import simulate_some
 from cutenv.plant import SimulatedPlant
+from cutenv.portions import portions
 from cutenv.recording import AppendingRecord
 from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
@@ -103,8 +104,8 @@ def abreast_and_in_single_file() -> tuple[Way, Way]:
     commands, felt = np.tile((0.005, 1.0), (256, 1)), np.empty(256)
     speeds, angles, readings = np.full((256, 1), 0.005), np.full((256, 1), 1.0), np.zeros((256, 20), READING)
     return (
-        lambda: hold_some(0, 256, *rows, commands, 20, felt),
-        lambda: simulate_some(0, 256, *files, speeds, angles, TICK, readings),
+        lambda: hold_some(portions(256), *rows, commands, 20, felt),
+        lambda: simulate_some(portions(256), *files, speeds, angles, TICK, readings),
     )
 
 

@@ -24,6 +24,7 @@ from cutenv.cutting.records import DRIVE, LAW, PROFILE, READING, STATE, TICK, ne
 from cutenv.cutting.row import ABREAST
 from cutenv.cutting.sensor import SENSOR, SensorParameters, sensor_records
 from cutenv.cutting.simulate import follow, simulate, simulate_some, update
+from cutenv.portions import portions
 from cutenv.randomness import generator
 from cutenv.tissue.specimen import Specimen
 
@@ -126,7 +127,7 @@ def abreast(cases: Cases, ticks: int) -> Cases:
     felt = np.zeros(c["speeds"].shape)
     for k in range(felt.shape[1]):
         commands, last = np.stack((c["speeds"][:, k], c["angles"][:, k]), axis=1), np.zeros(len(felt))
-        hold_some(0, len(felt), *(c[name] for name in ORDER[:5]), commands, ticks, last)
+        hold_some(portions(len(felt)), *(c[name] for name in ORDER[:5]), commands, ticks, last)
         felt[:, k] = last
     return c | {"felt": felt}
 
