@@ -84,8 +84,8 @@ class NativeVecEnv(VecEnv):
         self._lengths += 1
         seen, ended = self.see(), ends != 0
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        finished = np.flatnonzero(ended)
-        if len(finished):
+        if ended.any():
+            finished = np.flatnonzero(ended)
             success, now = self._batch.succeeded(), time.monotonic() - self._begun
             for n in finished:
                 infos[n] = {
@@ -154,7 +154,7 @@ class CutVecEnv(NativeVecEnv):
 
     def step_async(self, actions: np.ndarray) -> None:
         """Take the actions, shape (n, 2), before the dead zone."""
-        super().step_async(past_dead_zone(np.clip(actions, -1.0, 1.0), self.dead_zone))
+        super().step_async(past_dead_zone(actions, self.dead_zone))  # clipped by the environment
 
     def see(self) -> np.ndarray:
         """Features and hidden state, once per decision: features keep it in mind."""

@@ -114,10 +114,11 @@ class FeatureBatch:
 
     def __call__(self, observations: NDArray[np.float32], cuts: NDArray[np.int64] | None = None) -> NDArray[np.float32]:
         """The features, shape (n, size) float32, of the cuts with these observations, shape (n, 12): all, or some."""
-        seen = checked_observation(observations).astype(np.float32)
+        seen = np.array(observations, np.float32)
         cuts = self._all if cuts is None else cuts
-        if seen.shape[:-1] != cuts.shape:
-            raise ValueError(f"observations have shape {seen.shape}; give ({len(cuts)}, {seen.shape[-1]}).")
+        if seen.shape != (len(cuts), len(COMPONENTS)):
+            checked_observation(observations)
+            raise ValueError(f"observations have shape {seen.shape}; give ({len(cuts)}, {len(COMPONENTS)}).")
         if not self._force:
             seen[:, : _MAX + 1] = 0.0
         return extract_batch(self._memory, self._frames, seen, cuts)
@@ -195,7 +196,8 @@ def extract_batch(
     """The features, shape (n, size), of all cuts, or of some by their numbers, for observations, shape (n, 12)."""
     features = np.empty((len(observations), feature_count(frames.shape[1])), np.float32)
     cuts = np.arange(len(memory)) if cuts is None else cuts
-    extract_some(memory, frames, cuts, _NOMINAL_STIFFNESS, _NOMINAL_FRICTION, observations, features)
+    if not extract_some(memory, frames, cuts, _NOMINAL_STIFFNESS, _NOMINAL_FRICTION, observations, features):
+        checked_observation(observations)  # says what is wrong
     return features
 
 
@@ -208,11 +210,19 @@ def extract_some(
     friction_per_depth: float,
     observations: Records,
     features: Records,
-) -> None:
-    """Fill ``features``, shape (n, size), and keep in mind what was observed of these cuts, n of them."""
+) -> bool:
+    """Fill ``features``, shape (n, size), and keep in mind what was observed of these cuts, n of them.
+
+    False, and nothing done, where an observation is not finite.
+    """
+    for k in range(len(cuts)):
+        for i in range(observations.shape[1]):
+            if not math.isfinite(observations[k, i]):
+                return False
     for k in range(len(cuts)):
         n = cuts[k]
         _extract(memory[n], frames[n], stiffness_per_depth, friction_per_depth, observations[k], features[k])
+    return True
 
 
 @compiled
