@@ -18,6 +18,7 @@ from cutenv.bench.record import check_place, read, record_of, write
 __all__ = ["BENCHMARKS", "main"]
 
 BENCHMARKS = {
+    "first": "first_use",
     "step": "environment",
     "batch": "batch",
     "tick": "tick",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import math
+import subprocess
 import sys
 from types import ModuleType
 
@@ -17,6 +18,7 @@ from cutenv.bench import (
     environment,
     factorisation,
     field,
+    first_use,
     gymnasium_vectors,
     limits,
     models,
@@ -29,6 +31,7 @@ from cutenv.plant import SimulatedPlant
 from cutenv.tissue import Specimen
 
 MODULES: dict[str, ModuleType] = {
+    "first": first_use,
     "reading": reading,
     "step": environment,
     "batch": batch,
@@ -83,6 +86,14 @@ def test_an_update_leaves_no_memory_behind():
     assert sys.getallocatedblocks() - before < 50
 
 
+def test_the_first_use_is_timed_in_a_process_that_keeps_what_it_compiles(tmp_path):
+    program = "import os; print('said by others'); print(len(os.environ['NUMBA_CACHE_DIR']))"
+    assert first_use.seconds(program, tmp_path) == len(str(tmp_path))
+    assert 0.0 < first_use.trifle()
+    with pytest.raises(subprocess.CalledProcessError):
+        first_use.seconds("raise SystemExit(2)", tmp_path)
+
+
 def test_resets_are_timed_beside_gymnasiums():
     times = environment.reset_times(resets=2, rounds=2)
     assert set(times) == {"cutenv/GentleCut-v0", "Pendulum-v1", "CartPole-v1"}
@@ -127,6 +138,9 @@ def factorising(divisions: tuple[int, int], repeats: int) -> factorisation.Facto
 def made_up(monkeypatch):
     """Nothing is measured: every benchmark gets numbers that were made up."""
     names = ("cutenv/GentleCut-v0", "Pendulum-v1", "CartPole-v1")
+    uses = {"one environment": first_use.FirstUse(4.0, 1.0), "a batch of 64": first_use.FirstUse(8.0, 1.5)}
+    monkeypatch.setattr(first_use, "first_uses", lambda: uses)
+    monkeypatch.setattr(first_use, "trifle", lambda: 0.2)
     monkeypatch.setattr(environment, "step_times", lambda: dict(zip(names, (3.0, 2.0, 1.0), strict=True)))
     monkeypatch.setattr(environment, "reset_times", lambda: dict.fromkeys(names, 50.0))
     monkeypatch.setattr(batch, "rates", lambda count: batch.Rates(1.0e6, 2.0e6, 0.5e6, 1.0e5))
@@ -153,6 +167,8 @@ def made_up(monkeypatch):
 @pytest.mark.parametrize(
     ("name", "missed", "said"),
     [
+        ("first", 1, "one environment: 4.0 s, 20 x a function of one line; next 1.0 s; within the 5 s allowed"),
+        ("first", 1, "a batch of 64: 8.0 s, 40 x a function of one line; next 1.5 s; MISSED: the 5 s allowed"),
         ("step", 1, "1.50 x Pendulum-v1   reset   50.0"),
         ("batch", 2, "100 times SyncVectorEnv of Pendulum-v1 at 1024 (10 thousand/s): at least 50 required"),
         ("batch", 2, "as much as 10.0 steps of the batch; within the 100 allowed"),
