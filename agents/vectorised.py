@@ -52,7 +52,7 @@ class NativeVecEnv(VecEnv):
 
     @property
     def observations(self) -> np.ndarray:
-        """The environment's own, shape (n, 12), as they are now."""
+        """The environment's own, shape (n, 12): written over by the next step."""
         return self._batch.observations
 
     def see(self) -> np.ndarray:
@@ -161,6 +161,6 @@ class CutVecEnv(NativeVecEnv):
         return reveal(self._batch.cuts, self._seen(self.observations), self._all)
 
     def see_beginning(self, begun: np.ndarray) -> np.ndarray:
-        """Forget the last cut first."""
+        """The same of some at their beginning: what was kept in mind of their last cut is forgotten first."""
         self._seen.forget(begun)
         return reveal(self._batch.cuts, self._seen(self.observations[begun], begun), begun)

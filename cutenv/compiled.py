@@ -19,21 +19,12 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numba.extending
-import numpy as np
-from llvmlite import ir
-from numba.core import cgutils, event, imputils
-from numba.np import arrayobj
+from numba.core import event
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
 
 _PACKAGE = Path(__file__).parent
-_llvm: Any = cgutils  # has no types, nor have these
-_lower: Any = numba.extending.lower_builtin
-_type: Any = numba.extending.type_callable
-_llvm_arrays: Any = arrayobj
-_llvm_results: Any = imputils
-_events: Any = event
+_events: Any = event  # has no types
 _PREFIX = "kernels-"
 
 
@@ -101,95 +92,6 @@ def compiled_for_cores(function: Function) -> Function:
 def shared_with_kernels(function: Function) -> Function:
     """Let kernels call ``function``, with which it compiles; elsewhere it stays plain Python, for arrays as well."""
     return numba.extending.register_jitable(function)
-
-
-def typed(function: Callable[..., Any]) -> Callable[[Function], Function]:
-    """How kernels type a call of ``function``: decorates what returns that for a typing context."""
-    return cast(Callable[[Function], Function], _type(function))
-
-
-def lowered(function: Callable[..., Any], *kinds: Any) -> Callable[[Function], Function]:
-    """What kernels make of a call of ``function``, without a function of its own that takes its time to compile."""
-    return cast(Callable[[Function], Function], _lower(function, *kinds))
-
-
-def array_data(context: Any, builder: Any, signature: Any, arguments: Any, k: int) -> Any:
-    """Where the elements of argument ``k``, an array, begin."""
-    return context.make_array(signature.args[k])(context, builder, arguments[k]).data
-
-
-def fetch_ahead(array: Any, i: Any) -> None:
-    """Have element ``i`` of a flat array brought into the first-level cache, and do not wait for it.
-
-    Only kernels gain by it; plain Python does nothing.
-    """
-
-
-@typed(fetch_ahead)
-def _type_of_fetched(_: Any) -> Any:
-    return lambda array, i: numba.types.none
-
-
-@lowered(fetch_ahead, numba.types.Array, numba.types.Integer)
-def _fetch_ahead(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    data = array_data(context, builder, signature, arguments, 0)
-    pointer = builder.bitcast(builder.gep(data, [arguments[1]]), cgutils.voidptr_t)
-    word = ir.IntType(32)
-    kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t, word, word, word])
-    prefetch = builder.module.declare_intrinsic("llvm.prefetch", (cgutils.voidptr_t,), kind)
-    builder.call(prefetch, [pointer, word(0), word(3), word(1)])  # to read, kept near, data
-    return context.get_dummy_value()
-
-
-def borrowed(arrays: Arrays) -> Arrays:
-    """A tuple of arrays, without a count of the references to them: for kernels whose caller holds them meanwhile.
-
-    Cores that count references to the same array wait for each other at every one.  Plain Python counts on.
-    """
-    return arrays
-
-
-@typed(borrowed)
-def _type_of_borrowed(_: Any) -> Any:
-    return lambda arrays: arrays
-
-
-@lowered(borrowed, numba.types.BaseTuple)
-def _borrowed(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    uncounted = []
-    for kind, counted in zip(signature.args[0], _llvm.unpack_tuple(builder, arguments[0]), strict=True):
-        array = context.make_array(kind)(context, builder, counted)
-        array.meminfo = _llvm.get_null_value(array.meminfo.type)
-        array.parent = _llvm.get_null_value(array.parent.type)
-        uncounted.append(array._getvalue())
-    return context.make_tuple(builder, signature.return_type, uncounted)
-
-
-def as_numbers(records: Any) -> Any:
-    """All numbers of an array side by side, shape (size,) float64: records of numbers 8 bytes wide, without a gap.
-
-    The array's own memory, seen otherwise: as ``view`` would, which takes a fifth of a second to compile.
-    """
-    return records.reshape(-1).view(np.float64)
-
-
-_NUMBERS = numba.types.Array(numba.types.float64, 1, "C")
-
-
-@typed(as_numbers)
-def _type_of_numbers(_: Any) -> Any:
-    return lambda records: _NUMBERS if getattr(records, "layout", None) == "C" else None
-
-
-@lowered(as_numbers, numba.types.Array)
-def _as_numbers(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    array = context.make_array(signature.args[0])(context, builder, arguments[0])
-    numbers = context.make_array(_NUMBERS)(context, builder)
-    width = context.get_constant(numba.types.intp, 8)
-    size = builder.udiv(builder.mul(array.nitems, array.itemsize), width)
-    data = builder.bitcast(array.data, numbers.data.type)
-    _llvm_arrays.populate_array(numbers, data, [size], [width], width, array.meminfo, array.parent)
-    return _llvm_results.impl_ret_borrowed(context, builder, _NUMBERS, numbers._getvalue())
 
 
 class _WithoutCollecting(event.Listener):

@@ -14,7 +14,8 @@ import numpy as np
 from llvmlite import ir
 from numpy.typing import NDArray
 
-from cutenv.compiled import array_data, compiled_for_cores, lowered, typed
+from cutenv.compiled import compiled_for_cores
+from cutenv.intrinsics import array_data, lowered, typed
 
 Portions: TypeAlias = NDArray[np.int64]
 """Of one pass over a batch: how many members were claimed, how many are finished, and how many there are."""

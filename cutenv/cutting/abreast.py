@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutenv.compiled import as_numbers, borrowed, compiled_for_cores, inlined
+from cutenv.compiled import compiled_for_cores, inlined
 from cutenv.cutting.blade import leaning, sweeping
 from cutenv.cutting.drive import carried, commanded, on_its_way, pulled, turning
 from cutenv.cutting.law import (
@@ -33,6 +33,7 @@ from cutenv.cutting.law import (
 from cutenv.cutting.records import TICK, Record, Records
 from cutenv.cutting.row import ABREAST, BLOCK, ROW, DriveInRow, begin, law_in_row, put, take
 from cutenv.cutting.sensor import as_read, delayed, wandered
+from cutenv.intrinsics import as_numbers, borrowed
 from cutenv.portions import MEMBERS, Portions, claim, finish
 from cutenv.randomness import SENSOR_NOISE, WIDTHS, in_layer, normal_at_the_rim, words_at
 

@@ -6,12 +6,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv.compiled import as_numbers, borrowed, compiled, compiled_for_cores, fetch_ahead, inlined
+from cutenv.compiled import compiled, compiled_for_cores, inlined
 from cutenv.cutting.abreast import update_row
 from cutenv.cutting.law import place
 from cutenv.cutting.records import DRIVE, LAW, PROFILE, STATE, Record, Records
 from cutenv.cutting.row import ABREAST, ROW, begin, put, take
 from cutenv.cutting.sensor import SENSOR, WRAP
+from cutenv.intrinsics import as_numbers, borrowed, fetch_ahead
 from cutenv.portions import MEMBERS, Portions, claim, finish
 from cutenv.randomness import Integer
 from cutenv.task.assessment import charge

@@ -9,7 +9,8 @@ import numba
 import numpy as np
 import pytest
 
-from cutenv.compiled import as_numbers, borrowed, compiled
+from cutenv.compiled import compiled
+from cutenv.intrinsics import as_numbers, borrowed
 
 
 @numba.njit
