@@ -112,7 +112,11 @@ def measure() -> Measured:
         other: {count: step_rate(other, count) for count in COUNTS if count <= other.largest}
         for other in (ASYNC, SYNC, NATIVE)
     }
-    found = {count: rates(count) for count in COUNTS}
+    found = {}
+    for count in COUNTS:
+        found[count] = rates(count)
+        if count == SOME:  # once more beside ours: within minutes a shared machine changes its speed
+            others[SYNC][count] = max(others[SYNC][count], step_rate(SYNC, count))
     limited = limits(found[MANY].native, found[MANY].bare)
     lines = [*_table(found, others), *_verdicts(found[SOME], found[MANY], others[SYNC][SOME]), *limited.lines]
     return Measured(_numbers(found, others) | dict(limited.numbers), lines)
