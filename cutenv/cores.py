@@ -47,19 +47,19 @@ def over_cores(
     fewest: int = FEWEST,
     meanwhile: Callable[[], None] | None = None,
 ) -> None:
-    """Call ``kernel(portions, *arguments)`` on as many cores as there are ``fewest`` members for.
+    """Call ``kernel(portions, core, *arguments)`` on as many cores as there are ``fewest`` members for.
 
     The kernel takes portions of the ``count`` members (:mod:`cutenv.portions`) until there are none.  Who comes late
     finds the less to do; nobody waits for a thread that has not even begun.  ``meanwhile`` is called while other
     threads wake: for what needs nothing that the kernel fills.
     """
     workers = max(min(_cores, count // fewest), 1)
-    of_batch = portions(count)
-    others = [_pool().submit(kernel, of_batch, *arguments) for _ in range(workers - 1)]
+    of_batch = portions(count, workers)
+    others = [_pool().submit(kernel, of_batch, core, *arguments) for core in range(1, workers)]
     try:
         if meanwhile is not None:
             meanwhile()
-        kernel(of_batch, *arguments)
+        kernel(of_batch, 0, *arguments)
     finally:
         # The last portion of another is finished sooner than its thread could say so.
         if others and not all_finished(of_batch, _PATIENCE):

@@ -1,7 +1,7 @@
 """Portions of a batch that several cores take one after the other, so that none waits while there is work left.
 
-A core that was fetched late, or that others use as well, takes fewer.  Kernels claim and finish portions by single
-atomic instructions.
+Each core begins with a stretch of its own, the same at every pass: what it last wrote is still in its cache.  When
+that is used up it takes from those of the others, which were fetched late or have other things to do as well.
 """
 
 from __future__ import annotations
@@ -14,88 +14,97 @@ import numpy as np
 from llvmlite import ir
 from numpy.typing import NDArray
 
-from cutenv.compiled import compiled_for_cores
+from cutenv.compiled import compiled_for_cores, inlined
 from cutenv.intrinsics import array_data, lowered, typed
 
 Portions: TypeAlias = NDArray[np.int64]
-"""Of one pass over a batch: how many members were claimed, how many are finished, and how many there are."""
-_CLAIMED, _FINISHED, MEMBERS = range(3)
+"""Of one pass over a batch, shape (cores, 8): a line of a cache for each core, so that none waits for another's."""
+_NEXT, _END, _FINISHED = range(3)  # of the core's stretch the next member and the end; how many it has finished
+_LINE = 8
 _WORD = ir.IntType(64)
 _plain = threading.Lock()  # only where nothing is compiled
 
 
-def portions(count: int) -> Portions:
-    """Of a batch of ``count`` members, none of them claimed."""
-    return np.array((0, 0, count), np.int64)
+def portions(count: int, cores: int = 1) -> Portions:
+    """Of a batch of ``count`` members in stretches for so many cores, none of them claimed."""
+    passed = np.zeros((cores, _LINE), np.int64)
+    passed[:, _END] = count * np.arange(1, cores + 1) // cores
+    passed[1:, _NEXT] = passed[:-1, _END]
+    return passed
 
 
-def claim(passed: Any, size: Any) -> Any:
-    """Take the next ``size`` members for oneself: the number of the first.
-
-    The last portion reaches beyond the batch; one that begins there is none.
-    """
-    with _plain:
-        first = int(passed[_CLAIMED])
-        passed[_CLAIMED] += size
-    return first
-
-
-def finish(passed: Any, size: Any) -> None:
-    """Tell that ``size`` members are done with: others may read what was made of them."""
-    with _plain:
-        passed[_FINISHED] += size
+@inlined
+def claim(passed: Portions, core: int, size: int) -> tuple[int, int]:
+    """Take the next members for ``core``, at most ``size``: the first, and the one after the last; 0 and 0 for none."""
+    for k in range(len(passed)):
+        stretch = (core + k) % len(passed)
+        end = passed[stretch, _END]
+        if counted(passed, stretch, _NEXT) < end:
+            first = count_up(passed, stretch, _NEXT, size)
+            if first < end:
+                return first, min(first + size, end)
+    return 0, 0
 
 
-def finished(passed: Any) -> Any:
-    """How many members are done with."""
-    return int(passed[_FINISHED])
-
-
-@typed(claim)
-def _type_of_claim(_: Any) -> Any:
-    return lambda passed, size: numba.types.int64
-
-
-@typed(finish)
-def _type_of_finish(_: Any) -> Any:
-    return lambda passed, size: numba.types.none
-
-
-@typed(finished)
-def _type_of_finished(_: Any) -> Any:
-    return lambda passed: numba.types.int64
-
-
-def _counter(context: Any, builder: Any, signature: Any, arguments: Any, which: int) -> Any:
-    return builder.gep(array_data(context, builder, signature, arguments, 0), [_WORD(which)])
-
-
-def _size(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    return context.cast(builder, arguments[1], signature.args[1], numba.types.int64)
-
-
-@lowered(claim, numba.types.Array, numba.types.Integer)
-def _claim(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    counter = _counter(context, builder, signature, arguments, _CLAIMED)
-    return builder.atomic_rmw("add", counter, _size(context, builder, signature, arguments), "monotonic")
-
-
-@lowered(finish, numba.types.Array, numba.types.Integer)
-def _finish(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    counter = _counter(context, builder, signature, arguments, _FINISHED)
-    builder.atomic_rmw("add", counter, _size(context, builder, signature, arguments), "release")
-    return context.get_dummy_value()
-
-
-@lowered(finished, numba.types.Array)
-def _finished(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    return builder.load_atomic(_counter(context, builder, signature, arguments, _FINISHED), "acquire", 8)
+@inlined
+def finish(passed: Portions, core: int, size: int) -> None:
+    """Tell that ``core`` is done with ``size`` members: others may read what it made of them."""
+    count_up(passed, core, _FINISHED, size)
 
 
 @compiled_for_cores
 def all_finished(passed: Portions, patience: int) -> bool:
-    """Look up to ``patience`` times, a nanosecond each, whether all members are done with."""
-    looks = 0
-    while finished(passed) < passed[MEMBERS] and looks < patience:
-        looks += 1
-    return bool(finished(passed) >= passed[MEMBERS])
+    """Look up to ``patience`` times, a nanosecond or two each, whether all members are done with."""
+    core, left = 0, passed[len(passed) - 1, _END]
+    for _ in range(patience + len(passed)):
+        if core == len(passed):
+            if left <= 0:
+                return True
+            core, left = 0, passed[len(passed) - 1, _END]
+        left -= counted(passed, core, _FINISHED)
+        core += 1
+    return False
+
+
+def count_up(passed: Any, core: Any, which: Any, size: Any) -> Any:
+    """Add to one of a core's numbers, in one instruction that no other core interrupts; what it was before."""
+    with _plain:
+        before = int(passed[core, which])
+        passed[core, which] += size
+    return before
+
+
+def counted(passed: Any, core: Any, which: Any) -> Any:
+    """One of a core's numbers, and with it what was written before it was counted up."""
+    return int(passed[core, which])
+
+
+@typed(count_up)
+def _type_of_count_up(_: Any) -> Any:
+    return lambda passed, core, which, size: numba.types.int64
+
+
+@typed(counted)
+def _type_of_counted(_: Any) -> Any:
+    return lambda passed, core, which: numba.types.int64
+
+
+def _place(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    core, which = (_integer(context, builder, signature, arguments, k) for k in (1, 2))
+    place = builder.add(builder.mul(core, _WORD(_LINE)), which)
+    return builder.gep(array_data(context, builder, signature, arguments, 0), [place])
+
+
+def _integer(context: Any, builder: Any, signature: Any, arguments: Any, k: int) -> Any:
+    return context.cast(builder, arguments[k], signature.args[k], numba.types.int64)
+
+
+@lowered(count_up, numba.types.Array, *[numba.types.Integer] * 3)
+def _count_up(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    place = _place(context, builder, signature, arguments)
+    return builder.atomic_rmw("add", place, _integer(context, builder, signature, arguments, 3), "acq_rel")
+
+
+@lowered(counted, numba.types.Array, *[numba.types.Integer] * 2)
+def _counted(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    return builder.load_atomic(_place(context, builder, signature, arguments), "acquire", 8)

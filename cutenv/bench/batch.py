@@ -19,7 +19,7 @@ from cutenv.cutting.drive import made_up
 from cutenv.cutting.records import READING, TICK
 from cutenv.cutting.simulate import update
 from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.portions import MEMBERS, Portions, claim, finish
+from cutenv.portions import Portions, claim, finish
 from cutenv.task.cuts import Cuts
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
 
@@ -50,11 +50,11 @@ class Rates(NamedTuple):
 
 
 @compiled_for_cores
-def _single_file(passed: Portions, cuts: Cuts, ticks: int, speed: float, angle: float) -> None:
+def _single_file(passed: Portions, core: int, cuts: Cuts, ticks: int, speed: float, angle: float) -> None:
     """What :func:`cutenv.cutting.abreast.hold_some` does, one cut after the other."""
     readings = np.empty(ticks, READING)
-    n = claim(passed, 1)
-    while n < passed[MEMBERS]:
+    n, end = claim(passed, core, 1)
+    while n < end:
         state, sensor, drive, law, profile = (
             cuts.states[n],
             cuts.sensors[n],
@@ -65,8 +65,8 @@ def _single_file(passed: Portions, cuts: Cuts, ticks: int, speed: float, angle: 
         share = made_up(drive, TICK)
         for i in range(ticks):
             update(state, profile, law, drive, sensor, share, speed, angle, TICK, readings[i])
-        finish(passed, 1)
-        n = claim(passed, 1)
+        finish(passed, core, 1)
+        n, end = claim(passed, core, 1)
 
 
 def rates(count: int, rounds: int | None = None) -> Rates:

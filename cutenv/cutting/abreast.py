@@ -34,7 +34,7 @@ from cutenv.cutting.records import TICK, Record, Records
 from cutenv.cutting.row import ABREAST, BLOCK, ROW, DriveInRow, begin, law_in_row, put, take
 from cutenv.cutting.sensor import as_read, delayed, wandered
 from cutenv.intrinsics import as_numbers, borrowed
-from cutenv.portions import MEMBERS, Portions, claim, finish
+from cutenv.portions import Portions, claim, finish
 from cutenv.randomness import SENSOR_NOISE, WIDTHS, in_layer, normal_at_the_rim, words_at
 
 
@@ -254,6 +254,7 @@ def _draw(row: Record) -> None:
 @compiled_for_cores
 def hold_some(
     passed: Portions,
+    core: int,
     states: Records,
     profiles: Records,
     laws: Records,
@@ -267,8 +268,8 @@ def hold_some(
 
     Parameters
     ----------
-    passed : Portions
-        Of the cuts: see :func:`cutenv.cores.over_cores`.
+    passed, core : Portions, int
+        See :func:`cutenv.cores.over_cores`.
     states, profiles, laws, drives, sensors : Records
         Of the cuts, shape (n,); states and sensors are changed.
     commands : array, shape (n, 2)
@@ -282,9 +283,9 @@ def hold_some(
     rows = np.zeros(1, ROW)
     row, numbers = rows[0], as_numbers(rows)
     plain_states, plain_laws, plain_drives = as_numbers(states), as_numbers(laws), as_numbers(drives)
-    begun = claim(passed, ABREAST)
-    while begun < passed[MEMBERS]:
-        taken = min(ABREAST, passed[MEMBERS] - begun)
+    begun, end = claim(passed, core, ABREAST)
+    while begun < end:
+        taken = end - begun
         for k in range(taken):
             n = begun + k
             take(row, numbers, plain_states, plain_laws, plain_drives, drives[n], sensors[n], profiles[n], k, n)
@@ -295,5 +296,5 @@ def hold_some(
         for k in range(taken):
             put(numbers, plain_states, k, begun + k)
             felt[begun + k] = row.felt[k]
-        finish(passed, taken)
-        begun = claim(passed, ABREAST)
+        finish(passed, core, taken)
+        begun, end = claim(passed, core, ABREAST)

@@ -11,7 +11,7 @@ from cutenv.cutting.drive import made_up, motion, turning
 from cutenv.cutting.law import cut, depth_at, elastic_force, rubbing, stored_energy
 from cutenv.cutting.records import DRIVE, LAW, PROFILE, STATE, Record, Records
 from cutenv.cutting.sensor import SENSOR, measure
-from cutenv.portions import MEMBERS, Portions, claim, finish
+from cutenv.portions import Portions, claim, finish
 from cutenv.tissue.specimen import LENGTH
 
 ENERGIES = ("work", "stored", "fracture", "friction", "loss", "ledger", "residual")
@@ -160,6 +160,7 @@ def account_one(cuts: Records, energies: Records) -> None:
 @compiled_for_cores
 def simulate_some(
     passed: Portions,
+    core: int,
     states: Records,
     profiles: Records,
     laws: Records,
@@ -170,12 +171,12 @@ def simulate_some(
     dt: float,
     readings: Records,
 ) -> None:
-    """:func:`simulate` for the ``passed`` of n cuts: see :func:`cutenv.cores.over_cores`.
+    """:func:`simulate` for n cuts: see :func:`cutenv.cores.over_cores`.
 
     Every argument but ``dt`` has a leading axis of length n.
     """
-    n = claim(passed, 1)
-    while n < passed[MEMBERS]:
+    n, end = claim(passed, core, 1)
+    while n < end:
         simulate(states[n], profiles[n], laws[n], drives[n], sensors[n], speeds[n], angles[n], dt, readings[n])
-        finish(passed, 1)
-        n = claim(passed, 1)
+        finish(passed, core, 1)
+        n, end = claim(passed, core, 1)

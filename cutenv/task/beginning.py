@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cutenv.compiled import compiled, compiled_for_cores
 from cutenv.cutting.records import Record, Records
-from cutenv.portions import MEMBERS, Portions, claim, finish
+from cutenv.portions import Portions, claim, finish
 from cutenv.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, Integer, uniform_at
 from cutenv.task.cuts import Cuts
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, fill
@@ -51,6 +51,7 @@ def rest(task: Record, nominal: Record, angle: float, observation: Records) -> N
 @compiled_for_cores
 def begin_some(
     passed: Portions,
+    core: int,
     cuts: Cuts,
     start: Cuts,
     which: Records,
@@ -71,8 +72,8 @@ def begin_some(
 
     Parameters
     ----------
-    passed : Portions
-        Of ``which``: see :func:`cutenv.cores.over_cores`.
+    passed, core : Portions, int
+        See :func:`cutenv.cores.over_cores`; of ``which``.
     cuts : Cuts
         n cuts; those of ``which`` are begun anew.
     start : Cuts
@@ -96,8 +97,8 @@ def begin_some(
     vascular : array of int8, shape (n,)
         1 for a drawn specimen with vessels, 0 without; -1 where none was smooth enough.
     """
-    k = claim(passed, 1)
-    while k < passed[MEMBERS]:
+    k, end = claim(passed, core, 1)
+    while k < end:
         n = which[k]
         seed, episode = seeds[n], episodes[n]
         cuts.states[n] = start.states[0]
@@ -133,5 +134,5 @@ def begin_some(
             nominal.stiffness[i] = start.per_depth[0].stiffness[i] * nominal.depth[i]
             nominal.toughness[i] = start.per_depth[0].toughness[i] * nominal.depth[i]
         rest(cuts.tasks[n], nominal, cuts.states[n].angle, observations[n])
-        finish(passed, 1)
-        k = claim(passed, 1)
+        finish(passed, core, 1)
+        k, end = claim(passed, core, 1)

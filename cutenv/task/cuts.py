@@ -13,7 +13,7 @@ from cutenv.cutting.records import DRIVE, LAW, PROFILE, STATE, Record, Records
 from cutenv.cutting.row import ABREAST, ROW, begin, put, take
 from cutenv.cutting.sensor import SENSOR, WRAP
 from cutenv.intrinsics import as_numbers, borrowed, fetch_ahead
-from cutenv.portions import MEMBERS, Portions, claim, finish
+from cutenv.portions import Portions, claim, finish
 from cutenv.randomness import Integer
 from cutenv.task.assessment import charge
 from cutenv.task.counting import COUNT, begin_count, count_one, count_row, observe_counted, tally_of
@@ -74,6 +74,7 @@ class Cuts(NamedTuple):
 @compiled_for_cores
 def step_some(
     passed: Portions,
+    core: int,
     cuts: Cuts,
     ticks: int,
     from_truth: bool,
@@ -88,8 +89,8 @@ def step_some(
 
     Parameters
     ----------
-    passed : Portions
-        Of the cuts: see :func:`cutenv.cores.over_cores`.
+    passed, core : Portions, int
+        See :func:`cutenv.cores.over_cores`.
     cuts : Cuts
         Changed in place.
     ticks : int
@@ -114,10 +115,9 @@ def step_some(
         as_numbers(cuts.states), as_numbers(cuts.laws), as_numbers(cuts.drives), as_numbers(cuts.sensors),
         as_numbers(cuts.tasks), as_numbers(cuts.progresses), as_numbers(told),
     )  # fmt: skip
-    count_of_all = passed[MEMBERS]
-    first = claim(passed, ABREAST)
-    while first < count_of_all:
-        following, last = claim(passed, ABREAST), min(first + ABREAST, count_of_all)
+    first, last = claim(passed, core, ABREAST)
+    while first < last:
+        following = claim(passed, core, ABREAST)
         taken: Integer = _NONE
         for n in range(first, last):
             if waiting[n]:
@@ -135,7 +135,7 @@ def step_some(
         if taken > 0:
             begin(row, numbers, taken)
         for i in range(ticks + 1 if taken > 0 else 0):
-            _fetch_some(cuts, plain, i, following, min(following + ABREAST, count_of_all))
+            _fetch_some(cuts, plain, i, following[0], following[1])
             over = taken  # after the last millisecond, for all of them
             if i < ticks:
                 update_row(row, cuts.profiles, cuts.sensors, i == 0)
@@ -148,8 +148,8 @@ def step_some(
                     _conclude(cuts, c, row, count, k, from_truth, actions[c], terms, observations[c], told[c])
                     rewards[c], codes[_END, c] = total(terms), cuts.progresses[c].end
                     codes[_UNITS, c], codes[_OUT_OF_RANGE, c] = row.units[k], cuts.progresses[c].out_of_range
-        finish(passed, last - first)
-        first = following
+        finish(passed, core, last - first)
+        first, last = following
 
 
 @inlined

@@ -104,8 +104,8 @@ def abreast_and_in_single_file() -> tuple[Way, Way]:
     commands, felt = np.tile((0.005, 1.0), (256, 1)), np.empty(256)
     speeds, angles, readings = np.full((256, 1), 0.005), np.full((256, 1), 1.0), np.zeros((256, 20), READING)
     return (
-        lambda: hold_some(portions(256), *rows, commands, 20, felt),
-        lambda: simulate_some(portions(256), *files, speeds, angles, TICK, readings),
+        lambda: hold_some(portions(256), 0, *rows, commands, 20, felt),
+        lambda: simulate_some(portions(256), 0, *files, speeds, angles, TICK, readings),
     )
 
 

@@ -127,7 +127,7 @@ def abreast(cases: Cases, ticks: int) -> Cases:
     felt = np.zeros(c["speeds"].shape)
     for k in range(felt.shape[1]):
         commands, last = np.stack((c["speeds"][:, k], c["angles"][:, k]), axis=1), np.zeros(len(felt))
-        hold_some(portions(len(felt)), *(c[name] for name in ORDER[:5]), commands, ticks, last)
+        hold_some(portions(len(felt)), 0, *(c[name] for name in ORDER[:5]), commands, ticks, last)
         felt[:, k] = last
     return c | {"felt": felt}
 
