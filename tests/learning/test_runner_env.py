@@ -72,7 +72,7 @@ def test_runners_have_seeds_of_their_own():
         runner = RunnerEnv(5, first_seed=100, **SHORT)
         runner.share_seeds(number)
         runner.reset()
-        begun += runner._native._seeds.tolist()
+        begun += runner._native.batch.seeds.tolist()
     assert begun == list(range(100, 115))
 
 
