@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
-import numba.extending
 from numba.core import event
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -72,16 +71,7 @@ def compiled(function: Function) -> Function:
 
     With the environment variable ``NUMBA_DISABLE_JIT=1`` it stays plain Python, which the tests compare with.
     """
-    return _compiled(function, nogil=False)
-
-
-def inlined(function: Function) -> Function:
-    """Like :func:`compiled`, and made part of every kernel that calls it.
-
-    For what is called in inner loops over many cuts: only a loop that calls nothing becomes vector instructions, and a
-    call that takes arrays counts references to them, about which cores quarrel.
-    """
-    return _compiled(function, nogil=False, forceinline=True)
+    return _compiled(function)
 
 
 def compiled_for_cores(function: Function) -> Function:
@@ -89,9 +79,22 @@ def compiled_for_cores(function: Function) -> Function:
     return _compiled(function, nogil=True)
 
 
-def shared_with_kernels(function: Function) -> Function:
-    """Let kernels call ``function``, with which it compiles; elsewhere it stays plain Python, for arrays as well."""
-    return numba.extending.register_jitable(function)
+def for_kernels(function: Function) -> Function:
+    """Compile ``function`` for the kernels that call it; for all others it stays plain Python.
+
+    Most functions are called by kernels alone.  What Numba adds so that Python can call one costs a third of the time
+    that compiling takes.
+    """
+    return _for_kernels(function)
+
+
+def inlined(function: Function) -> Function:
+    """Like :func:`for_kernels`, and made part of every kernel that calls it.
+
+    For what is called in inner loops over many cuts: only a loop that calls nothing becomes vector instructions, and a
+    call that takes arrays counts references to them, about which cores quarrel.
+    """
+    return _for_kernels(function, forceinline=True)
 
 
 class _WithoutCollecting(event.Listener):
@@ -138,14 +141,23 @@ def announce(*kernels: Callable[..., Any]) -> None:
     print(f"{_PACKAGE.name}: compiling for this machine; takes some seconds, once.", file=sys.stderr, flush=True)
 
 
-def _compiled(function: Function, *, nogil: bool, forceinline: bool = False) -> Function:
+def _for_kernels(function: Function, **options: bool) -> Function:
+    inside: Any = _compiled(function, no_cpython_wrapper=True, **options)
+    if inside is not function:  # Python must not call what lacks the wrapper; Numba looks for the type
+        shown: Any = function
+        shown._numba_type_, shown._inside = numba.types.Dispatcher(inside), inside  # which the type does not hold
+    return function
+
+
+def _compiled(function: Function, **options: bool) -> Function:
     # Numba reads the folder once, when it decorates; other packages' kernels stay where they are.
     settings: Any = numba.config
+    njit: Any = numba.njit  # whose types lack the wrappers
     before = settings.CACHE_DIR
     settings.CACHE_DIR = "" if _FOLDER is None else str(_FOLDER)
     try:
-        decorate = numba.njit(
-            cache=_FOLDER is not None, fastmath=False, error_model="numpy", nogil=nogil, forceinline=forceinline
+        decorate = njit(
+            cache=_FOLDER is not None, fastmath=False, error_model="numpy", no_cfunc_wrapper=True, **options
         )
         return cast(Function, decorate(function))
     finally:

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.compiled import compiled, inlined
+from cutenv.compiled import compiled, for_kernels, inlined
 
 Integer: TypeAlias = int | np.integer[Any]
 
@@ -56,14 +56,14 @@ def words_at(
     return philox(s & _WORD, s >> _SHIFT, np.uint64(counter) & _WORD, e & _WORD, e >> _SHIFT, np.uint64(stream) & _WORD)
 
 
-@compiled
+@for_kernels
 def uniform_at(seed: Integer, episode: Integer, stream: Integer, counter: Integer) -> float:
     """One number evenly distributed in [0, 1), with 53 bits, for (seed, episode, stream, counter)."""
     high, low, _, _ = words_at(seed, episode, stream, counter)
     return float((high << np.uint64(21)) | (low >> np.uint64(11))) * 2.0**-53
 
 
-@compiled
+@for_kernels
 def four_normals_at(
     seed: Integer, episode: Integer, stream: Integer, block: Integer
 ) -> tuple[float, float, float, float]:
@@ -104,7 +104,7 @@ WIDTHS, _HEIGHTS = _ziggurat()
 _AGAIN = np.uint64(1 << 16)  # added to a stream: words for the few numbers that one word does not settle
 
 
-@compiled
+@for_kernels
 def _normal(word: np.uint64, seed: Integer, episode: Integer, stream: Integer, counter: Integer) -> float:
     """A standard normal number of one 32-bit word, by the ziggurat method: 8 bits for the layer, 1 sign, 23 across.
 
@@ -129,7 +129,7 @@ def in_layer(word: np.uint64) -> tuple[Integer, float, float]:
     return layer, sign, (float(word >> np.uint64(9)) + 0.5) * 2.0**-23
 
 
-@compiled
+@for_kernels
 def normal_at_the_rim(
     layer: Integer, x: float, seed: Integer, episode: Integer, stream: Integer, counter: Integer
 ) -> float:

@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.compiled import shared_with_kernels
+from cutenv.compiled import for_kernels
 
 Array = NDArray[np.float64]
 T = TypeVar("T", float, Array)
@@ -28,34 +28,34 @@ RUN_WINDOW = 0.020
 """Time over which such a run is looked for, longer than the sensor's noise [s]."""
 
 
-@shared_with_kernels
+@for_kernels
 def tip_error(tip: T, target: float) -> T:
     """How far the crack tip is from the target [m]."""
     return abs(tip - target)
 
 
-@shared_with_kernels
+@for_kernels
 def overshoot(tip: T, target: float) -> T:
     """How far the crack tip is beyond the target [m]."""
     beyond: T = np.maximum(tip - target, 0.0)
     return beyond
 
 
-@shared_with_kernels
+@for_kernels
 def lag(blade: T, tip: T) -> T:
     """How far the crack tip is behind the blade [m]."""
     behind: T = np.maximum(blade - tip, 0.0)
     return behind
 
 
-@shared_with_kernels
+@for_kernels
 def wedge(angle: T, depth: float) -> T:
     """How wide a wedge a blade leaning at ``angle`` [rad] leaves uncut, in the unit of ``depth``."""
     width: T = depth / np.tan(angle)
     return width
 
 
-@shared_with_kernels
+@for_kernels
 def force_per_depth(force: T, depth: T) -> T:
     """Force on the blade over the depth of the cut [N/m]."""
     return force / depth

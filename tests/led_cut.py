@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any, NamedTuple
@@ -104,7 +105,7 @@ def changed_law(*changes: tuple[str, str]) -> ModuleType:
     """The cutting law in plain Python, with parts of its source replaced: physics broken on purpose."""
     modules = []
     sources = [
-        Path(part.__file__).read_text().replace("@compiled\n", "").replace("@inlined\n", "")
+        re.sub("^@(compiled|for_kernels|inlined)\n", "", Path(part.__file__).read_text(), flags=re.MULTILINE)
         for part in (cutting_blade, cutting_law)
     ]
     for old, new in changes:

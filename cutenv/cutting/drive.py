@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutenv.compiled import compiled, inlined
+from cutenv.compiled import compiled, for_kernels, inlined
 from cutenv.cutting.records import DRIVE, TICK, Record, Records
 from cutenv.parameter import check_parameters, parameter
 
@@ -182,7 +182,7 @@ def carried(hand: float, blade: float, backlash: float) -> float:
     return dx
 
 
-@compiled
+@for_kernels
 def pulled(
     drive: Record,
     hand: float,

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 
-from cutenv.compiled import compiled, inlined
+from cutenv.compiled import compiled, for_kernels, inlined
 from cutenv.cutting.blade import leaning, sweeping
 from cutenv.cutting.records import Record, Records
 from cutenv.tissue.specimen import N_POINTS, POINTS_PER_METRE
@@ -57,7 +57,7 @@ def slope(rise: float) -> float:
     return rise * POINTS_PER_METRE
 
 
-@compiled
+@for_kernels
 def stiffness_at(profile: Record, a: float) -> tuple[float, float]:
     """K [N/m] and its derivative K' [N/m2] at tip position ``a`` [m]."""
     i, share = place(a)
@@ -65,21 +65,21 @@ def stiffness_at(profile: Record, a: float) -> tuple[float, float]:
     return along(value, rise, share), slope(rise)
 
 
-@compiled
+@for_kernels
 def toughness_at(profile: Record, a: float) -> float:
     """R B [N], the force per advance that fracture alone would take, at ``a`` [m]."""
     i, share = place(a)
     return between(profile.toughness, i, share)
 
 
-@compiled
+@for_kernels
 def depth_at(profile: Record, x: float) -> float:
     """Depth of cut B [m] at ``x`` [m]."""
     i, share = place(x)
     return between(profile.depth, i, share)
 
 
-@compiled
+@for_kernels
 def elastic_force(profile: Record, x: float, a: float) -> float:
     """F = K(a) max(x - a, 0) [N]."""
     return stiffness_at(profile, a)[0] * max(x - a, 0.0)
@@ -121,7 +121,7 @@ def settled(ledger: float, loss: float) -> tuple[float, float]:
     return min(ledger, 0.0), loss + max(ledger, 0.0)
 
 
-@compiled
+@for_kernels
 def turned(profile: Record, x: float, lean: float, angle: float) -> tuple[float, float, float]:
     """Lean and sin^2 of a blade at ``x`` that turns to ``angle``, and the energy [J] that it takes."""
     next_lean, pushing = leaning(angle)
@@ -176,7 +176,7 @@ def loaded(
     return a, K * lag, toughness, 0.5 * K * lag**2 - U, 0.0, 0.0
 
 
-@compiled
+@for_kernels
 def move(state: Record, profile: Record, law: Record, dx: float, speed: float) -> tuple[float, float]:
     """Move the blade by ``dx`` [m] at ``speed`` [m/s]: elastic motion, and stable growth while it loads.
 
@@ -217,7 +217,7 @@ def move(state: Record, profile: Record, law: Record, dx: float, speed: float) -
     return F, toughness
 
 
-@compiled
+@for_kernels
 def run_crack(
     profile: Record, law: Record, x: float, a: float, ledger: float, fracture: float, loss: float
 ) -> tuple[float, float, float, float, float, float]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.compiled import compiled, inlined
+from cutenv.compiled import compiled, for_kernels, inlined
 from cutenv.cutting.records import TICK, Record, Records
 from cutenv.parameter import check_parameters, parameter
 from cutenv.randomness import SENSOR_DRIFT, SENSOR_NOISE, four_normals_at, normal_at
@@ -54,7 +54,7 @@ def delayed(line: Records, delay: int, force: float, tick: int) -> float:
     return out
 
 
-@compiled
+@for_kernels
 def wandered(sensor: Record, tick: int) -> float:
     """How far the sensor's zero has drifted at update ``tick`` [N]."""
     if sensor.drift > 0.0:
@@ -71,7 +71,7 @@ def as_read(force: float, noise: float, standard: float, resolution: float) -> f
     return reading
 
 
-@compiled
+@for_kernels
 def standard_noise(sensor: Record, tick: int) -> float:
     """The number that (seed, episode, tick) stands for; they come by fours, so three of four are kept ones."""
     block = tick >> 2

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.compiled import compiled, compiled_for_cores, inlined
+from cutenv.compiled import compiled, compiled_for_cores, for_kernels, inlined
 from cutenv.cutting.drive import made_up, motion, turning
 from cutenv.cutting.law import cut, depth_at, elastic_force, rubbing, stored_energy
 from cutenv.cutting.records import DRIVE, LAW, PROFILE, STATE, Record, Records
@@ -83,7 +83,7 @@ def follow(
         _note(state, readings[i], elastic + friction, elastic, friction, jump, dt)
 
 
-@compiled
+@for_kernels
 def _note(
     state: Record, reading: Record, measured: float, elastic: float, friction: float, jump: float, dt: float
 ) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.compiled import compiled
+from cutenv.compiled import compiled, for_kernels
 from cutenv.cutting.records import Record, Records
 from cutenv.policy.tip_estimate import (
     SHALLOWEST,
@@ -225,7 +225,7 @@ def extract_some(
     return True
 
 
-@compiled
+@for_kernels
 def _extract(
     memory: Record,
     frames: Records,
@@ -285,7 +285,7 @@ def _extract(
         frames[0, 4] = observation[_ANGLE]
 
 
-@compiled
+@for_kernels
 def _watch(
     memory: Record, stiffness_per_depth: Records, position: float, speed: float, force: float, depth: float
 ) -> None:
@@ -319,7 +319,7 @@ def _watch(
         memory.force = force
 
 
-@compiled
+@for_kernels
 def _find_tip(memory: Record, stiffness_per_depth: Records, depth: float) -> None:
     """Follow the straight line of the force down to friction."""
     n = memory.count

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.compiled import compiled
+from cutenv.compiled import compiled, for_kernels
 from cutenv.cutting.drive import made_up
 from cutenv.cutting.records import TICK, Record, Records
 from cutenv.cutting.simulate import update
@@ -47,7 +47,7 @@ def planned_command(plan: Record, position: float) -> tuple[float, float]:
     return speed, angle
 
 
-@compiled
+@for_kernels
 def roll_out(
     state: Record,
     profile: Record,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.compiled import compiled
+from cutenv.compiled import compiled, for_kernels
 from cutenv.cutting.records import Records
 from cutenv.task.observation import OFFSETS, SCALES, checked_observation
 from cutenv.tissue.description import TissueDescription, measured_liver
@@ -87,7 +87,7 @@ def remember_depth(depths: Records, passed: int, position: float, depth: float) 
     return max(passed, reached)
 
 
-@compiled
+@for_kernels
 def tip_behind(position: float, elastic: float, stiffness_per_depth: Records, depths: Records, passed: int) -> float:
     """The tip [m] behind a blade at ``position`` [m] that feels an elastic force [N]."""
     tip = position

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cutenv.compiled import compiled, inlined
+from cutenv.compiled import compiled, for_kernels, inlined
 from cutenv.cutting.law import depth_at, stiffness_at, toughness_at
 from cutenv.cutting.records import TICK, Record, Records
 from cutenv.terms import ANGLE_TOLERANCE, TIP_TOLERANCE, force_per_depth, lag, overshoot, tip_error, wedge
@@ -87,7 +87,7 @@ class Tally(NamedTuple):
     """Integral of speed squared over travel [m3/s2]."""
 
 
-@compiled
+@for_kernels
 def fresh(progress: Record) -> Tally:
     """The tally at the beginning of a step."""
     return Tally(
@@ -170,7 +170,7 @@ def counted(
     )
 
 
-@compiled
+@for_kernels
 def assess(
     task: Record,
     progress: Record,

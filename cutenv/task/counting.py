@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv.compiled import compiled, inlined
+from cutenv.compiled import for_kernels, inlined
 from cutenv.cutting.law import depth_at
 from cutenv.cutting.records import TICK, Record, Records
 from cutenv.cutting.row import ABREAST
@@ -40,7 +40,7 @@ COUNT: np.dtype[Any] = np.dtype(
 """Of every cut in a row its tally, what it is asked for, what a millisecond shows of it, and force felt so far."""
 
 
-@compiled
+@for_kernels
 def begin_count(count: Record, task: Record, progress: Record, k: Integer) -> None:
     """Begin a step of the cut in place ``k``."""
     keep(count, k, fresh(progress))

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv.compiled import compiled, compiled_for_cores, inlined
+from cutenv.compiled import compiled, compiled_for_cores, for_kernels, inlined
 from cutenv.cutting.abreast import update_row
 from cutenv.cutting.law import place
 from cutenv.cutting.records import DRIVE, LAW, PROFILE, STATE, Record, Records
@@ -238,7 +238,7 @@ def _fetch_places(state: Record, profile: Record, nominal: Record, specimen: Rec
         fetch_ahead(sensor.line, (state.tick + k) & WRAP)
 
 
-@compiled
+@for_kernels
 def total(terms: Records) -> float:
     """The reward: the sum of its terms, one after the other."""
     reward = 0.0

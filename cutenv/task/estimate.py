@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cutenv.compiled import compiled
+from cutenv.compiled import for_kernels
 from cutenv.cutting.law import depth_at, stiffness_at
 from cutenv.cutting.records import TICK, Record, Records
 from cutenv.terms import RUN_WINDOW, SMALLEST_RUN
@@ -12,7 +12,7 @@ _WINDOW = round(RUN_WINDOW / TICK)  # updates, whatever the decision rate
 _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
 
 
-@compiled
+@for_kernels
 def estimate(task: Record, progress: Record, nominal: Record, readings: Records, tips: Records, jumps: Records) -> None:
     """Fill ``tips`` [m] and ``jumps`` [m], shape (ticks,), from what was felt."""
     a = progress.tip
@@ -24,7 +24,7 @@ def estimate(task: Record, progress: Record, nominal: Record, readings: Records,
         tips[i] = a
 
 
-@compiled
+@for_kernels
 def estimated(
     task: Record, progress: Record, nominal: Record, a: float, tick: int, x: float, speed: float, force: float
 ) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.compiled import compiled
+from cutenv.compiled import compiled, for_kernels
 from cutenv.cutting.records import PROFILE, Records
 from cutenv.plant.interface import Plant
 from cutenv.task.assessment import assess, charge_end, succeeded
@@ -76,7 +76,7 @@ def decide_from_estimate(
     return add(terms, totals), progress.end, progress.updates
 
 
-@compiled
+@for_kernels
 def add(terms: Records, totals: Records) -> float:
     """Add the terms of a step to those since the start; return the reward, their sum."""
     for k in range(len(terms)):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cutenv.compiled import compiled
+from cutenv.compiled import compiled, for_kernels
 from cutenv.cutting.law import depth_at
 from cutenv.cutting.records import Record, Records
 from cutenv.validation import in_range
@@ -54,7 +54,7 @@ SCALES = np.array([component.scale for component in COMPONENTS])
 OFFSETS = np.array([component.offset for component in COMPONENTS])
 
 
-@compiled
+@for_kernels
 def observe(
     task: Record, measured: Record, readings: Records, time: float, last_action: Records, observation: Records
 ) -> None:
@@ -75,7 +75,7 @@ def observe(
     )  # fmt: skip
 
 
-@compiled
+@for_kernels
 def fill(
     task: Record,
     measured: Record,

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.compiled import compiled
+from cutenv.compiled import compiled, for_kernels
 from cutenv.randomness import (
     CLASS_DRAW,
     CUT,
@@ -120,7 +120,7 @@ def lognormal(normal: float, sigma: float) -> float:
     return math.exp(sigma * normal - 0.5 * sigma**2)
 
 
-@compiled
+@for_kernels
 def smooth_field(seed: Integer, episode: Integer, stream: Integer, first: Integer, modes: Array, field: Array) -> None:
     """Fill ``field``, shape (301,), with a unit Gaussian field made of normal numbers from number ``first`` on."""
     field[:] = 0.0
@@ -136,7 +136,7 @@ def is_vascular(seed: Integer, episode: Integer) -> bool:
     return uniform_at(seed, episode, TASK, CLASS_DRAW) < 0.5
 
 
-@compiled
+@for_kernels
 def draw_along(
     seed: Integer,
     episode: Integer,
@@ -188,7 +188,7 @@ def draw_along(
     return -1.0
 
 
-@compiled
+@for_kernels
 def _is_smooth(modulus: Array, resistance: Array, recipe: Record, steepest: float) -> bool:
     """Whether K'(x - a)/K at initiation, 90 degrees, is nowhere above ``steepest``; see ``Specimen.steepness``."""
     initiation = (1.0 + recipe.eta90) * (1.0 - recipe.friction_share)
@@ -203,12 +203,12 @@ def _is_smooth(modulus: Array, resistance: Array, recipe: Record, steepest: floa
     return True
 
 
-@compiled
+@for_kernels
 def _between(limits: tuple[float, float], seed: Integer, episode: Integer, counter: Integer) -> float:
     return limits[0] + (limits[1] - limits[0]) * uniform_at(seed, episode, VESSELS, counter)
 
 
-@compiled
+@for_kernels
 def _add_vessels(seed: Integer, episode: Integer, attempt: int, resistance: Array) -> None:
     """Multiply ``resistance`` by the factor of one or two tough inclusions; where they overlap the tougher counts."""
     first = 8 * attempt

@@ -13,9 +13,9 @@ import cutenv.compiled
 from cutenv.compiled import kernel_folder, source_digest
 
 LAW = """
-from package.compiled import compiled
+from package.compiled import {door}
 
-@compiled
+@{door}
 def force(x: float) -> float:
     return {factor} * x
 """
@@ -26,7 +26,12 @@ from package.law import force
 @compiled
 def twice(x: float) -> float:
     return 2.0 * force(x)
+
+@compiled
+def thrice(x: float) -> float:
+    return 3.0 * force(x)
 """
+DOORS = ("compiled", "for_kernels", "inlined")
 
 
 @pytest.fixture
@@ -41,15 +46,16 @@ def package(tmp_path: Path) -> Path:
     return folder
 
 
-def write_law(package: Path, factor: float) -> None:
-    (package / "law.py").write_text(LAW.format(factor=factor))
+def write_law(package: Path, factor: float, door: str = "compiled") -> None:
+    (package / "law.py").write_text(LAW.format(factor=factor, door=door))
 
 
-def answer(package: Path, **environment: str) -> float:
-    """What the kernel answers in a new process."""
+def answer(package: Path, kernel: str = "caller.twice", **environment: str) -> float:
+    """What a kernel answers in a new process."""
+    module, name = kernel.split(".")
     inherited = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA")}
     done = subprocess.run(
-        [sys.executable, "-c", "from package.caller import twice; print(twice(1.0))"],
+        [sys.executable, "-c", f"from package.{module} import {name}; print({name}(1.0))"],
         capture_output=True,
         text=True,
         check=True,
@@ -58,15 +64,38 @@ def answer(package: Path, **environment: str) -> float:
     return float(done.stdout)
 
 
-def check_edit_of_an_inlined_function_is_seen(package: Path, **environment: str) -> None:
+def check_edit_of_an_inlined_function_is_seen(package: Path, door: str = "compiled", **environment: str) -> None:
+    write_law(package, 3.0, door)
     assert answer(package, **environment) == 6.0
     assert list(package.parent.rglob("*.nbi"))
-    write_law(package, 5.0)
+    write_law(package, 5.0, door)
     assert answer(package, **environment) == 10.0
 
 
-def test_an_edit_of_a_function_in_another_file_reaches_the_kernel_that_inlined_it(package):
-    check_edit_of_an_inlined_function_is_seen(package)
+@pytest.mark.parametrize("door", DOORS)
+def test_an_edit_of_a_function_in_another_file_reaches_the_kernel_that_inlined_it(package, door):
+    check_edit_of_an_inlined_function_is_seen(package, door)
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_another_kernel_finds_on_disk_what_the_first_has_called_and_python_may_call_it_too(package, door):
+    write_law(package, 3.0, door)
+    assert answer(package) == 6.0
+    (kept,) = package.rglob("law.force-*.nbc")
+    written = kept.stat().st_mtime_ns
+    assert answer(package, "caller.thrice") == 9.0
+    assert answer(package, "law.force") == 3.0
+    assert kept.stat().st_mtime_ns == written
+
+
+@pytest.mark.parametrize("door", DOORS[1:])
+def test_what_is_for_kernels_is_plain_python_elsewhere(package, door):
+    write_law(package, 3.0, door)
+    plain = [sys.executable, "-c", "from package.law import force; print(type(force).__name__, force(2))"]
+    environment = os.environ | {"PYTHONPATH": str(package.parent)}
+    done = subprocess.run(plain, capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout.split() == ["function", "6.0"]
+    assert not list(package.rglob("*.nbi"))
 
 
 def test_the_same_holds_where_the_user_chose_the_cache(package, tmp_path):

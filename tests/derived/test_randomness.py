@@ -33,9 +33,15 @@ def normals(seed: int, episode: int, stream: int, count: int) -> np.ndarray:
     return out
 
 
+@numba.njit
+def philox_in_a_kernel(k0, k1, c0, c1, c2, c3):
+    return philox(k0, k1, c0, c1, c2, c3)
+
+
+@pytest.mark.parametrize("rounds", [philox, philox_in_a_kernel])
 @pytest.mark.parametrize(("counter", "key", "words"), KNOWN)
-def test_philox_gives_the_published_answers(counter, key, words):
-    assert tuple(int(w) for w in philox(*(np.uint64(v) for v in (*key, *counter)))) == words
+def test_philox_gives_the_published_answers(counter, key, words, rounds):
+    assert tuple(int(w) for w in rounds(*(np.uint64(v) for v in (*key, *counter)))) == words
 
 
 @pytest.mark.parametrize("place", range(6))

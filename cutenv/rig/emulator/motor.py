@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.compiled import compiled
+from cutenv.compiled import compiled, for_kernels
 from cutenv.cutting.records import Record, Records
 from cutenv.parameter import check_parameters, parameter
 from cutenv.rig.settings import Axis
@@ -157,7 +157,7 @@ def force_per_ampere(axis: Axis, mechanics: Mechanics) -> float:
 _AT_REST = 1e-5  # of a demanded speed [m/s or rad/s], as in the simulator's drive
 
 
-@compiled
+@for_kernels
 def govern(motor: Record, target: float, dt: float) -> None:
     """Let the demanded speed follow the target: by its lag within the accelerations, or down the ramp of a stop."""
     before = motor.demand
@@ -179,7 +179,7 @@ def govern(motor: Record, target: float, dt: float) -> None:
     motor.demand = demand
 
 
-@compiled
+@for_kernels
 def rubbed(speed: float, force: float, friction: float, inertia: float, dt: float) -> float:
     """The speed after ``dt`` under ``force`` and Coulomb's friction, which brings to rest but never reverses."""
     free = speed + force * dt / inertia
