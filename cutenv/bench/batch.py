@@ -126,6 +126,7 @@ def _numbers(found: dict[int, Rates], others: dict[Other, dict[int, float]]) -> 
     numbers = {}
     for count, rate in found.items():
         numbers[f"steps of cutenv/GentleCut-v0, {count}"] = Number(rate.native, "1/s")
+        numbers[f"bare loop, {count}"] = Number(rate.bare, "1/s")
         numbers[f"of the bare loop, {count}"] = Number(rate.native / rate.bare, "1")
         numbers[f"over the bare loop in single file, {count}"] = Number(rate.native / rate.single_file, "1")
         numbers[f"resets of cutenv/GentleCut-v0, {count}"] = Number(rate.resets, "1/s")
@@ -160,7 +161,10 @@ def _table(found: dict[int, Rates], others: dict[Other, dict[int, float]]) -> li
 
 def _verdicts(some: Rates, many: Rates, pendulum: float) -> list[str]:
     of_bare, times, in_steps = many.native / many.bare, some.native / pendulum, many.native / many.resets
-    beside = f"{times:.0f} times SyncVectorEnv of Pendulum-v1 at {SOME} ({pendulum / 1e3:.0f} thousand/s)"
+    beside = (
+        f"{times:.0f} times SyncVectorEnv of Pendulum-v1 at {SOME} ({pendulum / 1e3:.0f} thousand/s; the bare loop "
+        f"alone {some.bare / pendulum:.0f} times)"
+    )
     reset = f"resetting {MANY}: {1e3 * MANY / many.resets:.0f} ms, as much as {in_steps:.1f} steps of the batch"
     return [
         at_least(f"{of_bare:.2f} of the bare loop at {MANY}", of_bare, SHARE_OF_BARE),
