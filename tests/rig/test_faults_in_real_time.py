@@ -97,6 +97,7 @@ def test_a_rig_that_had_stopped_before_is_no_trial():
 CUT = """
 import sys
 from cutenv.envs.rig_cut import RigCutEnv
+from cutenv.rig.causes import RigStopped
 from cutenv.rig.emulator.control import EmulatorControl
 from cutenv.rig.operator import AutomaticOperator
 from cutenv.rig.toml_file import read
@@ -108,11 +109,20 @@ class LaysSpecimens(AutomaticOperator):
 
 rig = sys.argv[1]
 env = RigCutEnv(rig=rig, operator=LaysSpecimens(read(rig)), records=sys.argv[3], target_length=0.1)
-env.reset(seed=3)
+
+def reset():
+    for _ in range(20):  # a busy host may stop the rig while it is made ready
+        try:
+            return env.reset(seed=3)
+        except RigStopped as stop:
+            print(stop, file=sys.stderr)
+    sys.exit("the host was too busy twenty times")
+
+reset()
 print("cutting", flush=True)
 while True:
     if env.step([0.5, 1.0])[2]:
-        env.reset()
+        reset()
 """
 
 
