@@ -59,7 +59,7 @@ class Table:
 
 
 def table_numbers() -> tuple[str, ...]:
-    """Return the numbers of the tables that exist, in the thesis's order: ``("4.1", ..., "6.1")``."""
+    """Return the numbers of the tables that exist, in the thesis's order: ``("4.1", ..., "7.1")``."""
     stems = (file.stem.removeprefix("table_") for file in resources.path("tables").glob("table_*_*.csv"))
     return tuple(stem.replace("_", ".") for stem in sorted(stems, key=lambda s: [int(n) for n in s.split("_")]))
 
@@ -99,6 +99,11 @@ def read_table(file: Path, *, number: str) -> Table:
         If the file departs from the format; file and line are named.
     """
     return _Reader(file).read(number)
+
+
+def errata() -> tuple[tuple[str, str], ...]:
+    """Return every erratum of the thesis that is known: (number of the table that it is kept with, what is wrong)."""
+    return tuple((number, text) for number in table_numbers() for text in table(number).errata)
 
 
 class _Reader:

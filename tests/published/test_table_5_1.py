@@ -61,6 +61,19 @@ def test_columns_at_2_54_cm_s_run_mean_mean_sd_sd():
     assert any("last four columns" in erratum for erratum in T.errata)
 
 
+def check_spread_is_less_than_twice_that_in_plane_stress(test: int):
+    """One set of forces read by two models scatters in proportion to its mean."""
+    assert PAGE[3][test - 1] < 2 * PAGE[2][test - 1]
+
+
+def test_one_spread_at_2_54_cm_s_is_out_of_proportion():
+    assert any("Test 1, 2.54 cm/s" in erratum for erratum in T.errata)
+    for test in range(2, 7):
+        check_spread_is_less_than_twice_that_in_plane_stress(test)
+    with pytest.raises(AssertionError):
+        check_spread_is_less_than_twice_that_in_plane_stress(1)
+
+
 def test_columns_at_2_54_cm_s_do_not_run_as_labelled():
     with pytest.raises(AssertionError, match="is not printed as"):
         check_order_at_2_54_cm_s(plane_stress_mean=0, plane_stress_sd=1, plane_strain_mean=2, plane_strain_sd=3)

@@ -41,3 +41,17 @@ def test_90_degrees_gives_more_resistance_except_at_the_slowest_speed(formulatio
     upright, inclined = (T[f"lem_{formulation}_{angle}_deg_Pa"] for angle in (90, 45))
     present = np.isfinite(inclined)
     assert (upright > inclined)[present].tolist() == [False, True, True, True, True, True]
+
+
+def check_falls_as_table_5_6(angle_deg: int):
+    """From 0.1 to 1.27 cm/s, by a factor that is within 1.5 of that of Table 5.6."""
+    column = f"lem_plane_stress_{angle_deg}_deg_Pa"
+    fall, of_5_6 = (data[column][3] / data[column][0] for data in (T, table("5.6")))
+    assert 1 / 1.5 < fall / of_5_6 < 1.5
+
+
+def test_erratum_table_5_6_falls_otherwise_at_45_degrees():
+    assert any("contradict Table 5.6 at 45 deg" in erratum for erratum in T.errata)
+    check_falls_as_table_5_6(90)
+    with pytest.raises(AssertionError):
+        check_falls_as_table_5_6(45)

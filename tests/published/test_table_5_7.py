@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from printed_digits import FORMULATIONS, cases_by_speed, check_falls_with_speed, check_fit_within_scatter
 
+from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.tables import table
 
 T = table("5.7")
@@ -38,3 +40,25 @@ def test_text_of_section_5_5_agrees(speed_cm_s, mean_kPa, sd_kPa):
     row = T["speed_cm_s"].tolist().index(speed_cm_s)
     assert T["lem_plane_stress_90_deg_Pa"][row] == 1000 * mean_kPa
     assert T["sd_plane_stress_90_deg_Pa"][row] == 1000 * sd_kPa
+
+
+def check_poisson(poisson: float):
+    """Plane strain over plane stress is that of 8-node elements of this Poisson's ratio, to 3 %."""
+    a = np.linspace(0.02, 0.09, 8)
+    stress, strain = (np.asarray(CutModel("quad8", f, poisson).stiffness(a)) for f in FORMULATIONS)
+    for angle_deg in (90, 45):
+        printed = T[f"lem_plane_strain_{angle_deg}_deg_Pa"] / T[f"lem_plane_stress_{angle_deg}_deg_Pa"]
+        assert printed.mean() == pytest.approx((stress / strain).mean(), rel=0.03)
+
+
+def test_erratum_the_ratio_is_that_of_poissons_ratio_0_43():
+    assert any("not those of Tables 4.4 and 5.6" in erratum for erratum in T.errata)
+    check_poisson(0.43)
+    with pytest.raises(AssertionError):
+        check_poisson(0.499)
+
+
+def test_erratum_the_plane_stress_moduli_exceed_those_of_table_5_6_by_more_than_half():
+    for angle_deg in (90, 45):
+        column = f"lem_plane_stress_{angle_deg}_deg_Pa"
+        assert (T[column] / table("5.6")[column] > 1.5).all()
