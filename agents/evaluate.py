@@ -35,7 +35,7 @@ from cutenv.cores import set_cores
 from cutenv.policy import BASELINES, SHIPPED, Policy, SeesTruth, TrainedPolicy, named_policy
 from cutenv.tissue.specimen import CLASSES
 
-ENVIRONMENT = "cutenv/GentleCut-v0"
+ENVIRONMENT = "cutenv/GentleCut-v1"
 assert ENVIRONMENT in gymnasium.registry, cutenv.__name__
 
 TRAINING_SEEDS = range(0, 1_000_000)

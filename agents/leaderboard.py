@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from evaluate import write_csv
+from evaluate import ENVIRONMENT, write_csv
 from leaderboard_page import write_page_of
 from protocol import ENTRIES, REFERENCE, Protocol, kept_protocol, slug
 from provenance import marked
@@ -201,16 +201,26 @@ def markdown(folder: Path) -> str:
     return "\n\n".join(parts)
 
 
+def earlier(environment: str) -> str:
+    """A sentence about a table that was made in another version of the environment; empty for the present one."""
+    if environment == ENVIRONMENT:
+        return ""
+    name = environment.partition("/")[2]
+    return f"Of {name}, whose tissue and law were others: not to be compared with {ENVIRONMENT}. "
+
+
 def about(table: Table) -> str:
     """What the numbers are, in one paragraph."""
     p = table.protocol
+    n = len(p.training_seeds)
     return (
-        f"Protocol {p.version}: {p.specimens} held-out specimens of class {p.training_class}, {len(p.training_seeds)} "
-        f"training runs of {p.training_minutes:g} minutes on one core each; interquartile mean (success: mean) with "
-        f"95 % stratified bootstrap interval over runs and specimens. Differences are paired by specimen, and means. "
+        f"{earlier(p.environment)}Protocol {p.version}: "
+        f"{p.specimens} held-out specimens of class {p.training_class}, "
+        f"{n} training runs of {p.training_minutes:g} minutes on one core each; interquartile mean (success: mean) "
+        "with 95 % stratified bootstrap interval over runs and specimens. Differences are paired by specimen, and "
+        "means. "
         f"Training decisions count demonstrations, and what led nowhere. {ALL.capitalize()} classes together are those "
-        f"that are not mixed of others. {len(p.training_seeds)} runs are few: an interval does not know of runs that "
-        "did not happen."
+        f"that are not mixed of others. {n} runs are few: an interval does not know of runs that did not happen."
     )
 
 

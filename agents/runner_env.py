@@ -33,7 +33,7 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     first_episode : int
         Of each seed; a training that goes on begins where no specimen has been cut yet.
     **arguments
-        Keywords of ``cutenv/GentleCut-v0``.
+        Keywords of ``cutenv/GentleCut-v1``.
     """
 
     def __init__(

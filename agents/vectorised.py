@@ -30,7 +30,7 @@ class NativeVecEnv(VecEnv):
     seeds : sequence of int
         Of the environments; the first reset of each begins with its seed's first episode, number 0.
     **arguments
-        Keywords of ``cutenv/GentleCut-v0``.
+        Keywords of ``cutenv/GentleCut-v1``.
     """
 
     def __init__(self, seeds: Sequence[int], **arguments: Any) -> None:
@@ -137,7 +137,7 @@ class CutVecEnv(NativeVecEnv):
     force : bool
         Whether the features feel the force.
     **arguments
-        Keywords of ``cutenv/GentleCut-v0``.
+        Keywords of ``cutenv/GentleCut-v1``.
     """
 
     def __init__(

@@ -10,8 +10,8 @@ import gymnasium
 __version__ = "0.1.0"
 
 gymnasium.register(
-    id="cutenv/GentleCut-v0",
+    id="cutenv/GentleCut-v1",
     entry_point="cutenv.envs.gentle_cut:GentleCutEnv",
     vector_entry_point="cutenv.envs.vector:GentleCutVectorEnv",
 )
-gymnasium.register(id="cutenv/RigCut-v0", entry_point="cutenv.envs.rig_cut:RigCutEnv", nondeterministic=True)
+gymnasium.register(id="cutenv/RigCut-v1", entry_point="cutenv.envs.rig_cut:RigCutEnv", nondeterministic=True)

@@ -1,10 +1,11 @@
-"""What kernels call that Numba does not have: memory fetched ahead, arrays that are lent, numbers of records.
+"""What kernels call that Numba does not have: bits of floats, memory fetched ahead, arrays lent, numbers of records.
 
 Each is plain Python as well, which the tests compare with.
 """
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -38,6 +39,36 @@ def lowered(function: Callable[..., Any], *kinds: Any) -> Callable[[Function], F
 def array_data(context: Any, builder: Any, signature: Any, arguments: Any, k: int) -> Any:
     """Where the elements of argument ``k``, an array, begin."""
     return context.make_array(signature.args[k])(context, builder, arguments[k]).data
+
+
+def bits_of(number: float) -> int:
+    """The 64 bits of a float, as a signed integer."""
+    return int(struct.unpack("<q", struct.pack("<d", number))[0])
+
+
+def float_of(bits: int) -> float:
+    """The float of 64 bits given as a signed integer."""
+    return float(struct.unpack("<d", struct.pack("<q", bits))[0])
+
+
+@typed(bits_of)
+def _type_of_bits(_: Any) -> Any:
+    return lambda number: numba.types.int64
+
+
+@typed(float_of)
+def _type_of_float(_: Any) -> Any:
+    return lambda bits: numba.types.float64
+
+
+@lowered(bits_of, numba.types.float64)
+def _bits_of(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    return builder.bitcast(arguments[0], ir.IntType(64))
+
+
+@lowered(float_of, numba.types.int64)
+def _float_of(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    return builder.bitcast(arguments[0], ir.DoubleType())
 
 
 def fetch_ahead(array: Any, i: Any) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.compiled import compiled, for_kernels, inlined
+from cutenv.elementary import exp, log
 
 Integer: TypeAlias = int | np.integer[Any]
 
@@ -90,16 +91,17 @@ def _ziggurat() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
     The lowest layer has the tail beyond R in it, and the width that its area would have as a rectangle.
     """
-    area = _R * math.exp(-0.5 * _R**2) + math.sqrt(0.5 * math.pi) * math.erfc(_R / math.sqrt(2.0))
     widths = np.zeros(_LAYERS + 1)
-    widths[0], widths[1] = area / math.exp(-0.5 * _R**2), _R
+    widths[0], widths[1] = _AREA / exp(-0.5 * _R * _R), _R
     for i in range(1, _LAYERS - 1):
-        widths[i + 1] = math.sqrt(-2.0 * math.log(area / widths[i] + math.exp(-0.5 * widths[i] ** 2)))
-    return widths, np.exp(-0.5 * widths**2)
+        x = float(widths[i])
+        widths[i + 1] = math.sqrt(-2.0 * log(_AREA / x + exp(-0.5 * x * x)))
+    return widths, np.array([exp(-0.5 * x * x) for x in widths.tolist()])
 
 
 _LAYERS = 256
 _R = 3.6541528853610088  # where the tail begins, so that the topmost layer closes at x = 0
+_AREA = 0.004928673233974655  # of every layer: R exp(-R^2/2) and the tail, sqrt(pi/2) erfc(R/sqrt(2))
 WIDTHS, _HEIGHTS = _ziggurat()
 _AGAIN = np.uint64(1 << 16)  # added to a stream: words for the few numbers that one word does not settle
 
@@ -138,15 +140,13 @@ def normal_at_the_rim(
     while True:
         w0, w1, w2, w3 = words_at(seed, episode, stream + _AGAIN, 64 * counter + attempt)
         u = (float((w0 << np.uint64(21)) | (w1 >> np.uint64(11))) + 1.0) * 2.0**-53
-        if layer == 0:  # the tail
-            v = (float(w2) + 1.0) * 2.0**-32
-            beyond = -math.log(u) / _R
-            if -2.0 * math.log(v) > beyond**2:
-                return _R + beyond
+        if layer == 0:  # the tail, from R on
+            begins, x, height = _R, -log(u) / _R, (float(w2) + 1.0) * 2.0**-32
         else:
-            height = _HEIGHTS[layer] + u * (_HEIGHTS[layer + 1] - _HEIGHTS[layer])
-            if height < math.exp(-0.5 * x**2):
-                return x
+            begins, height = 0.0, _HEIGHTS[layer] + u * (_HEIGHTS[layer + 1] - _HEIGHTS[layer])
+        if height < exp(-0.5 * x**2):
+            return begins + x
+        if layer != 0:
             layer = np.int64(w2 & np.uint64(255))
             x = (float(w3 >> np.uint64(9)) + 0.5) * 2.0**-23 * WIDTHS[layer]
             if x < WIDTHS[layer + 1]:

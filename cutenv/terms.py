@@ -1,6 +1,6 @@
 """What a reward charges and a score reports under the same name: one line of code for both.
 
-The functions take floats or arrays, in Python and inside compiled kernels.
+In Python and inside compiled kernels; all but :func:`wedge` take floats or arrays.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.compiled import for_kernels
+from cutenv.elementary import cotangent
 
 Array = NDArray[np.float64]
 T = TypeVar("T", float, Array)
@@ -49,10 +50,9 @@ def lag(blade: T, tip: T) -> T:
 
 
 @for_kernels
-def wedge(angle: T, depth: float) -> T:
+def wedge(angle: float, depth: float) -> float:
     """How wide a wedge a blade leaning at ``angle`` [rad] leaves uncut, in the unit of ``depth``."""
-    width: T = depth / np.tan(angle)
-    return width
+    return depth * cotangent(angle)
 
 
 @for_kernels

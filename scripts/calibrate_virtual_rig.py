@@ -68,12 +68,12 @@ def truth(tissue: TissueDescription, specimens: list[Specimen]) -> dict[str, flo
     depths = [s.depth[:n] for s in specimens]
     means = np.array([np.average(R, weights=B) for R, B in zip(resistance, depths, strict=True)])
     between = np.log(means).var(ddof=1) - mean_field_variance(places, within[1], tissue.correlation_length)
-    stiffer = np.mean([E.mean() for E in modulus]) / tissue.intercept_90  # these livers, by chance
+    material = float(np.mean([E.mean() for E in modulus]))  # of these livers, by chance
+    # Records tell the local effective modulus of the material itself: its own modulus times the loading ratio.
+    lines = {name: getattr(tissue, name) for name in ("intercept_90", "slope_90", "intercept_45", "slope_45")}
     return {
-        "intercept_90": stiffer * tissue.intercept_90,
-        "slope_90": stiffer * tissue.slope_90,
-        "intercept_45": stiffer * tissue.intercept_45,
-        "slope_45": stiffer * tissue.slope_45,
+        "modulus": material,
+        **{name: material * value / tissue.intercept_90 for name, value in lines.items()},
         "modulus_within_cut_cv": cv_of(within[0]),
         "correlation_length": tissue.correlation_length,
         "fracture_resistance": float(means.mean()),

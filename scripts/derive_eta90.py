@@ -3,9 +3,11 @@
     python scripts/derive_eta90.py            prints the derivation
     python scripts/derive_eta90.py --write    also writes assets/derived/eta90.json
 
-A homogeneous specimen with the modulus of that very cut is cut at its speed; eta90 is the value for which the mean
-length of a unit is that between the table's segments.  Depth cancels.  Biased upward: the table lists only
-significant segments.  The interval is a bootstrap over the table's segments (spacing and modulus).
+A homogeneous specimen as stiff as that very cut is cut at its speed; eta90 is the value for which the mean length of
+a unit is that between the table's segments. The table's moduli take the cut for 1 cm deep, so they tell K whatever
+its depth was; the force that starts a run is in proportion to the depth, which is not printed. It is assumed to be
+that 1 cm, and swept. Biased upward: the table lists only significant segments. The interval is a bootstrap over the
+table's segments (spacing and modulus).
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ from cutenv.tissue.specimen import Specimen
 from cutenv.tissue.tables import table
 
 SPEED = 0.0038  # of the cut of Table 4.1, thesis 4.4 [m/s]
-DEPTH = 0.01  # cancels [m]
+THICKNESS = 0.01  # for which the table's moduli are meant, thesis 4.2 [m]
+DEPTH = 0.01  # of that cut: assumed [m]
+DEPTHS = (0.007, 0.0143)  # in which that modulus is the mean liver's, and mean of all cuts: the sweep [m]
 ETAS = np.linspace(0.10, 0.70, 25)
 STIFFNESSES = np.array([0.5, 0.7, 0.85, 1.0, 1.15, 1.3, 1.6])  # of the cut's mean modulus
 
@@ -56,11 +60,16 @@ def apparent_over_true(tissue: TissueDescription) -> float:
     return float(apparent.mean() / resistance)
 
 
-def unit_length(eta90: float, modulus: float, start: float, end: float) -> float:
-    """Mean spacing of crack runs [m] between ``start`` and ``end`` [m], for the quasi-static ``modulus`` [Pa]."""
+def unit_length(eta90: float, modulus: float, start: float, end: float, depth: float = DEPTH) -> float:
+    """Mean spacing of crack runs [m] between ``start`` and ``end`` [m] in a cut ``depth`` [m] deep.
+
+    ``modulus`` [Pa] is the quasi-static one as if it were 1 cm deep.
+    """
     tissue = tables_only(eta90=eta90)
     corrected = tissue.fracture_resistance / apparent_over_true(tissue)
-    specimen = Specimen.homogeneous(modulus=modulus, fracture_resistance=corrected, depth=DEPTH, tissue=tissue)
+    specimen = Specimen.homogeneous(
+        modulus=modulus * THICKNESS / depth, fracture_resistance=corrected, depth=depth, tissue=tissue
+    )
     readings = cut_along(specimen, end + 0.02, SPEED)
     runs = readings["position"][readings["jump"] > 0.0]
     # The last run before the range and the first after it give a whole number of units that spans it.
@@ -105,6 +114,11 @@ def main() -> None:
     print(f"eta90 = {value:.3f}, 95 % bootstrap interval {low:.3f} to {high:.3f} ({arguments.resamples} resamples)")
     for eta in (0.2, 0.25, 0.3, 0.35, 0.4, 0.45):
         print(f"  unit length at eta90 = {eta:.2f}: {1e3 * np.interp(eta, ETAS, lengths[3]):.2f} mm")
+    for depth in DEPTHS:
+        swept = [unit_length(eta, modulus, float(places[0]), float(places[-1]), depth) for eta in ETAS]
+        at_depth = float(np.interp(spacing.mean(), np.maximum.accumulate(swept), ETAS))
+        reached = "" if swept[0] < spacing.mean() < max(swept) else " (an end of what was tried)"
+        print(f"  if that cut was {100 * depth:.2f} cm deep: eta90 = {at_depth:.3f}{reached}")
     correction = apparent_over_true(dataclasses.replace(tables_only(), eta90=value))
     print(f"apparent over true fracture resistance, mean of Table 6.1's lengths: {correction:.3f}")
     if arguments.write:

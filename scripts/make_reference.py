@@ -36,7 +36,7 @@ def reference(names: list[str], cuts: int, specimen_class: str) -> ReferenceSet:
     rows = []
     for name in tqdm(names, desc="cutting", unit="policy"):
         chosen = contestant(name)
-        env = gymnasium.make("cutenv/GentleCut-v0", specimen_class=specimen_class, **chosen.arguments)
+        env = gymnasium.make("cutenv/GentleCut-v1", specimen_class=specimen_class, **chosen.arguments)
         for seed in range(FIRST_SEED, FIRST_SEED + cuts):
             scores, readings = run_cut(env, chosen.policy, seed)
             trace = to_trace(env.unwrapped.plant, readings, end=scores["end"])  # type: ignore[attr-defined]

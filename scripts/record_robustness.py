@@ -26,12 +26,13 @@ import numpy as np
 
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.measurement import MeasuredCut, flaws, initiation_excess, measure_cut
+from cutenv.measurement.loading_ratio import loading_ratio
+from cutenv.measurement.zero import TAKEN_OFF
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.randomness import generator
-from cutenv.recording.cuts import find_tare
 from cutenv.recording.files import load_one
-from cutenv.tissue import CutModel, Specimen, local_effective_modulus, measured_liver
-from cutenv.tissue.specimen import SPACING
+from cutenv.tissue import CutModel, Specimen, measured_liver
+from cutenv.tissue.specimen import N_POINTS, SPACING
 from cutenv.trace import Trace
 
 INCH = 0.0254
@@ -54,7 +55,7 @@ class Bounds:
     resistance: float
     """Relative."""
     modulus: float
-    """Of the median over the segments, relative to what was put in where they are."""
+    """Of the median over the segments, relative to what an exact slope shows where they are."""
     friction_share: float
     """Difference of shares."""
     eta90: float
@@ -73,10 +74,11 @@ BOUNDS = {
     "gap": Bounds(resistance=0.01, modulus=0.03, friction_share=0.005, eta90=0.03),
     # The cut stops and starts elsewhere, so that other ramps and fewer units tell of an uneven tissue.
     "strokes": Bounds(resistance=0.03, modulus=0.03, friction_share=0.01, eta90=0.12),
-    # A zero that is off by f is taken for friction on the way back: R moves by f/B, which is f/(R B) of it, and
-    # friction by as much the other way. With B 1.5 cm and R 200 J/m2, 0.2 N are 7 %.
-    "offset": Bounds(resistance=0.15, modulus=0.15, friction_share=0.15, eta90=0.15),
-    "offset, tared": Bounds(resistance=0.01, modulus=0.02, friction_share=0.01, eta90=0.02),
+    # The blade rests before these cuts, so that the sensor's zero is seen and taken off.
+    "offset": Bounds(resistance=1e-9, modulus=1e-9, friction_share=1e-9, eta90=1e-9),
+    # Left in, a zero that is off by f is taken for friction on the way back: R moves by f/B, which is f/(R B) of it,
+    # and friction by as much the other way. With B 1.5 cm and R 200 J/m2, 0.2 N are 7 %.
+    "offset left in": Bounds(resistance=0.15, modulus=0.15, friction_share=0.15, eta90=0.15),
 }
 """By kind of disturbance, over its whole range; held by ``tests/properties/test_record_robustness.py``."""
 
@@ -98,7 +100,7 @@ class Numbers(NamedTuple):
     resistance: float
     """[J/m2]"""
     modulus: float
-    """Over what was put in, median over the segments [1]; NaN if none is steady."""
+    """Over what an exact slope shows, median over the segments [1]; NaN if none is steady."""
     friction_share: float
     """NaN without a return stroke."""
     eta90: float
@@ -152,11 +154,11 @@ class Known(NamedTuple):
     def _modulus_ratio(self, cut: MeasuredCut) -> float:
         if len(cut.moduli) < FEWEST:
             return math.nan
-        places = np.arange(len(self.specimen.modulus)) * SPACING
-        there = np.interp(cut.moduli.position, places, self.specimen.modulus) / self.specimen.tissue.intercept_90
+        tips, places = cut.moduli.position, np.arange(N_POINTS) * SPACING
+        K, B = (np.interp(tips, places, along) for along in (self.specimen.stiffness(), self.specimen.depth))
         speeds = [segment.require("speed", by="record_robustness")[0] for segment in cut.moduli.segments]
-        truth = there * local_effective_modulus(np.clip(speeds, *SPEEDS), cut.angle)
-        return float(np.median(cut.moduli.modulus / truth))
+        r = np.array([loading_ratio(speed, cut.angle) for speed in speeds])
+        return float(np.median(cut.moduli.modulus / (r * K / (MODEL.stiffness(tips) * B))))
 
 
 @functools.lru_cache(maxsize=64)
@@ -193,11 +195,9 @@ def offset(trace: Trace, force: float) -> Trace:
     return dataclasses.replace(trace, force=trace.force + force)
 
 
-def tared(trace: Trace) -> Trace:
-    """Take the sensor's zero off, as the quiet start of the record tells it."""
-    tare = find_tare(trace)
-    assert tare is not None, "records here begin at rest"
-    return offset(trace, -tare.offset)
+def offset_left_in(trace: Trace, force: float) -> Trace:
+    """Move the zero of a record that says that its zero has been taken off [N]."""
+    return dataclasses.replace(offset(trace, force), metadata={**trace.metadata, TAKEN_OFF: {"before": 0.0}})
 
 
 def with_gap(trace: Trace, at: float, seconds: float) -> Trace:
@@ -275,11 +275,7 @@ def disturbances() -> list[Disturbance]:
     for zero in (-OFFSET, -0.05, 0.05, OFFSET):
         add(f"zero off by {zero:g} N", "offset", lambda trace, _, zero=zero: offset(trace, zero))
         if abs(zero) == OFFSET:
-            add(
-                f"zero off by {zero:g} N, tared",
-                "offset, tared",
-                lambda trace, _, zero=zero: tared(offset(trace, zero)),
-            )
+            add("  left in", "offset left in", lambda trace, _, zero=zero: offset_left_in(trace, zero))
     for lost in (0.005, 0.03, 0.1, 1.0):
         add(
             f"{1e3 * lost:g} ms lost", "gap", lambda trace, rng, lost=lost: with_gap(trace, rng.uniform(0.1, 0.4), lost)

@@ -237,8 +237,8 @@ def replaced(text: str, name: str, block: str) -> str:
 
 def draw_picture(path: Path) -> None:
     """One cut by a script on measured liver, above its force trace."""
-    env = gymnasium.make("cutenv/GentleCut-v0", specimen_class="liver", target_length=0.08)
-    observation, _ = env.reset(seed=1)
+    env = gymnasium.make("cutenv/GentleCut-v1", specimen_class="liver", target_length=0.08)
+    observation, _ = env.reset(seed=7)
     policy = ConstantFeed(speed=0.0127, angle=math.radians(75.0))
     policy.reset(np.random.default_rng(0))
     parts, ended = [], False

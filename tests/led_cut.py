@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 from pathlib import Path
@@ -13,7 +14,9 @@ import numpy as np
 from hypothesis import strategies as st
 
 from cutenv.cutting import blade as cutting_blade
+from cutenv.cutting import friction as cutting_friction
 from cutenv.cutting import law as cutting_law
+from cutenv.cutting import relaxation as cutting_relaxation
 from cutenv.cutting.law import cut
 from cutenv.cutting.parameters import LawParameters, law_records, profile_records
 from cutenv.cutting.records import LAW, READING, STATE, new_state
@@ -38,8 +41,9 @@ class LedCut(NamedTuple):
 
     @property
     def stored(self) -> Any:
-        """Stored energy in every state [J], from K along the profile: K (x - a)^2 / 2."""
-        return 0.5 * self.along("stiffness", self.states["tip"]) * self.lag**2
+        """Stored energy in every state [J]: K (x - a - g)^2 / 2 from the profile, and that of what has crept, g."""
+        held = np.maximum(self.states["blade"] - self.states["creep"] - self.states["tip"], 0.0)
+        return 0.5 * self.along("stiffness", self.states["tip"]) * held**2 + self.states["locked"]
 
     @property
     def lag(self) -> Any:
@@ -60,6 +64,12 @@ def homogeneous(*, tissue: TissueDescription | None = None, **changes: float) ->
     """The specimen of the worked-out check: 48.36 kPa, 211 J/m2, 2 cm deep, no friction."""
     values = {"modulus": 48.36e3, "fracture_resistance": 211.0, "depth": 0.02, "friction_share": 0.0}
     return Specimen.homogeneous(tissue=tissue or liver(), **(values | changes))
+
+
+def toughening() -> Specimen:
+    """Tissue in which the force of a fast feed stays below R B, so that stable growth borrows all the way."""
+    resistance = 211.0 + 30e3 * np.clip(np.arange(N_POINTS) * SPACING - 0.015, 0.0, None)
+    return dataclasses.replace(homogeneous(), fracture_resistance=resistance)
 
 
 def lead(
@@ -106,7 +116,7 @@ def changed_law(*changes: tuple[str, str]) -> ModuleType:
     modules = []
     sources = [
         re.sub("^@(compiled|for_kernels|inlined)\n", "", Path(part.__file__).read_text(), flags=re.MULTILINE)
-        for part in (cutting_blade, cutting_law)
+        for part in (cutting_blade, cutting_friction, cutting_relaxation, cutting_law)
     ]
     for old, new in changes:
         found = sum(source.count(old) for source in sources)
@@ -117,17 +127,26 @@ def changed_law(*changes: tuple[str, str]) -> ModuleType:
         module = ModuleType("changed_law")
         exec(compile(source, "changed_law", "exec"), module.__dict__)
         modules.append(module)
-    blade, law = modules
+    blade, friction, relaxation, law = modules
     law.leaning, law.sweeping = blade.leaning, blade.sweeping
+    for name in ("deflected", "friction_force", "friction_work"):
+        setattr(law, name, getattr(friction, name))
+    law.relaxed = relaxation.relaxed
     return law
 
 
 def lead_by(
-    law_module: ModuleType, specimen: Specimen, positions: Any, angles: Any = UPRIGHT, *, dt: float = 1e-3
+    law_module: ModuleType,
+    specimen: Specimen,
+    positions: Any,
+    angles: Any = UPRIGHT,
+    *,
+    dt: float = 1e-3,
+    parameters: LawParameters | None = None,
 ) -> LedCut:
     """Like :func:`lead`, by another law: plain Python on plain objects."""
     angles = _along(positions, angles)
-    profile, law = profile_records([specimen])[0], law_records([specimen])[0]
+    profile, law = profile_records([specimen])[0], law_records([specimen], parameters)[0]
     along = SimpleNamespace(**{name: profile[name].tolist() for name in profile.dtype.names})
     constants = SimpleNamespace(**{name: law[name].item() for name in LAW.names})
     states = new_state(len(positions) + 1, angles[0])
@@ -149,15 +168,20 @@ def residual_of(cut: LedCut) -> Any:
     return s["work"] - cut.stored - s["fracture"] - s["friction"] - s["loss"] - s["ledger"]
 
 
+def turning_work(cut: LedCut) -> Any:
+    """R B^2 |d cot(theta)| / 2 for every turn toward upright up to every state [J]."""
+    swept = np.maximum(np.diff(-1.0 / np.tan(cut.states["angle"])), 0.0)
+    x = cut.states["blade"][:-1]
+    return np.concatenate(([0.0], np.cumsum(0.5 * cut.along("toughness", x) * cut.along("depth", x) * swept)))
+
+
 def recorded_work(cut: LedCut) -> Any:
     """Work [J] of the recorded force over the recorded motion up to every state; turning is no such motion.
 
-    The elastic force by the trapezoid rule; friction, constant during an update, times the motion.
+    By the trapezoid rule.
     """
-    x, elastic = (np.concatenate(([0.0], cut.readings[name])) for name in ("position", "elastic_force"))
-    friction = cut.readings["true_force"] - cut.readings["elastic_force"]
-    pieces = (0.5 * (elastic[1:] + elastic[:-1]) + friction) * np.diff(x)
-    return np.concatenate(([0.0], np.cumsum(pieces)))
+    x, force = (np.concatenate(([0.0], cut.readings[name])) for name in ("position", "true_force"))
+    return np.concatenate(([0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(x))))
 
 
 def _along(positions: Any, angles: Any) -> Any:

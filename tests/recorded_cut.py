@@ -10,13 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv.cutting.sensor import SensorParameters
+from cutenv.measurement.loading_ratio import loading_ratio
 from cutenv.plant.protocol import Leg, run, to_trace
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.randomness import generator
 from cutenv.tissue.description import tables_only
-from cutenv.tissue.modulus import local_effective_modulus
 from cutenv.tissue.specimen import N_POINTS, SPACING, Specimen
-from cutenv.tissue.thickness import bulge
 from cutenv.trace import Trace
 
 INCH = 0.0254
@@ -37,10 +36,8 @@ class RecordedCut(NamedTuple):
         return self._replace(trace=self.trace.select(slice(stop)), tip=self.tip[:stop])
 
     def true_moduli(self, segments: Any) -> Any:
-        """LEM [Pa] that the law was given for each segment's speed, angle and tip."""
-        tips = np.array([self.tip[s.samples].mean() for s in segments])
-        relative = np.interp(tips, PLACES, self.specimen.modulus) / TISSUE.intercept_90
-        return relative * np.array([local_effective_modulus(s.speed, s.angle) for s in segments])
+        """LEM [Pa] that an exact slope shows at each segment's tip, speed and angle."""
+        return shown_moduli(self.specimen, [self.tip[s.samples].mean() for s in segments], segments)
 
     def true_resistance(self) -> float:
         """R [J/m2] that the law was given, friction's share included, mean over the area that was cut."""
@@ -50,21 +47,26 @@ class RecordedCut(NamedTuple):
         return float(fracture.sum() / np.interp(at, PLACES, depth).sum()) + self.specimen.friction_per_depth
 
 
+def shown_moduli(specimen: Specimen, tips: Any, segments: Any) -> Any:
+    """LEM [Pa] that an exact slope shows at each tip [m], speed and angle: r K/(kappa B)."""
+    r = np.array([loading_ratio(s.speed, s.angle) for s in segments])
+    K, B = (np.interp(tips, PLACES, values) for values in (specimen.stiffness(), specimen.depth))
+    return r * K / (specimen.cut_model().stiffness(tips) * B)
+
+
 def specimen(kind: str, friction_share: float = 0.2) -> Specimen:
-    """A homogeneous specimen 2 or 1 cm deep or with the liver's bulge, or a drawn liver."""
+    """A homogeneous slice 2 or 1 cm thick that is cut through, a slab with the liver's bulge, or a drawn liver."""
     tissue = dataclasses.replace(TISSUE, friction_share=friction_share)
     if kind == "liver":
         return Specimen.draw(generator(3), specimen_class="liver", tissue=tissue)
-    even = Specimen.homogeneous(
+    if kind == "bulge":
+        return Specimen.mean(tissue)
+    return Specimen.homogeneous(
         modulus=tissue.intercept_90,
         fracture_resistance=211.0,
         depth=0.01 if kind == "1 cm" else 0.02,
         tissue=tissue,
     )
-    if kind != "bulge":
-        return even
-    shape = {"edge": tissue.edge_depth, "crown": tissue.crown_depth, "rise_length": tissue.rise_length}
-    return dataclasses.replace(even, depth=bulge(PLACES, **shape, length=PLACES[-1]))
 
 
 @functools.lru_cache(maxsize=12)  # a slow cut holds 10 MB
@@ -76,14 +78,20 @@ def recorded_cut(
     turns: tuple[float, ...] = (0.1, 0.0),
     friction_share: float = 0.2,
     sensor: SensorParameters | None = None,
+    rest: float = 0.0,
 ) -> RecordedCut:
-    """Cut through ``turns`` [m] at ``speed`` [m/s], resting 0.2 s at each, felt through a sensor."""
+    """Cut through ``turns`` [m] at ``speed`` [m/s], resting 0.2 s at each and ``rest`` [s] before, through a sensor."""
     tissue = specimen(kind, friction_share)
     angle = math.radians(angle_deg)
     plant = SimulatedPlant(tissue, sensor=sensor, seed=1, angle=angle)
-    readings = run(plant, [Leg(position=x, speed=speed, angle=angle, dwell=0.2) for x in turns])
+    before = [Leg(position=0.0, speed=speed, angle=angle, dwell=rest)] if rest else []
+    readings = run(plant, [*before, *(Leg(position=x, speed=speed, angle=angle, dwell=0.2) for x in turns)])
     return RecordedCut(
         trace=to_trace(plant, readings),
         specimen=tissue,
         tip=readings["tip"].copy(),
     )
+
+
+rested_cut = functools.partial(recorded_cut, rest=0.2)
+"""The same with a rest before the cut, which tells the sensor's zero in tissue of any depth."""

@@ -10,6 +10,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
+
 from cutenv.measurement import MeasuredCut, measure_cuts
 from cutenv.tissue import CutModel, Specimen, TissueDescription, measured_liver
 from cutenv.trace import Trace
@@ -19,7 +21,7 @@ SPEEDS = (0.0064, 0.0127, 0.0254)
 """Of the small sessions [m/s]: the slow ones take most of the readings."""
 EVEN = {
     "modulus_between_liver_cv": 0.0, "modulus_between_cut_cv": 0.0, "modulus_within_cut_cv": 0.0,
-    "fracture_between_cut_cv": 0.0, "fracture_within_cut_cv": 0.0, "modulus_scale": 1.0, "fracture_scale": 1.0,
+    "fracture_between_cut_cv": 0.0, "fracture_within_cut_cv": 0.0, 
 }  # fmt: skip
 """Changes to a tissue that leave it no spread: what comes out then owes nothing to chance."""
 
@@ -59,6 +61,12 @@ def measured(
 def cuts(**options: Any) -> list[MeasuredCut]:
     """Only what was measured."""
     return [cut for cut, _ in measured(**options)]
+
+
+def silent(cut: MeasuredCut) -> MeasuredCut:
+    """The same cut, as if none of its loading segments had been steady."""
+    none = np.empty(0)
+    return dataclasses.replace(cut, moduli=dataclasses.replace(cut.moduli, position=none, modulus=none, segments=[]))
 
 
 def traces(**options: Any) -> list[Trace]:

@@ -12,7 +12,7 @@ import numpy as np
 import cutenv
 from cutenv.task.observation import in_units, to_action
 
-ENVIRONMENT = "cutenv/GentleCut-v0"
+ENVIRONMENT = "cutenv/GentleCut-v1"
 assert ENVIRONMENT in gymnasium.registry, cutenv.__name__
 
 UPRIGHT, INCLINED = math.radians(90.0), math.radians(45.0)

@@ -125,11 +125,11 @@ def measure() -> Measured:
 def _numbers(found: dict[int, Rates], others: dict[Other, dict[int, float]]) -> dict[str, Number]:
     numbers = {}
     for count, rate in found.items():
-        numbers[f"steps of cutenv/GentleCut-v0, {count}"] = Number(rate.native, "1/s")
+        numbers[f"steps of cutenv/GentleCut-v1, {count}"] = Number(rate.native, "1/s")
         numbers[f"bare loop, {count}"] = Number(rate.bare, "1/s")
         numbers[f"of the bare loop, {count}"] = Number(rate.native / rate.bare, "1")
         numbers[f"over the bare loop in single file, {count}"] = Number(rate.native / rate.single_file, "1")
-        numbers[f"resets of cutenv/GentleCut-v0, {count}"] = Number(rate.resets, "1/s")
+        numbers[f"resets of cutenv/GentleCut-v1, {count}"] = Number(rate.resets, "1/s")
     for other, rate_of in others.items():
         for count, per_second in rate_of.items():
             numbers[f"steps of {other.name} in {other.way}, {count}"] = Number(per_second, "1/s")

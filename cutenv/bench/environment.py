@@ -15,7 +15,7 @@ from cutenv.bench.measured import Measured, Number, at_most
 ALLOWED_OVER_PENDULUM = 1.0
 """Largest acceptable time of a step, 20 force updates, over a step of Pendulum-v1."""
 
-_ENVIRONMENTS = ("cutenv/GentleCut-v0", "Pendulum-v1", "CartPole-v1")
+_ENVIRONMENTS = ("cutenv/GentleCut-v1", "Pendulum-v1", "CartPole-v1")
 
 
 def step_times(steps: int = 4000, rounds: int = 5) -> dict[str, float]:

@@ -15,8 +15,8 @@ ALLOWED_S = 5.0
 """Of the first use: a few seconds."""
 BATCH = 64
 _MADE = {
-    "one environment": "gymnasium.make('cutenv/GentleCut-v0')",
-    f"a batch of {BATCH}": f"gymnasium.make_vec('cutenv/GentleCut-v0', num_envs={BATCH})",
+    "one environment": "gymnasium.make('cutenv/GentleCut-v1')",
+    f"a batch of {BATCH}": f"gymnasium.make_vec('cutenv/GentleCut-v1', num_envs={BATCH})",
 }
 _USE = """
 import time

@@ -55,7 +55,7 @@ def _calibrate(arguments: argparse.Namespace) -> None:
     if arguments.report:
         print(f"\n{headline(card)}\ncard: {arguments.report} and {data}")
     print(f"tissue: {arguments.out}")
-    print(f'  import cutenv, gymnasium; gymnasium.make("cutenv/GentleCut-v0", tissue="{arguments.out}")')
+    print(f'  import cutenv, gymnasium; gymnasium.make("cutenv/GentleCut-v1", tissue="{arguments.out}")')
 
 
 def summary(tissue: TissueDescription) -> str:
@@ -100,7 +100,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--name", help="of the tissue; default the file's")
     parser.add_argument("--resamples", type=int, default=RESAMPLES, help=f"of the bootstrap, default {RESAMPLES}")
     model = parser.add_argument_group("finite-element model to which the moduli shall belong")
-    model.add_argument("--element", default="quad8", choices=["quad4", "quad8", "hex20"])
-    model.add_argument("--formulation", default="plane_stress", choices=["plane_stress", "plane_strain", "solid"])
+    model.add_argument("--element", default="quad8", choices=["quad4", "quad8"])
+    model.add_argument("--formulation", default="plane_stress", choices=["plane_stress", "plane_strain"])
     model.add_argument("--poisson", type=float, default=0.3)
     return parser

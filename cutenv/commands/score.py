@@ -108,7 +108,12 @@ def reference_set(given: str) -> ReferenceSet | None:
 
 
 def _fitting(reference: ReferenceSet | None, trace: Trace) -> ReferenceSet | None:
-    """The reference set for a record, none for one whose force is in another unit: there is nothing to compare."""
+    """The reference set for a record, none for one whose force is in another unit: there is nothing to compare.
+
+    A record of force alone is compared with the set that is frozen for such records.
+    """
+    if reference is not None and reference.name == "baselines" and trace.position is None:
+        reference = ReferenceSet.shipped("force-alone")
     return reference if reference is not None and reference.force_unit == trace.force_unit else None
 
 

@@ -15,22 +15,27 @@ import numpy as np
 from cutenv.compiled import compiled_for_cores, inlined
 from cutenv.cutting.blade import leaning, sweeping
 from cutenv.cutting.drive import carried, commanded, on_its_way, pulled, turning
+from cutenv.cutting.friction import deflected, friction_force, friction_work, grip
 from cutenv.cutting.law import (
+    LONGEST_ADVANCE,
     along,
     around,
     between,
     elastic_part,
+    force_to_grow,
+    in_parts,
     initiation_excess,
     loaded,
     place,
-    rubbing,
     run_crack,
     settled,
     slope,
     stable_growth,
     stiffness_at,
+    toughness_at,
 )
 from cutenv.cutting.records import TICK, Record, Records
+from cutenv.cutting.relaxation import relaxed
 from cutenv.cutting.row import ABREAST, BLOCK, ROW, DriveInRow, begin, law_in_row, put, take
 from cutenv.cutting.sensor import as_read, delayed, wandered
 from cutenv.intrinsics import as_numbers, borrowed
@@ -47,7 +52,11 @@ def update_row(row: Record, profiles: Records, sensors: Records, first: bool) ->
     _drive(row)
     if row.turns > 0:
         _turn(row, profiles)
+    if row.relaxing > 0:
+        _relax(row)
     _load(row)
+    if row.leaps > 0:
+        _leap(row, profiles)
     if row.points > 0:
         _look(row, profiles)
     _grow(row)
@@ -83,8 +92,8 @@ def _drive(row: Record) -> None:
                 drive = DriveInRow(row.travel[n], row.mass[n], row.coupling_stiffness[n], row.coupling_damping[n])
                 row.dx[n] = pulled(
                     drive, row.hand[n], row.hand_speed[n], row.blade[n], row.speed[n],
-                    row.K[n] * max(row.blade[n] - row.tip[n], 0.0),
-                    rubbing(law_in_row(row, n), row.depth[n], row.speed[n]), TICK,
+                    row.K[n] * max(row.blade[n] - row.creep[n] - row.tip[n], 0.0),
+                    grip(law_in_row(row, n), row.depth[n], row.bristle[n]), TICK,
                 )  # fmt: skip
 
 
@@ -104,21 +113,26 @@ def _turn(row: Record, profiles: Records) -> None:
 
 
 @inlined
+def _relax(row: Record) -> None:
+    for n in range(row.taken):
+        if row.relaxing_share[n] > 0.0:
+            row.creep[n], row.locked[n], row.ledger[n], row.loss[n] = relaxed(
+                law_in_row(row, n), row.K[n], row.blade[n] - row.tip[n], row.creep[n], row.locked[n],
+                row.ledger[n], row.loss[n], TICK,
+            )  # fmt: skip
+
+
+@inlined
 def _load(row: Record) -> None:
-    """Friction, elastic motion, and where the tip would follow to."""
-    points = 0
+    """Elastic motion, and where the tip would follow to."""
+    points = leaps = 0
     for n in range(ABREAST):
         law = law_in_row(row, n)
-        x, a, dx, K = row.blade[n], row.tip[n], row.dx[n], row.K[n]
+        x, a, dx, K = row.blade[n] - row.creep[n], row.tip[n], row.dx[n], row.K[n]
         speed = dx / TICK
         row.speed[n] = speed
-        friction = rubbing(law, row.depth[n], speed)
-        row.rubbing[n] = np.copysign(friction, dx) if dx != 0.0 else 0.0
-        row.work[n] += friction * abs(dx)
-        row.friction[n] += friction * abs(dx)
-
         U = 0.5 * K * max(x - a, 0.0) ** 2
-        F_start = min(row.arrest_ratio[n], 1.0 - initiation_excess(law, row.pushing[n])) * row.toughness[n]
+        F_start = force_to_grow(law, row.arrest_ratio[n], row.held_force[n], row.pushing[n], row.toughness[n])
         elastic = elastic_part(x, a, K, F_start, dx)
         x += elastic
         lag = max(x - a, 0.0)
@@ -133,12 +147,39 @@ def _load(row: Record) -> None:
         loading = dx - elastic
         x += loading
         da = stable_growth(law, K, row.dK[n], lag, loading, speed, row.angle[n])
-        row.blade[n], row.loading[n], row.da[n] = x, loading, da
+        row.x[n], row.blade[n], row.loading[n], row.da[n] = x, x + row.creep[n], loading, da
         row.tip_point[n], row.tip_share[n] = place(a + da)
-        row.blade_point[n], row.blade_share[n] = place(x)
+        row.blade_point[n], row.blade_share[n] = place(row.blade[n])
         same = row.tip_point[n] == row.seen_tip_point[n] and row.blade_point[n] == row.seen_blade_point[n]
         points += 0 if same else 1
-    row.points = points
+        leaps += 1 if da > LONGEST_ADVANCE else 0
+    row.points, row.leaps = points, leaps
+
+
+@inlined
+def _leap(row: Record, profiles: Records) -> None:
+    """All but the last part of long advances of the tip."""
+    for n in range(row.taken):
+        if row.going[n] == 0 or row.da[n] <= LONGEST_ADVANCE:
+            continue
+        law, profile, x, speed, angle = (
+            law_in_row(row, n),
+            profiles[row.cut[n]],
+            row.x[n],
+            row.speed[n],
+            row.angle[n],
+        )
+        loading, a, row.F[n], row.U[n], row.ledger[n], work, spent = in_parts(
+            profile, law, x, row.tip[n], row.loading[n], speed, angle, row.F[n], row.U[n], row.ledger[n]
+        )
+        row.elastic_work[n] += work
+        row.fracture[n] += spent
+        row.K[n], row.dK[n] = stiffness_at(profile, a)
+        row.toughness[n] = toughness_at(profile, a)
+        da = stable_growth(law, row.K[n], row.dK[n], max(x - loading - a, 0.0), loading, speed, angle)
+        row.tip[n], row.loading[n], row.da[n] = a, loading, da
+        row.tip_point[n], row.tip_share[n] = place(a + da)
+        row.points = 1
 
 
 @inlined
@@ -158,7 +199,7 @@ def _look(row: Record, profiles: Records) -> None:
 
 @inlined
 def _grow(row: Record) -> None:
-    """The tip follows, where the ledger lets it."""
+    """The tip follows, where the ledger lets it; the blade rubs."""
     runs = 0
     for n in range(ABREAST):
         law = law_in_row(row, n)
@@ -166,14 +207,15 @@ def _grow(row: Record) -> None:
         next_K = along(row.point_K[n], row.rise_K[n], share)
         next_toughness = along(row.point_toughness[n], row.rise_toughness[n], share)
         tip, F, toughness, work, change, spent = loaded(
-            law, row.blade[n], a, row.da[n], row.loading[n], row.F[n], row.U[n], K, row.toughness[n],
+            law, row.x[n], a, row.da[n], row.loading[n], row.F[n], row.U[n], K, row.toughness[n],
             next_K, next_toughness, row.ledger[n],
         )  # fmt: skip
         row.K[n] = next_K if tip > a else K
         row.dK[n] = slope(row.rise_K[n]) if tip > a else dK
-        row.depth[n] = along(row.point_depth[n], row.rise_depth[n], row.blade_share[n])
         row.tip[n], row.elastic[n], row.toughness[n] = tip, F, toughness
+        row.held_force[n] = F if row.loading[n] > 0.0 else row.held_force[n]
         row.work[n] += row.elastic_work[n] + work
+        _rub(row, n)
         row.ledger[n] += change
         row.fracture[n] += spent
         row.jump[n] = 0.0
@@ -186,18 +228,32 @@ def _grow(row: Record) -> None:
 
 
 @inlined
+def _rub(row: Record, n: int) -> None:
+    """Friction on the blade's faces."""
+    law, dx, speed, bristle, depth = law_in_row(row, n), row.dx[n], row.speed[n], row.bristle[n], row.depth[n]
+    next_depth = along(row.point_depth[n], row.rise_depth[n], row.blade_share[n])
+    next_bristle = deflected(law, bristle, dx)
+    rubbed = friction_work(law, depth, next_depth, bristle, next_bristle, dx, speed)
+    row.work[n] += rubbed
+    row.friction[n] += rubbed
+    row.depth[n], row.bristle[n] = next_depth, next_bristle
+    row.rubbing[n] = friction_force(law, next_depth, next_bristle, speed)
+
+
+@inlined
 def _run(row: Record, profiles: Records) -> None:
     for n in range(row.taken):
         if row.going[n] == 0 or row.waits[n] == 1:
             continue
         law, start, profile = law_in_row(row, n), row.tip[n], profiles[row.cut[n]]
         row.tip[n], row.ledger[n], row.fracture[n], row.loss[n], row.elastic[n], row.toughness[n] = run_crack(
-            profile, law, row.blade[n], start, row.ledger[n], row.fracture[n], row.loss[n]
+            profile, law, row.blade[n] - row.creep[n], start, row.ledger[n], row.fracture[n], row.loss[n]
         )
         row.jump[n] = row.tip[n] - start
         if row.jump[n] > 0.0:
             row.K[n], row.dK[n] = stiffness_at(profile, row.tip[n])
             row.arrest_ratio[n] = row.elastic[n] / row.toughness[n]
+            row.held_force[n] = row.elastic[n]
             row.uncontrolled[n] += row.jump[n]
             row.units[n] += 1 - row.running[n]
             row.running[n] = 1

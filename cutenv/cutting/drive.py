@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutenv.compiled import compiled, for_kernels, inlined
+from cutenv.cutting.friction import Grip
 from cutenv.cutting.records import DRIVE, TICK, Record, Records
+from cutenv.elementary import exp
 from cutenv.parameter import check_parameters, parameter
 
 
@@ -113,7 +115,7 @@ def turning(angle: float, target: float, rotation_rate: float, dt: float) -> flo
 @compiled
 def made_up(drive: Record, dt: float) -> float:
     """The share of what is missing to the commanded speed that the velocity loop makes up in ``dt`` [1]."""
-    return 1.0 - math.exp(-dt / drive.lag)
+    return 1.0 - exp(-dt / drive.lag)
 
 
 @inlined
@@ -190,26 +192,33 @@ def pulled(
     blade: float,
     speed: float,
     elastic: float,
-    friction: float,
+    friction: Grip,
     dt: float,
 ) -> float:
     """Displacement [m] of a hand's blade: a mass on a spring and a damper, by semi-implicit Euler.
 
-    The tissue's ``elastic`` force pulls it back, and ``friction`` (its size) slows, but never reverses it [N].
+    The tissue's ``elastic`` force [N] pulls it back.  Friction holds it as a spring does, or slips: of the speeds that
+    these make, the one that fits is between those of slipping forward and back, whatever the bristles' stiffness.
     """
     coupling = drive.coupling_stiffness * (hand - blade) + drive.coupling_damping * hand_speed
-    speed = (speed + (coupling - elastic) * dt / drive.mass) / (1.0 + drive.coupling_damping * dt / drive.mass)
-    speed = math.copysign(max(abs(speed) - friction * dt / drive.mass, 0.0), speed)
+    answer = dt / drive.mass  # of the speed to a force [s/kg]
+    pushed, slowed = speed + (coupling - elastic) * answer, 1.0 + (drive.coupling_damping + friction.damping) * answer
+    sticking = (pushed - friction.held * answer) / (slowed + friction.stiffness * dt * answer)
+    slipping_on, slipping_back = (
+        (pushed - friction.limit * answer) / slowed,
+        (pushed + friction.limit * answer) / slowed,
+    )
+    speed = min(max(sticking, slipping_on), slipping_back)
     return min(max(blade + speed * dt, 0.0), drive.travel) - blade  # type: ignore[no-any-return]
 
 
 @compiled
 def motion(
-    state: Record, drive: Record, share: float, target: float, elastic: float, friction: float, dt: float
+    state: Record, drive: Record, share: float, target: float, elastic: float, friction: Grip, dt: float
 ) -> float:
     """Displacement of the blade [m] in ``dt`` under a commanded speed; sets ``state.speed`` to its speed.
 
-    ``elastic`` and ``friction``, the forces on the blade [N], matter to a hand alone: a rig holds position.
+    ``elastic``, the force of the tissue [N], and ``friction`` matter to a hand alone: a rig holds position.
     """
     advance_command(state, drive, share, delayed(state, drive, target), dt)
     if drive.mass > 0.0:

@@ -18,9 +18,14 @@ import math
 
 from cutenv.compiled import compiled, for_kernels, inlined
 from cutenv.cutting.blade import leaning, sweeping
+from cutenv.cutting.friction import deflected, friction_force, friction_work
 from cutenv.cutting.records import Record, Records
+from cutenv.cutting.relaxation import relaxed
 from cutenv.tissue.specimen import N_POINTS, POINTS_PER_METRE
 
+LONGEST_ADVANCE = 1e-4
+"""Stable growth [m] that is booked in one piece: over it R B is taken to change along a straight line."""
+_MOST_PARTS = 1024  # that a longer one is divided into: even across the whole specimen, each stays below 0.15 mm
 _SOFTEST = 0.1  # of K: where a force that hardly falls with growth would need a leap of the tip, loading is elastic
 
 
@@ -93,7 +98,7 @@ def stored_energy(profile: Record, x: float, a: float) -> float:
 
 @inlined
 def loading_ratio(law: Record, speed: float, angle: float) -> float:
-    """R = min(1, LEM(v, theta) / E0): how fast the force rises, over how fast it would rise without growth."""
+    """Ratio r = min(1, LEM(v, theta)/LEM(0, 90 degrees)): how fast the force rises, over how fast without growth."""
     v = min(max(abs(speed), law.speed_min), law.speed_max)
     upright = law.intercept_90 + law.slope_90 * v
     inclined = law.intercept_45 + law.slope_45 * v
@@ -126,6 +131,16 @@ def turned(profile: Record, x: float, lean: float, angle: float) -> tuple[float,
     """Lean and sin^2 of a blade at ``x`` that turns to ``angle``, and the energy [J] that it takes."""
     next_lean, pushing = leaning(angle)
     return next_lean, pushing, sweeping(lean, next_lean, toughness_at(profile, x), depth_at(profile, x))
+
+
+@inlined
+def force_to_grow(law: Record, arrest_ratio: float, held_force: float, pushing: float, toughness: float) -> float:
+    """The force [N] above which a loading blade cuts; below it, it loads and unloads elastically.
+
+    It is the one at which the crack last came to rest, or (1 - eta) R B where that is lower.  A blade that cut up to a
+    higher force and drew back comes to that force again before it goes on cutting (thesis, Figures 6.6 and 6.7).
+    """
+    return max(min(arrest_ratio, 1.0 - initiation_excess(law, pushing)) * toughness, held_force)
 
 
 @inlined
@@ -177,19 +192,60 @@ def loaded(
 
 
 @for_kernels
+def in_parts(
+    profile: Record,
+    law: Record,
+    x: float,
+    a: float,
+    loading: float,
+    speed: float,
+    angle: float,
+    F: float,
+    U: float,
+    ledger: float,
+) -> tuple[float, float, float, float, float, float, float]:
+    """Divide the stable growth over a long ``loading`` that ends at ``x`` into advances of :data:`LONGEST_ADVANCE`.
+
+    Everything but the last part is done here.  Returns what is left of the loading, the tip, F, U and ledger before
+    it, and the work and the energy of fracture [J] until then.  A crack that such a motion would start runs after it.
+    """
+    shortest = loading / _MOST_PARTS
+    work = fracture = 0.0
+    K, dK = stiffness_at(profile, a)
+    da = stable_growth(law, K, dK, max(x - loading - a, 0.0), loading, speed, angle)
+    while da > LONGEST_ADVANCE and loading > shortest:
+        part = max(loading * (LONGEST_ADVANCE / da), shortest)
+        advance = da * (part / loading)
+        loading -= part
+        i, share = place(a + advance)
+        a, F, _, cutting_work, change, spent = loaded(
+            law, x - loading, a, advance, part, F, U, K, toughness_at(profile, a),
+            between(profile.stiffness, i, share), between(profile.toughness, i, share), ledger,
+        )  # fmt: skip
+        ledger += change
+        work += cutting_work
+        fracture += spent
+        K, dK = stiffness_at(profile, a)
+        lag = max(x - loading - a, 0.0)
+        U = 0.5 * K * lag**2
+        da = stable_growth(law, K, dK, lag, loading, speed, angle)
+    return loading, a, F, U, ledger, work, fracture
+
+
+@for_kernels
 def move(state: Record, profile: Record, law: Record, dx: float, speed: float) -> tuple[float, float]:
     """Move the blade by ``dx`` [m] at ``speed`` [m/s]: elastic motion, and stable growth while it loads.
 
     Returns the elastic force and R B at the tip [N].
     """
-    x = state.blade
+    x = state.blade - state.creep
     a = state.tip
     K, dK = stiffness_at(profile, a)
     toughness = toughness_at(profile, a)
     U = 0.5 * K * max(x - a, 0.0) ** 2
 
     # Elastic, up to the force at which a loading blade begins to cut.  Its work is the change of U, exactly.
-    F_start = min(state.arrest_ratio, 1.0 - initiation_excess(law, state.pushing)) * toughness
+    F_start = force_to_grow(law, state.arrest_ratio, state.held_force, state.pushing, toughness)
     elastic = elastic_part(x, a, K, F_start, dx)
     x += elastic
     lag = max(x - a, 0.0)
@@ -204,6 +260,15 @@ def move(state: Record, profile: Record, law: Record, dx: float, speed: float) -
     if loading > 0.0:
         x += loading
         da = stable_growth(law, K, dK, lag, loading, speed, state.angle)
+        if da > LONGEST_ADVANCE:
+            loading, a, F, loaded_U, state.ledger, parts_work, spent = in_parts(
+                profile, law, x, a, loading, speed, state.angle, F, loaded_U, state.ledger
+            )
+            work += parts_work
+            state.fracture += spent
+            K, dK = stiffness_at(profile, a)
+            toughness = toughness_at(profile, a)
+            da = stable_growth(law, K, dK, max(x - loading - a, 0.0), loading, speed, state.angle)
         i, share = place(a + da)
         state.tip, F, toughness, cutting_work, change, spent = loaded(
             law, x, a, da, loading, F, loaded_U, K, toughness,
@@ -211,8 +276,9 @@ def move(state: Record, profile: Record, law: Record, dx: float, speed: float) -
         )  # fmt: skip
         state.ledger += change
         state.fracture += spent
+        state.held_force = F
         work += cutting_work
-    state.blade = x
+    state.blade = x + state.creep
     state.work += work
     return F, toughness
 
@@ -250,13 +316,6 @@ def run_crack(
     return a, ledger, fracture, loss, F, toughness
 
 
-@inlined
-def rubbing(law: Record, depth: float, speed: float) -> float:
-    """Size of the friction force [N] on a moving blade: proportional to depth, and optionally to speed."""
-    force: float = (law.friction_per_depth + law.friction_per_depth_speed * abs(speed)) * depth
-    return force
-
-
 @compiled
 def cut(state: Record, profile: Record, law: Record, dx: float, angle: float, dt: float) -> tuple[float, float, float]:
     """One update of the law: the blade turns to ``angle``, moves by ``dx`` in ``dt``, and the tissue answers.
@@ -275,33 +334,39 @@ def cut(state: Record, profile: Record, law: Record, dx: float, angle: float, dt
     Returns
     -------
     elastic, friction, jump : float
-        Force of the tissue on the blade, back toward the clamp, and force of friction, against the motion, zero at
-        rest: a sensor feels their sum [N].  Length of an unstable run [m].
+        Force of the tissue on the blade, and of friction on its faces, both counted back toward the clamp: a sensor
+        feels their sum [N].  Length of an unstable run [m].
     """
     speed = dx / dt
+    if law.relaxing_share > 0.0:
+        K, reach = stiffness_at(profile, state.tip)[0], state.blade - state.tip
+        state.creep, state.locked, state.ledger, state.loss = relaxed(
+            law, K, reach, state.creep, state.locked, state.ledger, state.loss, dt
+        )
     if angle != state.angle:
         state.lean, state.pushing, energy = turned(profile, state.blade, state.lean, angle)
         state.angle = angle
         state.work += energy
         state.fracture += energy
-    friction = 0.0
-    if dx != 0.0:
-        friction = rubbing(law, depth_at(profile, state.blade), speed)
-        state.work += friction * abs(dx)
-        state.friction += friction * abs(dx)
+    depth, bristle = depth_at(profile, state.blade), state.bristle
     elastic, toughness = move(state, profile, law, dx, speed)
+    next_depth, state.bristle = depth_at(profile, state.blade), deflected(law, bristle, dx)
+    rubbed = friction_work(law, depth, next_depth, bristle, state.bristle, dx, speed)
+    state.work += rubbed
+    state.friction += rubbed
     jump = 0.0
     if elastic < (1.0 + initiation_excess(law, state.pushing)) * toughness:
         state.running = 0
     else:
         start = state.tip
         state.tip, state.ledger, state.fracture, state.loss, elastic, toughness = run_crack(
-            profile, law, state.blade, start, state.ledger, state.fracture, state.loss
+            profile, law, state.blade - state.creep, start, state.ledger, state.fracture, state.loss
         )
         jump = state.tip - start
         if jump > 0.0:
             state.arrest_ratio = elastic / toughness
+            state.held_force = elastic
             state.uncontrolled += jump
             state.units += 1 - state.running  # a run that the ledger lets on only bit by bit is one unit
             state.running = 1
-    return elastic, math.copysign(friction, dx), jump
+    return elastic, friction_force(law, next_depth, state.bristle, speed), jump

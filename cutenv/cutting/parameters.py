@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,22 @@ class LawParameters:
     friction_per_depth_speed: float = parameter(
         0.0, unit="N s/m2", low=0.0, high=1e5, provenance="assumed", why="off: no measurement separates it"
     )
+
+    presliding_length: float = parameter(
+        50e-6, unit="m", low=1e-6, high=1e-3, provenance="assumed",
+        why="well below strokes and lags of millimetres, above the 25 um of a millisecond at full speed",
+        sweep=(20e-6, 100e-6),
+    )  # fmt: skip
+
+    relaxing_share: float = parameter(
+        0.0, unit="1", low=0.0, high=0.9, provenance="assumed",
+        why="off: the measured moduli fall with speed, those of a relaxing tissue rise", sweep=(0.2, 0.6),
+    )  # fmt: skip
+    creep_time: float = parameter(
+        1.86, unit="s", low=0.1, high=1e3, provenance="measured",
+        why="Kerdok et al. (J. Biomech. 39, 2221, 2006): creep of whole porcine livers, 1.86 and 51.3 s",
+        sweep=(1.86, 51.3),
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -50,6 +67,7 @@ def law_records(specimens: list[Specimen], parameters: LawParameters | None = No
         for name in ("intercept_90", "slope_90", "intercept_45", "slope_45", "speed_min", "speed_max", "eta90"):
             law[name] = getattr(tissue, name)
         law["friction_per_depth"] = specimen.friction_per_depth
-        for name in ("debt_length", "growth_step", "friction_per_depth_speed"):
-            law[name] = getattr(parameters, name)
+        for field in dataclasses.fields(parameters):
+            law[field.name] = getattr(parameters, field.name)
+        law["per_presliding_length"] = 1.0 / parameters.presliding_length
     return laws

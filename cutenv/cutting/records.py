@@ -27,10 +27,10 @@ def _record(*fields: tuple[str, str] | tuple[str, str, tuple[int, ...]]) -> np.d
 
 
 PROFILE = _record(*((name, "f8", (N_POINTS,)) for name in ("stiffness", "toughness", "depth")))
-"""Along the cut line: K = E0 kappa B [N/m]; fracture part of R times B [N]; depth of cut B [m]."""
+"""Along the cut line: K of the slab [N/m] (:meth:`Specimen.stiffness`); fracture part of R times B [N]; depth B [m]."""
 
 LAW = _record(
-    ("quasi_static_modulus", "f8"),  # E0 of the depth-normalised plane-stress fit, 90 degrees [Pa]
+    ("quasi_static_modulus", "f8"),  # LEM for v -> 0 at 90 degrees [Pa]: LEMs enter only as ratios to it
     ("intercept_90", "f8"),  # LEM(v, 90 deg) = intercept + slope v [Pa], [Pa s/m]
     ("slope_90", "f8"),
     ("intercept_45", "f8"),
@@ -42,6 +42,10 @@ LAW = _record(
     ("growth_step", "f8"),  # advance per step of unstable growth [m]
     ("friction_per_depth", "f8"),  # [N/m]
     ("friction_per_depth_speed", "f8"),  # [N s/m2]
+    ("presliding_length", "f8"),  # motion that friction takes to come up to its full size [m]
+    ("per_presliding_length", "f8"),  # its inverse [1/m]
+    ("relaxing_share", "f8"),  # of the modulus [1], and
+    ("creep_time", "f8"),  # that it takes [s]
 )
 
 DRIVE = _record(
@@ -68,11 +72,15 @@ STATE = _record(
     ("target", "f8"),  # commanded speed that has reached the drive [m/s], where that takes time;
     ("next_target", "f8"),  # the one on its way [m/s], and
     ("waiting", "i8"),  # the updates until it is there
-    ("arrest_ratio", "f8"),  # F/(R B) where the crack last came to rest; infinity: nothing has run yet
+    ("arrest_ratio", "f8"),  # F/(R B) where a run of the crack last came to rest; infinity: nothing has run yet
+    ("held_force", "f8"),  # F where the tip last came to rest, after growth or a run [N]
+    ("bristle", "f8"),  # deflection of what holds the blade's faces, up to the presliding length [m]
+    ("creep", "f8"),  # of relaxing tissue [m], and
+    ("locked", "f8"),  # the energy in that [J]
     ("ledger", "f8"),  # energies since reset [J]
     ("work", "f8"),
     ("fracture", "f8"),
-    ("friction", "f8"),
+    ("friction", "f8"),  # work against it, with what the bristles would still give back
     ("loss", "f8"),
     ("uncontrolled", "f8"),  # sum of unstable growth [m]
     ("units", "i8"),  # number of unstable runs

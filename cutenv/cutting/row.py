@@ -34,6 +34,7 @@ _PASSING = (
     ("toughness", "f8"),  # and R B there [N]
     ("depth", "f8"),  # of cut at the blade [m]
     ("edge_toughness", "f8"),  # R B there [N]
+    ("x", "f8"),  # where the blade would stand if nothing had crept [m]
     ("loading", "f8"),  # part of the motion under which the tip follows [m], and
     ("da", "f8"),  # by how much it would [m]
     ("F", "f8"),  # elastic force [N] and
@@ -51,7 +52,7 @@ _PASSING = (
     ("seen_blade_point", "i8"),
     ("point_depth", "f8"),
     ("rise_depth", "f8"),
-    ("rubbing", "f8"),  # friction, against the motion [N]
+    ("rubbing", "f8"),  # force of friction, against forward motion [N]
     ("elastic", "f8"),  # force of the tissue [N]
     ("force", "f8"),  # both, on the blade [N]
     ("waits", "i8"),  # whether its crack does not run
@@ -80,7 +81,9 @@ ROW: np.dtype[Any] = np.dtype(
             ("late", "i8"),  # with a dead time
             ("slack", "i8"),  # with backlash
             ("drifting", "i8"),  # with a sensor whose zero drifts
+            ("relaxing", "i8"),  # whose tissue relaxes
             ("turns", "i8"),  # turning in this millisecond
+            ("leaps", "i8"),  # whose tip advances far in it
             ("points", "i8"),  # coming to another point of their profile in it
             ("runs", "i8"),  # whose crack runs in it
         ],
@@ -105,6 +108,10 @@ class LawInRow(NamedTuple):
     growth_step: float
     friction_per_depth: float
     friction_per_depth_speed: float
+    presliding_length: float
+    per_presliding_length: float
+    relaxing_share: float
+    creep_time: float
 
 
 class DriveInRow(NamedTuple):
@@ -122,7 +129,8 @@ def law_in_row(row: Record, n: int) -> LawInRow:
     return LawInRow(
         row.quasi_static_modulus[n], row.intercept_90[n], row.slope_90[n], row.intercept_45[n], row.slope_45[n],
         row.speed_min[n], row.speed_max[n], row.eta90[n], row.debt_length[n], row.growth_step[n],
-        row.friction_per_depth[n], row.friction_per_depth_speed[n],
+        row.friction_per_depth[n], row.friction_per_depth_speed[n], row.presliding_length[n],
+        row.per_presliding_length[n], row.relaxing_share[n], row.creep_time[n],
     )  # fmt: skip
 
 
@@ -174,13 +182,14 @@ def begin(row: Record, numbers: Records, taken: Integer) -> None:
         row.hand[n], row.hand_speed[n], row.given[n], row.mass[n] = row.blade[0], 0.0, 0.0, 0.0
         row.aim[n], row.dead_ticks[n], row.going[n] = row.angle[0], 0, 0
     row.taken = taken
-    hands, late, slack, drifting = 0, 0, 0, 0
+    hands, late, slack, drifting, relaxing = 0, 0, 0, 0, 0
     for n in range(ABREAST):
         hands += 1 if row.mass[n] > 0.0 else 0
         late += 1 if row.dead_ticks[n] > 0 else 0
         slack += 1 if row.backlash[n] > 0.0 else 0
         drifting += 1 if row.drift[n] > 0.0 else 0
-    row.hands, row.late, row.slack, row.drifting = hands, late, slack, drifting
+        relaxing += 1 if row.relaxing_share[n] > 0.0 else 0
+    row.hands, row.late, row.slack, row.drifting, row.relaxing = hands, late, slack, drifting, relaxing
 
 
 @inlined

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +17,7 @@ from cutenv.validation import array_in_range
 _LONGEST_DELAY = 64  # ticks that the line can hold, a power of two
 WRAP = _LONGEST_DELAY - 1
 """Place in the line of a tick: its bits in this mask."""
+_ROOT_TICK = math.sqrt(TICK)  # rounded alike everywhere, which a power is not
 
 SENSOR: np.dtype[Any] = np.dtype(
     (
@@ -58,7 +60,7 @@ def delayed(line: Records, delay: int, force: float, tick: int) -> float:
 def wandered(sensor: Record, tick: int) -> float:
     """How far the sensor's zero has drifted at update ``tick`` [N]."""
     if sensor.drift > 0.0:
-        sensor.offset += sensor.drift * TICK**0.5 * normal_at(sensor.seed, sensor.episode, SENSOR_DRIFT, tick)
+        sensor.offset += sensor.drift * _ROOT_TICK * normal_at(sensor.seed, sensor.episode, SENSOR_DRIFT, tick)
     return sensor.offset  # type: ignore[no-any-return]
 
 

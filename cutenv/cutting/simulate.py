@@ -8,7 +8,8 @@ import numpy as np
 
 from cutenv.compiled import compiled, compiled_for_cores, for_kernels, inlined
 from cutenv.cutting.drive import made_up, motion, turning
-from cutenv.cutting.law import cut, depth_at, elastic_force, rubbing, stored_energy
+from cutenv.cutting.friction import grip
+from cutenv.cutting.law import cut, depth_at, elastic_force, stored_energy
 from cutenv.cutting.records import DRIVE, LAW, PROFILE, STATE, Record, Records
 from cutenv.cutting.sensor import SENSOR, measure
 from cutenv.portions import Portions, claim, finish
@@ -51,11 +52,10 @@ def update(
 
     ``share`` is the drive's :func:`~cutenv.cutting.drive.made_up`, the same for every update of ``dt``.
     """
-    elastic = friction = 0.0
+    elastic, depth = 0.0, 0.0
     if drive.mass > 0.0:  # a hand yields to what it feels, a rig does not
-        elastic = elastic_force(profile, state.blade, state.tip)
-        friction = rubbing(law, depth_at(profile, state.blade), state.speed)
-    dx = motion(state, drive, share, speed, elastic, friction, dt)
+        elastic, depth = elastic_force(profile, state.blade - state.creep, state.tip), depth_at(profile, state.blade)
+    dx = motion(state, drive, share, speed, elastic, grip(law, depth, state.bristle), dt)
     elastic, friction, jump = cut(state, profile, law, dx, turning(state.angle, angle, drive.rotation_rate, dt), dt)
     state.tick += 1
     measured = measure(sensor, elastic + friction, state.tick - 1)
@@ -141,7 +141,7 @@ def hold(cuts: Records, speed: float, angle: float, dt: float, readings: Records
 @inlined
 def account(state: Record, profile: Record, energies: Records) -> None:
     """Fill ``energies``, shape (7,) [J], in the order of :data:`ENERGIES`."""
-    stored = stored_energy(profile, state.blade, state.tip)
+    stored = stored_energy(profile, state.blade - state.creep, state.tip) + state.locked
     energies[0] = state.work
     energies[1] = stored
     energies[2] = state.fracture

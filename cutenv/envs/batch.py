@@ -21,12 +21,12 @@ from cutenv.randomness import check_key
 from cutenv.task.assessment import succeeded_all
 from cutenv.task.beginning import GIVEN, LIVER, LONGEST, MIXED, VASCULAR, begin_some
 from cutenv.task.cuts import SPECIMEN, Cuts, step_some
-from cutenv.task.gentle_cutting import nominal_per_depth
 from cutenv.task.observation import COMPONENTS, all_within_reach
 from cutenv.task.told import CODES, TOLD
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.drawing import recipe, tissue_modes
-from cutenv.tissue.specimen import STEEPEST, Specimen, too_uneven
+from cutenv.tissue.nominal import nominal_tissue
+from cutenv.tissue.specimen import Specimen
 
 _SOURCES = {"liver": LIVER, "vascular": VASCULAR, "mixed": MIXED}
 _DRAWN = np.array(["liver", "vascular"], dtype=object)
@@ -78,7 +78,7 @@ class CutBatch:
         """What :func:`~cutenv.task.beginning.begin_some` draws specimens and their measured depth by."""
         knowledge = self.single.constants.knowledge
         tissue = recipe(self._tissue), tissue_modes(self._tissue)
-        return STEEPEST, *tissue, knowledge.depth_noise, knowledge.depth_modes()
+        return *tissue, knowledge.depth_noise, knowledge.depth_modes()
 
     def give_seeds(self, seeds: Sequence[int | None], which: NDArray[np.int64], chance: np.random.Generator) -> None:
         """Give the cuts numbered ``which`` their own of the ``seeds`` of all; one that gets None keeps its own.
@@ -104,7 +104,7 @@ class CutBatch:
         Raises
         ------
         ValueError, TypeError
-            For an option that means nothing, and for a tissue too uneven to draw specimens of.
+            For an option that means nothing.
         """
         options = options or {}
         if options.get("episode") is not None:
@@ -122,8 +122,6 @@ class CutBatch:
             self.observations, self._vascular,
         )  # fmt: skip
         drawn = self._vascular[which]
-        if given is None and drawn.min() < 0:
-            raise ValueError(too_uneven(self._tissue))
         classes = self.classes.copy()  # whoever was given the last ones keeps them
         classes[which] = _DRAWN[drawn] if given is None else given
         classes.setflags(write=False)
@@ -203,7 +201,7 @@ class CutBatch:
             *parts,
             *cutting.assessment(),
             nominals=cutting.nominal,
-            per_depth=nominal_per_depth(specimen.tissue),
+            expected=nominal_tissue(specimen.tissue),
             specimens=np.zeros(1, SPECIMEN),
         )
         start.specimens["modulus"] = specimen.modulus

@@ -1,4 +1,4 @@
-"""``cutenv/GentleCut-v0``: cut a slice of measured liver to a target length, gently."""
+"""``cutenv/GentleCut-v1``: cut a slab of measured liver to a target length, gently."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ _UPDATES_HZ = 1000
 class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """Cut from the clamp to a target length, gently: the crack tip is scored, not the blade, which leads it.
 
-    A scalpel cuts a slice of liver, 8 cm wide and 15 cm long, clamped along the edge where the cut starts.  The blade
-    drags tissue along (F = K (x - a)), the crack follows in sudden runs of several millimetres, and its tip is hidden:
-    an agent sees a force.  Physics at 1 kHz, decisions at ``control_hz``.  Model and data: see the README.  Many at
-    once: ``gymnasium.make_vec``, see :class:`cutenv.envs.vector.GentleCutVectorEnv`.
+    A scalpel cuts a slab of liver, 8 cm wide, 15 cm long and 2.5 cm thick, clamped along the edge where the cut starts.
+    The blade drags tissue along (F = K (x - a)), the crack follows in sudden runs of several millimetres, and its tip
+    is hidden: an agent sees a force.  Physics at 1 kHz, decisions at ``control_hz``.  Model and data: see the README.
+    Many at once: ``gymnasium.make_vec``, see :class:`cutenv.envs.vector.GentleCutVectorEnv`.
 
     Action
     ------
@@ -89,7 +89,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     time         0.15    time / 30 s
     tip_error    0.2     at the end: min(tip error / 3 mm, 3)
     wedge        0.2     at the end: uncut wedge / B = cot(angle)
-    stored       0.1     at the end: stored energy / (R B 3 mm)
+    stored       0.1     at the end: min(stored energy / (R B 3 mm), 2)
     safety       1       at an end for safety: the worst that stopping could still have cost
     ============ ======= ===================================================================
 
@@ -144,12 +144,12 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ----
     ``truth`` (hidden state), ``energy`` (in joules since reset: work, stored, fracture, friction, loss, ledger and
     residual, which is work minus all the others), ``reward_terms`` (of this step), ``cost`` (force above the limit,
-    overshoot), ``speed_out_of_range`` (blade outside 0.1 to 2.54 cm/s: the modulus is that of the nearest measured
+    overshoot), ``speed_out_of_range`` (blade outside 0.1 to 2.54 cm/s: the tissue answers as at the nearest measured
     speed) and, at the end, ``end`` and ``is_success``.
 
     Version history
     ---------------
-    v0: first version; may change until the first published comparison of agents.
+    v1: the first version that is released; may change until the first comparison of agents is published.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012  as in Env

@@ -1,4 +1,4 @@
-"""``cutenv/RigCut-v0``: gentle cutting on a rig, real or emulated, through the simulator's spaces."""
+"""``cutenv/RigCut-v1``: gentle cutting on a rig, real or emulated, through the simulator's spaces."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Version history
     ---------------
-    v0: first version; may change until the first published comparison of agents.
+    v1: the first version that is released; may change until the first comparison of agents is published.
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "render_fps": 50}  # noqa: RUF012  as in Env

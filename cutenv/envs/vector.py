@@ -1,4 +1,4 @@
-"""Many environments ``cutenv/GentleCut-v0`` in one: stepped, drawn and begun by compiled calls, on all cores."""
+"""Many environments ``cutenv/GentleCut-v1`` in one: stepped, drawn and begun by compiled calls, on all cores."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Observations = NDArray[np.float32]
 class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
     """``num_envs`` environments, bit for bit equal to single ones of the same seeds and actions.
 
-    ``gymnasium.make_vec("cutenv/GentleCut-v0", num_envs=1024)`` makes one.  Environment i of ``reset(seed=s)`` is that
+    ``gymnasium.make_vec("cutenv/GentleCut-v1", num_envs=1024)`` makes one.  Environment i of ``reset(seed=s)`` is that
     of ``GentleCutEnv.reset(seed=s + i)``, episode after episode.
 
     Parameters

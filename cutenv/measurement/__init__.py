@@ -11,6 +11,8 @@ from cutenv.measurement.prediction import LeftOutCut, leave_one_out
 from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
 from cutenv.measurement.segments import Segment, loading_segments
 from cutenv.measurement.speed_dependence import SpeedDependence, fit_speed_dependence
+from cutenv.measurement.unit_resistance import UnitResistances, estimate_unit_resistances
+from cutenv.measurement.zero import SensorZero, zeroed
 
 __all__ = [
     "DepthProfile",
@@ -22,11 +24,14 @@ __all__ = [
     "ModulusEstimate",
     "ReturnStroke",
     "Segment",
+    "SensorZero",
     "SpeedDependence",
+    "UnitResistances",
     "calibrate",
     "estimate_fracture_resistance",
     "estimate_initiation",
     "estimate_local_effective_moduli",
+    "estimate_unit_resistances",
     "fit_return_stroke",
     "fit_speed_dependence",
     "flaws",
@@ -37,4 +42,5 @@ __all__ = [
     "measure_cut",
     "measure_cuts",
     "tissue_of",
+    "zeroed",
 ]

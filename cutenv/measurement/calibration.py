@@ -14,6 +14,7 @@ from cutenv.measurement.cut import MeasuredCut, by_specimen, measure_cut, named
 from cutenv.measurement.loading_ratio import LoadingRatio
 from cutenv.measurement.loading_ratio import loading_ratio as liver_loading_ratio
 from cutenv.measurement.pooled_cuts import FEWEST_FOR_CORRELATION, NOT_RESAMPLED, PooledCuts, resampled
+from cutenv.measurement.scatter import Variogram, cv_of, fit_variances
 from cutenv.measurement.speed_dependence import (
     BETWEEN,
     LEAST_SPEED_RATIO,
@@ -21,10 +22,12 @@ from cutenv.measurement.speed_dependence import (
     fit_speed_dependence,
     is_between_the_measured,
 )
+from cutenv.measurement.zero_notes import zero_notes
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.evidence import Calibration, Evidence
-from cutenv.tissue.specimen import Specimen
+from cutenv.tissue.slab import effective_depth
+from cutenv.tissue.specimen import SPACING, Specimen
 from cutenv.trace import Trace
 from cutenv.validation import in_range
 
@@ -38,8 +41,8 @@ _FEWEST_UNLOADED = (
     8  # cuts with a way back that tell the loading ratio: tissue at the tip scatters about the cut's mean
 )
 _ROUNDS = 3  # of fitting the loading ratio and measuring with it: the tip hangs on it weakly
-_NOTABLE = 0.15  # of a spread, by which that of drawn specimens may differ without a word
-_DRAWS, _DRAW_ROUNDS = 400, 4  # of specimens, to find what redrawing too steep ones does to the means
+_DRAWS, _DRAW_ROUNDS = 200, 4  # of specimens, to find the material that shows what was measured
+_PLACES = np.arange(0.0215, 0.12, 0.006)  # where segments of a long cut stand [m]
 
 
 class Refused(NamedTuple):
@@ -80,7 +83,7 @@ def calibrate(
     Returns
     -------
     TissueDescription
-        ``to_json()`` is what ``gym.make("cutenv/GentleCut-v0", tissue=path)`` reads; ``calibration`` says what it
+        ``to_json()`` is what ``gym.make("cutenv/GentleCut-v1", tissue=path)`` reads; ``calibration`` says what it
         rests on.
 
     Raises
@@ -140,7 +143,7 @@ def loading_ratio_of_cuts(cuts: Sequence[MeasuredCut], model: CutModel) -> Loadi
     """How fast the force rises while cutting over how fast it would without growth, as the cuts show it together.
 
     A cut with a way back shows both: its segments the one, its unloading the other. Their ratio is free of how stiff
-    that cut's tissue is, which scatters by a quarter; only without it the intercept of the fit stands for E0.
+    that cut's tissue is; only without it the intercept of the fit stands for the modulus without growth.
     """
     both = [
         (cut, modulus)
@@ -150,7 +153,9 @@ def loading_ratio_of_cuts(cuts: Sequence[MeasuredCut], model: CutModel) -> Loadi
     if len(both) < _FEWEST_UNLOADED:
         return speed_dependence_of(cuts).loading_ratio
     line = fit_speed_dependence(
-        [cut.speed for cut, _ in both], [cut.angle for cut, _ in both], [cut.moduli.mean / own for cut, own in both]
+        [cut.speed for cut, _ in both],
+        [cut.angle for cut, _ in both],
+        [cut.material_modulus / own for cut, own in both],
     )
     return lambda speed, angle: min(1.0, max(line.modulus(abs(speed), angle), 0.01))
 
@@ -164,7 +169,7 @@ def speed_dependence_of(cuts: Sequence[MeasuredCut]) -> SpeedDependence:
             "at one speed. Cut farther, or slower."
         )
     return fit_speed_dependence(
-        [cut.speed for cut in known], [cut.angle for cut in known], [cut.moduli.mean for cut in known]
+        [cut.speed for cut in known], [cut.angle for cut in known], [cut.material_modulus for cut in known]
     )
 
 
@@ -211,8 +216,6 @@ def tissue_of(
         element=model.element,
         formulation=model.formulation,
         poisson=model.poisson,
-        modulus_scale=1.0,
-        fracture_scale=1.0,
         calibration=Calibration(
             cuts=len(cuts),
             specimens=len(by_specimen(list(cuts))),
@@ -221,15 +224,7 @@ def tissue_of(
         ),
         **{field: _rounded(value) for field, value in values.items()},
     )
-    try:
-        return scaled(tissue)
-    except ValueError as error:
-        raise ValueError(
-            f"{len(cuts)} cuts with a modulus of {tissue.intercept_90 / 1e3:.3g} kPa (slow and upright), a resistance "
-            f"of {tissue.fracture_resistance:.3g} J/m2 and spreads of {tissue.modulus_within_cut_cv:.2g} and "
-            f"{tissue.fracture_within_cut_cv:.2g} within a cut are no tissue that can be cut: {error} Soft and tough "
-            "by chance, if the cuts are few: record more, slower, and with the way back."
-        ) from None
+    return as_material(tissue)
 
 
 def check_resamples(resamples: int) -> None:
@@ -237,44 +232,56 @@ def check_resamples(resamples: int) -> None:
     in_range("resamples", resamples, 0, 100_000, "1", "Some hundreds give an interval.")
 
 
-def scaled(tissue: TissueDescription) -> TissueDescription:
-    """Find the scales with which drawn specimens keep the means of ``tissue``, and say how much spread they keep.
+def as_material(tissue: TissueDescription) -> TissueDescription:
+    """Find the material of which drawn specimens show the modulus and the spread that ``tissue`` has from its cuts.
 
-    Draws that are too steep are drawn again; those kept are stiffer and less tough than those drawn. The scales
-    make up for that, on the same random numbers every round.
+    The stiffness of a slab averages the field of moduli around the tip, so that segments show less of its spread than
+    the material has. Specimens are measured at places as far apart as segments are, without a cut: what a segment shows
+    is K over kappa and the effective depth. The same random numbers serve every round.
+
+    Evidence follows: ``modulus`` is added with the interval of ``intercept_90``, that of the spread is the material's,
+    both in proportion.
     """
+    kappa = np.asarray(tissue.cut_model().stiffness(_PLACES))
+    points = np.rint(_PLACES / SPACING).astype(int)
+    shown, material = tissue.modulus_within_cut_cv, tissue
     for _ in range(_DRAW_ROUNDS):
-        drawn = [Specimen.drawn(n, tissue=tissue) for n in range(_DRAWS)]
-        modulus = np.array([specimen.modulus.mean() for specimen in drawn])
-        resistance = np.array([specimen.fracture_resistance.mean() for specimen in drawn])
-        tissue = dataclasses.replace(
-            tissue,
-            modulus_scale=_scale(tissue.modulus_scale * tissue.intercept_90 / modulus.mean()),
-            fracture_scale=_scale(tissue.fracture_scale * tissue.fracture_resistance / resistance.mean()),
+        drawn = [Specimen.drawn(n, tissue=material) for n in range(_DRAWS)]
+        effective = effective_depth(_PLACES, drawn[0].depth[points], tissue.thickness)
+        moduli = [specimen.stiffness()[points] / (kappa * effective) for specimen in drawn]
+        level = float(np.mean(moduli)) / tissue.intercept_90
+        (within,), _ = fit_variances(
+            [Variogram.of([_PLACES] * _DRAWS, moduli)], np.ones(_DRAWS), tissue.correlation_length
         )
-    if tissue.calibration is None:
-        return tissue
-    between = math.hypot(tissue.modulus_between_liver_cv, tissue.modulus_between_cut_cv)
-    kept = [
-        f"{name} {values.std() / values.mean():.2f} for {cv:.2f} as measured"
-        for name, values, cv in (
-            ("modulus", modulus, between),
-            ("fracture resistance", resistance, tissue.fracture_between_cut_cv),
+        found = cv_of(float(within))
+        material = dataclasses.replace(
+            material,
+            modulus=_rounded(material.modulus / level),
+            modulus_within_cut_cv=_rounded(min(material.modulus_within_cut_cv * shown / found, 1.0) if found else 0.0),
         )
-        if abs(values.std() / values.mean() - cv) > max(_NOTABLE * cv, 0.02)
-    ]
-    if kept:
-        note = f"specimens drawn of it spread less or more between cuts: {', '.join(kept)}; too steep ones are redrawn"
-        calibration = dataclasses.replace(tissue.calibration, notes=(*tissue.calibration.notes, note))
-        tissue = dataclasses.replace(tissue, calibration=calibration)
-    return tissue
+    facts = tissue.calibration
+    if facts is None:
+        return material
+    wider = material.modulus_within_cut_cv / shown if shown else 1.0
+    evidence = []
+    for each in facts.evidence:
+        if each.name == "intercept_90":
+            modulus = _scaled(each, material.modulus / tissue.intercept_90)
+            evidence.append(
+                dataclasses.replace(modulus, name="modulus", how=f"drawn specimens show intercept_90: {each.how}")
+            )
+        evidence.append(_scaled(each, wider) if each.name == "modulus_within_cut_cv" else each)
+    return dataclasses.replace(material, calibration=dataclasses.replace(facts, evidence=tuple(evidence)))
 
 
-def _scale(value: float) -> float:
-    return _rounded(float(np.clip(value, 0.2, 5.0)))
+def _scaled(evidence: Evidence, factor: float) -> Evidence:
+    """The same of a number that is ``factor`` times as large."""
+    if evidence.low is None or evidence.high is None:
+        return evidence
+    return dataclasses.replace(evidence, low=factor * evidence.low, high=factor * evidence.high)
 
 
-_FIT = "least squares of the cuts' mean moduli against speed and angle (5.1)"
+_FIT = "least squares of the cuts' mean moduli, per effective depth, against speed and angle (5.1)"
 _HOW = {
     "intercept_90": f"{_FIT}, for v -> 0 at 90 degrees",
     "slope_90": f"{_FIT}, at 90 degrees",
@@ -284,7 +291,7 @@ _HOW = {
     "speed_max": "fastest cut that shows a modulus",
     "modulus_between_liver_cv": "nested analysis of variance of the cuts' mean moduli over the fit, by specimen",
     "modulus_between_cut_cv": "the same, between cuts of one specimen, less what the field within a cut adds",
-    "modulus_within_cut_cv": "variogram of the segments' moduli along the cuts",
+    "modulus_within_cut_cv": "variogram of the segments' moduli along the cuts; drawn specimens then show that",
     "correlation_length": "variograms of moduli and initiation forces along the cuts",
     "fracture_resistance": "mean of the cuts' corrected resistance, work over area (6.1-6.4)",
     "fracture_between_cut_cv": "spread of the cuts' corrected resistance, less what the field within a cut adds",
@@ -340,6 +347,7 @@ def _notes(
     if silent:
         notes.append(f"{silent} of {len(cuts)} cuts show no steady loading segment: they tell resistance, no modulus")
     notes += _extrapolated(cuts)
+    notes += zero_notes(cuts)
     without = sum(cut.return_stroke is None for cut in cuts)
     if without:
         notes.append(f"{without} of {len(cuts)} cuts have no return stroke past the tip: less certain by about 5 %")
@@ -355,7 +363,8 @@ def _notes(
     flagged: dict[str, int] = {}
     for cut in cuts:
         for flag in cut.flags:
-            flagged[flag] = flagged.get(flag, 0) + 1
+            if flag not in cut.fracture.zero.flags:  # of the zero, zero_notes tells
+                flagged[flag] = flagged.get(flag, 0) + 1
     notes += [f"{n} of {len(cuts)} cuts: {flag}" for flag, n in flagged.items()]
     return notes
 

@@ -16,8 +16,11 @@ from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio
 from cutenv.measurement.modulus import ModulusEstimate, elastic_part, moduli_of
 from cutenv.measurement.return_stroke import ReturnStroke
 from cutenv.measurement.segments import Segment, loading_segments
+from cutenv.measurement.stiffness import unit_stiffness
 from cutenv.measurement.strokes import blade_speed, strokes
+from cutenv.measurement.zero import zeroed
 from cutenv.tissue.cut_model import CutModel
+from cutenv.tissue.slab import effective_depth
 from cutenv.trace import Trace
 
 Array = NDArray[np.float64]
@@ -35,7 +38,7 @@ class MeasuredCut:
     Attributes
     ----------
     trace : Trace
-        The record.
+        The record, its force less the sensor's zero.
     name : str
         How messages call it.
     specimen : str
@@ -75,11 +78,25 @@ class MeasuredCut:
         return tuple(dict.fromkeys((*self.fracture.flags, *self.moduli.flags)))
 
     def unloading_modulus(self, model: CutModel) -> float | None:
-        """Modulus of the elastic way back at the tip [Pa]: E0 itself, free of growth; None without a way back."""
+        """Modulus of the material that the elastic way back shows at the tip [Pa], free of growth; None without one."""
         back = self.return_stroke
         if back is None or back.stiffness == 0.0 or back.tip > model.length:
             return None
-        return back.stiffness / float(model.stiffness(back.tip) * self.depth.at(back.tip))
+        return back.stiffness / float(unit_stiffness(back.tip, self.depth, model))
+
+    @property
+    def material_moduli(self) -> Array:
+        """Modulus of the material times the loading ratio, as each segment shows it [Pa], shape (n_segments,).
+
+        A local effective modulus is taken per depth of cut; in a slab that is not cut through it is higher.
+        """
+        depth = self.depth.at(self.moduli.position)
+        return np.asarray(self.moduli.modulus * depth / effective_depth(self.moduli.position, depth))
+
+    @property
+    def material_modulus(self) -> float:
+        """Mean of them [Pa]."""
+        return float(self.material_moduli.mean())
 
     def with_loading_ratio(self, ratio: LoadingRatio, model: CutModel) -> MeasuredCut:
         """The same, measured with another loading ratio."""
@@ -124,6 +141,7 @@ def measure_cut(
     by = "measure_cut"
     trace.require_newtons(by=by)
     position, _, _ = trace.require("position", "angle", "depth", by=by)
+    trace, _ = zeroed(trace)
     fracture = estimate_fracture_resistance(trace, loading_ratio=ratio)
     back = fracture.return_stroke
     depth = _thinned(DepthProfile.recorded(trace, by=by))

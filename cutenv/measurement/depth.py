@@ -69,15 +69,15 @@ def fit_bulge(profiles: Sequence[DepthProfile], first: Sequence[float]) -> dict[
     low, high = 1e-4, 0.05
     crown = float(np.clip(B.max(), 1e-3, high))
     if np.ptp(B) < 0.02 * B.mean():
-        return {"edge_depth": crown, "crown_depth": crown, "rise_length": 0.015, "mean_depth": mean}
+        return {"edge_depth": crown, "crown_depth": crown, "rise_length": 0.06, "mean_depth": mean}
 
     def misfit(p: Array) -> Array:
         edge, rise = p[1] * math.exp(min(p[0], 0.0)), math.exp(p[2])
         fitted = bulge(x, edge=max(edge, low), crown=max(p[1], edge, low), rise_length=rise, length=LENGTH)
         return np.asarray(fitted - B)
 
-    start = np.array([math.log(max(float(B.min()), low) / crown) - 1e-3, crown, math.log(0.015)])
-    bounds = ([math.log(low / high), 1e-3, math.log(1e-3)], [0.0, high, math.log(0.1)])
+    start = np.array([math.log(max(float(B.min()), low) / crown) - 1e-3, crown, math.log(0.06)])
+    bounds = ([math.log(low / high), 1e-3, math.log(1e-3)], [0.0, high, 0.0])
     p = least_squares(misfit, np.clip(start, bounds[0], bounds[1]), bounds=bounds, x_scale=[1.0, 0.01, 1.0]).x
     return {
         "edge_depth": float(max(p[1] * math.exp(p[0]), low)),

@@ -21,6 +21,8 @@ from cutenv.measurement.fracture import estimate_fracture_resistance
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio_of
 from cutenv.measurement.modulus import elastic_part, telling
 from cutenv.measurement.segments import Segment, loading_segments, smoothing_readings_of
+from cutenv.measurement.stiffness import carried
+from cutenv.measurement.zero import zeroed
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
 
@@ -112,6 +114,7 @@ def estimate_initiation(
     if loading_ratio is None:
         trace.require("angle", by=f"{by} without loading_ratio")
     ratio = loading_ratio_of(loading_ratio, low=0.01)
+    trace, _ = zeroed(trace)
     if friction_per_depth is None:
         friction_per_depth = estimate_fracture_resistance(trace, loading_ratio=loading_ratio).friction_per_depth
     elastic = elastic_part(trace, depth, friction_per_depth)
@@ -208,7 +211,7 @@ def initiation_at(
     K = slope / r
     middle, a = np.maximum(x_middle - F_middle / K, 0.0), np.maximum(x - F / K, 0.0)
     for _ in range(_STEPS):  # the ramp's stiffness belongs to its middle; depth and kappa carry it to its end
-        there = K * model.stiffness(a) * depth.at(a) / (model.stiffness(middle) * depth.at(middle))
+        there = K * carried(middle, a, depth, model)
         a = np.maximum(x - F / there, 0.0)
     B = depth.at(a)
     for n, (i, top) in enumerate(found):

@@ -16,7 +16,7 @@ _SPEED_SLACK = 0.02  # of the speed, which a record gives with noise
 
 
 def loading_ratio(speed: float, angle: float | None) -> float:
-    """Return r = min(1, LEM(v, theta) / E0) of pig liver.
+    """Return r = min(1, LEM(v, theta)/E0) of pig liver.
 
     Parameters
     ----------
@@ -32,7 +32,8 @@ def loading_ratio(speed: float, angle: float | None) -> float:
 
     Notes
     -----
-    From the fits to Table 5.6, depth-normalised plane stress; E0 is their intercept at 90 degrees.
+    From the fits to Table 5.6, depth-normalised plane stress; E0 is their intercept at 90 degrees, itself a local
+    effective modulus: by the ratio alone the LEMs enter the law, whose stiffness is that of the material.
     """
     if angle is None:
         raise TypeError("the loading ratio of pig liver needs the angle of the blade; else give loading_ratio.")

@@ -70,7 +70,7 @@ class PooledCuts:
                 (
                     cut.speed,
                     cut.angle,
-                    cut.moduli.mean if len(cut.moduli) else math.nan,
+                    cut.material_modulus if len(cut.moduli) else math.nan,
                     cut.fracture.corrected,
                     math.nan if cut.return_stroke is None else cut.fracture.friction_per_depth,
                 )
@@ -82,7 +82,7 @@ class PooledCuts:
         self.variograms = [
             Variogram.of(
                 [cut.moduli.position for cut in cuts],
-                [cut.moduli.modulus for cut in cuts],
+                [cut.material_moduli for cut in cuts],
                 [cut.moduli.relative_error for cut in cuts],
             ),
             Variogram.of([cut.initiation.position for cut in cuts], [cut.initiation.force_per_depth for cut in cuts]),

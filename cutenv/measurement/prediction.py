@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cutenv.measurement.cut import MeasuredCut, by_specimen
 from cutenv.measurement.speed_dependence import LEAST_FIT, SpeedDependence, fit_speed_dependence
+from cutenv.measurement.stiffness import unit_stiffness
 from cutenv.tissue.cut_model import CutModel
 
 Array = NDArray[np.float64]
@@ -36,7 +37,7 @@ class LeftOutCut:
     peak_force : float
         Largest measured force on them [N].
     modulus : float
-        The cut's own mean modulus [Pa].
+        The cut's own mean modulus, of the material [Pa].
     same_modulus, other_modulus : float or None
         From the other cuts of the same specimen, and from another specimen [Pa], at this cut's speed and angle.
     own_rmse : float
@@ -74,16 +75,16 @@ class PredictedRamp:
 
 
 def predicted_ramps(cut: MeasuredCut, model: CutModel, modulus: float | None = None) -> list[PredictedRamp]:
-    """The steady ramps of a cut as the model gives them for a modulus [Pa]; by default each segment's own.
+    """The steady ramps of a cut as the model gives them for a material's modulus [Pa], by default each one's own.
 
     Every ramp starts where the measured one starts, as in Figure 7.13: its rise is what is predicted.
     """
     (position,) = cut.trace.require("position", by="predicted_ramps")
     friction = cut.moduli.friction_per_depth
     ramps = []
-    for segment, tip, own in zip(cut.moduli.segments, cut.moduli.position, cut.moduli.modulus, strict=True):
+    for segment, tip, own in zip(cut.moduli.segments, cut.moduli.position, cut.material_moduli, strict=True):
         x, F = position[segment.samples], cut.trace.force[segment.samples]
-        slope = (own if modulus is None else modulus) * float(model.stiffness(tip) * cut.depth.at(tip))
+        slope = (own if modulus is None else modulus) * float(unit_stiffness(tip, cut.depth, model))
         middle, measured_slope = segment.require("position", "slope", by="predicted_ramps")
         start = segment.force + measured_slope * (float(x[0]) - middle)
         predicted = start + slope * (x - x[0]) + friction * cut.depth.at(x)
@@ -131,7 +132,7 @@ def leave_one_out(cuts: Sequence[MeasuredCut], model: CutModel) -> list[LeftOutC
                 angle=cut.angle,
                 segments=len(ramps),
                 peak_force=float(max(ramp.measured.max() for ramp in ramps)),
-                modulus=cut.moduli.mean,
+                modulus=cut.material_modulus,
                 same_modulus=same,
                 other_modulus=next_modulus,
                 own_rmse=_rmse(ramps),
@@ -150,7 +151,7 @@ def _line_and_factors(cuts: list[MeasuredCut]) -> tuple[SpeedDependence | None, 
         line = fit_speed_dependence(
             [cut.speed for cut in cuts],
             [cut.angle for cut in cuts],
-            [cut.moduli.mean / factors[cut.specimen] for cut in cuts],
+            [cut.material_modulus / factors[cut.specimen] for cut in cuts],
         )
         factors = {
             specimen: float(np.mean([_stiffer(cut, line) for cut in group]))
@@ -160,7 +161,7 @@ def _line_and_factors(cuts: list[MeasuredCut]) -> tuple[SpeedDependence | None, 
 
 
 def _stiffer(cut: MeasuredCut, line: SpeedDependence) -> float:
-    E = cut.moduli.mean
+    E = cut.material_modulus
     return E / max(line.modulus(cut.speed, cut.angle), LEAST_FIT * E)
 
 

@@ -54,7 +54,7 @@ class SpeedDependence:
         return np.asarray((1.0 - w) * inclined + w * upright)
 
     def loading_ratio(self, speed: float, angle: float | None) -> float:
-        """R = min(1, LEM(v, theta)/E0) [1], no less than 0.01: E0 is the intercept at 90 degrees."""
+        """Loading ratio r = min(1, LEM(v, theta)/E0) [1], at least 0.01: E0 is the intercept at 90 degrees."""
         return min(1.0, max(self.modulus(abs(speed), angle) / self.intercept_90, 0.01))
 
 

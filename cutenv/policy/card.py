@@ -31,7 +31,7 @@ class PolicyCard:
     Parameters
     ----------
     environment : str
-        Id of the environment that it was trained in, such as ``cutenv/GentleCut-v0``.
+        Id of the environment that it was trained in, such as ``cutenv/GentleCut-v1``.
     environment_arguments : dict
         With what an environment must be made so that observations and actions mean the same, such as
         ``{"control_hz": 10, "angle_mode": "free"}``.
@@ -74,7 +74,7 @@ class PolicyCard:
 
     def __post_init__(self) -> None:
         if not (isinstance(self.environment, str) and self.environment):
-            raise TypeError(f"environment must be an id such as 'cutenv/GentleCut-v0', got {self.environment!r}.")
+            raise TypeError(f"environment must be an id such as 'cutenv/GentleCut-v1', got {self.environment!r}.")
         if not (isinstance(self.sha256, str) and re.fullmatch("[0-9a-f]{64}", self.sha256)):
             raise ValueError(f"sha256 must be 64 hexadecimal digits, got {self.sha256!r}.")
         one_of("activation", self.activation, ACTIVATIONS)

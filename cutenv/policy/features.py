@@ -8,6 +8,7 @@ gets there is the tip.  Both answers are among the features, and nothing that a 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,15 +16,12 @@ from numpy.typing import NDArray
 
 from cutenv.compiled import compiled, for_kernels
 from cutenv.cutting.records import Record, Records
-from cutenv.policy.tip_estimate import (
-    SHALLOWEST,
-    nominal_friction_per_depth,
-    nominal_stiffness_per_depth,
-    remember_depth,
-    tip_behind,
-)
+from cutenv.elementary import log, tanh
+from cutenv.policy.tip_estimate import SHALLOWEST, remember_depth, tip_behind
+from cutenv.task.estimate import PRESLIDING, dragged
 from cutenv.task.observation import BOUND, COMPONENTS, SCALES, checked_observation
 from cutenv.tissue.description import measured_liver
+from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
 from cutenv.tissue.specimen import N_POINTS, SPACING
 from cutenv.validation import in_range
 
@@ -52,6 +50,8 @@ MEMORY: np.dtype[Any] = np.dtype(
             ("depths", "f8", (N_POINTS,)),  # of cut, as far as the blade has been [m]
             ("passed", "i8"),  # how many of them
             ("furthest", "f8"),  # of the blade so far [m]
+            ("last", "f8"),  # position at the last decision [m]
+            ("bristle", "f8"),  # deflection of friction's bristles [m]
             ("steady", "i8"),  # decisions for which the blade has drawn back
             ("back_from", "f8"),  # where that began [m]
             ("position", "f8"),  # at the last decision, or where it last was that far from here [m]
@@ -174,16 +174,17 @@ def new_memory(cuts: int, history: int) -> tuple[Records, NDArray[np.float64]]:
     return np.zeros(cuts, MEMORY), np.zeros((cuts, history, _CHANNELS))
 
 
-_NOMINAL_STIFFNESS = nominal_stiffness_per_depth(measured_liver())
-_NOMINAL_FRICTION = nominal_friction_per_depth(measured_liver())
-_NOTHING = np.zeros(1, MEMORY)
-_NOTHING["friction_per_depth"] = _NOMINAL_FRICTION
-_NOTHING["stiffness_ratio"] = 1.0
+@lru_cache(maxsize=1)
+def _nothing() -> Records:
+    nothing = np.zeros(1, MEMORY)
+    nothing["friction_per_depth"] = nominal_tissue(measured_liver())["friction_per_depth"]
+    nothing["stiffness_ratio"] = 1.0
+    return nothing
 
 
 def forget(memory: Records, frames: NDArray[np.float64], cuts: int | NDArray[np.int64]) -> None:
     """Begin a cut anew, or several, by their numbers."""
-    memory[cuts] = _NOTHING[0]
+    memory[cuts] = _nothing()[0]
     frames[cuts] = 0.0
 
 
@@ -196,7 +197,7 @@ def extract_batch(
     """The features, shape (n, size), of all cuts, or of some by their numbers, for observations, shape (n, 12)."""
     features = np.empty((len(observations), feature_count(frames.shape[1])), np.float32)
     cuts = np.arange(len(memory)) if cuts is None else cuts
-    if not extract_some(memory, frames, cuts, _NOMINAL_STIFFNESS, _NOMINAL_FRICTION, observations, features):
+    if not extract_some(memory, frames, cuts, nominal_tissue(measured_liver()), observations, features):
         checked_observation(observations)  # says what is wrong
     return features
 
@@ -206,8 +207,7 @@ def extract_some(
     memory: Records,
     frames: Records,
     cuts: Records,
-    stiffness_per_depth: Records,
-    friction_per_depth: float,
+    nominals: Records,
     observations: Records,
     features: Records,
 ) -> bool:
@@ -221,7 +221,7 @@ def extract_some(
                 return False
     for k in range(len(cuts)):
         n = cuts[k]
-        _extract(memory[n], frames[n], stiffness_per_depth, friction_per_depth, observations[k], features[k])
+        _extract(memory[n], frames[n], nominals[0], observations[k], features[k])
     return True
 
 
@@ -229,8 +229,7 @@ def extract_some(
 def _extract(
     memory: Record,
     frames: Records,
-    stiffness_per_depth: Records,
-    friction_per_depth: float,
+    nominal: Record,
     observation: Records,
     features: Records,
 ) -> None:
@@ -241,14 +240,16 @@ def _extract(
     target = position + observation[_DISTANCE] * SCALES[_DISTANCE]
 
     memory.passed = remember_depth(memory.depths, memory.passed, position, depth)
+    memory.bristle = dragged(memory.bristle, position - memory.last)
+    memory.last = position
+    sense = memory.bristle / PRESLIDING
     memory.furthest = max(memory.furthest, position)
-    _watch(memory, stiffness_per_depth, position, speed, force, depth)
+    _watch(memory, nominal, position, speed, force, depth)
 
-    sense = 0.0 if speed == 0.0 else math.copysign(1.0, speed)
-    elastic = max(force - sense * friction_per_depth * depth, 0.0)
-    nominal_tip = tip_behind(position, elastic, stiffness_per_depth, memory.depths, memory.passed)
+    elastic = max(force - sense * nominal.friction_per_depth * depth, 0.0)
+    nominal_tip = tip_behind(position, elastic, nominal, memory.depths, memory.passed)
     elastic = max(force - sense * memory.friction_per_depth * depth, 0.0) / memory.stiffness_ratio
-    tip = max(tip_behind(position, elastic, stiffness_per_depth, memory.depths, memory.passed), memory.tip)
+    tip = max(tip_behind(position, elastic, nominal, memory.depths, memory.passed), memory.tip)
 
     k = len(observation)
     for i in range(k):
@@ -257,13 +258,13 @@ def _extract(
     features[k + 1] = (position - nominal_tip) / _LENGTH
     features[k + 2] = (target - tip) / _LENGTH
     features[k + 3] = (position - tip) / _LENGTH
-    features[k + 4] = math.tanh((target - tip) / _FINE)
+    features[k + 4] = tanh((target - tip) / _FINE)
     features[k + 5] = memory.probed
     features[k + 6] = memory.probed * (target - memory.tip) / _LENGTH
-    features[k + 7] = memory.probed * math.tanh((target - memory.tip) / _FINE)
+    features[k + 7] = memory.probed * tanh((target - memory.tip) / _FINE)
     features[k + 8] = memory.probed * (memory.furthest - memory.tip) / _LENGTH
-    features[k + 9] = math.log(memory.stiffness_ratio)
-    features[k + 10] = memory.friction_per_depth / friction_per_depth - 1.0
+    features[k + 9] = log(memory.stiffness_ratio)
+    features[k + 10] = memory.friction_per_depth / nominal.friction_per_depth - 1.0
     features[k + 11] = (memory.furthest - position) / _LENGTH
     features[k + 12] = force / depth / _FORCE_PER_DEPTH
     features[k + 13] = observation[_MAX] * SCALES[_MAX] / depth / _FORCE_PER_DEPTH
@@ -286,9 +287,7 @@ def _extract(
 
 
 @for_kernels
-def _watch(
-    memory: Record, stiffness_per_depth: Records, position: float, speed: float, force: float, depth: float
-) -> None:
+def _watch(memory: Record, nominal: Record, position: float, speed: float, force: float, depth: float) -> None:
     """While the blade draws back, read off stiffness, friction and tip."""
     if speed < _STEADY:
         if memory.steady == 0:
@@ -303,7 +302,7 @@ def _watch(
         fell = memory.force - force
         if force < 0.0 and fell < _FLAT and memory.position - position > _FLAT_OVER:
             memory.friction_per_depth = -force / depth
-            _find_tip(memory, stiffness_per_depth, depth)
+            _find_tip(memory, nominal, depth)
         elif force > _STEEP - memory.friction_per_depth * depth:
             memory.count += 1
             memory.x += drawn_back
@@ -313,14 +312,14 @@ def _watch(
             if memory.count == 1:
                 memory.nearest = drawn_back
             if memory.count > 1 and drawn_back - memory.nearest > _SPAN:
-                _find_tip(memory, stiffness_per_depth, depth)
+                _find_tip(memory, nominal, depth)
     if memory.steady <= 1 or memory.position - position > _FLAT_OVER:  # however often it decides
         memory.position = position
         memory.force = force
 
 
 @for_kernels
-def _find_tip(memory: Record, stiffness_per_depth: Records, depth: float) -> None:
+def _find_tip(memory: Record, nominal: Record, depth: float) -> None:
     """Follow the straight line of the force down to friction."""
     n = memory.count
     if n < 2:
@@ -332,7 +331,7 @@ def _find_tip(memory: Record, stiffness_per_depth: Records, depth: float) -> Non
     mean_x, mean_F = memory.x / n, memory.F / n
     tip = memory.back_from - mean_x - (mean_F + memory.friction_per_depth * depth) / slope
     place = min(max(round(tip / SPACING), 0), memory.passed - 1)
-    ratio = slope / (stiffness_per_depth[place] * memory.depths[place])
+    ratio = slope / nominal_stiffness(nominal, place, memory.depths[place])
     if _SOFTEST < ratio < _STIFFEST and tip > memory.tip - 0.003:
         memory.tip = tip
         memory.stiffness_ratio = ratio

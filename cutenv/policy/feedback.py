@@ -142,7 +142,7 @@ class UnloadProbe:
 
     SPEED = 0.010  # [m/s]
     _SETTLED = 0.08  # [s] of drawing back, after which a delayed force no longer holds the friction of before
-    _FLAT, _FLAT_OVER = 0.1, 0.0008  # [N] by which a force that is all friction changes over so many [m]
+    _FLAT, _FLAT_OVER = 0.07, 0.001  # [N] by which a force that is all friction changes over so many [m]
     _STEEP = 0.15  # [N] above friction: still elastic
 
     def __init__(self) -> None:

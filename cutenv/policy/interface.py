@@ -11,7 +11,7 @@ from cutenv.task.gentle_cutting import GentleCutting
 
 
 class Policy(Protocol):
-    """A policy for ``cutenv/GentleCut-v0`` and everything with the same spaces."""
+    """A policy for ``cutenv/GentleCut-v1`` and everything with the same spaces."""
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the last cut; ``rng`` is the only source of chance for the next."""

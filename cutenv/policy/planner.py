@@ -81,7 +81,7 @@ class Search:
     def plain_plans(self) -> Records:
         """One speed and one angle throughout, and many places to stop."""
         speeds, angles = np.array([0.0254, 0.0190, 0.0127, 0.0064]), np.radians([45.0, 60.0, 90.0])
-        stops = self._target + np.linspace(-0.004, 0.016, 21)
+        stops = self._target + np.linspace(-0.004, 0.044, 33)  # the blade leads the tip by up to 4 cm
         v, theta, stop = (grid.ravel() for grid in np.meshgrid(speeds, angles, stops, indexing="ij"))
         plans = np.zeros(len(v), PLAN)
         plans["speed"], plans["angle"] = v[:, None], theta[:, None]

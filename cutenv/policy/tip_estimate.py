@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.compiled import compiled, for_kernels
-from cutenv.cutting.records import Records
+from cutenv.cutting.records import Record, Records
+from cutenv.task.estimate import PRESLIDING, dragged
 from cutenv.task.observation import OFFSETS, SCALES, checked_observation
 from cutenv.tissue.description import TissueDescription, measured_liver
-from cutenv.tissue.drawing import unit_stiffness
 from cutenv.tissue.grid import N_POINTS, SPACING
+from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
 
-_FORCE, _POSITION, _SPEED, _DEPTH = 0, 4, 5, 7  # components of the observation
+_FORCE, _POSITION, _DEPTH = 0, 4, 7  # components of the observation
 _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
 SHALLOWEST = 0.001
 """Depth of cut that is counted at least [m]."""
@@ -33,45 +32,35 @@ class TipEstimate:
     """
 
     def __init__(self, tissue: TissueDescription | None = None) -> None:
-        tissue = tissue or measured_liver()
-        self._stiffness_per_depth = nominal_stiffness_per_depth(tissue)
-        self._friction_per_depth = nominal_friction_per_depth(tissue)
+        self._nominal = nominal_tissue(tissue or measured_liver())
         self._depths = np.zeros(N_POINTS)
         self.reset()
 
     def reset(self) -> None:
         """Forget the last cut."""
         self._passed = 0
+        self._bristle = self._position = 0.0
 
     def __call__(self, observation: NDArray[np.float32]) -> float:
         """The tip [m] for an observation, shape (12,), of the cut since :meth:`reset`."""
         seen = checked_observation(observation) * SCALES + OFFSETS
-        self._passed, tip = _estimate(
-            seen, self._stiffness_per_depth, self._friction_per_depth, self._depths, self._passed
+        self._passed, self._bristle, self._position, tip = _estimate(
+            seen, self._nominal, self._depths, self._passed, self._bristle, self._position
         )
         return tip
 
 
-def nominal_stiffness_per_depth(tissue: TissueDescription) -> NDArray[np.float64]:
-    """K/B of the mean tissue, shape (301,) [N/m2]."""
-    return tissue.intercept_90 * unit_stiffness(tissue)
-
-
-def nominal_friction_per_depth(tissue: TissueDescription) -> float:
-    """Friction on a moving blade in the mean tissue [N/m]."""
-    return tissue.friction_share * tissue.fracture_resistance
-
-
 @compiled
 def _estimate(
-    seen: Records, stiffness_per_depth: Records, friction_per_depth: float, depths: Records, passed: int
-) -> tuple[int, float]:
-    position, speed = max(seen[_POSITION], 0.0), seen[_SPEED]
+    seen: Records, nominals: Records, depths: Records, passed: int, bristle: float, before: float
+) -> tuple[int, float, float, float]:
+    nominal = nominals[0]
+    position = max(seen[_POSITION], 0.0)
     depth = max(seen[_DEPTH], SHALLOWEST)
     passed = remember_depth(depths, passed, position, depth)
-    friction = math.copysign(friction_per_depth * depth, speed) if speed != 0.0 else 0.0
-    elastic = max(seen[_FORCE] - friction, 0.0)
-    return passed, tip_behind(position, elastic, stiffness_per_depth, depths, passed)
+    bristle = dragged(bristle, position - before)
+    elastic = max(seen[_FORCE] - bristle / PRESLIDING * nominal.friction_per_depth * depth, 0.0)
+    return passed, bristle, position, tip_behind(position, elastic, nominal, depths, passed)
 
 
 @compiled
@@ -88,10 +77,10 @@ def remember_depth(depths: Records, passed: int, position: float, depth: float) 
 
 
 @for_kernels
-def tip_behind(position: float, elastic: float, stiffness_per_depth: Records, depths: Records, passed: int) -> float:
-    """The tip [m] behind a blade at ``position`` [m] that feels an elastic force [N]."""
+def tip_behind(position: float, elastic: float, nominal: Record, depths: Records, passed: int) -> float:
+    """The tip [m] behind a blade at ``position`` [m] that feels an elastic force [N], in the mean tissue."""
     tip = position
     for _ in range(_ITERATIONS):
         place = min(max(round(tip / SPACING), 0), passed - 1)
-        tip = position - elastic / (stiffness_per_depth[place] * depths[place])
+        tip = position - elastic / nominal_stiffness(nominal, place, depths[place])
     return max(tip, 0.0)

@@ -12,7 +12,7 @@ drive does not yield to it, and the sensor sits behind it."""
 
 
 def environment_arguments(identified: Identified) -> dict[str, float]:
-    """Keyword arguments for ``gymnasium.make("cutenv/GentleCut-v0", ...)`` in SI: only what was measured.
+    """Keyword arguments for ``gymnasium.make("cutenv/GentleCut-v1", ...)`` in SI: only what was measured.
 
     Examples
     --------

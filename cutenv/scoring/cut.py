@@ -18,6 +18,7 @@ from cutenv.scoring.doubts import LONGEST, cut_off, spoiled, two_cuts
 from cutenv.scoring.metric import Unavailable
 from cutenv.terms import RUN_WINDOW, SMALLEST_RUN
 from cutenv.tissue import CutModel, TissueDescription, measured_liver
+from cutenv.tissue.slab import effective_depth
 from cutenv.trace import Trace
 from cutenv.validation import array_in_range, in_range
 
@@ -279,11 +280,20 @@ class ScoredCut:
 
     @cached_property
     def modulus(self) -> float:
-        """Local effective modulus that the tip is estimated with [Pa]: the cut's own if it shows, else the tissue's."""
-        back, model = self._return_stroke, self.model
+        """Modulus of the material that the tip is estimated with [Pa]: the cut's own if it shows, else the tissue's."""
+        back = self._return_stroke
         if back is None or back.stiffness <= 0.0:
-            return self.tissue.intercept_90 if self.own_modulus is None else self.own_modulus
-        return back.stiffness / float(model.stiffness(back.tip) * self.profile.at(back.tip))
+            return self.tissue.modulus if self.own_modulus is None else self.own_modulus
+        return back.stiffness / float(self.stiffness(1.0, np.asarray(back.tip)))
+
+    def stiffness(self, modulus: float, tip: Array) -> Array:
+        """K [N/m] of a slab of that modulus [Pa], with the tip at places [m] of this cut."""
+        a = np.clip(tip, 0.0, self.model.length)
+        return (
+            modulus
+            * np.asarray(self.model.stiffness(a))
+            * effective_depth(a, self.profile.at(tip), self.tissue.thickness)
+        )
 
     @cached_property
     def elastic_force(self) -> Array:
@@ -303,7 +313,7 @@ class ScoredCut:
 
     @cached_property
     def own_modulus(self) -> float | None:
-        """Slow, upright modulus that the cut's own loading ramps show [Pa]; None if too few are steady.
+        """Modulus of the material that the cut's own loading ramps show [Pa]; None if too few are steady.
 
         Livers differ by a third: with the mean liver's modulus the tip is known half as well. Calibrated tissue
         loads in its own way and is taken as it was calibrated.
@@ -318,7 +328,9 @@ class ScoredCut:
                 friction_per_depth=self._usual_friction,
                 smallest_drop=max(_DROP * float(self.force.max()), 1e-6),
             )
-            ramps = zip(found.modulus, found.segments, strict=True)
+            depth = self.profile.at(found.position)
+            moduli = found.modulus * depth / effective_depth(found.position, depth, self.tissue.thickness)
+            ramps = zip(moduli, found.segments, strict=True)
             slow = [E / loading_ratio(float(s.speed or 0.0), s.angle) for E, s in ramps]
         except ValueError:
             return None  # beyond what was measured of liver: other angles, say
@@ -327,13 +339,12 @@ class ScoredCut:
     @cached_property
     def _estimated_tip(self) -> Array:
         """Blade less elastic force over stiffness; a cut never heals, so it never goes back."""
-        elastic, x, B, model = self.elastic_force, self.position, self.profile, self.model
+        elastic, x = self.elastic_force, self.position
         back = self._return_stroke
         moves = self.advancing
         a = x.copy()
         for _ in range(_ROUNDS):
-            K = self.modulus * np.asarray(model.stiffness(np.clip(a, 0.0, model.length)))
-            a = x - elastic / (K * np.maximum(B.at(a), SHALLOWEST))
+            a = x - elastic / self.stiffness(self.modulus, a)
         a = np.where(moves & (elastic > 0.0), a, -np.inf)
         tip = np.maximum(np.maximum.accumulate(a), min(float(x[0]), 0.0))
         return np.minimum(tip, back.tip) if back is not None else tip

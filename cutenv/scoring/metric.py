@@ -20,7 +20,7 @@ INVARIANCES: dict[Invariance, str] = {
     "force_offset": "a sensor's zero does not matter",
     "resampling": "the rate of readings does not matter, from 200 Hz on, within 5 %",
     "rest_after": "a second of rest in the unloaded tissue after the cut adds nothing, within 2 %",
-    "units": "halving a cut's force and depth together changes nothing",
+    "units": "doubling a cut's force and depth and the slab's thickness together changes nothing",
 }
 """What a metric may promise; each has one test for all that do."""
 

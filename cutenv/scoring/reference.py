@@ -18,8 +18,11 @@ from cutenv.validation import one_of
 Array = NDArray[np.float64]
 
 SCHEMA = "cutenv-reference/1"
-SHIPPED = {"baselines": "reference/baselines.csv"}
-"""Reference sets that come with the package, by name."""
+SHIPPED = {"baselines": "reference/baselines.csv", "force-alone": "reference/force_alone.csv"}
+"""Reference sets that come with the package, by name: of the present tissue, and of the first one.
+
+Records of force alone keep the first, frozen: what they show is no cut of ours, and their numbers should not move.
+"""
 FEWEST = 20
 """Cuts of a reference set below which a percentile says nothing."""
 _TIE = 1e-4  # of the value, or of the largest one: the files hold five digits

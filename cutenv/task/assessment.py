@@ -43,7 +43,7 @@ DECELERATION = 0.1
 TIME_SCALE = 30.0
 """Time that costs its weight once [s]."""
 WORST_STORED = 2.0
-"""Stored energy charged to an end for safety, in R B 3 mm: a tip 12 mm behind at F = R B."""
+"""Most that stored energy is charged for at an end, in R B 3 mm: a tip 12 mm behind at F = R B."""
 
 _PROGRESS, _UNCONTROLLED, _JUMP, _FORCE, _LAG, _BACKWARD, _HASTE, _TIME, _TIP, _WEDGE, _STORED, _SAFETY = range(12)
 _FINISHED, _FORCE_LIMIT, _OVERSHOOT, _DEADLINE = range(1, 5)
@@ -235,7 +235,7 @@ def charge(task: Record, progress: Record, profile: Record, tally: Tally, angle:
     terms[:] = 0.0
     terms[_PROGRESS] = (min(tally.tip, L) - min(tip_before, L)) / L
     terms[_UNCONTROLLED] -= task.uncontrolled * tally.uncontrolled / L
-    terms[_JUMP] -= task.jump * tally.jumped / 0.010**2
+    terms[_JUMP] -= task.jump * tally.jumped / (0.010 * 0.010)
     terms[_FORCE] -= task.force * tally.over_force * TICK / 100.0
     terms[_LAG] -= task.lag * tally.over_lag * TICK / 0.010
     terms[_BACKWARD] -= task.backward * tally.backward / L
@@ -253,7 +253,7 @@ def charge_end(task: Record, progress: Record, profile: Record, terms: Records) 
     stored = 0.5 * stiffness_at(profile, a)[0] * lag(x, a) ** 2
     terms[_TIP] -= task.tip_error * min(tip_error(a, task.target) / TIP_TOLERANCE, TIP_ERROR_CAP)
     terms[_WEDGE] -= wedge(progress.angle, task.wedge)  # as deep as the weight: costs as much as it is wide
-    terms[_STORED] -= task.stored * stored / (toughness_at(profile, a) * 0.003)
+    terms[_STORED] -= task.stored * min(stored / (toughness_at(profile, a) * 0.003), WORST_STORED)
     if progress.end in (_FORCE_LIMIT, _OVERSHOOT):
         time_left = max(task.deadline - progress.time, 0.0)
         terms[_SAFETY] -= task.time * time_left / TIME_SCALE

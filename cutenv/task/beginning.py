@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.compiled import compiled, compiled_for_cores
+from cutenv.compiled import compiled, compiled_for_cores, for_kernels
 from cutenv.cutting.records import Record, Records
 from cutenv.portions import Portions, claim, finish
 from cutenv.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, Integer, uniform_at
@@ -13,6 +13,8 @@ from cutenv.task.cuts import Cuts
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, fill
 from cutenv.tissue.drawing import draw_along, is_vascular, smooth_field
 from cutenv.tissue.grid import N_POINTS
+from cutenv.tissue.nominal import nominal_stiffness
+from cutenv.tissue.slab import fill_stiffness
 
 SHORTEST, LONGEST = 0.060, 0.100
 """Range from which the target length is drawn [m]."""
@@ -41,6 +43,15 @@ def measure_depth(seed: Integer, episode: Integer, noise: float, modes: Array, d
         measured[i] = max(depth[i] + noise * measured[i], SHALLOWEST)
 
 
+@for_kernels
+def expect(nominal: Record, profile: Record) -> None:
+    """Fill stiffness and toughness of a ``profile`` with those of the mean tissue at its depth of cut."""
+    for i in range(N_POINTS):
+        depth = profile.depth[i]
+        profile.stiffness[i] = nominal_stiffness(nominal, i, depth)
+        profile.toughness[i] = nominal.toughness_per_depth * depth
+
+
 @compiled
 def rest(task: Record, nominal: Record, angle: float, observation: Records) -> None:
     """The observation at the start: the blade at rest at the clamp, force tared to zero."""
@@ -60,7 +71,6 @@ def begin_some(
     source: int,
     from_truth: bool,
     target: float,
-    steepest: float,
     recipe: Records,
     modes: Array,
     depth_noise: float,
@@ -88,14 +98,14 @@ def begin_some(
         Whether friction is known to the assessment, or that of the mean tissue is used.
     target : float
         Length of every cut [m]; 0: drawn.
-    steepest, recipe, modes
+    recipe, modes
         See :func:`cutenv.tissue.drawing.draw_along`.
     depth_noise, depth_modes
         See :func:`measure_depth`.
     observations : array of float32, shape (n, 12)
         Filled for the cuts of ``which``.
     vascular : array of int8, shape (n,)
-        1 for a drawn specimen with vessels, 0 without; -1 where none was smooth enough.
+        1 for a drawn specimen with vessels, 0 without.
     """
     k, end = claim(passed, core, 1)
     while k < end:
@@ -117,22 +127,20 @@ def begin_some(
         else:
             vessels = source == VASCULAR or (source == MIXED and is_vascular(seed, episode))
             friction = draw_along(
-                seed, episode, vessels, 0.0, steepest, recipe[0], modes, along.modulus, along.fracture_resistance
+                seed, episode, vessels, 0.0, recipe[0], modes, along.modulus, along.fracture_resistance
             )
-            vascular[n] = -1 if friction < 0.0 else (1 if vessels else 0)
+            vascular[n] = 1 if vessels else 0
             cuts.laws[n].friction_per_depth = friction
             if from_truth:
                 cuts.tasks[n].friction_per_depth = friction
             fracture_share = 1.0 - recipe[0].friction_share
+            fill_stiffness(recipe[0].slab, along.modulus, recipe[0].effective_depth, recipe[0].share, profile.stiffness)
             for i in range(N_POINTS):
                 depth = recipe[0].depth[i]
-                profile.stiffness[i] = along.modulus[i] * recipe[0].unit_stiffness[i] * depth
                 profile.toughness[i] = fracture_share * along.fracture_resistance[i] * depth
                 profile.depth[i] = depth
         measure_depth(seed, episode, depth_noise, depth_modes, profile.depth, nominal.depth)
-        for i in range(N_POINTS):
-            nominal.stiffness[i] = start.per_depth[0].stiffness[i] * nominal.depth[i]
-            nominal.toughness[i] = start.per_depth[0].toughness[i] * nominal.depth[i]
+        expect(start.expected[0], nominal)
         rest(cuts.tasks[n], nominal, cuts.states[n].angle, observations[n])
         finish(passed, core, 1)
         k, end = claim(passed, core, 1)

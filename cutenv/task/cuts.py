@@ -21,11 +21,12 @@ from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
 from cutenv.task.records import PROGRESS, TASK, TERMS
 from cutenv.task.told import CODES, TOLD, tell
 from cutenv.tissue.grid import N_POINTS
+from cutenv.tissue.nominal import NOMINAL
 
 SPECIMEN: np.dtype[Any] = np.dtype(
     (np.record, [("modulus", "f8", (N_POINTS,)), ("fracture_resistance", "f8", (N_POINTS,))])
 )
-"""What is told of a specimen beyond its profile: local effective modulus [Pa], measured kind of resistance [J/m2]."""
+"""What is told of a specimen beyond its profile: modulus of the material [Pa], measured kind of resistance [J/m2]."""
 
 
 # Numbers of a record.  Numba compiles what is given a literal integer for that integer alone, but not these.
@@ -50,8 +51,8 @@ class Cuts(NamedTuple):
     progresses: Records
     nominals: Records
     """The profiles that a rig expects."""
-    per_depth: Records
-    """Their stiffness [N/m2] and toughness [N/m] over depth; shape (1,), the same for all cuts."""
+    expected: Records
+    """The mean tissue that these are made of; shape (1,), the same for all cuts."""
     specimens: Records
 
     @classmethod
@@ -66,7 +67,7 @@ class Cuts(NamedTuple):
             tasks=np.zeros(count, TASK),
             progresses=np.zeros(count, PROGRESS),
             nominals=np.zeros(count, PROFILE),
-            per_depth=np.zeros(1, PROFILE),
+            expected=np.zeros(1, NOMINAL),
             specimens=np.zeros(count, SPECIMEN),
         )
 

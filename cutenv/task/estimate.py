@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from cutenv.compiled import for_kernels
+from cutenv.compiled import for_kernels, inlined
 from cutenv.cutting.law import depth_at, stiffness_at
+from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.records import TICK, Record, Records
 from cutenv.terms import RUN_WINDOW, SMALLEST_RUN
 
-_SETTLE = 50  # updates for which the blade must keep its direction: a delayed force holds the friction of before
+PRESLIDING = LawParameters().presliding_length
+"""Motion over which friction is taken to turn [m]."""
+_SETTLE = 50  # updates for which friction must have kept its direction: a delayed force holds that of before
 _WINDOW = round(RUN_WINDOW / TICK)  # updates, whatever the decision rate
 _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
+
+
+@inlined
+def dragged(bristle: float, moved: float) -> float:
+    """Deflection [m] of friction's bristles after the blade has moved: friction turns over a length, and then holds."""
+    return min(max(bristle + moved, -PRESLIDING), PRESLIDING)
 
 
 @for_kernels
@@ -34,10 +43,10 @@ def estimated(
     an unstable run, booked at their last millisecond.  ``progress`` remembers.
     """
     friction = task.friction_per_depth * depth_at(nominal, x)
-    moving = 1.0 if speed > 0.0 else (-1.0 if speed < 0.0 else 0.0)
-    progress.settled = progress.settled + 1 if moving == progress.direction else 0
-    progress.direction = moving
-    elastic = max(force - moving * friction, 0.0)
+    bristle = dragged(progress.bristle, speed * TICK)
+    progress.settled = progress.settled + 1 if bristle == progress.bristle else 0
+    progress.bristle = bristle
+    elastic = max(force - bristle / PRESLIDING * friction, 0.0)
     guess = a
     for _ in range(_ITERATIONS):
         guess = x - elastic / stiffness_at(nominal, max(guess, 0.0))[0]

@@ -9,32 +9,27 @@ from cutenv.compiled import compiled, for_kernels
 from cutenv.cutting.records import PROFILE, Records
 from cutenv.plant.interface import Plant
 from cutenv.task.assessment import assess, charge_end, succeeded
-from cutenv.task.beginning import rest
+from cutenv.task.beginning import expect, rest
 from cutenv.task.cuts import total
 from cutenv.task.estimate import estimate
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, SPEED_SCALE, observe
 from cutenv.task.records import ENDS, EPISODE, STOPPED, TERMS
 from cutenv.task.weights import Limits, RewardWeights, task_record
 from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.drawing import unit_stiffness
+from cutenv.tissue.nominal import nominal_tissue
 
 
 def nominal_profile(tissue: TissueDescription, depth: NDArray[np.float64]) -> Records:
     """What a rig expects to cut, shape (1,): mean modulus and resistance, and the depth measured beforehand [m]."""
     profile = np.zeros(1, PROFILE)
-    per_depth = nominal_per_depth(tissue)
     profile["depth"] = depth
-    profile["stiffness"] = per_depth["stiffness"] * depth
-    profile["toughness"] = per_depth["toughness"] * depth
+    _expect(nominal_tissue(tissue), profile)
     return profile
 
 
-def nominal_per_depth(tissue: TissueDescription) -> Records:
-    """A rig's expectation over the depth of cut, shape (1,): stiffness [N/m2] and toughness [N/m]; depth 1."""
-    profile = np.ones(1, PROFILE)
-    profile["stiffness"] = tissue.intercept_90 * unit_stiffness(tissue)
-    profile["toughness"] = (1.0 - tissue.friction_share) * tissue.fracture_resistance
-    return profile
+@compiled
+def _expect(nominal: Records, profiles: Records) -> None:
+    expect(nominal[0], profiles[0])
 
 
 @compiled

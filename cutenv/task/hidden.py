@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.compiled import compiled
-from cutenv.cutting.law import depth_at, elastic_force, stiffness_at, toughness_at
+from cutenv.cutting.law import depth_at, elastic_force, force_to_grow, stiffness_at, toughness_at
 from cutenv.cutting.records import Records
 from cutenv.task.cuts import Cuts
 from cutenv.task.observation import BOUND
@@ -15,7 +15,7 @@ HIDDEN = (
     "distance from tip to target [cm]",
     "lag of the tip behind the blade [cm]",
     "elastic force over R B at the tip [1]",
-    "its value at the last arrest [1]",
+    "its value above which a loading blade cuts [1]",
     "ledger over R B 1 mm [1]",
     "K over 500 N/m",
     "R over 200 J/m2 at the tip",
@@ -33,26 +33,33 @@ def reveal(cuts: Cuts, features: NDArray[np.float32], which: NDArray[np.int64]) 
     It is what :data:`HIDDEN` names, clipped as observations are.
     """
     seen = np.empty((len(features), features.shape[1] + len(HIDDEN)), np.float32)
-    _reveal(cuts.states, cuts.profiles, cuts.tasks, features, which, seen)
+    _reveal(cuts.states, cuts.profiles, cuts.laws, cuts.tasks, features, which, seen)
     return seen
 
 
 @compiled
 def _reveal(
-    states: Records, profiles: Records, tasks: Records, features: Records, which: Records, seen: Records
+    states: Records,
+    profiles: Records,
+    laws: Records,
+    tasks: Records,
+    features: Records,
+    which: Records,
+    seen: Records,
 ) -> None:
     """Fill ``seen``."""
     hidden = np.empty(len(HIDDEN))
     size = features.shape[1]
     for m in range(len(which)):
         n = which[m]
-        state, profile = states[n], profiles[n]
+        state, profile, law = states[n], profiles[n], laws[n]
         a = state.tip
         toughness = toughness_at(profile, a)
         hidden[0] = (tasks[n].target - a) / 0.01
         hidden[1] = (state.blade - a) / 0.01
-        hidden[2] = elastic_force(profile, state.blade, a) / toughness
-        hidden[3] = min(state.arrest_ratio, 2.0)
+        hidden[2] = elastic_force(profile, state.blade - state.creep, a) / toughness
+        growing = force_to_grow(law, state.arrest_ratio, state.held_force, state.pushing, toughness)
+        hidden[3] = growing / toughness
         hidden[4] = state.ledger / (toughness * 0.001)
         hidden[5] = stiffness_at(profile, a)[0] / 500.0
         for k in range(len(_AHEAD)):

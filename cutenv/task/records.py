@@ -57,7 +57,10 @@ PROGRESS: np.dtype[Any] = np.dtype(
             ("furthest", "f8"),  # of the blade so far [m]
             ("quiet", "f8"),  # time for which the blade has been at rest and unloaded [s]
             ("time", "f8"),  # since reset [s]
-            ("direction", "f8"),  # of the blade: 1, 0 or -1, and for how many updates it has had it
+            (
+                "bristle",
+                "f8",
+            ),  # deflection of what holds the blade's faces [m], and for how many updates it was the same
             ("settled", "i8"),
             ("out_of_range", "i8"),  # updates of this step at a speed outside the measured range
             ("updates", "i8"),  # of this step, up to the end if there is one

@@ -19,7 +19,7 @@ TRUTH = (
     "uncontrolled_m",
     "target_length_m",
 )
-"""The hidden state: tip, blade, resistance and modulus at the tip, eta, runs so far and their length, target."""
+"""The hidden state: tip, blade, resistance and material's modulus at the tip, eta, runs and their length, target."""
 COST = ("force_N", "overshoot_m")
 """Breaches: largest force above the limit in the step, overshoot of the tip so far."""
 

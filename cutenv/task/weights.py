@@ -1,4 +1,4 @@
-"""Weights of the reward and limits of the task: version 0 of the environment.
+"""Weights of the reward and limits of the task.
 
 They were corrected once, before any agent was compared, because with the weights first drafted (:data:`DRAFT`) a cut at
 the greatest speed and inclination, held throughout, was the best constant feed, and slow cuts of tough tissue were paid
@@ -46,7 +46,12 @@ class RewardWeights:
         0.2, unit="1", low=0.0, high=100.0, provenance="choice", why="at the end, per wedge as wide as deep"
     )
     stored: float = parameter(
-        0.1, unit="1", low=0.0, high=100.0, provenance="choice", why="at the end, per fracture energy of 3 mm"
+        0.1,
+        unit="1",
+        low=0.0,
+        high=100.0,
+        provenance="choice",
+        why="at the end, per fracture energy of 3 mm, up to 6 mm",
     )
 
     def __post_init__(self) -> None:

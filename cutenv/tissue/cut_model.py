@@ -10,8 +10,9 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cutenv.tissue.elasticity import FORMULATIONS, lame_parameters, strain_energy_density
-from cutenv.tissue.mesh import ACROSS, ALONG, ELEMENT_KINDS, CutMesh, checked_divisions, read_only
+from cutenv.tissue.elasticity import FORMULATIONS, LARGEST_POISSON, POISSON_CURE, strain_energy_density
+from cutenv.tissue.mesh import ACROSS, ALONG, ELEMENT_KINDS, CutMesh, ElementKind, checked_divisions, read_only
+from cutenv.tissue.mixed import mixed_strain_energy_density
 from cutenv.tissue.tip_interpolation import TipInterpolation
 from cutenv.tissue.tip_response import TipResponse, stiffness_matrix, tip_responses
 from cutenv.validation import array_in_range, in_range, one_of
@@ -42,13 +43,14 @@ class CutModel:
 
     Parameters
     ----------
-    element : {"quad8", "quad4", "hex20"}
-        8-node serendipity quadrilateral, 4-node quadrilateral, 20-node serendipity brick; all integrated
-        fully.
+    element : {"quad8", "quad4", "quad8_mixed", "hex20"}
+        8-node serendipity quadrilateral, 4-node quadrilateral, the first with the pressure as a further unknown
+        on its corners (Taylor-Hood, see `cutenv.tissue.mixed`), 20-node serendipity brick.
     formulation : {"plane_stress", "plane_strain", "solid"}
-        ``"solid"`` goes with ``"hex20"``, the plane ones with the quadrilaterals.
+        ``"solid"`` goes with ``"hex20"``, ``"plane_strain"`` with ``"quad8_mixed"``, the plane ones with the others.
     poisson : float
-        Poisson's ratio [1], 0 to 0.499.
+        Poisson's ratio [1], 0 to 0.499, for ``"quad8_mixed"`` to 0.5. Nearly incompressible, the others lock in
+        plane strain and in 3-D (they are too stiff), less so with reduced integration.
     width, length : float
         Of the specimen, across and along the cut [m], 1 mm to 5 m.
     thickness : float
@@ -60,6 +62,9 @@ class CutModel:
         Modulus of each element over the common one that the methods take [1], 1e-6 to 1e6. Elements are in
         the order of `element_centres`: reshaped to `divisions` the array is indexed by the place across (from
         -x to +x), along (from the clamp) and through the specimen. By default uniform.
+    integration : {"full", "reduced"}
+        Gauss points of each element: 3 x 3 and 3 x 3 x 3 of the quadratic ones, or 2 x 2 and 2 x 2 x 2 of
+        ``"quad8"`` and ``"hex20"``, which makes them softer.
 
     Raises
     ------
@@ -88,6 +93,7 @@ class CutModel:
     thickness: float = 0.01
     divisions: tuple[int, ...] | None = None
     relative_modulus: NDArray[np.float64] | None = None
+    integration: str = "full"
 
     def __post_init__(self) -> None:
         one_of("element", self.element, ELEMENT_KINDS)
@@ -98,9 +104,15 @@ class CutModel:
                 f"element={self.element!r} does not go with formulation={self.formulation!r}: bricks are "
                 f"solid, quadrilaterals plane stress or plane strain. Ask for {cure}, or change the other."
             )
-        lame_parameters(self.formulation, self.poisson)  # refuses a Poisson's ratio that has no model
+        one_of("integration", self.integration, ("full", "reduced"))
+        if self.element == "quad8_mixed" and self.formulation != "plane_strain":
+            raise ValueError(
+                f'element="quad8_mixed" does not go with formulation={self.formulation!r}, which does not lock. '
+                'Ask for formulation="plane_strain", or for element="quad8".'
+            )
+        largest = 0.5 if self._kind.has_pressure else LARGEST_POISSON
         settled: dict[str, object] = {
-            "poisson": float(self.poisson),
+            "poisson": in_range("poisson", self.poisson, 0.0, largest, "1", POISSON_CURE),
             "width": in_range("width", self.width, 1e-3, 5.0, "m", _METRES),
             "length": in_range("length", self.length, 1e-3, 5.0, "m", _METRES),
             "thickness": in_range("thickness", self.thickness, 1e-4, 0.5, "m", _METRES),
@@ -114,7 +126,7 @@ class CutModel:
 
     def __reduce__(self) -> tuple[type[CutModel], tuple[object, ...]]:
         # The arguments are the model; a copy computes again what it is asked for.
-        return type(self), (*self._scalars, self.relative_modulus)
+        return type(self), (*self._scalars[:-1], self.relative_modulus, self.integration)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, CutModel):
@@ -125,7 +137,7 @@ class CutModel:
         return hash((self._scalars, self._modulus_bytes))
 
     def __repr__(self) -> str:
-        names = ("element", "formulation", "poisson", "width", "length", "thickness", "divisions")
+        names = ("element", "formulation", "poisson", "width", "length", "thickness", "divisions", "integration")
         arguments = ", ".join(f"{n}={v!r}" for n, v in zip(names, self._scalars, strict=True))
         modulus = "" if self.relative_modulus is None else ", relative_modulus=..."
         return f"CutModel({arguments}{modulus})"
@@ -140,6 +152,7 @@ class CutModel:
             self.length,
             self.thickness,
             self.divisions,
+            self.integration,
         )
 
     @property
@@ -168,13 +181,18 @@ class CutModel:
 
     @property
     def n_equations(self) -> int:
-        """Number of unknowns; the clamped and the tied ones count, as in Table 4.3."""
-        return self.n_nodes * self.dim
+        """Number of unknowns; the clamped and the tied ones count, as in Table 4.3, and pressures, if there are any."""
+        return self._mesh.n_unknowns
+
+    @property
+    def _kind(self) -> ElementKind:
+        kind = ELEMENT_KINDS[self.element]
+        return kind if self.integration == "full" else kind.reduced()
 
     @cached_property
     def _mesh(self) -> CutMesh:
         size = (self.width, self.length, self.thickness)[: self.dim]
-        return CutMesh(kind=ELEMENT_KINDS[self.element], divisions=self._divisions, size=size)
+        return CutMesh(kind=self._kind, divisions=self._divisions, size=size)
 
     @property
     def nodes(self) -> NDArray[np.float64]:
@@ -322,8 +340,11 @@ class CutModel:
         e = in_range("modulus", modulus, 1e-6, 1e12, "Pa", _POSITIVE_MODULUS)
         if displacement.shape != self.nodes.shape:
             raise ValueError(f"displacement has shape {displacement.shape}; give one of each node, {self.nodes.shape}.")
-        unit = strain_energy_density(self._mesh.basis, displacement.ravel(), self.formulation, self.poisson)
-        return e * unit * (1.0 if self.relative_modulus is None else self.relative_modulus)
+        mesh, u = self._mesh, displacement.ravel()
+        relative = np.ones(self.n_elements) if self.relative_modulus is None else self.relative_modulus
+        if mesh.kind.has_pressure:
+            return e * mixed_strain_energy_density(mesh.basis, mesh.pressure_basis, u, self.poisson, relative)
+        return e * relative * strain_energy_density(mesh.basis, u, self.formulation, self.poisson)
 
     @overload
     def convert_modulus(self, modulus: float, to: CutModel, cut_length: float) -> float: ...

@@ -10,17 +10,20 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
 from cutenv.parameter import check_parameters, parameter
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.derivation import derived_value
 from cutenv.tissue.evidence import Calibration
 from cutenv.tissue.fracture import measured_fracture_resistance
 from cutenv.tissue.modulus import linear_fit
+from cutenv.tissue.slab import THICKNESS, slab_of
 from cutenv.tissue.spread import mean_depth_of_cut, modulus_spread
 from cutenv.tissue.thickness import rise_length_for
 from cutenv.validation import one_of
 
-SCHEMA = "cutenv-tissue/1"
+SCHEMA = "cutenv-tissue/2"
 _MEASURED = (0.0215, 0.12)  # from the first segment of Table 4.1 to the end of travel (thesis 3.3.2) [m]
 
 
@@ -29,12 +32,14 @@ class TissueDescription:
     """Values and spread of one kind of tissue, from which specimens are drawn; SI units.
 
     :func:`measured_liver` gives pig liver as measured; the defaults here are only near it.  For a tissue of your own,
-    replace fields of it, and set ``modulus_scale`` and ``fracture_scale`` to 1: they belong to the liver's spread, and
-    ``scripts/fit_specimens.py`` shows how they were fitted.  Class ``uniform`` uses neither.
-    :func:`cutenv.measurement.calibrate` makes one from records, and says in ``calibration`` what it rests on.
+    replace fields of it.  :func:`cutenv.measurement.calibrate` makes one from records, and says in ``calibration`` what
+    it rests on.
 
-    Every modulus is a local effective modulus and belongs to the finite-element model named by ``element``,
-    ``formulation``, ``poisson`` and the default mesh; use :meth:`CutModel.convert_modulus` for another.
+    ``modulus`` and its spread are the material's.  The intercepts and slopes are local effective moduli: slope of a
+    loading increment over kappa and depth, as a cut shows them.  In a slab that is not cut through they are higher than
+    the material's modulus, and of them only the ratios to ``intercept_90`` enter the law.  All belong to the
+    finite-element model named by ``element``, ``formulation``, ``poisson`` and the default mesh; use
+    :meth:`CutModel.convert_modulus` for another.
     """
 
     name: str = "near pig liver"
@@ -77,19 +82,20 @@ class TissueDescription:
     speed_max: float = parameter(
         0.0254, unit="m/s", low=1e-4, high=0.5, provenance="measured", why="fastest speed of Table 5.6"
     )
-    modulus_scale: float = parameter(
-        1.0, unit="1", low=0.1, high=10.0, provenance="derived",
-        why="mean modulus before draws that are too steep are drawn again; those kept measure Table 5.6",
+    modulus: float = parameter(
+        38e3, unit="Pa", low=100.0, high=1e8, provenance="derived",
+        why="mean of the material: virtual cuts of drawn specimens, taken per depth, then show Table 5.6",
     )  # fmt: skip
     modulus_between_liver_cv: float = parameter(
         0.0, unit="1", low=0.0, high=1.0, provenance="measured", why="variance components of Tables 5.2-5.4"
     )
     modulus_between_cut_cv: float = parameter(
-        0.25, unit="1", low=0.0, high=1.0, provenance="measured", why="variance components of Tables 5.2-5.4"
-    )
+        0.25, unit="1", low=0.0, high=1.0, provenance="derived",
+        why="virtual cuts show the spread between cuts of Tables 5.2-5.4, less what the field within a cut adds",
+    )  # fmt: skip
     modulus_within_cut_cv: float = parameter(
-        0.2, unit="1", low=0.0, high=1.0, provenance="derived",
-        why="virtual cuts through the bulge show the within-cut spread of Tables 5.2-5.4",
+        0.2, unit="1", low=0.0, high=1.0, provenance="assumed",
+        why="the bulge alone explains Table 5.2, and no field does Tables 5.3 and 5.4", sweep=(0.1, 0.35),
     )  # fmt: skip
     correlation_length: float = parameter(
         0.020, unit="m", low=0.005, high=0.1, provenance="assumed",
@@ -99,13 +105,10 @@ class TissueDescription:
         211.0, unit="J/m2", low=1.0, high=1e5, provenance="derived",
         why="virtual cuts of 1 to 4 inches have the mean apparent resistance of Table 6.1; 0.24 kJ/m2 is 240 J/m2",
     )  # fmt: skip
-    fracture_scale: float = parameter(
-        1.0, unit="1", low=0.1, high=10.0, provenance="derived",
-        why="mean resistance before draws that are too steep are drawn again, over the mean of those kept",
-    )  # fmt: skip
     fracture_between_cut_cv: float = parameter(
-        0.37, unit="1", low=0.0, high=2.0, provenance="measured", why="Table 6.1: spread between cuts"
-    )
+        0.37, unit="1", low=0.0, high=2.0, provenance="derived",
+        why="virtual cuts show the spread between cuts of Table 6.1",
+    )  # fmt: skip
     fracture_within_cut_cv: float = parameter(
         0.2, unit="1", low=0.0, high=1.0, provenance="assumed", why="not measured", sweep=(0.1, 0.3)
     )
@@ -115,8 +118,11 @@ class TissueDescription:
     )  # fmt: skip
     eta90: float = parameter(
         0.28, unit="1", low=0.0, high=0.95, provenance="derived",
-        why="unit length of Table 4.1's cut, by scripts/derive_eta90.py", sweep=(0.2, 0.45),
+        why="unit length of Table 4.1's cut, taken for 1 cm deep (scripts/derive_eta90.py)", sweep=(0.2, 0.45),
     )  # fmt: skip
+    thickness: float = parameter(
+        THICKNESS, unit="m", low=1e-3, high=0.1, provenance="measured", why="of the slab, thesis 3.2"
+    )
     edge_depth: float = parameter(
         0.001, unit="m", low=1e-4, high=0.05, provenance="measured", why="depth from 0 to 2 cm, thesis 5.4"
     )
@@ -124,8 +130,8 @@ class TissueDescription:
         0.020, unit="m", low=1e-3, high=0.1, provenance="measured", why="depth from 0 to 2 cm, thesis 5.4"
     )
     rise_length: float = parameter(
-        0.015, unit="m", low=1e-3, high=0.1, provenance="derived",
-        why="mean depth = Table 5.5 over Table 5.6, over the stretch where segments were measured",
+        0.08, unit="m", low=1e-3, high=1.0, provenance="derived",
+        why="from edge to crown: virtual cuts see the depth of Table 5.5 over Table 5.6, less its standard error",
     )  # fmt: skip
     mean_depth: float = parameter(
         0.0149, unit="m", low=1e-4, high=0.05, provenance="measured", why="Table 5.5 over Table 5.6"
@@ -139,8 +145,13 @@ class TissueDescription:
         fields = [field.name for field in dataclasses.fields(self)]
         for each in self.calibration.evidence if self.calibration else ():
             one_of("evidence of", each.name, fields)
-        one_of("element", self.element, ("quad4", "quad8", "hex20"))
-        one_of("formulation", self.formulation, ("plane_stress", "plane_strain", "solid"))
+        one_of("element", self.element, ("quad4", "quad8"))
+        one_of("formulation", self.formulation, ("plane_stress", "plane_strain"))
+        if self.crown_depth > self.thickness:
+            raise ValueError(
+                f"crown_depth = {self.crown_depth:g} m must not exceed thickness = {self.thickness:g} m: "
+                "a cut is no deeper than the slab."
+            )
         if not self.speed_min < self.speed_max:
             raise ValueError(f"speed_min = {self.speed_min:g} m/s must be below speed_max = {self.speed_max:g} m/s.")
         if (
@@ -152,6 +163,10 @@ class TissueDescription:
     def cut_model(self) -> CutModel:
         """The finite-element model to which the moduli belong."""
         return _cut_model(self.element, self.formulation, self.poisson)
+
+    def slab(self) -> NDArray[Any]:
+        """What the stiffness along a specimen is made of, see :mod:`cutenv.tissue.slab`."""
+        return slab_of(self.element, self.formulation, self.poisson)
 
     def to_json(self) -> str:
         """JSON text, read back exactly by :meth:`from_json`."""
@@ -218,15 +233,17 @@ def tables_only(**changes: Any) -> TissueDescription:
         "mean_depth": mean_depth,
         "rise_length": rise_length_for(mean_depth, edge=0.001, crown=0.020, length=0.15, between=_MEASURED),
     }
+    # Twelve digits: beyond them least squares and means differ between machines.
+    values = {name: float(f"{value:.12g}") if isinstance(value, float) else value for name, value in values.items()}
     return TissueDescription(**(values | changes))
 
 
 FITTED = (
-    "modulus_scale",
-    "modulus_within_cut_cv",
+    "modulus",
     "modulus_between_cut_cv",
+    "rise_length",
     "fracture_resistance",
-    "fracture_scale",
+    "fracture_between_cut_cv",
 )
 """Fields fitted by ``scripts/fit_specimens.py``: virtual measurement of drawn specimens against the tables."""
 

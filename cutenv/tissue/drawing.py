@@ -6,7 +6,6 @@ Every number is a pure function of a key (seed and episode), of what it is for a
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.compiled import compiled, for_kernels
+from cutenv.elementary import exp, tanh
 from cutenv.randomness import (
     CLASS_DRAW,
     CUT,
@@ -28,10 +28,8 @@ from cutenv.randomness import (
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.field import field_modes, lognormal_sigma
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
+from cutenv.tissue.slab import SLAB, partial_depth
 from cutenv.tissue.thickness import bulge
-
-ATTEMPTS = 1000
-"""Draws that are too steep, after which a tissue counts as too uneven."""
 
 INCLUSION_FACTOR = (1.5, 2.5)
 """Toughness of an inclusion over that of its surroundings (assumed)."""
@@ -42,7 +40,7 @@ INCLUSION_PLACE = (0.015, 0.095)
 _INCLUSION_EDGE = 0.25e-3  # [m], width of the transition at either end
 _EDGES = 20.0  # beyond so many of which tanh is 1 in every digit
 _INCLUSIONS = 2  # at most
-_NUMBERS = 1024  # of a field's, for each attempt
+_FIRST = np.int64(0)  # number of a field: of a literal Numba would compile a version of its own
 
 Record = Any
 Array = NDArray[np.float64]
@@ -59,9 +57,10 @@ RECIPE: np.dtype[Any] = np.dtype(
             ("resistance_cut_sigma", "f8"),
             ("resistance_within_sigma", "f8"),
             ("friction_share", "f8"),
-            ("eta90", "f8"),
-            ("unit_stiffness", "f8", (N_POINTS,)),  # kappa [1]
             ("depth", "f8", (N_POINTS,)),  # B [m]
+            ("effective_depth", "f8", (N_POINTS,)),  # T g [m] and
+            ("share", "f8", (N_POINTS,)),  # c [1] of that depth, see cutenv.tissue.slab
+            ("slab", SLAB),
         ],
     )
 )
@@ -72,27 +71,25 @@ RECIPE: np.dtype[Any] = np.dtype(
 def recipe(tissue: TissueDescription) -> NDArray[Any]:
     """:data:`RECIPE` of a tissue, shape (1,), not to be written to."""
     record = np.zeros(1, RECIPE)
-    record["modulus"] = tissue.intercept_90 * tissue.modulus_scale
+    record["modulus"] = tissue.modulus
     record["modulus_liver_sigma"] = lognormal_sigma(tissue.modulus_between_liver_cv)
     record["modulus_cut_sigma"] = lognormal_sigma(tissue.modulus_between_cut_cv)
     record["modulus_within_sigma"] = lognormal_sigma(tissue.modulus_within_cut_cv)
-    record["resistance"] = tissue.fracture_resistance * tissue.fracture_scale
+    record["resistance"] = tissue.fracture_resistance
     record["resistance_cut_sigma"] = lognormal_sigma(tissue.fracture_between_cut_cv)
     record["resistance_within_sigma"] = lognormal_sigma(tissue.fracture_within_cut_cv)
     record["friction_share"] = tissue.friction_share
-    record["eta90"] = tissue.eta90
-    record["unit_stiffness"] = unit_stiffness(tissue)
     record["depth"] = bulge_of(tissue)
+    record["slab"] = tissue.slab()
+    _fill_effective_depth(record, tissue.thickness)
     record.setflags(write=False)
     return record
 
 
-@lru_cache(maxsize=8)
-def unit_stiffness(tissue: TissueDescription) -> Array:
-    """Kappa at each point of a specimen, shape (301,) [1]."""
-    kappa: Array = np.asarray(tissue.cut_model().stiffness(np.arange(N_POINTS) * SPACING))
-    kappa.setflags(write=False)
-    return kappa
+@compiled
+def _fill_effective_depth(recipes: Array, thickness: float) -> None:
+    recipe = recipes[0]
+    partial_depth(recipe.slab, recipe.depth, thickness, recipe.effective_depth, recipe.share)
 
 
 @lru_cache(maxsize=8)
@@ -104,7 +101,7 @@ def bulge_of(tissue: TissueDescription) -> Array:
         crown=tissue.crown_depth,
         rise_length=tissue.rise_length,
         length=LENGTH,
-    )
+    ).round(9)  # to a nanometre: powers differ in last places between machines
     depth.setflags(write=False)
     return depth
 
@@ -117,7 +114,7 @@ def tissue_modes(tissue: TissueDescription) -> Array:
 @compiled
 def lognormal(normal: float, sigma: float) -> float:
     """Lognormal number of mean 1 from a standard normal one."""
-    return math.exp(sigma * normal - 0.5 * sigma**2)
+    return exp(sigma * normal - 0.5 * sigma**2)
 
 
 @for_kernels
@@ -142,13 +139,12 @@ def draw_along(
     episode: Integer,
     vascular: bool,
     liver_factor: float,
-    steepest: float,
     recipe: Record,
     modes: Array,
     modulus: Array,
     resistance: Array,
 ) -> float:
-    """Draw until a specimen is smooth enough; return its friction per depth [N/m], or -1 if none is.
+    """Draw a specimen; return its friction per depth [N/m].
 
     Parameters
     ----------
@@ -158,49 +154,29 @@ def draw_along(
         Whether to add one or two tough inclusions.
     liver_factor : float
         How much stiffer than the mean the liver is [1]; 0: to be drawn too.
-    steepest : float
-        Largest admissible K'(x - a)/K at initiation [1].
     recipe : Record
         :data:`RECIPE`.
     modes : array, shape (n_modes, 301)
         Of the fields.
     modulus, resistance : array, shape (301,)
-        Filled with the local effective modulus [Pa] and the fracture resistance [J/m2].
+        Filled with the modulus of the material [Pa] and the fracture resistance [J/m2].
     """
-    for attempt in range(ATTEMPTS):
-        liver = liver_factor
-        if liver == 0.0:
-            liver = lognormal(normal_at(seed, episode, CUT, 4 * attempt), recipe.modulus_liver_sigma)
-        cut = lognormal(normal_at(seed, episode, CUT, 4 * attempt + 1), recipe.modulus_cut_sigma)
-        mean_modulus = recipe.modulus * liver * cut
-        cut = lognormal(normal_at(seed, episode, CUT, 4 * attempt + 2), recipe.resistance_cut_sigma)
-        mean_resistance = recipe.resistance * cut
-        smooth_field(seed, episode, MODULUS_FIELD, _NUMBERS * attempt, modes, modulus)
-        smooth_field(seed, episode, RESISTANCE_FIELD, _NUMBERS * attempt, modes, resistance)
-        for i in range(N_POINTS):
-            modulus[i] = mean_modulus * lognormal(modulus[i], recipe.modulus_within_sigma)
-            resistance[i] = mean_resistance * lognormal(resistance[i], recipe.resistance_within_sigma)
-        if vascular:
-            _add_vessels(seed, episode, attempt, resistance)
-        if _is_smooth(modulus, resistance, recipe, steepest):
-            friction: float = recipe.friction_share * mean_resistance
-            return friction
-    return -1.0
-
-
-@for_kernels
-def _is_smooth(modulus: Array, resistance: Array, recipe: Record, steepest: float) -> bool:
-    """Whether K'(x - a)/K at initiation, 90 degrees, is nowhere above ``steepest``; see ``Specimen.steepness``."""
-    initiation = (1.0 + recipe.eta90) * (1.0 - recipe.friction_share)
+    liver = liver_factor
+    if liver == 0.0:
+        liver = lognormal(normal_at(seed, episode, CUT, _FIRST), recipe.modulus_liver_sigma)
+    cut = lognormal(normal_at(seed, episode, CUT, _FIRST + 1), recipe.modulus_cut_sigma)
+    mean_modulus = recipe.modulus * liver * cut
+    cut = lognormal(normal_at(seed, episode, CUT, _FIRST + 2), recipe.resistance_cut_sigma)
+    mean_resistance = recipe.resistance * cut
+    smooth_field(seed, episode, MODULUS_FIELD, _FIRST, modes, modulus)
+    smooth_field(seed, episode, RESISTANCE_FIELD, _FIRST, modes, resistance)
     for i in range(N_POINTS):
-        low, high = max(i - 1, 0), min(i + 1, N_POINTS - 1)
-        K = modulus[i] * recipe.unit_stiffness[i] * recipe.depth[i]
-        K_low = modulus[low] * recipe.unit_stiffness[low] * recipe.depth[low]
-        K_high = modulus[high] * recipe.unit_stiffness[high] * recipe.depth[high]
-        slope = (K_high - K_low) / ((high - low) * SPACING)
-        if slope * initiation * resistance[i] * recipe.depth[i] > steepest * K**2:
-            return False
-    return True
+        modulus[i] = mean_modulus * lognormal(modulus[i], recipe.modulus_within_sigma)
+        resistance[i] = mean_resistance * lognormal(resistance[i], recipe.resistance_within_sigma)
+    if vascular:
+        _add_vessels(seed, episode, resistance)
+    friction: float = recipe.friction_share * mean_resistance
+    return friction
 
 
 @for_kernels
@@ -209,19 +185,18 @@ def _between(limits: tuple[float, float], seed: Integer, episode: Integer, count
 
 
 @for_kernels
-def _add_vessels(seed: Integer, episode: Integer, attempt: int, resistance: Array) -> None:
+def _add_vessels(seed: Integer, episode: Integer, resistance: Array) -> None:
     """Multiply ``resistance`` by the factor of one or two tough inclusions; where they overlap the tougher counts."""
-    first = 8 * attempt
-    count = 1 + int(_INCLUSIONS * uniform_at(seed, episode, VESSELS, first))
+    count = 1 + int(_INCLUSIONS * uniform_at(seed, episode, VESSELS, _FIRST))
     factor = np.ones(N_POINTS)
     for vessel in range(count):
-        half = 0.5 * _between(INCLUSION_LENGTH, seed, episode, first + 3 * vessel + 1)
-        centre = _between(INCLUSION_PLACE, seed, episode, first + 3 * vessel + 2)
-        excess = _between(INCLUSION_FACTOR, seed, episode, first + 3 * vessel + 3) - 1.0
+        half = 0.5 * _between(INCLUSION_LENGTH, seed, episode, _FIRST + 3 * vessel + 1)
+        centre = _between(INCLUSION_PLACE, seed, episode, _FIRST + 3 * vessel + 2)
+        excess = _between(INCLUSION_FACTOR, seed, episode, _FIRST + 3 * vessel + 3) - 1.0
         reach = half + _EDGES * _INCLUSION_EDGE
         for i in range(max(int((centre - reach) / SPACING), 0), min(int((centre + reach) / SPACING) + 2, N_POINTS)):
             y = i * SPACING - centre
-            inside = 0.5 * (math.tanh((y + half) / _INCLUSION_EDGE) - math.tanh((y - half) / _INCLUSION_EDGE))
+            inside = 0.5 * (tanh((y + half) / _INCLUSION_EDGE) - tanh((y - half) / _INCLUSION_EDGE))
             factor[i] = max(factor[i], 1.0 + excess * inside)
     for i in range(N_POINTS):
         resistance[i] *= factor[i]
@@ -233,11 +208,10 @@ def draw_all_along(
     episode: Integer,
     vascular: bool,
     liver_factor: float,
-    steepest: float,
     recipes: Array,
     modes: Array,
     modulus: Array,
     resistance: Array,
 ) -> float:
     """:func:`draw_along` with an array of length 1 for the record, which a call from Python passes faster."""
-    return draw_along(seed, episode, vascular, liver_factor, steepest, recipes[0], modes, modulus, resistance)
+    return draw_along(seed, episode, vascular, liver_factor, recipes[0], modes, modulus, resistance)

@@ -8,7 +8,7 @@ clamp. What ties the two of a pair together are constraints, see :meth:`CutMesh.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -37,24 +37,41 @@ def read_only(array: NDArray[Number]) -> NDArray[Number]:
 class ElementKind:
     """What the name of an element stands for.
 
-    ``quadrature_degree`` asks scikit-fem for the full Gauss rule: 2 x 2, 3 x 3 and 3 x 3 x 3 points.
+    ``quadrature_degree`` asks scikit-fem for the full Gauss rule: 2 x 2, 3 x 3 and 3 x 3 x 3 points; that of an
+    element of `reduced` integration for one point less each way. `has_pressure`: an unknown on every corner besides.
     """
 
     element: type[Element]
     quadrature_degree: int
     divisions: tuple[int, ...]
     has_midside_nodes: bool
+    has_pressure: bool = False
 
     @property
     def dim(self) -> int:
         """Number of space dimensions."""
         return len(self.divisions)
 
+    def reduced(self) -> ElementKind:
+        """The same element with 2 x 2 or 2 x 2 x 2 Gauss points.
+
+        Raises
+        ------
+        ValueError
+            Of a linear element, one point of which lets its hourglass shapes go free, and of a mixed one.
+        """
+        if not self.has_midside_nodes or self.has_pressure:
+            raise ValueError('integration="reduced" goes with "quad8" and "hex20". Take one, or integration="full".')
+        return replace(self, quadrature_degree=3)
+
 
 # The divisions are the thesis's (sections 4.1 to 4.3): elements of 1 x 1 cm, bricks of 1 x 1 x 0.25 cm.
 ELEMENT_KINDS = {
     "quad4": ElementKind(ElementQuad1, quadrature_degree=3, divisions=(8, 15), has_midside_nodes=False),
     "quad8": ElementKind(ElementQuadS2, quadrature_degree=5, divisions=(8, 15), has_midside_nodes=True),
+    "quad8_mixed": ElementKind(
+        ElementQuadS2, quadrature_degree=5, divisions=(8, 15), has_midside_nodes=True, has_pressure=True
+    ),
     "hex20": ElementKind(ElementHexS2, quadrature_degree=5, divisions=(8, 15, 4), has_midside_nodes=True),
 }
 
@@ -92,7 +109,7 @@ class CutMesh:
     """Nodes and elements of the specimen, and which nodes face each other across the cut line.
 
     Unknowns are numbered node by node, ``dim * node + component``, as scikit-fem numbers them: first the
-    corners, then the mid-side nodes.
+    corners, then the mid-side nodes; the pressures of a mixed element, one a corner, come last.
 
     Parameters
     ----------
@@ -148,9 +165,19 @@ class CutMesh:
 
     @cached_property
     def basis(self) -> Basis:
-        """scikit-fem's basis of vector elements with full Gauss integration."""
+        """scikit-fem's basis of vector elements with the Gauss integration of the kind."""
         element = ElementVector(self.kind.element())
         return Basis(self.skfem_mesh, element, intorder=self.kind.quadrature_degree)
+
+    @cached_property
+    def pressure_basis(self) -> Basis:
+        """scikit-fem's basis of the pressure of a mixed element: continuous, bilinear, one unknown a corner."""
+        return self.basis.with_element(ElementQuad1())
+
+    @property
+    def n_unknowns(self) -> int:
+        """Number of displacements and pressures."""
+        return self.nodes.size + (len(self.corners) if self.kind.has_pressure else 0)
 
     @cached_property
     def nodes(self) -> NDArray[np.float64]:
@@ -206,7 +233,7 @@ class CutMesh:
         rows = self.dim * np.concatenate([left, right]) + ALONG
         columns = np.tile(np.arange(left.size), 2)
         halves = np.repeat([-0.5, 0.5], left.size)
-        return csr_array((halves, (rows, columns)), shape=(self.nodes.size, left.size))
+        return csr_array((halves, (rows, columns)), shape=(self.n_unknowns, left.size))
 
     @cached_property
     def slips_behind(self) -> NDArray[np.bool_]:
@@ -246,6 +273,7 @@ class CutMesh:
         follows[right] = unknown[left]
         follows[right[slipping], ALONG] = unknown[right[slipping], ALONG]
         clamped = self.half_steps[:, ALONG] == 0
-        rows = unknown[~clamped].ravel()
-        leaders, columns = np.unique(follows[~clamped].ravel(), return_inverse=True)
-        return csr_array((np.ones(rows.size), (rows, columns)), shape=(unknown.size, leaders.size))
+        pressures = np.arange(unknown.size, self.n_unknowns)
+        rows = np.concatenate([unknown[~clamped].ravel(), pressures])
+        leaders, columns = np.unique(np.concatenate([follows[~clamped].ravel(), pressures]), return_inverse=True)
+        return csr_array((np.ones(rows.size), (rows, columns)), shape=(self.n_unknowns, leaders.size))

@@ -1,8 +1,12 @@
 """The local effective modulus by speed and angle: fits to Tables 5.5 to 5.7 (equations 5.1 to 5.10).
 
-A local effective modulus (LEM) belongs to the model that it was found with: here 8 x 15 quadratic plane
-elements on 8 cm x 15 cm (section 4.2), with the formulation and Poisson's ratio asked for.
-``CutModel.convert_modulus`` takes it to another model.
+A local effective modulus (LEM) is what a cut shows: the slope of a loading increment over kappa and the depth of cut
+(equations 3.1 and 3.2). It is apparent: in a slab that is not cut through it is higher than the modulus of the material
+(``TissueDescription.modulus``), and friction and the lag of the tip are in it. The thesis's force is the norm of the
+sensor's three components (sections 3.3.2 and 5.3), so that vertical and lateral force are in it too.
+
+It belongs to the model that it was found with: here 8 x 15 quadratic plane elements on 8 cm x 15 cm (section 4.2), with
+the formulation and Poisson's ratio asked for. ``CutModel.convert_modulus`` takes it to another model.
 """
 
 from __future__ import annotations
@@ -174,7 +178,10 @@ def power_fit(*, formulation: Formulation = "plane_stress") -> PowerFit:
 
 
 def quasi_static_modulus() -> float:
-    """Return E0 [Pa], the LEM for v -> 0 at 90 deg: 48.4 kPa, Table 5.6 in plane stress (equation 5.5)."""
+    """Return E0 [Pa], the LEM for v -> 0 at 90 deg: 48.4 kPa, Table 5.6 in plane stress (equation 5.5).
+
+    It is no modulus of the material, which is lower: see ``TissueDescription.modulus``.
+    """
     return linear_fit("5.6", angle_deg=90, formulation="plane_stress").intercept
 
 
@@ -218,7 +225,9 @@ def local_effective_modulus(
     formulation : str
         ``"plane_stress"`` or ``"plane_strain"``.
     poisson : float
-        0.3, or 0.499 (depth-normalised only).
+        0.3, or 0.499 (depth-normalised only). 0.499 reads Table 5.7 as printed, which is an erratum: in plane stress
+        1.5 to 1.8 times the moduli at 0.3, where the elements and Table 4.4 differ by 2 %. For a model of that ratio
+        convert the moduli of 0.3 with ``CutModel.convert_modulus``.
     depth_normalised : bool
         True: from force per depth of cut (Tables 5.6, 5.7). False: from the force as measured, as if every
         cut were 1 cm deep (Table 5.5).

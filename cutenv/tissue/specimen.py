@@ -13,25 +13,14 @@ from numpy.typing import NDArray
 from cutenv.randomness import check_key
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, checked_fields, measured_liver
-from cutenv.tissue.drawing import (
-    ATTEMPTS,
-    bulge_of,
-    draw_all_along,
-    is_vascular,
-    lognormal,
-    recipe,
-    tissue_modes,
-    unit_stiffness,
-)
+from cutenv.tissue.drawing import bulge_of, draw_all_along, is_vascular, lognormal, recipe, tissue_modes
 from cutenv.tissue.field import lognormal_sigma
 from cutenv.tissue.grid import LENGTH, N_POINTS, POINTS_PER_METRE, SPACING
+from cutenv.tissue.slab import stiffness_along
 from cutenv.validation import array_in_range, in_range, one_of
 
 CLASSES = ("uniform", "liver", "vascular", "mixed")
-SCHEMA = "cutenv-specimen/1"
-
-STEEPEST = 0.5
-"""Of K'(x - a)/K at initiation: beyond, the point load no longer averages a smooth neighbourhood."""
+SCHEMA = "cutenv-specimen/2"
 
 Array = NDArray[np.float64]
 
@@ -40,16 +29,19 @@ __all__ = ["CLASSES", "LENGTH", "N_POINTS", "POINTS_PER_METRE", "SCHEMA", "SPACI
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Specimen:
-    """A slice of tissue along its cut line, from the clamp (0) to the free end (15 cm).
+    """A slab of tissue along its cut line, from the clamp (0) to the free end (15 cm).
 
     Parameters
     ----------
     modulus : array, shape (301,)
-        Local effective modulus at v -> 0 and 90 degrees, of ``tissue``'s finite-element model, every 0.5 mm [Pa].
+        Of the material, every 0.5 mm, as ``tissue``'s finite-element model takes it [Pa].  What a cut shows at a place,
+        its local effective modulus, is r K/(kappa B): K averages the neighbourhood, and is not proportional to B.
     fracture_resistance : array, shape (301,)
         Measured kind of resistance, its share of friction included [J/m2].
     depth : array, shape (301,)
-        Depth of cut B [m].
+        Depth of cut B, up to ``thickness`` [m].
+    thickness : float
+        Of the slab, T [m].
     friction_per_depth : float
         Friction on the moving blade per depth of cut [N/m].
     tissue : TissueDescription
@@ -61,6 +53,7 @@ class Specimen:
     modulus: Array
     fracture_resistance: Array
     depth: Array
+    thickness: float
     friction_per_depth: float
     tissue: TissueDescription
     specimen_class: str = "liver"
@@ -68,10 +61,11 @@ class Specimen:
     def __post_init__(self) -> None:
         one_of("specimen_class", self.specimen_class, CLASSES[:3])
         in_range("friction_per_depth", self.friction_per_depth, 0.0, 1e5, "N/m", "0.4 N/cm is 40.")
+        in_range("thickness", self.thickness, 1e-4, 0.1, "m", "2.5 cm is 0.025.")
         ranges = {
             "modulus": (100.0, 1e9, "Pa", "48.4 kPa is 48400."),
             "fracture_resistance": (1.0, 1e6, "J/m2", "0.211 kJ/m2 is 211."),
-            "depth": (1e-4, 0.1, "m", "2 cm is 0.02."),
+            "depth": (1e-4, self.thickness, "m", "A cut is no deeper than the slab is thick; 2 cm is 0.02."),
         }
         for name, (low, high, unit, cure) in ranges.items():
             values = array_in_range(name, getattr(self, name), low, high, unit, cure).copy()
@@ -87,19 +81,25 @@ class Specimen:
         modulus: float,
         fracture_resistance: float,
         depth: float,
+        thickness: float | None = None,
         friction_share: float | None = None,
         tissue: TissueDescription | None = None,
     ) -> Specimen:
-        """The same everywhere: modulus [Pa], fracture resistance [J/m2], depth [m]; friction share of ``tissue``."""
+        """The same everywhere: modulus [Pa], fracture resistance [J/m2], depth [m]; friction share of ``tissue``.
+
+        By default it is cut through: a slice as thick as the cut is deep.
+        """
         tissue = tissue or measured_liver()
         if friction_share is not None:
             tissue = dataclasses.replace(tissue, friction_share=friction_share)
         in_range("fracture_resistance", fracture_resistance, 1.0, 1e6, "J/m2", "0.211 kJ/m2 is 211.")
+        in_range("depth", depth, 1e-4, 0.1, "m", "2 cm is 0.02.")
         ones = np.ones(N_POINTS)
         return cls(
             modulus=modulus * ones,
             fracture_resistance=fracture_resistance * ones,
             depth=depth * ones,
+            thickness=depth if thickness is None else thickness,
             friction_per_depth=tissue.friction_share * fracture_resistance,
             tissue=tissue,
             specimen_class="uniform",
@@ -107,15 +107,15 @@ class Specimen:
 
     @classmethod
     def mean(cls, tissue: TissueDescription | None = None) -> Specimen:
-        """The mean of the livers that :meth:`draw` gives: no spread, but the bulge of a real slice."""
+        """The mean of the livers that :meth:`draw` gives: no spread, but the bulge of a real one."""
         tissue = tissue or measured_liver()
-        resistance = tissue.fracture_resistance * tissue.fracture_scale
         ones = np.ones(N_POINTS)
         return cls(
-            modulus=tissue.intercept_90 * tissue.modulus_scale * ones,
-            fracture_resistance=resistance * ones,
+            modulus=tissue.modulus * ones,
+            fracture_resistance=tissue.fracture_resistance * ones,
             depth=bulge_of(tissue),
-            friction_per_depth=tissue.friction_share * resistance,
+            thickness=tissue.thickness,
+            friction_per_depth=tissue.friction_share * tissue.fracture_resistance,
             tissue=tissue,
         )
 
@@ -145,7 +145,7 @@ class Specimen:
         Raises
         ------
         ValueError
-            If the class is unknown, or the tissue is so uneven that no smooth enough specimen is found.
+            If the class is unknown.
         """
         _check_generator(rng)
         if liver_factor is not None:
@@ -178,24 +178,24 @@ class Specimen:
         one_of("specimen_class", specimen_class, CLASSES)
         if specimen_class == "uniform":
             return cls.homogeneous(
-                modulus=tissue.intercept_90,
+                modulus=tissue.modulus,
                 fracture_resistance=tissue.fracture_resistance,
                 depth=tissue.mean_depth,
+                thickness=tissue.thickness,
                 tissue=tissue,
             )
         if specimen_class == "mixed":
             specimen_class = "vascular" if is_vascular(*key) else "liver"
         modulus, resistance = np.empty(N_POINTS), np.empty(N_POINTS)
         friction = draw_all_along(
-            *key, specimen_class == "vascular", liver_factor or 0.0, STEEPEST,
+            *key, specimen_class == "vascular", liver_factor or 0.0,
             recipe(tissue), tissue_modes(tissue), modulus, resistance,
         )  # fmt: skip
-        if friction < 0.0:
-            raise ValueError(too_uneven(tissue))
         return cls(
             modulus=modulus,
             fracture_resistance=resistance,
             depth=bulge_of(tissue),
+            thickness=tissue.thickness,
             friction_per_depth=friction,
             tissue=tissue,
             specimen_class=specimen_class,
@@ -206,18 +206,12 @@ class Specimen:
         return self.tissue.cut_model()
 
     def stiffness(self) -> Array:
-        """K = E0 kappa B at each point, shape (301,) [N/m]."""
-        return self.modulus * unit_stiffness(self.tissue) * self.depth
+        """K, the blade force over the blade's displacement, with the tip at each point, shape (301,) [N/m]."""
+        return stiffness_along(self.tissue.slab(), self.modulus, self.depth, self.thickness)
 
     def fracture_force(self) -> Array:
         """R B at each point, R without its share of friction, shape (301,) [N]."""
         return (1.0 - self.tissue.friction_share) * self.fracture_resistance * self.depth
-
-    def steepness(self) -> float:
-        """Largest K'(x - a)/K along the line when the force initiates growth at 90 degrees [1]."""
-        K = self.stiffness()
-        lag = (1.0 + self.tissue.eta90) * self.fracture_force() / K
-        return float(np.max(np.gradient(K, SPACING) * lag / K))
 
     def to_json(self) -> str:
         """JSON text, read back exactly by :meth:`from_json`."""
@@ -255,11 +249,3 @@ def draw_liver(rng: np.random.Generator, tissue: TissueDescription | None = None
 def _check_generator(rng: np.random.Generator) -> None:
     if not isinstance(rng, np.random.Generator):
         raise TypeError(f"rng = {rng!r} must be a numpy.random.Generator; cutenv.randomness.generator(seed) makes one.")
-
-
-def too_uneven(tissue: TissueDescription) -> str:
-    """What to say of a tissue of which no specimen is smooth enough."""
-    return (
-        f"no specimen of {tissue.name!r} in {ATTEMPTS} draws has K'(x - a)/K below {STEEPEST}: "
-        "reduce the within-cut spread or the fracture resistance, or lengthen the correlation or the rise."
-    )

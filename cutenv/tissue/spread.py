@@ -126,7 +126,18 @@ def mean_depth_of_cut(formulation: Formulation = "plane_stress") -> float:
     treats a ratio and its inverse alike, over the thirteen pairs that both tables have. Rough: the ratios run
     from 0.9 to 2.3, where section 5.4 has depths of 0 to about 2 cm.
     """
+    return float(np.exp(_log_depths(formulation).mean()))
+
+
+def depth_standard_error(formulation: Formulation = "plane_stress") -> float:
+    """Return the relative standard error of :func:`mean_depth_of_cut` [1], by the scatter of its thirteen pairs."""
+    logs = _log_depths(formulation)
+    return float(logs.std(ddof=1) / math.sqrt(len(logs)))
+
+
+def _log_depths(formulation: Formulation) -> NDArray[np.float64]:
+    """Logarithm of the depth [m] that each pair of Tables 5.5 and 5.6 tells."""
     one_of("formulation", formulation, ("plane_stress", "plane_strain"))
     columns = [f"lem_{formulation}_{angle}_deg_Pa" for angle in (90, 45)]
     ratios = np.concatenate([table("5.5")[column] / table("5.6")[column] for column in columns])
-    return float(np.exp(np.nanmean(np.log(ratios)))) * _MODEL_THICKNESS
+    return np.asarray(np.log(ratios[np.isfinite(ratios)] * _MODEL_THICKNESS))

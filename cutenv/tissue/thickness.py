@@ -8,31 +8,34 @@ from scipy.optimize import brentq
 
 from cutenv.validation import in_range
 
-_SHARPNESS = 6.0  # n below: how suddenly the rise ends in the crown; 1 is logistic, infinity a kink
-_FALL = 0.4  # length of the fall at the free end over that of the rise: a cut does not reach it
+_SHARPNESS = 6.0  # n below: how suddenly the rise ends in the crown; infinity is a kink
+_FALL = 0.01  # length of the fall at the free end [m]: not even the blade reaches it
 
 
 def bulge(y: ArrayLike, *, edge: float, crown: float, rise_length: float, length: float) -> NDArray[np.float64]:
     """Depth of cut B [m] at distances ``y`` [m] from the clamp, any shape.
 
-    Exponential rise from the edge (so that dB/dy / B never exceeds 1/rise_length, which keeps the lag of the tip short
-    against the change of stiffness), saturating at the crown, and a shorter fall toward the free end::
+    A straight rise from the edge, saturating at the crown, and a short fall toward the free end::
 
-        (crown / B)^n = 1 + q (exp(-n y / rise) + exp(-n (length - y) / fall)),   q = (crown / edge)^n - 1
+        1 / B^n = 1 / crown^n + 1 / rise(y)^n + 1 / fall(length - y)^n
+
+    with n = 6, rise(y) = edge + (crown - edge) y / rise_length, and fall alike over 1 cm.  Where the depth grows so,
+    the stiffness changes slowly over the length by which the blade leads the tip: a crack that runs into ever stiffer
+    tissue would find no energy to go on.
 
     Parameters
     ----------
     edge, crown, rise_length, length : float
-        Depth at the clamp and at the crown, length over which a thin edge grows by a factor e, specimen length [m].
+        Depth at the clamp and at the crown, length over which the one grows to the other, specimen length [m].
     """
     in_range("edge", edge, 1e-4, 0.05, "m", "The measured range of depth is 0.001 to 0.02 m.")
     in_range("crown", crown, edge, 0.1, "m", "The crown is no thinner than the edge.")
-    in_range("rise_length", rise_length, 1e-4, 1.0, "m")
-    n = _SHARPNESS
+    in_range("rise_length", rise_length, 1e-3, 1.0, "m")
     y = np.asarray(y, dtype=np.float64)
-    q = (crown / edge) ** n - 1.0
-    tails = np.exp(-n * y / rise_length) + np.exp(-n * (length - y) / (_FALL * rise_length))
-    return np.asarray(crown * (1.0 + q * tails) ** (-1.0 / n))
+    slope = crown - edge
+    sides = (edge + slope * y / rise_length, edge + slope * np.maximum(length - y, 0.0) / _FALL)
+    total = 1.0 + sum((crown / side) ** _SHARPNESS for side in sides)
+    return np.asarray(crown * total ** (-1.0 / _SHARPNESS))
 
 
 def rise_length_for(
@@ -51,7 +54,7 @@ def rise_length_for(
         depth = bulge(y, edge=edge, crown=crown, rise_length=rise, length=length)
         return float(depth.mean() - mean_depth)
 
-    low, high = 1e-3, 0.1
+    low, high = 1e-3, 1.0
     if not excess(high) < 0.0 < excess(low):
         raise ValueError(
             f"mean_depth = {mean_depth:g} m cannot be had from a bulge of {edge:g} to {crown:g} m. "

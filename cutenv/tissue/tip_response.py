@@ -25,8 +25,9 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import SuperLU, splu
 
-from cutenv.tissue.elasticity import elastic_form
+from cutenv.tissue.elasticity import elastic_form, solid_stiffness
 from cutenv.tissue.mesh import ALONG, CutMesh
+from cutenv.tissue.mixed import mixed_stiffness
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,6 +51,8 @@ def stiffness_matrix(
 ) -> csr_array[np.float64]:
     """Stiffness of the two unconstrained halves at unit modulus (and, in 2-D, unit thickness).
 
+    Of a mixed element it is the indefinite matrix of displacements and pressures, in plane strain.
+
     Parameters
     ----------
     mesh : CutMesh
@@ -65,16 +68,24 @@ def stiffness_matrix(
         In 2-D a pure number, in 3-D in metres.
     """
     modulus = np.ones(len(mesh.elements)) if relative_modulus is None else relative_modulus
+    if mesh.kind.has_pressure:
+        return mixed_stiffness(mesh.basis, mesh.pressure_basis, poisson, modulus)
+    if formulation == "solid":
+        return solid_stiffness(mesh.basis.with_element(mesh.kind.element()), poisson, modulus)
     return csr_array(elastic_form(formulation, poisson, modulus).assemble(mesh.basis))
 
 
-def factorise(stiffness: csr_array[np.float64], constraints: csr_array[np.float64]) -> SuperLU:
-    """Factorise the stiffness of the free unknowns as a symmetric positive definite matrix.
+def factorise(
+    stiffness: csr_array[np.float64], constraints: csr_array[np.float64], *, definite: bool = True
+) -> SuperLU:
+    """Factorise the stiffness of the free unknowns.
 
-    Minimum degree on the symmetric pattern without pivoting takes about half the time of the default
-    ordering.
+    Where it is positive definite, minimum degree on the symmetric pattern without pivoting takes about half the
+    time of the default ordering; that of a mixed element is not, and is pivoted.
     """
     constrained = (constraints.T @ stiffness @ constraints).tocsc()
+    if not definite:
+        return splu(constrained)
     return splu(constrained, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
@@ -101,7 +112,7 @@ def tip_responses(mesh: CutMesh, stiffness: csr_array[np.float64], *, slipping: 
     TipResponse
     """
     tied = mesh.constraints()
-    factors = factorise(stiffness, tied)
+    factors = factorise(stiffness, tied, definite=not mesh.kind.has_pressure)
     n_free = tied.shape[1]
     blade = blade_unknowns(mesh, tied)
     n_tips, n_through = blade.shape
@@ -128,5 +139,5 @@ def tip_responses(mesh: CutMesh, stiffness: csr_array[np.float64], *, slipping: 
     if slipping:
         slips = -solve_triangular(factor, np.einsum("stm,tm->st", driven, shares), lower=True, trans="T")  # s
         displacement += mesh.slips @ slips - tied @ (coupled @ slips)
-    fields = np.ascontiguousarray(displacement.T).reshape(n_tips, *mesh.nodes.shape)
+    fields = np.ascontiguousarray(displacement[: mesh.nodes.size].T).reshape(n_tips, *mesh.nodes.shape)
     return TipResponse(stiffness=tip_stiffness, fields=fields)

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from agreement import (
+    beads,
     cutting,
     derived,
     drawn_tables,
     elements,
+    errata,
     friction,
     measuring,
     meshes,
@@ -26,6 +28,9 @@ COMPARISONS: dict[str, Callable[[bool], Comparison]] = {
     "poisson": models.poisson,
     "bricks": models.bricks,
     "four-nodes": models.four_nodes,
+    "incompressible": models.incompressible,
+    "element-size": models.element_size,
+    "beads": beads.beads,
     "averages": moduli.averages,
     "equations": moduli.equations,
     "fits": moduli.fits,
@@ -33,7 +38,6 @@ COMPARISONS: dict[str, Callable[[bool], Comparison]] = {
     "livers-by-cut": drawn_tables.cuts_by_cuts,
     "livers-5-5": drawn_tables.average_tables("5.5"),
     "livers-5-6": drawn_tables.average_tables("5.6"),
-    "livers-5-7": drawn_tables.average_tables("5.7"),
     "livers-equations": drawn_tables.equations,
     "livers-6-1": drawn_tables.resistance,
     "eta90": derived.eta90,
@@ -50,6 +54,7 @@ COMPARISONS: dict[str, Callable[[bool], Comparison]] = {
     "law-units": worked_check.units_and_share,
     "law-force": worked_check.peak_and_slope,
     "law-energy": worked_check.lag_and_energy,
+    "errata": errata.errata,
 }
 """By short name; each takes whether to be quick."""
 

@@ -139,7 +139,7 @@ def resistance_of_livers(quick: bool) -> Comparison:
         rows=tuple(rows),
         notes=(
             "What the law still owes when the blade turns (up to R B l, l = 1.5 mm) no measurement can know; in a "
-            "short cut through a thin edge it is several per cent.",
+            "short, fast cut through a thin edge it can be more than a tenth.",
         ),
     )
 

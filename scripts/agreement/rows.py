@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 SHOWN = "not a target"
 """Tolerance of a row that is shown for what it is worth."""
@@ -93,6 +93,11 @@ def near(
     return Row(
         what=what, reference=format(reference, form), ours=format(ours, form), tolerance=tolerance, agrees=agrees
     )
+
+
+def unclaimed(row: Row) -> Row:
+    """The same row as it is shown where the reference is an erratum."""
+    return replace(row, tolerance=SHOWN, agrees=None)
 
 
 def printed_as(what: str, printed: float, ours: float, digit: float) -> Row:

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.measurement import DepthProfile, Segment
+from cutenv.measurement.loading_ratio import loading_ratio
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.randomness import generator
-from cutenv.tissue import Specimen, local_effective_modulus, measured_fracture_resistance, measured_liver
+from cutenv.tissue import Specimen, measured_fracture_resistance, measured_liver
 from cutenv.tissue.specimen import N_POINTS, SPACING
 from cutenv.tissue.tables import table
-from cutenv.tissue.thickness import bulge
 from cutenv.trace import Trace
 
 INCH = 0.0254  # [m]
@@ -49,10 +49,11 @@ class VirtualCut(NamedTuple):
         return self._replace(trace=self.trace.select(slice(stop)), readings=self.readings[:stop])
 
     def true_moduli(self, segments: Sequence[Segment]) -> Array:
-        """LEM [Pa] that the law was given at each segment's speed, angle and tip."""
+        """LEM [Pa] that an exact slope shows at each segment's tip, speed and angle: r K/(kappa B)."""
         tips = [float(self.tip[s.samples].mean()) for s in segments]
-        relative = np.interp(tips, PLACES, self.specimen.modulus) / self.specimen.tissue.intercept_90
-        return relative * np.array([local_effective_modulus(s.speed, s.angle or math.pi / 2) for s in segments])
+        r = np.array([loading_ratio(s.speed or 0.0, s.angle) for s in segments])
+        K, B = (np.interp(tips, PLACES, values) for values in (self.specimen.stiffness(), self.specimen.depth))
+        return np.asarray(r * K / (self.specimen.cut_model().stiffness(tips) * B))
 
     def true_resistance(self) -> float:
         """R [J/m2] that the law was given, friction's share included, mean over the area that was cut."""
@@ -68,7 +69,7 @@ class VirtualCut(NamedTuple):
 
 
 def specimen(kind: str, *, friction_share: float | None = None) -> Specimen:
-    """Homogeneous tissue 2 or 1 cm deep (``"2 cm"``, ``"1 cm"``) or with the bulge (``"bulge"``), or a liver.
+    """A slice 2 or 1 cm thick that is cut through (``"2 cm"``, ``"1 cm"``), a slab with the bulge, or a liver.
 
     ``"liver 7"`` is drawn with seed 7.
     """
@@ -77,18 +78,14 @@ def specimen(kind: str, *, friction_share: float | None = None) -> Specimen:
         tissue = dataclasses.replace(tissue, friction_share=friction_share)
     if kind.startswith("liver"):
         return Specimen.draw(generator(int(kind.split()[1])), specimen_class="liver", tissue=tissue)
-    even = Specimen.homogeneous(
+    if kind == "bulge":
+        return Specimen.mean(tissue)
+    return Specimen.homogeneous(
         modulus=tissue.intercept_90,
         fracture_resistance=measured_fracture_resistance().mean,
-        depth=0.02 if kind == "bulge" else float(kind.split()[0]) / 100.0,
+        depth=float(kind.split()[0]) / 100.0,
         tissue=tissue,
     )
-    if kind != "bulge":
-        return even
-    depth = bulge(
-        PLACES, edge=tissue.edge_depth, crown=tissue.crown_depth, rise_length=tissue.rise_length, length=PLACES[-1]
-    )
-    return dataclasses.replace(even, depth=depth)
 
 
 @functools.lru_cache(maxsize=32)
@@ -100,11 +97,14 @@ def virtual_cut(
     turns: tuple[float, ...] = (0.1, 0.0),
     friction_share: float | None = None,
 ) -> VirtualCut:
-    """Lead the blade through ``turns`` [m] at ``speed`` [m/s], felt with noise, resolution and delay."""
+    """Lead the blade through ``turns`` [m] at ``speed`` [m/s], felt with noise, resolution and delay.
+
+    It rests before the cut and at each turn.
+    """
     tissue = specimen(kind, friction_share=friction_share)
     angle = math.radians(angle_deg)
     plant = SimulatedPlant(tissue, seed=1, angle=angle)
-    readings = run(plant, [Leg(position=x, speed=speed, angle=angle, dwell=DWELL) for x in turns])
+    readings = run(plant, [Leg(position=x, speed=speed, angle=angle, dwell=DWELL) for x in (0.0, *turns)])
     return VirtualCut(trace=to_trace(plant, readings), specimen=tissue, readings=readings, energy=plant.energy())
 
 

@@ -140,8 +140,7 @@ def moduli_along_four_cuts(path: Path, quick: bool) -> None:
 
 
 def _beside_truth(ax: Axes, specimen: Specimen, found: ModulusEstimate, colour: str, label: str) -> None:
-    slow: NDArray[np.float64] = specimen.modulus * (
-        local_effective_modulus(SLOW, math.pi / 2) / specimen.tissue.intercept_90
-    )
+    lem = specimen.stiffness() / (specimen.cut_model().stiffness(PLACES) * specimen.depth)
+    slow: NDArray[np.float64] = lem * (local_effective_modulus(SLOW, math.pi / 2) / specimen.tissue.intercept_90)
     ax.plot(100 * PLACES, slow / 1e3, color=colour, linewidth=0.8)
     ax.plot(100 * found.position, found.modulus / 1e3, "o", color=colour, ms=3, label=label)

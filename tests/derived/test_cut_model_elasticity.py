@@ -9,7 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from skfem.models.elasticity import linear_stress
 
-from cutenv.tissue.elasticity import constitutive_matrix, lame_parameters
+from cutenv.tissue.elasticity import constitutive_matrix, elastic_form, lame_parameters
+from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
+from cutenv.tissue.tables import table
+from cutenv.tissue.tip_response import stiffness_matrix
 
 POISSON = (0.0, 0.3, 0.45, 0.499)
 PLANE = ("plane_stress", "plane_strain")
@@ -52,6 +55,7 @@ def test_plane_matrices_are_isotropic_with_engineering_strain(formulation: str, 
 @pytest.mark.parametrize("formulation", PLANE)
 @pytest.mark.parametrize("nu", POISSON)
 def test_erratum_printed_matrices_are_not_isotropic_with_engineering_strain(formulation: str, nu: float) -> None:
+    assert any("Appendix A's shear entries" in erratum for erratum in table("4.1").errata)
     with pytest.raises(AssertionError):
         check_isotropy(as_printed(formulation, nu), shear_factor=2.0)
 
@@ -116,3 +120,17 @@ def test_poisson_out_of_range_is_refused_with_its_range(nu: float) -> None:
 def test_a_misspelt_formulation_names_the_nearest() -> None:
     with pytest.raises(ValueError, match="Did you mean 'plane_stress'"):
         constitutive_matrix("planestress", 0.3)
+
+
+def check_brick_stiffness(poisson: float, modulus: NDArray[np.float64]) -> None:
+    """The fast assembly of bricks has the entries of the weak form, here at Poisson's ratio 0.3."""
+    mesh = CutMesh(kind=ELEMENT_KINDS["hex20"], divisions=(2, 2, 1), size=(0.08, 0.15, 0.01))
+    weak_form = elastic_form("solid", 0.3, np.arange(1.0, 5.0)).assemble(mesh.basis)
+    assert abs(stiffness_matrix(mesh, "solid", poisson, modulus) - weak_form).max() < 1e-14 * abs(weak_form).max()
+
+
+def test_bricks_are_assembled_as_the_weak_form_has_them() -> None:
+    check_brick_stiffness(0.3, np.arange(1.0, 5.0))
+    for poisson, modulus in ((0.31, np.arange(1.0, 5.0)), (0.3, np.ones(4))):
+        with pytest.raises(AssertionError):
+            check_brick_stiffness(poisson, modulus)

@@ -16,6 +16,13 @@ MODELS: dict[str, dict[str, Any]] = {
     "quad4": {"element": "quad4"},
     "plane strain": {"formulation": "plane_strain"},
     "hex20": {"element": "hex20", "formulation": "solid"},
+    "reduced": {"integration": "reduced"},
+    "mixed": {"element": "quad8_mixed", "formulation": "plane_strain"},
+    "mixed, stiffer right": {
+        "element": "quad8_mixed",
+        "formulation": "plane_strain",
+        "relative_modulus": np.repeat([1.0, 3.0], 60),
+    },
     "stiffer right": {"relative_modulus": np.repeat([1.0, 3.0], 60)},
 }
 
@@ -35,9 +42,14 @@ def test_elements_hold_the_work_of_the_blade(name: str) -> None:
     check_energy_closes(CutModel(**MODELS[name]), 0.3)
 
 
-def test_another_poisson_ratio_than_the_field_s_is_noticed() -> None:
+def test_the_incompressible_element_holds_the_work_of_the_blade() -> None:
+    check_energy_closes(CutModel("quad8_mixed", "plane_strain", 0.5), 0.5)
+
+
+@pytest.mark.parametrize("name", ["quad8", "mixed"])
+def test_another_poisson_ratio_than_the_field_s_is_noticed(name: str) -> None:
     with pytest.raises(AssertionError):
-        check_energy_closes(CutModel(), 0.35)
+        check_energy_closes(CutModel(**MODELS[name]), 0.35)
 
 
 def test_energy_is_mirror_symmetric() -> None:

@@ -260,6 +260,7 @@ def test_copies_are_equal_and_answer_equally(quad8: CutModel, uneven: CutModel) 
             assert (twin.unit_fields == model.unit_fields).all()
     assert quad8 != uneven
     assert quad8 != CutModel(poisson=0.31)
+    assert quad8 != CutModel(integration="reduced")
     assert quad8 != "CutModel()"
 
 
@@ -273,7 +274,7 @@ def test_answers_do_not_depend_on_the_order_of_questions() -> None:
 
 def test_repr_tells_models_apart(uneven: CutModel) -> None:
     text = repr(CutModel("hex20", "solid", poisson=0.45))
-    for part in ("hex20", "solid", "0.45", "(8, 15, 4)"):
+    for part in ("hex20", "solid", "0.45", "(8, 15, 4)", "'full'"):
         assert part in text
     assert "relative_modulus" in repr(uneven)
 
@@ -286,6 +287,10 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], str]] = [
     ({"element": "hex20"}, r'Ask for formulation="solid"'),
     ({"formulation": "solid"}, r'Ask for element="hex20"'),
     ({"poisson": 0.5}, r"poisson = 0.5 is outside 0 to 0.499. Take 0.499"),
+    ({"element": "quad8_mixed"}, r'Ask for formulation="plane_strain"'),
+    ({"element": "quad8_mixed", "formulation": "plane_strain", "poisson": 0.51}, r"poisson = 0.51 is outside 0 to 0.5"),
+    ({"element": "quad4", "integration": "reduced"}, r'goes with "quad8" and "hex20"'),
+    ({"integration": "reduce"}, r"Did you mean 'reduced'"),
     ({"poisson": float("nan")}, r"poisson = nan is outside"),
     ({"width": 8}, r"width = 8 m is outside 0.001 to 5 m. Lengths are in metres"),
     ({"length": 15.0}, r"length = 15 m is outside .* Lengths are in metres"),

@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from led_cut import INCLINED, UPRIGHT, homogeneous
 
 from cutenv.cutting.drive import Hand, Rig, advance_command, made_up, motion
+from cutenv.cutting.friction import deflected, grip
+from cutenv.cutting.parameters import LawParameters, law_records
 from cutenv.cutting.records import STATE, TICK, new_state
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant import SimulatedPlant
@@ -134,19 +136,32 @@ def test_the_rig_does_not_lurch():
         check_lurch(Rig())
 
 
-def test_the_hands_friction_slows_and_stops_but_never_reverses():
-    """A free blade (the hand's grip as weak as it may be) under friction alone."""
-    drive = Hand(coupling_stiffness=10.0, coupling_damping=0.0).records(0.15)[0]
+def coasting(mass: float, friction: float, presliding: float) -> Any:
+    """Places [m] of a free blade, the hand's grip as weak as it may be, that friction of so many newtons stops."""
+    drive = Hand(mass=mass, coupling_stiffness=10.0, coupling_damping=0.0).records(0.15)[0]
+    law = law_records([homogeneous(friction_share=0.2)], LawParameters(presliding_length=presliding))[0]
+    law.friction_per_depth, depth = friction / 0.02, 0.02
     state = new_state(1, UPRIGHT)[0]
     state.blade = state.hand = 0.05
     state.speed = 0.02
-    speeds = []
-    for _ in range(400):
-        motion(state, drive, made_up(drive, TICK), 0.0, 0.0, 0.1, TICK)
-        speeds.append(state.speed)
-    assert np.all(np.array(speeds) >= 0.0)
-    assert np.all(np.diff(speeds) <= 0.0)
-    assert speeds[-1] == 0.0
+    places = []
+    for _ in range(1000):
+        dx = motion(state, drive, made_up(drive, TICK), 0.0, 0.0, grip(law, depth, state.bristle), TICK)
+        state.bristle = deflected(law, state.bristle, dx)
+        state.blade += dx
+        places.append(float(state.blade))
+    return np.array(places)
+
+
+@pytest.mark.parametrize("presliding", [1e-6, 50e-6, 1e-3])
+@pytest.mark.parametrize("mass", [0.01, 0.15])
+def test_friction_stops_a_free_blade_however_stiff_its_bristles_and_how_light_the_hand(mass, presliding):
+    """After m v^2 / 2 f, and within the presliding length; the bristles swing it back by no more than that."""
+    places = coasting(mass, 4.0, presliding)
+    way = 0.5 * mass * 0.02**2 / 4.0 + 0.02 * TICK
+    assert 0.05 <= places.max() <= 0.05 + way + presliding
+    assert places.max() - places[-1] <= presliding
+    assert np.ptp(places[-200:]) < 1e-3 * presliding
 
 
 @pytest.mark.parametrize("hand", [Hand(), Hand(mass=0.05, coupling_stiffness=1500.0, coupling_damping=2.0)])
@@ -157,9 +172,8 @@ def test_energy_closes_for_the_hand_at_every_instant_and_equals_the_recorded_wor
     assert np.abs(residuals).max() <= 1e-12
     assert np.diff(states["loss"]).min() >= 0.0
     turned = np.maximum(np.diff(-1.0 / np.tan(readings["angle"])), 0.0).sum() * 0.5 * 0.02**2 * (1.0 - share) * 211.0
-    x, F = np.append(0.0, readings["position"]), np.append(0.0, readings["elastic_force"])
-    rubbed = (readings["true_force"] - readings["elastic_force"]) @ np.diff(x)
-    recorded = 0.5 * (F[1:] + F[:-1]) @ np.diff(x) + rubbed
+    x, F = np.append(0.0, readings["position"]), np.append(0.0, readings["true_force"])
+    recorded = 0.5 * (F[1:] + F[:-1]) @ np.diff(x)
     assert states["work"][-1] == pytest.approx(recorded + turned, rel=0.01)
 
 

@@ -137,7 +137,7 @@ def test_folders_of_earlier_sources_are_removed_and_nothing_else(package, monkey
 
 def test_the_first_use_says_that_it_compiles_and_the_second_says_nothing(tmp_path):
     use = (
-        "import gymnasium, cutenv; env = gymnasium.make('cutenv/GentleCut-v0'); "
+        "import gymnasium, cutenv; env = gymnasium.make('cutenv/GentleCut-v1'); "
         "env.reset(seed=0); env.step(env.action_space.sample())"
     )
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recorded_cut import INCH, RecordedCut, recorded_cut
+from recorded_cut import INCH, RecordedCut, rested_cut
 
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.measurement import DepthProfile, estimate_fracture_resistance, fit_return_stroke
@@ -18,7 +18,7 @@ PERFECT = SensorParameters(force_noise=0.0, force_resolution=0.0, force_delay=0.
 
 
 def there_and_back(inches: float, **changes: Any) -> RecordedCut:
-    return recorded_cut(turns=(inches * INCH, 0.0), **changes)
+    return rested_cut(turns=(inches * INCH, 0.0), **changes)
 
 
 def check_resistance_comes_back(cut: RecordedCut, tolerance: float, **changes: Any) -> None:
@@ -133,7 +133,7 @@ def test_stored_energy_left_in_is_noticed() -> None:
 @pytest.mark.parametrize("back_to", [0.0251, 0.0235, 0.0225, 0.0220])
 @pytest.mark.parametrize("kind", ["2 cm", "bulge"])
 def test_a_way_back_that_ends_before_the_tip_is_no_return_stroke(kind: str, back_to: float) -> None:
-    cut = recorded_cut(kind, turns=(1.0 * INCH, 0.0))
+    cut = rested_cut(kind, turns=(1.0 * INCH, 0.0))
     turn = int(np.argmax(cut.trace.position))
     assert cut.tip[turn] < 0.0220
     stop = turn + int(np.argmax(cut.trace.position[turn:] < back_to))
@@ -144,7 +144,7 @@ def test_a_way_back_that_ends_before_the_tip_is_no_return_stroke(kind: str, back
 
 def test_two_cycles_give_what_one_gives() -> None:
     """The forward-backward protocol of section 6.2: the way through the open crack is friction to and fro."""
-    cut = recorded_cut(turns=(1.0 * INCH, 0.0, 2.0 * INCH, 0.0))
+    cut = rested_cut(turns=(1.0 * INCH, 0.0, 2.0 * INCH, 0.0))
     check_resistance_comes_back(cut, 0.03)
     once = estimate_fracture_resistance(there_and_back(2.0).trace)
     twice = estimate_fracture_resistance(cut.trace)
@@ -152,7 +152,7 @@ def test_two_cycles_give_what_one_gives() -> None:
 
 
 def test_a_way_on_in_the_open_crack_changes_nothing() -> None:
-    longer = recorded_cut(turns=(1.0 * INCH, 0.0, 0.6 * INCH)).trace
+    longer = rested_cut(turns=(1.0 * INCH, 0.0, 0.6 * INCH)).trace
     corrected = estimate_fracture_resistance(there_and_back(1.0).trace).corrected
     assert estimate_fracture_resistance(longer).corrected == pytest.approx(corrected, rel=1e-3)
 
@@ -197,6 +197,41 @@ def test_without_angle_the_stiffness_is_that_of_mean_liver_and_flagged() -> None
     estimate = estimate_fracture_resistance(dataclasses.replace(cut.trace, angle=None))
     assert any("stiffness of mean pig liver" in flag for flag in estimate.flags)
     assert estimate.corrected == pytest.approx(cut.true_resistance(), rel=0.05)
+
+
+def rising_bed(slope: float, rise: float, force: float) -> Trace:
+    """Saw teeth of ``force`` [N] and little ``slope`` [N/m], where depth grows by ``rise`` [1] over the last 10 mm.
+
+    Friction's share in the slope there is as large as the slope: what is left to the tissue is near to nothing.
+    """
+    x = np.arange(0.0, 0.06, 1e-5)
+    depth = np.interp(x, [0.0, 0.05, 0.06], [0.002, 0.002, 0.002 + 0.01 * rise])
+    upright = np.full(len(x), np.pi / 2)
+    return Trace(time=x / 0.01, position=x, depth=depth, angle=upright, force=force + slope * (x % 0.006))
+
+
+@pytest.mark.parametrize("slope", [30.0, 80.0, 400.0])
+@pytest.mark.parametrize("rise", [0.2, 0.5, 1.0, 1.8])
+@pytest.mark.parametrize("force", [1.0, 4.0])
+def test_the_share_of_friction_is_found_where_an_iteration_for_it_ran_away(
+    slope: float, rise: float, force: float
+) -> None:
+    trace = rising_bed(slope, rise, force)
+    estimate = estimate_fracture_resistance(trace)
+    work = float(np.sum(trace.force[1:] * np.diff(trace.position)))
+    longest_lag = 0.02
+    area = DepthProfile.recorded(trace, by="the test").area(0.0, float(trace.position[-1]) - longest_lag)
+    assert 0.0 < estimate.corrected < 1.01 * work / area
+    assert estimate.friction_per_depth == pytest.approx(0.2 * estimate.corrected, rel=1e-6)
+    assert -1e-4 < estimate.cut_length - (float(trace.position[-1]) - longest_lag) < longest_lag
+
+
+def test_work_that_is_all_stored_is_no_resistance() -> None:
+    """A blade that only presses on tissue which stiffens: nothing is cut."""
+    x = np.arange(0.0, 0.02, 1e-5)
+    pressing = Trace(time=x / 0.01, position=x, depth=np.full(len(x), 0.02), force=3e5 * x**2)
+    with pytest.raises(ValueError, match="no more than friction and stored energy"):
+        estimate_fracture_resistance(pressing)
 
 
 @pytest.mark.parametrize("missing", ["position", "depth"])

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recorded_cut import RecordedCut, recorded_cut
+from recorded_cut import RecordedCut, rested_cut
 
 from cutenv.measurement import (
     estimate_fracture_resistance,
@@ -39,20 +39,20 @@ def check_modulus_comes_back(cut: RecordedCut, **changes: Any) -> None:
 @pytest.mark.parametrize("speed", SPEEDS)
 @pytest.mark.parametrize("kind", ["2 cm", "1 cm", "bulge", "liver"])
 def test_modulus_comes_back_from_any_speed_angle_and_depth(kind: str, speed: float, angle_deg: float) -> None:
-    cut = recorded_cut(kind, speed=speed, angle_deg=angle_deg)
+    cut = rested_cut(kind, speed=speed, angle_deg=angle_deg)
     check_modulus_comes_back(cut)
     assert estimate_local_effective_moduli(cut.trace, MODEL).flags == ()
 
 
 def test_kappa_at_the_blade_instead_of_the_tip_is_noticed() -> None:
     with pytest.raises(AssertionError):
-        check_modulus_comes_back(recorded_cut(), loading_ratio=0.0)
+        check_modulus_comes_back(rested_cut(), loading_ratio=0.0)
 
 
 @pytest.mark.parametrize("angle_deg", [90.0, 45.0])
 @pytest.mark.parametrize("speed", SPEEDS)
 def test_kappa_at_the_blade_costs_more_than_3_percent(speed: float, angle_deg: float) -> None:
-    cut = recorded_cut(speed=speed, angle_deg=angle_deg)
+    cut = rested_cut(speed=speed, angle_deg=angle_deg)
     at_tip = estimate_local_effective_moduli(cut.trace, MODEL)
     at_blade = estimate_local_effective_moduli(cut.trace, MODEL, loading_ratio=0.0)
     assert 1.03 < np.median(at_blade.modulus / at_tip.modulus) < 1.08
@@ -60,31 +60,48 @@ def test_kappa_at_the_blade_costs_more_than_3_percent(speed: float, angle_deg: f
 
 def test_friction_left_in_where_the_depth_grows_is_noticed() -> None:
     with pytest.raises(AssertionError):
-        check_modulus_comes_back(recorded_cut("bulge"), friction_per_depth=0.0)
+        check_modulus_comes_back(rested_cut("bulge"), friction_per_depth=0.0)
 
 
 def test_depth_at_the_blade_instead_of_the_tip_is_noticed() -> None:
     with pytest.raises(AssertionError):
-        check_modulus_comes_back(recorded_cut("bulge"), loading_ratio=0.0)
+        check_modulus_comes_back(rested_cut("bulge"), loading_ratio=0.0)
 
 
 def test_friction_comes_from_the_way_back() -> None:
-    cut = recorded_cut("bulge")
+    cut = rested_cut("bulge")
     estimate = estimate_local_effective_moduli(cut.trace, MODEL)
     assert estimate.friction_per_depth == pytest.approx(cut.specimen.friction_per_depth, rel=0.03)
 
 
-def test_a_cut_without_way_back_is_flagged_and_friction_can_be_given() -> None:
-    cut = recorded_cut("bulge").forward()
-    assert any("friction unknown" in flag for flag in estimate_local_effective_moduli(cut.trace, MODEL).flags)
-    friction = cut.specimen.friction_per_depth
-    check_modulus_comes_back(cut, friction_per_depth=friction)
-    assert estimate_local_effective_moduli(cut.trace, MODEL, friction_per_depth=friction).flags == ()
-    check_modulus_comes_back(cut, friction_per_depth=estimate_fracture_resistance(cut.trace).friction_per_depth)
+@pytest.mark.parametrize("kind", ["2 cm", "bulge", "liver"])
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_a_cut_without_way_back_is_flagged_and_friction_takes_its_assumed_share(kind: str, speed: float) -> None:
+    cut = rested_cut(kind, speed=speed).forward()
+    check_modulus_comes_back(cut)
+    estimate = estimate_local_effective_moduli(cut.trace, MODEL)
+    assert any("friction assumed to be 20 %" in flag for flag in estimate.flags)
+    assert estimate.friction_per_depth == estimate_fracture_resistance(cut.trace).friction_per_depth
+    given = estimate_local_effective_moduli(cut.trace, MODEL, friction_per_depth=estimate.friction_per_depth)
+    assert given.flags == ()
+    assert np.array_equal(given.modulus, estimate.modulus)
+
+
+def test_friction_left_in_the_force_of_a_cut_without_way_back_is_noticed() -> None:
+    with pytest.raises(AssertionError):
+        check_modulus_comes_back(rested_cut("bulge").forward(), friction_per_depth=0.0)
+
+
+def test_a_cut_of_no_resistance_has_no_share_of_friction_and_is_flagged() -> None:
+    cut = rested_cut().forward()
+    nothing = dataclasses.replace(cut.trace, force=np.zeros(len(cut.trace)))
+    estimate = estimate_local_effective_moduli(nothing, MODEL)
+    assert (len(estimate), estimate.friction_per_depth) == (0, 0.0)
+    assert any("friction unknown and taken as zero" in flag for flag in estimate.flags)
 
 
 def test_the_first_segment_after_contact_is_left_out() -> None:
-    cut = recorded_cut(turns=(0.04, 0.0, 0.08, 0.0))
+    cut = rested_cut(turns=(0.04, 0.0, 0.08, 0.0))
     left_out = [s.start for s in loading_segments(cut.trace) if s.after_standstill]
     assert len(left_out) == 2
     used = [s.start for s in estimate_local_effective_moduli(cut.trace, MODEL).segments]
@@ -93,7 +110,7 @@ def test_the_first_segment_after_contact_is_left_out() -> None:
 
 def test_without_depth_the_modulus_is_that_of_unit_thickness_and_flagged() -> None:
     """As in Tables 5.1 to 5.5: force as if the cut were 1 cm deep, so twice the modulus at 2 cm."""
-    cut = recorded_cut()
+    cut = rested_cut()
     by_depth = estimate_local_effective_moduli(cut.trace, MODEL)
     blind = dataclasses.replace(cut.trace, depth=None)
     for estimate in (
@@ -105,7 +122,7 @@ def test_without_depth_the_modulus_is_that_of_unit_thickness_and_flagged() -> No
 
 
 def test_plane_strain_moduli_differ_by_the_ratio_of_stiffness() -> None:
-    cut = recorded_cut()
+    cut = rested_cut()
     strain = CutModel(formulation="plane_strain")
     stress_estimate = estimate_local_effective_moduli(cut.trace, MODEL)
     strain_estimate = estimate_local_effective_moduli(cut.trace, strain)
@@ -160,11 +177,11 @@ def test_the_iteration_says_where_it_diverges() -> None:
 )
 def test_nonsense_is_refused(changes: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        estimate_local_effective_moduli(recorded_cut().trace, MODEL, **changes)  # type: ignore[arg-type]
+        estimate_local_effective_moduli(rested_cut().trace, MODEL, **changes)  # type: ignore[arg-type]
 
 
 def test_what_a_trace_lacks_is_named() -> None:
-    trace = recorded_cut().trace
+    trace = rested_cut().trace
     with pytest.raises(ValueError, match="estimate_local_effective_moduli needs position"):
         estimate_local_effective_moduli(Trace(time=trace.time, force=trace.force), MODEL)
     with pytest.raises(ValueError, match="estimate_local_effective_moduli without loading_ratio needs angle"):
@@ -174,11 +191,11 @@ def test_what_a_trace_lacks_is_named() -> None:
 
 
 def test_without_angle_the_loading_ratio_can_be_given() -> None:
-    trace = dataclasses.replace(recorded_cut().trace, angle=None)
+    trace = dataclasses.replace(rested_cut().trace, angle=None)
     ratio = local_effective_modulus(0.0127, math.radians(90)) / local_effective_modulus(0.0, math.radians(90))
     assert len(estimate_local_effective_moduli(trace, MODEL, loading_ratio=float(ratio))) > 5
 
 
 def test_a_speed_outside_the_measured_range_is_flagged() -> None:
-    estimate = estimate_local_effective_moduli(recorded_cut(speed=0.035).trace, MODEL)
+    estimate = estimate_local_effective_moduli(rested_cut(speed=0.035).trace, MODEL)
     assert any("speed outside the measured range" in flag for flag in estimate.flags)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import itertools
 import math
 
+import mpmath
 import numba
 import numpy as np
 import pytest
 
+from cutenv import randomness
 from cutenv.randomness import generator, normal_at, philox
 
 # Known answers of the Random123 library, file kat_vectors: counter, key, result.
@@ -61,6 +63,16 @@ def check_normal(z: np.ndarray) -> None:
     for quantile in (-2.0, -1.0, 0.0, 0.5, 3.0):
         p = 0.5 * (1.0 + math.erf(quantile / math.sqrt(2.0)))
         assert np.mean(z < quantile) == pytest.approx(p, abs=4.0 * math.sqrt(p * (1.0 - p) / n))
+
+
+def test_layers_of_the_ziggurat_are_of_equal_area():
+    """The lowest with the tail beyond R, the topmost up to the curve's peak."""
+    r = mpmath.mpf(randomness._R)
+    tail = mpmath.sqrt(mpmath.pi / 2) * mpmath.erfc(r / mpmath.sqrt(2))
+    assert randomness._AREA == pytest.approx(float(r * mpmath.exp(-r * r / 2) + tail), rel=1e-15)
+    areas = randomness.WIDTHS[1:-1] * np.diff(randomness._HEIGHTS)[1:]
+    assert areas == pytest.approx(randomness._AREA, rel=1e-12)
+    assert (randomness.WIDTHS[-1], randomness._HEIGHTS[-1]) == (0.0, 1.0)
 
 
 def test_numbers_are_standard_normal():

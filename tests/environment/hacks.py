@@ -222,7 +222,7 @@ HACKS: dict[str, dict[str, Hack]] = {
     },
     "leaving the tissue loaded": {
         "at rest": stop_loaded(0.0),
-        "creeping back": stop_loaded(-0.0004),
+        "creeping back": stop_loaded(-0.0001),
         "creeping on": stop_loaded(0.0004),
     },
     "sawing in the old crack": {"one stroke": sawing(0.03, 1), "ten strokes": sawing(0.02, 10)},

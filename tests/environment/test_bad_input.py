@@ -201,8 +201,8 @@ UNLIKE: list[tuple[Callable[[], Any], type[Exception], str]] = [
     (lambda: draw_liver(5), TypeError, "rng = 5 must be a numpy.random.Generator"),
     (lambda: Specimen.draw(np.random.default_rng(0), specimen_class="livr"), ValueError, "Did you mean 'liver'"),
     (lambda: Specimen.draw(np.random.default_rng(0), liver_factor=NAN), ValueError, "nan"),
-    (lambda: Specimen.from_json("{}"), ValueError, "expected a JSON object with schema 'cutenv-specimen/1'"),
-    (lambda: Specimen.from_json(LIVER.to_json()), ValueError, "cutenv-specimen/1.*found 'cutenv-tissue/1'"),
+    (lambda: Specimen.from_json("{}"), ValueError, "expected a JSON object with schema 'cutenv-specimen/2'"),
+    (lambda: Specimen.from_json(LIVER.to_json()), ValueError, "cutenv-specimen/2.*found 'cutenv-tissue/2'"),
     (lambda: TissueDescription.from_json("x"), ValueError, "not JSON"),
     (
         lambda: dataclasses.replace(SPECIMEN, depth=SPECIMEN.depth[:10]),

@@ -96,7 +96,7 @@ def test_the_first_use_is_timed_in_a_process_that_keeps_what_it_compiles(tmp_pat
 
 def test_resets_are_timed_beside_gymnasiums():
     times = environment.reset_times(resets=2, rounds=2)
-    assert set(times) == {"cutenv/GentleCut-v0", "Pendulum-v1", "CartPole-v1"}
+    assert set(times) == {"cutenv/GentleCut-v1", "Pendulum-v1", "CartPole-v1"}
     assert all(microseconds > 0.0 for microseconds in times.values())
 
 
@@ -137,7 +137,7 @@ def factorising(divisions: tuple[int, int], repeats: int) -> factorisation.Facto
 @pytest.fixture
 def made_up(monkeypatch):
     """Nothing is measured: every benchmark gets numbers that were made up."""
-    names = ("cutenv/GentleCut-v0", "Pendulum-v1", "CartPole-v1")
+    names = ("cutenv/GentleCut-v1", "Pendulum-v1", "CartPole-v1")
     uses = {"one environment": first_use.FirstUse(4.0, 1.0), "a batch of 64": first_use.FirstUse(8.0, 1.5)}
     monkeypatch.setattr(first_use, "first_uses", lambda: uses)
     monkeypatch.setattr(first_use, "trifle", lambda: 0.2)

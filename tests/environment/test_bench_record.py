@@ -16,7 +16,7 @@ from cutenv.bench.comparison import compared
 from cutenv.bench.measured import Number
 from cutenv.bench.record import Record
 
-NAMES = ("cutenv/GentleCut-v0", "Pendulum-v1", "CartPole-v1")
+NAMES = ("cutenv/GentleCut-v1", "Pendulum-v1", "CartPole-v1")
 DATE = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
 
 

@@ -204,7 +204,7 @@ def test_success_and_wedge_are_judged_at_the_same_instant():
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
 def test_a_copy_in_the_middle_of_a_cut_goes_on_as_the_original_to_its_end(copied):
-    original = gymnasium.make("cutenv/GentleCut-v0", deadline_s=3.01)
+    original = gymnasium.make("cutenv/GentleCut-v1", deadline_s=3.01)
     original.reset(seed=4)
     action = np.array([0.5, -0.5], np.float32)
     for _ in range(60):

@@ -171,7 +171,7 @@ def test_a_specimen_file_is_cut_in_every_episode(tmp_path):
 def test_a_file_that_is_no_tissue_says_what_it_should_be(tmp_path, text):
     path = tmp_path / "file.json"
     path.write_text(text)
-    with pytest.raises(ValueError, match=r"neither a tissue \(cutenv-tissue/1\) nor a specimen \(cutenv-specimen/1\)"):
+    with pytest.raises(ValueError, match=r"neither a tissue \(cutenv-tissue/2\) nor a specimen \(cutenv-specimen/2\)"):
         make(tissue=str(path))
 
 
@@ -228,6 +228,7 @@ def constants() -> list[tuple[str, str, float]]:
         "debt_length": 1e-5,
         "force_drift": 0.1,
         "friction_per_depth_speed": 100.0,
+        "relaxing_share": 0.3,
     }
     other |= {"force_limit_per_depth": 500.0}
     return [
@@ -243,7 +244,7 @@ EVENTFUL = legs((4.0, FASTEST, UPRIGHT), (0.6, -FASTEST, INCLINED), (2.4, FASTES
 
 @pytest.mark.parametrize(("drive", "name", "value"), constants())
 def test_every_constant_of_the_parameter_table_is_taken_and_matters(drive, name, value):
-    keywords = {"drive": drive, "deadline_s": 6.0}
+    keywords = {"drive": drive, "deadline_s": 6.0} | ({"relaxing_share": 0.3} if name == "creep_time" else {})
     plain, changed = (
         cut(make(**keywords, **more), EVENTFUL, target_length=0.13, specimen=TOUGH) for more in ({}, {name: value})
     )

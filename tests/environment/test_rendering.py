@@ -72,7 +72,7 @@ def test_a_picture_belongs_to_whoever_asked_for_it(env: GentleCutEnv) -> None:
 
 
 def test_gymnasium_finds_nothing_wrong_with_the_pictures() -> None:
-    env = gymnasium.make("cutenv/GentleCut-v0", render_mode="rgb_array")
+    env = gymnasium.make("cutenv/GentleCut-v1", render_mode="rgb_array")
     env.reset(seed=0)
     with warnings.catch_warnings(record=True) as complaints:
         warnings.simplefilter("always")

@@ -70,9 +70,10 @@ def cases(stops: bool) -> list[Any]:
 
 @pytest.mark.parametrize(("hack", "keywords"), cases(stops=False))
 def test_no_hack_that_avoids_the_task_beats_either_honest_cut(hack, keywords):
-    gained = returns(hack, FEW, **keywords)
-    for ending in ENDINGS:
-        assert (gained - honest(ending, FEW)).mean() < -0.1
+    gained = returns(hack, FEW, **keywords).mean()
+    honestly = [honest(ending, FEW).mean() for ending in ENDINGS]
+    assert gained < min(honestly)
+    assert gained < max(honestly) - 0.1
 
 
 @pytest.mark.parametrize("ending", ENDINGS)

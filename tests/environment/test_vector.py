@@ -17,7 +17,7 @@ from cutenv.cutting.row import ABREAST
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.tissue import Specimen, measured_liver
 
-ENVIRONMENT = "cutenv/GentleCut-v0"
+ENVIRONMENT = "cutenv/GentleCut-v1"
 N, STEPS, SEED = 5, 160, 7
 SHORT = {"deadline_s": 2.0, "control_hz": 20}  # so that every environment is begun anew several times
 MODES = ["NextStep", "SameStep"]

@@ -17,7 +17,7 @@ from cutenv.task.observation import COMPONENTS
 FEATURES = {"history": 2}
 SIZE = Features(**FEATURES).size
 ABOUT = {
-    "environment": "cutenv/GentleCut-v0",
+    "environment": "cutenv/GentleCut-v1",
     "environment_arguments": {"control_hz": 10, "angle_mode": "free"},
     "features": FEATURES,
     "dead_zone": 0.25,

@@ -97,7 +97,7 @@ def test_a_data_set_teaches_a_run_like_any_other(recorded: Path):
     assert f"data set {ID}: 3 cuts by {SOURCE}" in (folder / "report.html").read_text()
     first, last = points(folder)
     assert (first["decisions"], last["decisions"]) == (10 * told["decisions"], 20 * told["decisions"])
-    assert last["error"] < first["error"] < 0.5
+    assert last["error"] < first["error"] < 0.7
 
 
 def parsed(monkeypatch: pytest.MonkeyPatch, *given: str) -> bc.Arguments:

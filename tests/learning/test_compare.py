@@ -42,7 +42,7 @@ def test_facts_name_class_seeds_and_versions():
     facts = shown_facts(
         {
             "arguments": {"specimen_class": "mixed", "specimens": 200, "seed": 2, "timesteps": 5_000_000},
-            "environment": "cutenv/GentleCut-v0",
+            "environment": "cutenv/GentleCut-v1",
             "commit": None,
             "seeds": {"training": [2000, 2063]},
             "versions": {"numpy": "2.0"},

@@ -20,7 +20,7 @@ FEATURES = {"history": 2}
 SIZE = Features(**FEATURES).size
 UNITS = 7
 ABOUT = {
-    "environment": "cutenv/GentleCut-v0",
+    "environment": "cutenv/GentleCut-v1",
     "environment_arguments": {"control_hz": 10, "angle_mode": "free"},
     "features": FEATURES,
     "dead_zone": 0.25,

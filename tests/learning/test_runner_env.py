@@ -14,7 +14,7 @@ SHORT = {"history": 2, "dead_zone": 0.25, "control_hz": 10, "deadline_s": 1.0, "
 def test_features_rewards_and_ends_are_those_of_single_environments_cut_after_cut():
     runner = RunnerEnv(3, first_seed=7, **SHORT)
     single = {name: SHORT[name] for name in ("control_hz", "deadline_s", "specimen_class")}
-    envs = [gymnasium.make("cutenv/GentleCut-v0", **single) for _ in range(3)]
+    envs = [gymnasium.make("cutenv/GentleCut-v1", **single) for _ in range(3)]
     features = [Features(history=2) for _ in range(3)]
     rng = np.random.default_rng(0)
     seen, _ = runner.reset(seed=999)  # RLlib's seed, which is not taken

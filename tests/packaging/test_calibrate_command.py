@@ -77,7 +77,7 @@ def test_files_give_what_the_records_give(files: list[str], tmp_path: Path, caps
     assert report.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     card = json.loads(report.with_suffix(".json").read_text(encoding="utf-8"))
     assert len(card["cuts"]) == len(files)
-    assert f'gymnasium.make("cutenv/GentleCut-v0", tissue="{out}")' in said
+    assert f'gymnasium.make("cutenv/GentleCut-v1", tissue="{out}")' in said
     assert f"{found.eta90:.4g}" in said
     assert "8 cuts of 2 specimens" in said
 

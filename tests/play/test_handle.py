@@ -9,12 +9,14 @@ import pytest
 from numpy.typing import NDArray
 
 from cutenv.cutting.drive import Hand, made_up, motion
+from cutenv.cutting.friction import Grip
 from cutenv.cutting.records import TICK, new_state
 from cutenv.play.handle import GRIP_STIFFNESS, Handle
 
 pytest.importorskip("pymunk", reason='playing is an extra: pip install "cutenv[play]"')
 
 STEP = 0.005  # [m]
+NO_FRICTION = Grip(0.0, 0.0, 0.0, 0.0)
 UPRIGHT = math.pi / 2
 Array = NDArray[np.float64]
 
@@ -26,7 +28,7 @@ def compiled_step(hand: Hand, ticks: int) -> Array:
     state.hand = STEP
     blades = []
     for _ in range(ticks):
-        state.blade += motion(state, drive, share, 0.0, 0.0, 0.0, TICK)
+        state.blade += motion(state, drive, share, 0.0, 0.0, NO_FRICTION, TICK)
         blades.append(float(state.blade))
     return np.array(blades)
 
@@ -73,7 +75,7 @@ def test_a_moving_hand_leads_both_alike() -> None:
     share, handle = made_up(drive, TICK), Handle(hand)
     ours, theirs = [], []
     for _ in range(1000):
-        state.blade += motion(state, drive, share, speed, 0.0, 0.0, TICK)
+        state.blade += motion(state, drive, share, speed, 0.0, NO_FRICTION, TICK)
         handle.step(
             hand=float(state.hand), hand_speed=float(state.hand_speed), angle=UPRIGHT, force=0.0, depth=0.02
         )  # fmt: skip

@@ -91,7 +91,7 @@ def test_a_plan_for_another_specimen_is_not_what_happens_so_the_check_can_fail()
 
 def test_more_rounds_never_plan_worse():
     env = make(specimen_class="vascular")
-    env.reset(seed=4)
+    env.reset(seed=1)
     search = Search(env.unwrapped.cutting)
     values = [search.best(np.random.default_rng(0), rounds=rounds)[1] for rounds in (0, 3, 9)]
     assert values == sorted(values)
@@ -151,7 +151,7 @@ def commands(planner: PlannerNominal, seed: int) -> np.ndarray:
 
 def test_the_nominal_planner_commands_the_same_whatever_it_cuts_until_it_stops():
     planner = PlannerNominal()
-    one, other = (commands(planner, seed) for seed in (1, 2))
+    one, other = (commands(planner, seed) for seed in (1, 4))
     both = min(len(one), len(other))
     assert both > 150
     np.testing.assert_array_equal(one[:both], other[:both])

@@ -13,7 +13,7 @@ from cutenv.task.observation import in_units
 SETTLED = 15  # decisions, after which the drive has followed a command
 
 
-def cut_by(policy: Script, specimen_class: str = "liver", seed: int = 1) -> tuple[Cut, dict[str, np.ndarray]]:
+def cut_by(policy: Script, specimen_class: str = "liver", seed: int = 2) -> tuple[Cut, dict[str, np.ndarray]]:
     """A cut of 90 mm, and what was observed up to the stop, in SI units."""
     record = cut(make(specimen_class=specimen_class), policy, seed, target_length=0.09)
     seen = in_units(record.observations)
@@ -86,13 +86,13 @@ def test_force_feedback_commands_a_speed_that_rises_with_force_per_depth_between
 
 
 def answer(seen: dict[str, np.ndarray]) -> float:
-    """Correlation of the blade's speed with the load that was felt 60 ms before, once the cut is under way."""
-    load = np.clip(seen["force"] / np.maximum(seen["depth"], 1e-3), 0.0, 300.0)
-    return float(np.corrcoef(load[40:-3], seen["speed"][43:])[0, 1])
+    """How much faster the blade moves at full load than at none [m/s], by the load 40 ms before, once under way."""
+    load = np.clip(seen["force"] / np.maximum(seen["depth"], 1e-3) / 300.0, 0.0, 1.0)
+    return float(np.polyfit(load[40:-2], seen["speed"][42:], 1)[0])
 
 
 def test_force_feedback_moves_faster_through_a_whole_cut_where_it_feels_more():
     record, seen = cut_by(ForceFeedback(unloaded=0.003, loaded=0.02))
-    assert answer(seen) > 0.95
+    assert answer(seen) == pytest.approx(0.017, rel=0.25)  # the drive rounds off the sudden falls of the load
     assert record.readings["speed"].max() <= 0.0201
-    assert answer(cut_by(ConstantFeed(speed=0.0127))[1]) < 0.5, "a feed that feels nothing does not"
+    assert abs(answer(cut_by(ConstantFeed(speed=0.0127))[1])) < 1e-3, "a feed that feels nothing does not"

@@ -88,10 +88,9 @@ def test_where_the_clock_starts_does_not_matter(condition, start):
 
 @some
 @given(cuts, st.floats(-robust.OFFSET, robust.OFFSET))
-def test_a_zero_that_is_off_moves_results_by_what_it_is_mistaken_for_and_a_tare_mends_it(condition, zero):
-    disturbed = robust.offset(of(condition), zero)
-    check_within("offset", condition, disturbed)
-    check_within("offset, tared", condition, robust.tared(disturbed))
+def test_a_zero_that_is_off_does_no_harm_where_the_blade_rested_and_else_what_it_is_mistaken_for(condition, zero):
+    check_within("offset", condition, robust.offset(of(condition), zero))
+    check_within("offset left in", condition, robust.offset_left_in(of(condition), zero))
 
 
 @some
@@ -137,10 +136,10 @@ def test_a_reversed_force_is_refused(condition):
     [
         ("noise", lambda trace: dataclasses.replace(trace, force=1.2 * trace.force)),
         ("sample rate", lambda trace: dataclasses.replace(trace, depth=0.9 * trace.depth)),
-        ("offset, tared", lambda trace: robust.offset(trace, 0.1)),
-        ("strokes", lambda trace: robust.offset(trace, -0.2)),
+        ("offset", lambda trace: robust.offset_left_in(trace, 0.1)),
+        ("strokes", lambda trace: robust.offset_left_in(trace, -0.2)),
     ],
-    ids=["another gain", "another depth", "no tare", "a zero far off"],
+    ids=["another gain", "another depth", "a zero left in", "a zero far off"],
 )
 def test_what_moves_results_further_is_noticed(kind, disturb):
     condition = robust.CONDITIONS[1]

@@ -86,13 +86,13 @@ def test_a_speed_counted_per_update_fails_the_units():
 
 def test_a_run_that_waits_for_the_next_update_fails_the_peak_force():
     """In updates eight times as long, at which the law itself still passes."""
-    move, run = "    elastic, toughness = move(state, profile, law, dx, speed)\n", "    jump = 0.0\n"
+    move = "    elastic, toughness = move(state, profile, law, dx, speed)\n"
     before = (
         "    elastic = elastic_force(profile, state.blade, state.tip)\n"
         "    toughness = toughness_at(profile, state.tip)\n"
     )
-    last = "    return elastic, math.copysign(friction, dx), jump\n"
-    waiting = changed_law((move + run, before + run), (last, move + last))
+    last = "    return elastic, friction_force("
+    waiting = changed_law((move, before), (last, move + last))
     path = [constant_feed(0.0254, to=0.05, dt=dt) for dt in (8 * COARSE, FINE)]
     check_peak_force(*(lead_by(changed_law(), homogeneous(), positions) for positions in path))
     with pytest.raises(AssertionError):

@@ -22,7 +22,7 @@ def test_the_simulator_takes_what_was_measured() -> None:
     arguments = environment_arguments(Identified(**measured))
     assert arguments == measured
     assert set(SIMULATED) == measured.keys()
-    env = gymnasium.make("cutenv/GentleCut-v0", **arguments)
+    env = gymnasium.make("cutenv/GentleCut-v1", **arguments)
     assert env.spec is not None
     assert measured.items() <= env.spec.kwargs.items()
     env.close()

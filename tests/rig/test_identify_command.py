@@ -87,13 +87,13 @@ def test_the_simulator_takes_what_was_identified(tmp_path: Path) -> None:
     found = Identified(date="2026-03-01", motor_lag=0.055, dead_time=0.006, backlash=80e-6, friction=20.0)
     write_identified(path, found)
     assert read(path).identified == found
-    constants = gymnasium.make("cutenv/GentleCut-v0", rig=str(path)).unwrapped.constants
+    constants = gymnasium.make("cutenv/GentleCut-v1", rig=str(path)).unwrapped.constants
     assert constants.drive == Rig(motor_lag=0.055, dead_time=0.006, backlash=80e-6)
 
 
 def test_a_given_keyword_wins_over_the_rig_s_file(tmp_path: Path) -> None:
     path = file_of(tmp_path / "rig.toml", Identified(motor_lag=0.055, dead_time=0.006))
-    constants = gymnasium.make("cutenv/GentleCut-v0", rig=str(path), motor_lag=0.020).unwrapped.constants
+    constants = gymnasium.make("cutenv/GentleCut-v1", rig=str(path), motor_lag=0.020).unwrapped.constants
     assert constants.drive == Rig(motor_lag=0.020, dead_time=0.006)
 
 
@@ -110,4 +110,4 @@ def test_a_file_that_says_nothing_usable_is_refused(
 ) -> None:
     path = file_of(tmp_path / "rig.toml", identified)
     with pytest.raises(ValueError, match=message):
-        gymnasium.make("cutenv/GentleCut-v0", rig=str(path), **keywords)
+        gymnasium.make("cutenv/GentleCut-v1", rig=str(path), **keywords)

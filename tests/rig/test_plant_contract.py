@@ -85,7 +85,7 @@ def test_every_plant_keeps_the_contract(kind):
 
 def check_contract(plant: Plant) -> None:
     assert plant.depth.shape == (N_POINTS,)
-    assert np.all((plant.depth > 0.001) & (plant.depth < 0.1))
+    assert np.all((plant.depth > 0.0009) & (plant.depth < 0.1))
     times: list[float] = []
     positions: list[float] = []
     for ticks in (1, 20, 20, 7, 100):

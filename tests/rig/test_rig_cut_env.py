@@ -1,4 +1,4 @@
-"""RigCut-v0 is GentleCut on a rig: same spaces, rewards from estimates, ends when the rig's safety stops it."""
+"""RigCut-v1 is GentleCut on a rig: same spaces, rewards from estimates, ends when the rig's safety stops it."""
 
 from __future__ import annotations
 
@@ -49,17 +49,17 @@ def fake_of(env: RigCutEnv):
 
 
 def test_it_has_the_simulators_spaces(env):
-    simulated = gymnasium.make("cutenv/GentleCut-v0")
+    simulated = gymnasium.make("cutenv/GentleCut-v1")
     assert env.observation_space == simulated.observation_space
     assert env.action_space == simulated.action_space
 
 
 def test_gymnasiums_checker_finds_nothing():
-    check_env(gymnasium.make("cutenv/RigCut-v0", rig="fake").unwrapped, skip_render_check=True)
+    check_env(gymnasium.make("cutenv/RigCut-v1", rig="fake").unwrapped, skip_render_check=True)
 
 
 def test_its_arguments_are_flat_and_json_able():
-    env = gymnasium.make("cutenv/RigCut-v0", rig="fake", control_hz=10, force_noise=0.0)
+    env = gymnasium.make("cutenv/RigCut-v1", rig="fake", control_hz=10, force_noise=0.0)
     again = gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json(env.spec.to_json()))
     assert again.unwrapped.constants.sensor.force_noise == 0.0
     assert again.unwrapped.ticks == 100
@@ -68,7 +68,7 @@ def test_its_arguments_are_flat_and_json_able():
 @pytest.mark.parametrize("name", ["probe and creep", "fast then slow", "constant 1.27 cm/s 60 deg"])
 def test_the_same_cut_scores_as_in_the_simulator(env, name):
     """Most of them closely; a reading of noise moves a decision, and now and then a decision a run of the crack."""
-    simulated = gymnasium.make("cutenv/GentleCut-v0", reward_from="estimate")
+    simulated = gymnasium.make("cutenv/GentleCut-v1", reward_from="estimate")
     differences, ends = [], []
     for episode in range(8):
         ours, our_info, _ = cut(env, name, episode=episode)
@@ -76,11 +76,11 @@ def test_the_same_cut_scores_as_in_the_simulator(env, name):
         ends.append(our_info["end"] == their_info["end"])
         differences.append(abs(ours - theirs))
     assert np.mean(ends) > 0.8
-    assert np.median(differences) < 0.03
+    assert np.median(differences) < 0.04  # a run more or less costs as much
 
 
 def test_a_rig_whose_sensor_is_slow_and_noisy_does_not():
-    env = RigCutEnv(rig="fake", force_noise=0.4, force_delay=0.06)
+    env = RigCutEnv(rig="fake", force_noise=0.3, force_delay=0.06)
     with pytest.raises(AssertionError):
         test_the_same_cut_scores_as_in_the_simulator(env, "probe and creep")
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from recorded_cut import recorded_cut
 
+from cutenv.tissue import measured_liver
 from cutenv.trace import Trace
 
 TARGET = 0.075  # [m]
@@ -78,10 +79,12 @@ CHANGES: dict[str, Any] = {
     "resampling": lambda trace: rated(trace, 200.0),
     "rest_after": lambda trace: rested(trace, 1.0),
     "units": lambda trace: changed(
-        trace, force=0.5 * trace.force, depth=None if trace.depth is None else 0.5 * trace.depth
+        trace, force=2.0 * trace.force, depth=None if trace.depth is None else 2.0 * trace.depth
     ),
 }
 """By invariance, what it says does not matter, done to a record."""
+TISSUES = {"units": dataclasses.replace(measured_liver(), thickness=2.0 * measured_liver().thickness)}
+"""By invariance, what it says does not matter, done to the tissue: a cut is deep or shallow for its slab."""
 
 
 @functools.cache

@@ -200,14 +200,14 @@ def test_a_small_run_is_no_lurch() -> None:
 
 
 def test_a_lurch_in_the_force_is_found_where_it_was() -> None:
-    """The tip is estimated from the force: a sudden fall by what 5 mm of stiffness hold."""
+    """The tip is estimated from the force: a sudden fall by what nearly 5 mm of stiffness hold."""
     trace = cut("upright, one way")
     x = trace.position
     assert x is not None
-    falls = x >= 0.05
+    falls = x >= 0.07
     force = np.where(falls, trace.force * 0.3, trace.force)
     found = faults(score(changed(trace, force=force), target_length=TARGET), "lurch")
-    assert any(position == pytest.approx(0.05, abs=0.5e-3) for position, _ in found)
+    assert any(position == pytest.approx(0.07, abs=0.5e-3) for position, _ in found)
     assert not faults(score(trace, target_length=TARGET), "lurch")
 
 
@@ -228,7 +228,7 @@ def test_a_leaning_blade_and_too_much_force_are_told() -> None:
     assert [says for _, says in faults(score(cut("slicing, and back")), "wedge")] == [
         "ended with the blade at 45 degrees: a wedge stays uncut"
     ]
-    hard = changed(cut(UPRIGHT), force=4.0 * cut(UPRIGHT).force)
+    hard = changed(cut(UPRIGHT), force=5.0 * cut(UPRIGHT).force)
     ((position, says),) = faults(score(hard), "force")
     per_depth = hard.force / np.maximum(hard.depth, 0.5e-3)  # type: ignore[arg-type]
     assert position == pytest.approx(hard.position[np.argmax(per_depth)])  # type: ignore[index]

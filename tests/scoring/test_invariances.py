@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from scored_cuts import CHANGES, CUTS, TARGET, cut, ends_under_force
+from scored_cuts import CHANGES, CUTS, TARGET, TISSUES, cut, ends_under_force
 
 from cutenv.scoring import INVARIANCES, METRICS, ScoredCut, Unavailable
+from cutenv.tissue import measured_liver
 
 TOLERANCES = {"resampling": 0.05, "rest_after": 0.02, "force_offset": 1e-6, "time_shift": 1e-6}
 ROUNDING = 1e-9
@@ -34,13 +35,14 @@ def applies(invariance: str, kind: str) -> bool:
 def check_invariance(function: Callable[[ScoredCut], float], invariance: str) -> None:
     """What ``function`` finds in any of the cuts stays as it is, or stays unavailable."""
     tested = 0
+    tissue = TISSUES.get(invariance, measured_liver())
     for kind in filter(lambda kind: applies(invariance, kind), CUTS):
         before, after = cut(kind), CHANGES[invariance](cut(kind))
         try:
             value = function(ScoredCut(trace=before, target_length=TARGET))
         except Unavailable:
             continue
-        changed = function(ScoredCut(trace=after, target_length=TARGET))
+        changed = function(ScoredCut(trace=after, target_length=TARGET, tissue=tissue))
         tolerance = TOLERANCES.get(invariance, ROUNDING) * abs(value) + 1e-12
         assert abs(changed - value) <= tolerance, f"{kind}: {value:g} became {changed:g}"
         tested += 1

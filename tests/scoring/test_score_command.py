@@ -92,6 +92,15 @@ def test_many_cuts_give_a_table_and_a_summary(tmp_path: Path, capsys: pytest.Cap
     assert "second_score.html" in summary
 
 
+def test_a_record_of_force_alone_keeps_the_frozen_reference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    trace = dataclasses.replace(named(UPRIGHT, "force"), position=None, speed=None, angle=None, depth=None)
+    save(trace, tmp_path / "force.csv")
+    assert run(capsys, tmp_path / "force.csv", "--out", tmp_path)[0] == 0
+    content = json.loads((tmp_path / "force_score.json").read_text())
+    assert content == json.loads(score(trace, reference=ReferenceSet.shipped("force-alone")).to_json())
+    assert content["reference"].startswith("force-alone")
+
+
 def test_a_normalised_force_has_a_card_and_no_score_within_newtons(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -126,7 +135,7 @@ def test_a_folder_of_ones_own_people_is_a_reference(tmp_path: Path, capsys: pyte
         (["cut.csv", "--target", "75"], "is no length with a unit; write 80mm or 8cm"),
         (["cut.csv", "--target", "2m"], "Write 80mm or 8cm"),
         (["cut.csv", "--out", "nowhere"], "no such folder; make it first"),
-        (["cut.csv", "--reference", "experts"], "'experts' is neither baselines nor none"),
+        (["cut.csv", "--reference", "experts"], "'experts' is neither baselines, force-alone nor none"),
         (["cut.csv", "--reference", "."], "a percentile takes 20 or more"),
         (["missing.csv"], "no such file: missing.csv"),
         (["bad.csv"], "--map time=... force=... --unit N"),

@@ -21,7 +21,7 @@ from cutenv.task.weights import Limits, RewardWeights
 @functools.cache
 def charged_and_scored(seed: int) -> tuple[dict[str, float], ScoreCard, float]:
     """Terms of the reward of a slicing cut that ends leaning, its score with the truth, and its target [m]."""
-    env = gymnasium.make("cutenv/GentleCut-v0")
+    env = gymnasium.make("cutenv/GentleCut-v1")
     policy = BASELINES["constant 1.65 cm/s 45 deg"]()
     observation, _ = env.reset(seed=seed)
     policy.reset(np.random.default_rng(seed))
@@ -61,8 +61,8 @@ def _in_a_kernel(tip: float, target: float, blade: float, angle: float) -> tuple
         terms.tip_error(tip, target),
         terms.overshoot(tip, target),
         terms.lag(blade, tip),
-        terms.wedge(angle, 0.02),
         terms.force_per_depth(tip, blade),
+        terms.wedge(angle, 0.02),
     )
 
 
@@ -73,7 +73,7 @@ def test_a_term_is_the_same_in_a_kernel_and_for_arrays(tip: float) -> None:
         terms.tip_error(np.array([tip]), target),
         terms.overshoot(np.array([tip]), target),
         terms.lag(np.array([blade]), np.array([tip])),
-        terms.wedge(np.array([angle]), 0.02),
         terms.force_per_depth(np.array([tip]), np.array([blade])),
     )
-    assert _in_a_kernel(tip, target, blade, angle) == tuple(float(value[0]) for value in for_arrays)
+    terms_of_all = [float(value[0]) for value in for_arrays]
+    assert _in_a_kernel(tip, target, blade, angle) == (*terms_of_all, terms.wedge(angle, 0.02))

@@ -1,7 +1,7 @@
 """Measure a rig's own constants with the blade in air: lag, dead time, acceleration, backlash, friction, sensor.
 
 The carriage is stepped, swung and turned round slowly, for about two minutes within some centimetres. The simulator
-takes what the file says then: gymnasium.make("cutenv/GentleCut-v0", rig="RIG.toml").
+takes what the file says then: gymnasium.make("cutenv/GentleCut-v1", rig="RIG.toml").
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def _report(found: Identification, settings: RigSettings, arguments: argparse.Na
         print(f"picture: {arguments.picture}")
     if arguments.write:
         write_identified(arguments.rig, found.identified(settings.identified, date.today()))
-        print(f'rig: {arguments.rig}\n  gymnasium.make("cutenv/GentleCut-v0", rig="{arguments.rig}") simulates it')
+        print(f'rig: {arguments.rig}\n  gymnasium.make("cutenv/GentleCut-v1", rig="{arguments.rig}") simulates it')
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -16,6 +16,7 @@ import numpy as np
 
 from cutenv.compiled import compiled, for_kernels
 from cutenv.cutting.records import Record, Records
+from cutenv.elementary import exp
 from cutenv.parameter import check_parameters, parameter
 from cutenv.rig.settings import Axis
 
@@ -168,7 +169,7 @@ def govern(motor: Record, target: float, dt: float) -> None:
         wanted = min(max(target, -motor.fastest), motor.fastest)
         change = wanted - before
         if motor.lag > 0.0:
-            change *= 1.0 - math.exp(-dt / motor.lag)
+            change *= 1.0 - exp(-dt / motor.lag)
         limit = motor.acceleration * dt
         if before * change < 0.0:
             limit = motor.deceleration * dt

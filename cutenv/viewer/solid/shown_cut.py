@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.measurement import DepthProfile
-from cutenv.measurement.depth import SHALLOWEST
 from cutenv.measurement.strokes import blade_speed
 from cutenv.scoring.cut import ScoredCut
 from cutenv.tissue import CutModel
@@ -112,7 +111,7 @@ class ShownCut:
         even = np.linspace(trace.time[0], trace.time[-1], min(count, len(trace)))
         shown = np.unique(np.searchsorted(0.5 * (trace.time[1:] + trace.time[:-1]), even))
         tip = np.clip(cut.tip[shown], 0.0, model.length)
-        stiffness = cut.modulus * np.asarray(model.stiffness(tip)) * np.maximum(depth.at(tip), SHALLOWEST)
+        stiffness = cut.stiffness(cut.modulus, tip)
         speed = blade_speed(trace.time, position) if trace.speed is None else trace.speed
         return cls(
             name=str(trace.metadata.get("name", "cut")),

@@ -1,0 +1,64 @@
+"""What a rig expects before it cuts: the mean tissue, at every place and depth."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.compiled import compiled, inlined
+from cutenv.tissue.description import TissueDescription
+from cutenv.tissue.grid import N_POINTS
+from cutenv.tissue.slab import DEPTHS, at_depth
+
+Record = Any
+Records = NDArray[Any]
+
+_STEPS = len(DEPTHS) - 1
+
+NOMINAL: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            ("stiffness", "f8", (N_POINTS, _STEPS + 1)),  # K with the tip at each point, by depth of cut [N/m]
+            ("thickness", "f8"),  # of the slab, the deepest cut [m]
+            ("toughness_per_depth", "f8"),  # fracture part of R [N/m]
+            ("friction_per_depth", "f8"),  # on a moving blade [N/m]
+        ],
+    )
+)
+"""The mean tissue."""
+
+
+@lru_cache(maxsize=8)
+def nominal_tissue(tissue: TissueDescription) -> Records:
+    """:data:`NOMINAL` of a tissue, shape (1,), not to be written to."""
+    nominal = np.zeros(1, NOMINAL)
+    nominal["thickness"] = tissue.thickness
+    nominal["toughness_per_depth"] = (1.0 - tissue.friction_share) * tissue.fracture_resistance
+    nominal["friction_per_depth"] = tissue.friction_share * tissue.fracture_resistance
+    _fill(nominal, tissue.slab(), tissue.modulus, tissue.thickness)
+    nominal.setflags(write=False)
+    return nominal
+
+
+@compiled
+def _fill(nominal: Records, slabs: Records, modulus: float, thickness: float) -> None:
+    stiffness, slab = nominal[0].stiffness, slabs[0]
+    for i in range(N_POINTS):
+        for k in range(_STEPS + 1):
+            effective_depth, _ = at_depth(slab, i, thickness * k / _STEPS, thickness)
+            stiffness[i, k] = modulus * slab.kappa[i] * effective_depth
+
+
+@inlined
+def nominal_stiffness(nominal: Record, i: int, depth: float) -> float:
+    """K [N/m] of the mean tissue with the tip at point ``i`` of a cut ``depth`` [m] deep."""
+    level = min(depth / nominal.thickness, 1.0) * _STEPS
+    k = min(int(level), _STEPS - 1)
+    stiffness = nominal.stiffness
+    low = stiffness[i, k]
+    K: float = low + (level - k) * (stiffness[i, k + 1] - low)
+    return K

@@ -1,0 +1,340 @@
+"""Stiffness K(a) along the cut of a slab with a field of moduli, cut B(a) deep.
+
+A specimen is a slab, 8 x 15 cm and T thick.  K is the blade force over the blade's displacement with the tip at a:
+
+    K(a) = T g(a, B/T) [(1 - c) k(a) + c l(a)]
+
+k is the 2-D model's stiffness per thickness with the field of moduli, which it averages as a point load does
+(:mod:`cutenv.tissue.condensation`).  g is what a cut of partial depth changes, from bricks.  A shallow blade feels more
+of its near surroundings: by the share c(a, B/T) it meets l = kappa E of the two rows of elements at the tip
+(``scripts/derive_partial_depth.py``).  In a uniform slab that is cut through, K = E kappa(a) B.
+
+The field's 301 points become the moduli of 15 rows of elements by their means over each centimetre; between tips on the
+rows' borders k and l are interpolated as ``CutModel`` interpolates (PCHIP), and below the first border they keep its
+value.  One compiled routine serves one specimen and batches, bit for bit.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cutenv import resources
+from cutenv.compiled import compiled, for_kernels, inlined
+from cutenv.tissue.condensation import UNKNOWNS, Condensed, condensed
+from cutenv.tissue.cut_model import CutModel
+from cutenv.tissue.derivation import FOLDER
+from cutenv.tissue.grid import LENGTH, N_POINTS
+
+Record = Any
+Array = NDArray[np.float64]
+
+ROWS = 15
+"""Rows of elements along the cut, one centimetre each."""
+THICKNESS = 0.025
+"""T of a slab of liver (thesis 3.2) [m]."""
+DEPTHS = np.linspace(0.0, 1.0, 51)
+"""B/T of the table of partial depth."""
+_IN_ROW = (N_POINTS - 1) // ROWS  # points of a field
+_STEPS = len(DEPTHS) - 1
+
+SLAB: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            *((name, "f8", (ROWS, UNKNOWNS, UNKNOWNS)) for name in ("lower", "across", "upper")),
+            ("uniform", "f8", (ROWS,)),  # what the condensed model gives at modulus 1
+            ("tips", "f8", (ROWS,)),  # kappa of the full one, at the tips
+            ("kappa", "f8", (N_POINTS,)),  # and at every point
+            ("ratio", "f8", (ROWS, _STEPS + 1)),  # g, by tip and depth
+            ("share", "f8", (ROWS, _STEPS + 1)),  # c
+        ],
+    )
+)
+"""Everything that K(a) is made of but the specimen."""
+
+
+@lru_cache(maxsize=8)
+def slab_of(element: str, formulation: str, poisson: float) -> NDArray[Any]:
+    """:data:`SLAB` of a plane model of the default mesh, shape (1,), not to be written to.
+
+    That of pig liver is kept in ``assets/derived/slab.json``, so that every machine starts from the same digits;
+    others are computed.
+
+    Raises
+    ------
+    ValueError
+        For a solid model: its thickness is that of the table of partial depth, which bricks gave.
+    """
+    if formulation == "solid":
+        raise ValueError(
+            "element = 'hex20' is a solid model, which has no plane stiffness: describe tissue by 'quad8' moduli; "
+            "CutModel.convert_modulus takes a modulus from one model to the other."
+        )
+    slab = np.zeros(1, SLAB)
+    kept = _kept("slab")
+    if [kept[name] for name in ("element", "formulation", "poisson")] == [element, formulation, poisson]:
+        parts = Condensed(*(np.array(kept[name]) for name in Condensed._fields))
+    else:
+        parts = condensed(CutModel(element=element, formulation=formulation, poisson=poisson))
+    for name in ("lower", "across", "upper"):
+        slab[0][name] = getattr(parts, name)
+    table = _kept("partial_depth")
+    slab[0]["ratio"], slab[0]["share"] = table["stiffness_ratio"], table["local_share"]
+    slab[0]["tips"] = parts.kappa
+    _prepare(slab)
+    slab.setflags(write=False)
+    return slab
+
+
+@lru_cache(maxsize=2)
+def _kept(name: str) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads(resources.path(f"{FOLDER}/{name}.json").read_text())
+    return content
+
+
+@compiled
+def _prepare(slabs: Array) -> None:
+    tip_stiffness(slabs[0], np.ones(ROWS), slabs[0].uniform)
+    between_tips(slabs[0].tips, slabs[0].kappa)
+
+
+def stiffness_along(slab: NDArray[Any], modulus: Array, depth: Array, thickness: float) -> Array:
+    """K at each point of a specimen, shape (301,) [N/m].
+
+    Parameters
+    ----------
+    slab : array of :data:`SLAB`, shape (1,)
+    modulus, depth : array, shape (301,)
+        Of the material [Pa]; of the cut [m], up to ``thickness`` [m].
+    """
+    stiffness, effective, share = np.empty(N_POINTS), np.empty(N_POINTS), np.empty(N_POINTS)
+    _stiffness_along(slab, modulus, depth, thickness, effective, share, stiffness)
+    return stiffness
+
+
+@compiled
+def _stiffness_along(
+    slabs: Array, modulus: Array, depth: Array, thickness: float, effective: Array, share: Array, stiffness: Array
+) -> None:
+    partial_depth(slabs[0], depth, thickness, effective, share)
+    fill_stiffness(slabs[0], modulus, effective, share, stiffness)
+
+
+def row_means(modulus: Array) -> Array:
+    """Modulus of each row of elements, shape (15,), from a field, shape (301,): trapezoidal means over its points."""
+    rows = np.empty(ROWS)
+    _fill_rows(modulus, rows)
+    return rows
+
+
+@for_kernels
+def _fill_rows(modulus: Array, rows: Array) -> None:
+    for j in range(ROWS):
+        first = j * _IN_ROW
+        total = 0.5 * (modulus[first] + modulus[first + _IN_ROW])
+        for i in range(first + 1, first + _IN_ROW):
+            total += modulus[i]
+        rows[j] = total / _IN_ROW
+
+
+def local_modulus(rows: Array) -> Array:
+    """Mean modulus of the rows on either side of each tip, shape (15,)."""
+    local = np.empty(ROWS)
+    _fill_local(rows, local)
+    return local
+
+
+@for_kernels
+def _fill_local(rows: Array, local: Array) -> None:
+    for j in range(ROWS - 1):
+        local[j] = 0.5 * (rows[j] + rows[j + 1])
+    local[ROWS - 1] = rows[ROWS - 1]
+
+
+@for_kernels
+def fill_stiffness(slab: Record, modulus: Array, effective: Array, share: Array, stiffness: Array) -> None:
+    """Fill ``stiffness``, shape (301,), with K [N/m]; ``effective`` and ``share`` are :func:`partial_depth`'s."""
+    rows, local, plane = np.empty(ROWS), np.empty(ROWS), np.empty(ROWS)
+    far, near = np.empty(N_POINTS), np.empty(N_POINTS)
+    _fill_rows(modulus, rows)
+    total = 0.0
+    for j in range(ROWS):
+        total += rows[j]
+    mean = total / ROWS
+    for j in range(ROWS):
+        rows[j] /= mean
+    tip_stiffness(slab, rows, plane)
+    _fill_local(rows, local)
+    for j in range(ROWS):  # relative to the uniform slab, which stays as the full model has it
+        plane[j] = slab.tips[j] * (plane[j] / slab.uniform[j])
+        local[j] *= slab.tips[j]
+    between_tips(plane, far)
+    between_tips(local, near)
+    for i in range(N_POINTS):
+        stiffness[i] = mean * (far[i] + share[i] * (near[i] - far[i])) * effective[i]
+
+
+@for_kernels
+def tip_stiffness(slab: Record, rows: Array, stiffness: Array) -> None:
+    """Fill ``stiffness``, shape (15,), with the plane model's, with the tip on each border, of these moduli of rows.
+
+    The matrix is block tridiagonal.  What lies on either side of a border acts on it as a spring matrix: elimination
+    from the clamp gives the one, from the free end the other.  The tip is the last unknown of their sum: eliminating
+    the others leaves K as the last pivot.
+    """
+    springs = np.empty((ROWS, UNKNOWNS, UNKNOWNS))
+    work = np.empty((UNKNOWNS, UNKNOWNS))
+    coupling = np.empty((UNKNOWNS, UNKNOWNS))
+    for p in range(UNKNOWNS):
+        for q in range(UNKNOWNS):
+            springs[0, p, q] = rows[0] * slab.upper[0, p, q]
+    for j in range(1, ROWS):  # from the clamp
+        for p in range(UNKNOWNS):
+            for q in range(UNKNOWNS):
+                work[p, q] = springs[j - 1, p, q] + rows[j] * slab.lower[j, p, q]
+                coupling[p, q] = rows[j] * slab.across[j, p, q]
+                springs[j, p, q] = rows[j] * slab.upper[j, p, q]
+        _eliminate(work, coupling, springs[j])
+    beyond = np.zeros((UNKNOWNS, UNKNOWNS))
+    for j in range(ROWS - 1, -1, -1):  # from the free end
+        for p in range(UNKNOWNS):
+            for q in range(UNKNOWNS):
+                work[p, q] = springs[j, p, q] + beyond[p, q]
+        stiffness[j] = _last_pivot(work)
+        if j > 0:
+            for p in range(UNKNOWNS):
+                for q in range(UNKNOWNS):
+                    work[p, q] = beyond[p, q] + rows[j] * slab.upper[j, p, q]
+                    coupling[p, q] = rows[j] * slab.across[j, q, p]
+                    beyond[p, q] = rows[j] * slab.lower[j, p, q]
+            _eliminate(work, coupling, beyond)
+
+
+@inlined
+def _factorise(matrix: Array) -> None:
+    """L D L^T in place, by columns: D on the diagonal, L below."""
+    for p in range(UNKNOWNS):
+        for q in range(p + 1, UNKNOWNS):
+            factor = matrix[q, p] / matrix[p, p]
+            for k in range(q, UNKNOWNS):
+                matrix[k, q] -= factor * matrix[k, p]
+        for q in range(p + 1, UNKNOWNS):
+            matrix[q, p] /= matrix[p, p]
+
+
+@for_kernels
+def _last_pivot(matrix: Array) -> float:
+    _factorise(matrix)
+    return matrix[UNKNOWNS - 1, UNKNOWNS - 1]  # type: ignore[no-any-return]
+
+
+@for_kernels
+def _eliminate(matrix: Array, coupling: Array, springs: Array) -> None:
+    """Subtract C^T M^-1 C of a ``matrix`` M and a ``coupling`` C, which are both spoilt, from ``springs``."""
+    _factorise(matrix)
+    for p in range(1, UNKNOWNS):  # C becomes L^-1 C
+        for k in range(p):
+            factor = matrix[p, k]
+            for q in range(UNKNOWNS):
+                coupling[p, q] -= factor * coupling[k, q]
+    for k in range(UNKNOWNS):
+        share = 1.0 / matrix[k, k]
+        for p in range(UNKNOWNS):
+            factor = coupling[k, p] * share
+            for q in range(UNKNOWNS):
+                springs[p, q] -= factor * coupling[k, q]
+
+
+@for_kernels
+def between_tips(at_tips: Array, along: Array) -> None:
+    """Fill ``along``, shape (301,), from values at the 15 tips: PCHIP, and the first one's value below it."""
+    slopes = np.empty(ROWS)
+    for j in range(1, ROWS - 1):  # in units of a row
+        before, after = at_tips[j] - at_tips[j - 1], at_tips[j + 1] - at_tips[j]
+        slopes[j] = 2.0 * before * after / (before + after) if before * after > 0.0 else 0.0
+    slopes[0] = _end_slope(at_tips[1] - at_tips[0], at_tips[2] - at_tips[1])
+    last = ROWS - 1
+    slopes[last] = _end_slope(at_tips[last] - at_tips[last - 1], at_tips[last - 1] - at_tips[last - 2])
+    for i in range(_IN_ROW):
+        along[i] = at_tips[0]
+    for j in range(last):
+        rise = at_tips[j + 1] - at_tips[j]
+        second = 3.0 * rise - 2.0 * slopes[j] - slopes[j + 1]
+        third = slopes[j] + slopes[j + 1] - 2.0 * rise
+        for k in range(_IN_ROW):
+            t = k / _IN_ROW
+            along[(j + 1) * _IN_ROW + k] = at_tips[j] + t * (slopes[j] + t * (second + t * third))
+    along[ROWS * _IN_ROW] = at_tips[last]
+
+
+@for_kernels
+def _end_slope(near: float, far: float) -> float:
+    """PCHIP's one-sided slope at an end, shape preserved: Fritsch and Butland's three-point formula."""
+    slope = 0.5 * (3.0 * near - far)
+    if slope * near <= 0.0:
+        return 0.0
+    if near * far < 0.0 and abs(slope) > 3.0 * abs(near):
+        return 3.0 * near
+    return slope
+
+
+@for_kernels
+def partial_depth(slab: Record, depth: Array, thickness: float, effective: Array, share: Array) -> None:
+    """Fill ``effective`` with the effective depth T g [m], ``share`` with c, of a cut so deep at each of 301 points."""
+    for i in range(N_POINTS):
+        effective[i], share[i] = at_depth(slab, i, depth[i], thickness)
+
+
+@inlined
+def at_depth(slab: Record, i: int, depth: float, thickness: float) -> tuple[float, float]:
+    """T g [m] and c with the tip at point ``i``: linear in both directions, and the first tip's below it."""
+    place = min(max(i / _IN_ROW - 1.0, 0.0), ROWS - 1.0)
+    j = min(int(place), ROWS - 2)
+    w = place - j
+    level = min(depth / thickness, 1.0) * _STEPS
+    k = min(int(level), _STEPS - 1)
+    v = level - k
+    ratio, share = slab.ratio, slab.share
+    g = (1.0 - w) * (ratio[j, k] + v * (ratio[j, k + 1] - ratio[j, k])) + w * (
+        ratio[j + 1, k] + v * (ratio[j + 1, k + 1] - ratio[j + 1, k])
+    )
+    c = (1.0 - w) * (share[j, k] + v * (share[j, k + 1] - share[j, k])) + w * (
+        share[j + 1, k] + v * (share[j + 1, k + 1] - share[j + 1, k])
+    )
+    return thickness * g, c
+
+
+def effective_depth(cut_length: ArrayLike, depth: ArrayLike, thickness: float = THICKNESS) -> Array:
+    """T g(a, B/T) [m]: in a slab of modulus E, K = E kappa(a) times this; B itself where it is cut through.
+
+    Parameters
+    ----------
+    cut_length, depth : array_like
+        Of the tip from the clamp and of the cut [m]; broadcast.  A cut deeper than the slab goes through one that is as
+        thick.
+    thickness : float
+        Of the slab [m].
+
+    Returns
+    -------
+    ndarray of float64
+        Of the broadcast shape.
+
+    Notes
+    -----
+    The table is that of bricks with a Poisson's ratio of 0.3 and T = 2.5 cm (``scripts/derive_partial_depth.py``).
+    """
+    a, B = np.broadcast_arrays(np.asarray(cut_length, np.float64), np.asarray(depth, np.float64))
+    ratio = np.asarray(_kept("partial_depth")["stiffness_ratio"])
+    place = np.clip(a / (LENGTH / ROWS) - 1.0, 0.0, ROWS - 1.0)
+    level = np.clip(B / thickness, 0.0, 1.0) * _STEPS
+    j, k = np.minimum(place.astype(int), ROWS - 2), np.minimum(level.astype(int), _STEPS - 1)
+    w, v = place - j, level - k
+    g = (1.0 - w) * ((1.0 - v) * ratio[j, k] + v * ratio[j, k + 1])
+    g += w * ((1.0 - v) * ratio[j + 1, k] + v * ratio[j + 1, k + 1])
+    return np.asarray(np.maximum(thickness, B) * g)

@@ -1,0 +1,241 @@
+"""Check the physics on drawn specimens: stiffness, reloading, energy, drawing, measurement and the speed of resets.
+
+    python scripts/check_physics.py                        30 specimens, 10,000 draws: about a minute
+    python scripts/check_physics.py --specimens 3 --only stiffness account
+
+A third of the specimens are livers, a third have vessels, a third come from other seeds.  The table says what was found
+beside what is promised; a line without a promise is a finding.  The exit status is 1 if a promise is not kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import itertools
+import math
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import measure_recovery
+import numpy as np
+from adversarial_motions import INCLINED, MOTIONS, UPRIGHT
+from numpy.typing import NDArray
+
+from cutenv.bench.batch import MANY, RESETS_IN_STEPS, rates
+from cutenv.compiled import compiled
+from cutenv.cutting.parameters import law_records, profile_records
+from cutenv.cutting.records import READING, TICK, new_state
+from cutenv.cutting.simulate import account, follow
+from cutenv.randomness import generator
+from cutenv.tissue import CutModel, Specimen, measured_liver
+from cutenv.tissue.slab import ROWS, row_means
+from cutenv.tissue.specimen import N_POINTS, SPACING
+
+Array = NDArray[np.float64]
+
+SEED, OTHER_SEEDS = 1, 1000  # of the livers and those with vessels; the first of the others
+STIFFNESS = 0.01
+"""Largest error of K beside the finite-element model's [1]."""
+SPEEDS = (0.001, 0.0127, 0.0254)  # [m/s]
+TURNS = (0.03, 0.035, 0.04, 0.045, 0.05)  # where the blade is drawn back to the clamp and comes again [m]
+RELOAD = 0.0005
+"""Largest error of the force on coming back, over the one when the blade was drawn back: 1.000 when rounded [1]."""
+RESIDUAL, LEAST_WORK = 1e-12, 1e-3
+"""Largest residual of the energy account over the work [1], or over 1 mJ where that is more."""
+FURTHEST = 0.10
+"""Up to which cuts lead [m]."""
+CUT_LENGTH = 0.11
+"""Of the cuts that are measured [m]."""
+EXACT, ROUGH = (0.05, 0.05, 0.02), (0.10, 0.15, 0.03)
+"""Largest errors of single cuts, 95th percentile: of R [1], LEM [1] and friction's share of R [1]."""
+BY_CONDITION = {
+    "exact depth": EXACT, "depth known to 0.5 mm": ROUGH, "  offset 0.2 N": ROUGH, "  drift 0.3 N": ROUGH,
+}  # fmt: skip
+"""Conditions of ``scripts/measure_recovery.py``; the last two come on top of the inexact depth."""
+ETA90 = 0.03
+"""Largest error of eta90, of all cuts together [1]."""
+
+
+class Row(NamedTuple):
+    """One line of the table; ``holds`` is None for a finding."""
+
+    what: str
+    found: str
+    promised: str = ""
+    holds: bool | None = None
+
+    def __str__(self) -> str:
+        mark = {True: "yes", False: "NO", None: ""}[self.holds]
+        return f"{self.what:76s} | {self.found:20s} | {self.promised:15s} | {mark}".rstrip()
+
+
+def drawn(count: int) -> list[Specimen]:
+    """By turns a liver, one with vessels, and one of another seed that may be either."""
+    kinds = ("liver", "vascular", "mixed")
+    return [
+        Specimen.drawn(SEED if n % 3 < 2 else OTHER_SEEDS + n, n, specimen_class=kinds[n % 3]) for n in range(count)
+    ]
+
+
+def check_stiffness(specimens: Sequence[Specimen]) -> Iterator[Row]:
+    """K(a), cut through, beside ``CutModel`` with the same moduli of the rows of elements, at all 301 points."""
+    places, errors = np.arange(N_POINTS) * SPACING, []
+    for specimen in specimens:
+        through = dataclasses.replace(specimen, depth=np.full(N_POINTS, specimen.thickness))
+        rows, model = row_means(specimen.modulus), specimen.cut_model()
+        moduli = np.tile(rows / rows.mean(), model.n_elements // ROWS)
+        full = CutModel(model.element, model.formulation, model.poisson, relative_modulus=moduli)
+        expected = np.asarray(full.stiffness(places)) * rows.mean() * specimen.thickness
+        errors.append(through.stiffness() / expected - 1.0)
+    low, high = np.min(errors), np.max(errors)
+    what, found = f"K(a), cut through, over CutModel's - 1 ({len(errors)})", f"{100 * low:+.3f} to {100 * high:+.3f} %"
+    yield Row(what, found, f"within {100 * STIFFNESS:g} %", bool(max(-low, high) <= STIFFNESS))
+
+
+def reload_ratios(specimen: Specimen, speed: float, angle: float) -> list[tuple[float, bool]]:
+    """Elastic force on coming back to each of :data:`TURNS` over the one before, and whether a crack had just run."""
+    profile, law = profile_records([specimen])[0], law_records([specimen])[0]
+    state = new_state(1, angle)[0]
+
+    def felt_at(place: float) -> float:
+        count = max(1, math.ceil(abs(place - state.blade) / (speed * TICK)))
+        path, readings = np.linspace(state.blade, place, count + 1)[1:], np.zeros(count, READING)
+        follow(state, profile, law, path, np.full(count, angle), TICK, readings)
+        return float(readings["elastic_force"][-1])
+
+    found = []
+    for place in TURNS:
+        before, ran = felt_at(place), bool(state.running)
+        felt_at(0.0)
+        found.append((1.0 + (felt_at(place) - before) / max(before, 1e-3), ran))  # a run may leave no force at all
+    return found
+
+
+def check_reloading(specimens: Sequence[Specimen]) -> Iterator[Row]:
+    """Unloading and reloading are elastic: the force comes back to where the blade was drawn back."""
+    ratios: dict[str, list[float]] = {}
+    for angle, speed in itertools.product((UPRIGHT, INCLINED), SPEEDS):
+        for ratio, ran in itertools.chain(*(reload_ratios(specimen, speed, angle) for specimen in specimens)):
+            loading = f"while loading, {100 * speed:g} cm/s, {math.degrees(angle):.0f} degrees"
+            ratios.setdefault("in the update of a crack's run" if ran else loading, []).append(ratio)
+    for when, found in sorted(ratios.items()):
+        low, high = np.min(found), np.max(found)
+        what, shown = f"force on coming back, drawn back {when} ({len(found)})", f"{low:.6f} to {high:.6f}"
+        yield Row(what, shown, "1.000", bool(max(1.0 - low, high - 1.0) <= RELOAD))
+
+
+@compiled
+def _lead(
+    state: Any, profile: Any, law: Any, positions: Array, angles: Array, readings: Any, energies: Array, shares: Array
+) -> None:
+    """Lead a blade; fill ``shares`` with the residual over the work, or over 1 mJ, after each update."""
+    for i in range(len(positions)):
+        now = slice(i, i + 1)
+        follow(state, profile, law, positions[now], angles[now], TICK, readings[now])
+        account(state, profile, energies)
+        shares[i] = abs(energies[6]) / max(energies[0], LEAST_WORK)
+
+
+def worst_residual(specimen: Specimen, motion: str, episode: int) -> float:
+    """Of the energy account, at any instant of a motion, over the work or 1 mJ [1]."""
+    positions, angles = MOTIONS[motion](generator(SEED, episode))
+    angles, shares = np.ascontiguousarray(np.broadcast_to(angles, positions.shape)), np.zeros(len(positions))
+    state, profile, law = new_state(1, angles[0])[0], profile_records([specimen])[0], law_records([specimen])[0]
+    _lead(state, profile, law, positions, angles, np.zeros(len(positions), READING), np.zeros(7), shares)
+    return float(shares.max())  # NaN if any is
+
+
+def check_account(specimens: Sequence[Specimen]) -> Iterator[Row]:
+    """Work = stored + fracture + friction + loss + ledger under motions that no drive makes."""
+    for motion in MOTIONS:
+        worst = float(np.max([worst_residual(specimen, motion, n) for n, specimen in enumerate(specimens)]))
+        yield Row(f"residual of the energy: {motion}", f"{worst:.1e}", f"at most {RESIDUAL:.0e}", worst <= RESIDUAL)
+
+
+def runs_out_of_energy(specimen: Specimen, stiffness: Array) -> bool:
+    """Whether somewhere up to 10 cm no force lets a crack run on.
+
+    Growth ahead of a blade at rest under the force F releases F - K' F^2/(2 K^2) per length, at the most K^2/(2 K'),
+    and takes R B.
+    """
+    last = round(FURTHEST / SPACING)
+    K, rise = stiffness[:last], np.diff(stiffness)[:last] / SPACING
+    return bool(np.any(rise / K * (specimen.fracture_force()[:last] / K) > 0.5))
+
+
+def check_drawing(keys: int) -> Iterator[Row]:
+    """Every key gives a specimen, none is drawn again; how many have a place where no crack can run on."""
+    drawn_of: Counter[str] = Counter()
+    stopping: Counter[str] = Counter()
+    for episode in range(keys):
+        try:
+            specimen = Specimen.drawn(SEED, episode, specimen_class="mixed")
+        except ValueError:
+            continue
+        stiffness = specimen.stiffness()
+        along = np.array([stiffness, specimen.modulus, specimen.fracture_resistance, specimen.depth])
+        if np.all(np.isfinite(along)) and np.all(along > 0.0):
+            drawn_of[specimen.specimen_class] += 1
+            stopping[specimen.specimen_class] += runs_out_of_energy(specimen, stiffness)
+    came = drawn_of.total()
+    yield Row("keys that give a specimen, finite and positive everywhere", f"{came} of {keys}", "all", came == keys)
+    for kind, count in sorted(drawn_of.items()):
+        share = f"{stopping[kind]} of {count}, {100 * stopping[kind] / count:.2f} %"
+        yield Row(f"  of class {kind}: a place where a crack finds no energy to run on", share)
+
+
+def check_measurement(specimens: int) -> Iterator[Row]:
+    """R, LEM, friction and eta90 in and out, by ``scripts/measure_recovery.py``."""
+    cuts, true_eta90 = measure_recovery.cut_specimens(CUT_LENGTH, specimens, SEED), measured_liver().eta90
+    for name, promised in BY_CONDITION.items():
+        found = measure_recovery.recovery(cuts, measure_recovery.CONDITIONS[name])
+        where = f"{name.strip()}, {100 * CUT_LENGTH:g} cm"
+        yield Row(f"cuts measured, {where}", f"{found.cuts} of {len(cuts)}", "all", found.refused == 0)
+        errors = {"R [%]": found.resistance, "LEM [%]": found.modulus, "friction [points]": found.friction}
+        for (what, (median, high)), most in zip(errors.items(), promised, strict=True):
+            shown = f"{100 * median:.1f} / {100 * high:.1f}"
+            yield Row(f"  error of {what}, median / 95th percentile", shown, f"95th <= {100 * most:g}", high <= most)
+        off, shown = abs(found.eta90 - true_eta90), f"{found.eta90:.3f} for {true_eta90:.3f}"
+        yield Row("  eta90 of all cuts together", shown, f"within {ETA90:g}", off <= ETA90)
+
+
+def check_resets() -> Iterator[Row]:
+    """A batch begins anew in fewer than so many of its own steps, in one process."""
+    rate = rates(MANY, rounds=2)
+    steps = rate.native / rate.resets
+    what = f"resetting {MANY} environments, in steps of the batch"
+    yield Row(what, f"{steps:.1f}", f"fewer than {RESETS_IN_STEPS:g}", steps < RESETS_IN_STEPS)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Check, print, and return 1 if a promise is not kept."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--specimens", type=int, default=30)
+    parser.add_argument("--keys", type=int, default=10_000, help="specimens drawn to see that none is refused")
+    parts = ("stiffness", "reloading", "account", "drawing", "measurement", "resets")
+    parser.add_argument("--only", nargs="+", choices=parts, default=parts, metavar="PART", help=", ".join(parts))
+    arguments = parser.parse_args(argv)
+    specimens = drawn(arguments.specimens)
+    checks: dict[str, Callable[[], Iterator[Row]]] = {
+        "stiffness": lambda: check_stiffness(specimens),
+        "reloading": lambda: check_reloading(specimens),
+        "account": lambda: check_account(specimens),
+        "drawing": lambda: check_drawing(arguments.keys),
+        "measurement": lambda: check_measurement(arguments.specimens),
+        "resets": check_resets,
+    }
+    began, kept = time.perf_counter(), []
+    print(f"{Row('what', 'found', 'promised')} holds")
+    for part in arguments.only:
+        for row in checks[part]():
+            print(row, flush=True)
+            kept.append(row.holds is not False)
+    print(f"{kept.count(False)} promises not kept; {time.perf_counter() - began:.0f} s")
+    return int(not all(kept))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

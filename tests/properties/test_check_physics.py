@@ -1,0 +1,61 @@
+"""``scripts/check_physics.py`` on one specimen: what its promises say is kept, and broken physics is told."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cutenv.tissue import CutModel, Specimen
+from cutenv.tissue.specimen import N_POINTS, SPACING
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+
+import check_physics
+
+
+def status(*parts: str) -> int:
+    return check_physics.main(["--specimens", "1", "--only", *parts])
+
+
+def test_one_specimen_keeps_every_promise(capsys: pytest.CaptureFixture[str]) -> None:
+    assert status("stiffness", "reloading", "account") == 0
+    assert "0 promises not kept" in capsys.readouterr().out
+
+
+def local_product(specimen: Specimen) -> Any:
+    """E kappa B of the place, as if a point load averaged nothing."""
+    return specimen.modulus * CutModel().stiffness([i * SPACING for i in range(N_POINTS)]) * specimen.depth
+
+
+def forgetting(state: Any, *others: Any) -> None:
+    """Lead a blade, then lose the force at which growth stopped."""
+    FOLLOW(state, *others)
+    state.held_force = 0.0
+
+
+def unaccounted(*arguments: Any) -> Any:
+    """A fresh state with a loss that no work has paid."""
+    states = NEW_STATE(*arguments)
+    states["loss"] = 1e-12
+    return states
+
+
+FOLLOW, NEW_STATE = check_physics.follow, check_physics.new_state
+
+
+@pytest.mark.parametrize(
+    ("part", "broken", "name", "by"),
+    [
+        ("stiffness", Specimen, "stiffness", local_product),
+        ("reloading", check_physics, "follow", forgetting),
+        ("account", check_physics, "new_state", unaccounted),
+    ],
+)
+def test_broken_physics_ends_in_status_1(
+    part: str, broken: Any, name: str, by: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(broken, name, by)
+    assert status(part) == 1
