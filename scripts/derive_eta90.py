@@ -24,8 +24,7 @@ from cutenv.cutting.parameters import law_records, profile_records
 from cutenv.cutting.records import READING, TICK, new_state
 from cutenv.cutting.simulate import follow
 from cutenv.tissue.derivation import write_derived
-from cutenv.tissue.description import TissueDescription, tables_only
-from cutenv.tissue.modulus import local_effective_modulus, quasi_static_modulus
+from cutenv.tissue.description import TissueDescription, following_means, tables_only
 from cutenv.tissue.specimen import Specimen
 from cutenv.tissue.tables import table
 
@@ -51,7 +50,7 @@ def apparent_over_true(tissue: TissueDescription) -> float:
     """Mean of W / (B x) over R at the cut lengths of Table 6.1, for the mean tissue cut slowly [1]."""
     resistance = tissue.fracture_resistance
     specimen = Specimen.homogeneous(
-        modulus=quasi_static_modulus(), fracture_resistance=resistance, depth=DEPTH, tissue=tissue
+        modulus=tissue.intercept_90, fracture_resistance=resistance, depth=DEPTH, tissue=tissue
     )
     lengths = table("6.1")["cut_length_m"]
     readings = cut_along(specimen, float(lengths.max()), 0.001)
@@ -65,7 +64,7 @@ def unit_length(eta90: float, modulus: float, start: float, end: float, depth: f
 
     ``modulus`` [Pa] is the quasi-static one as if it were 1 cm deep.
     """
-    tissue = tables_only(eta90=eta90)
+    tissue = tables_only(**following_means(), eta90=eta90)
     corrected = tissue.fracture_resistance / apparent_over_true(tissue)
     specimen = Specimen.homogeneous(
         modulus=modulus * THICKNESS / depth, fracture_resistance=corrected, depth=depth, tissue=tissue
@@ -89,7 +88,8 @@ def main() -> None:
     places = data["distance_cm"] / 100.0
     spacing = np.diff(places)
     lem = data["lem_quad8_plane_stress_Pa"]
-    ratio = local_effective_modulus(SPEED, math.pi / 2) / quasi_static_modulus()
+    tissue = tables_only(**following_means())
+    ratio = tissue.local_effective_modulus(SPEED, math.pi / 2) / tissue.intercept_90
     modulus = float(lem.mean()) / ratio  # the table's slope is that at 0.38 cm/s
     print(f"Table 4.1: {len(spacing)} units of {1e3 * spacing.mean():.2f} mm on average, mean LEM {lem.mean():.0f} Pa")
 
@@ -119,7 +119,7 @@ def main() -> None:
         at_depth = float(np.interp(spacing.mean(), np.maximum.accumulate(swept), ETAS))
         reached = "" if swept[0] < spacing.mean() < max(swept) else " (an end of what was tried)"
         print(f"  if that cut was {100 * depth:.2f} cm deep: eta90 = {at_depth:.3f}{reached}")
-    correction = apparent_over_true(dataclasses.replace(tables_only(), eta90=value))
+    correction = apparent_over_true(dataclasses.replace(tissue, eta90=value))
     print(f"apparent over true fracture resistance, mean of Table 6.1's lengths: {correction:.3f}")
     if arguments.write:
         write_derived(

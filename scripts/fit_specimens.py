@@ -29,9 +29,9 @@ from tqdm import tqdm
 from cutenv.measurement import estimate_fracture_resistance, estimate_local_effective_moduli
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.randomness import generator
-from cutenv.tissue import Specimen, draw_liver, local_effective_modulus, measured_liver
-from cutenv.tissue.derivation import derived_value, write_derived
-from cutenv.tissue.description import FITTED, TissueDescription, tables_only
+from cutenv.tissue import Specimen, draw_liver, measured_liver
+from cutenv.tissue.derivation import write_derived
+from cutenv.tissue.description import FITTED, TissueDescription
 from cutenv.tissue.fracture import measured_fracture_resistance
 from cutenv.tissue.spread import (
     CUTS_PER_LIVER,
@@ -56,7 +56,7 @@ class Cut(NamedTuple):
 
     table: str
     moduli: np.ndarray  # as the thesis measured: no depth, blade for tip [Pa]
-    corrected: float  # mean of the moduli by force per depth, over the fit to Table 5.6 at this speed [1]
+    corrected: float  # mean of the moduli by force per depth, over that of Table 5.6 at this speed [1]
     length: float  # of the cut whose apparent resistance follows [m]
     apparent: float  # [J/m2]
     depth: float  # that the moduli see: mean without depth over mean with depth, of a model 1 cm thick [m]
@@ -95,7 +95,9 @@ def virtual_cuts(tissue: TissueDescription, livers: int, seed: int) -> Iterator[
             yield Cut(
                 table=name,
                 moduli=moduli if shown else np.array([math.nan]),
-                corrected=with_depth.modulus.mean() / local_effective_modulus(speed, UPRIGHT) if shown else math.nan,
+                corrected=with_depth.modulus.mean() / tissue.local_effective_modulus(speed, UPRIGHT)
+                if shown
+                else math.nan,
                 length=length,
                 apparent=estimate_fracture_resistance(short).apparent,
                 depth=moduli.mean() / with_depth.modulus.mean() * model.thickness if shown else math.nan,
@@ -154,7 +156,7 @@ def measure(tissue: TissueDescription, livers: int, seed: int, what: str) -> lis
 
 def fit(livers: int, rounds: int) -> TissueDescription:
     """Move each constant by what its statistic misses, on the same random numbers every round."""
-    tissue = tables_only(eta90=derived_value("eta90"), **{name: derived_value(name) for name in FITTED})
+    tissue = measured_liver()
     goal = targets()
     for number in range(rounds):
         cuts = measure(tissue, livers, seed=1, what=f"fit, round {number + 1} of {rounds}")
@@ -230,8 +232,8 @@ def main() -> None:
     """Fit if asked, then show."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--fit", action="store_true", help="fit and write assets/derived/*.json")
-    parser.add_argument("--livers", type=int, default=42, help="virtual livers, four cuts each")
-    parser.add_argument("--rounds", type=int, default=6, help="of the fit")
+    parser.add_argument("--livers", type=int, default=120, help="virtual livers, four cuts each")
+    parser.add_argument("--rounds", type=int, default=4, help="of the fit")
     arguments = parser.parse_args()
     if arguments.fit:
         tissue = fit(arguments.livers, arguments.rounds)

@@ -24,7 +24,6 @@ from tqdm import tqdm
 
 from cutenv.envs.constants import Knowledge
 from cutenv.measurement import InitiationEstimate, MeasuredCut, initiation_excess, measure_cut
-from cutenv.measurement.loading_ratio import loading_ratio
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.randomness import generator
 from cutenv.tissue import CutModel, Specimen, measured_liver
@@ -65,7 +64,7 @@ class KnownCut:
         """LEM [Pa] that a perfect slope shows where the segments are: r K/(kappa B)."""
         tips = found.moduli.position
         speeds = [segment.require("speed", by="the truth")[0] for segment in found.moduli.segments]
-        r = np.array([loading_ratio(speed, found.angle) for speed in speeds])
+        r = np.array([self.specimen.loading_ratio(speed, found.angle) for speed in speeds])
         K, B = (np.interp(tips, PLACES, values) for values in (self.stiffness, self.specimen.depth))
         return np.asarray(r * K / (MODEL.stiffness(tips) * B))
 

@@ -26,7 +26,6 @@ import numpy as np
 
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.measurement import MeasuredCut, flaws, initiation_excess, measure_cut
-from cutenv.measurement.loading_ratio import loading_ratio
 from cutenv.measurement.zero import TAKEN_OFF
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.randomness import generator
@@ -157,7 +156,7 @@ class Known(NamedTuple):
         tips, places = cut.moduli.position, np.arange(N_POINTS) * SPACING
         K, B = (np.interp(tips, places, along) for along in (self.specimen.stiffness(), self.specimen.depth))
         speeds = [segment.require("speed", by="record_robustness")[0] for segment in cut.moduli.segments]
-        r = np.array([loading_ratio(speed, cut.angle) for speed in speeds])
+        r = np.array([self.specimen.loading_ratio(speed, cut.angle) for speed in speeds])
         return float(np.median(cut.moduli.modulus / (r * K / (MODEL.stiffness(tips) * B))))
 
 

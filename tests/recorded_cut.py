@@ -10,16 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv.cutting.sensor import SensorParameters
-from cutenv.measurement.loading_ratio import loading_ratio
 from cutenv.plant.protocol import Leg, run, to_trace
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.randomness import generator
-from cutenv.tissue.description import tables_only
+from cutenv.tissue.description import following_means, tables_only
 from cutenv.tissue.specimen import N_POINTS, SPACING, Specimen
 from cutenv.trace import Trace
 
 INCH = 0.0254
-TISSUE = tables_only(eta90=0.28)
+TISSUE = tables_only(**following_means(), eta90=0.28)
 PLACES = np.arange(N_POINTS) * SPACING
 
 
@@ -49,7 +48,7 @@ class RecordedCut(NamedTuple):
 
 def shown_moduli(specimen: Specimen, tips: Any, segments: Any) -> Any:
     """LEM [Pa] that an exact slope shows at each tip [m], speed and angle: r K/(kappa B)."""
-    r = np.array([loading_ratio(s.speed, s.angle) for s in segments])
+    r = np.array([specimen.loading_ratio(s.speed, s.angle) for s in segments])
     K, B = (np.interp(tips, PLACES, values) for values in (specimen.stiffness(), specimen.depth))
     return r * K / (specimen.cut_model().stiffness(tips) * B)
 

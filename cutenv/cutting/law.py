@@ -97,10 +97,19 @@ def stored_energy(profile: Record, x: float, a: float) -> float:
 
 
 @inlined
+def fallen(by: float, start: float, per: float, speed: float) -> float:
+    """How far a LEM has fallen by ``speed``: nothing up to ``start``, then evenly, and by no more than ``by`` [Pa]."""
+    return by * min(max((speed - start) * per, 0.0), 1.0)
+
+
+@inlined
 def loading_ratio(law: Record, speed: float, angle: float) -> float:
     """Ratio r = min(1, LEM(v, theta)/LEM(0, 90 degrees)): how fast the force rises, over how fast without growth."""
     v = min(max(abs(speed), law.speed_min), law.speed_max)
     upright = law.intercept_90 + law.slope_90 * v
+    upright -= fallen(law.fall_1, law.fall_1_from, law.fall_1_per, v)
+    upright -= fallen(law.fall_2, law.fall_2_from, law.fall_2_per, v)
+    upright -= fallen(law.fall_3, law.fall_3_from, law.fall_3_per, v)
     inclined = law.intercept_45 + law.slope_45 * v
     modulus = inclined + (upright - inclined) * (angle - 0.25 * math.pi) * (4.0 / math.pi)
     ratio: float = min(1.0, modulus / law.quasi_static_modulus)

@@ -64,8 +64,13 @@ def law_records(specimens: list[Specimen], parameters: LawParameters | None = No
     for law, specimen in zip(laws, specimens, strict=True):
         tissue = specimen.tissue
         law["quasi_static_modulus"] = tissue.intercept_90
-        for name in ("intercept_90", "slope_90", "intercept_45", "slope_45", "speed_min", "speed_max", "eta90"):
+        for name in ("intercept_90", "slope_90", "speed_min", "speed_max", "eta90"):
             law[name] = getattr(tissue, name)
+        for number, (by, start, end) in enumerate(tissue.falls_90, start=1):
+            law[f"fall_{number}"], law[f"fall_{number}_from"] = by, start
+            law[f"fall_{number}_per"] = 1.0 / (end - start)
+        for name in ("intercept_45", "slope_45"):
+            law[name] = specimen.inclined_ratio * getattr(tissue, name)
         law["friction_per_depth"] = specimen.friction_per_depth
         for field in dataclasses.fields(parameters):
             law[field.name] = getattr(parameters, field.name)

@@ -31,8 +31,17 @@ PROFILE = _record(*((name, "f8", (N_POINTS,)) for name in ("stiffness", "toughne
 
 LAW = _record(
     ("quasi_static_modulus", "f8"),  # LEM for v -> 0 at 90 degrees [Pa]: LEMs enter only as ratios to it
-    ("intercept_90", "f8"),  # LEM(v, 90 deg) = intercept + slope v [Pa], [Pa s/m]
+    ("intercept_90", "f8"),  # LEM(v, 90 deg) = intercept + slope v [Pa], [Pa s/m], less
     ("slope_90", "f8"),
+    ("fall_1", "f8"),  # what it falls by [Pa]
+    ("fall_1_from", "f8"),  # from that speed on [m/s],
+    ("fall_1_per", "f8"),  # over a range with this inverse [s/m],
+    ("fall_2", "f8"),  # and so twice more
+    ("fall_2_from", "f8"),
+    ("fall_2_per", "f8"),
+    ("fall_3", "f8"),
+    ("fall_3_from", "f8"),
+    ("fall_3_per", "f8"),
     ("intercept_45", "f8"),
     ("slope_45", "f8"),
     ("speed_min", "f8"),  # measured range of speed [m/s]

@@ -99,6 +99,15 @@ class LawInRow(NamedTuple):
     quasi_static_modulus: float
     intercept_90: float
     slope_90: float
+    fall_1: float
+    fall_1_from: float
+    fall_1_per: float
+    fall_2: float
+    fall_2_from: float
+    fall_2_per: float
+    fall_3: float
+    fall_3_from: float
+    fall_3_per: float
     intercept_45: float
     slope_45: float
     speed_min: float
@@ -127,7 +136,9 @@ class DriveInRow(NamedTuple):
 def law_in_row(row: Record, n: int) -> LawInRow:
     """The law of the cut in place ``n``."""
     return LawInRow(
-        row.quasi_static_modulus[n], row.intercept_90[n], row.slope_90[n], row.intercept_45[n], row.slope_45[n],
+        row.quasi_static_modulus[n], row.intercept_90[n], row.slope_90[n],
+        row.fall_1[n], row.fall_1_from[n], row.fall_1_per[n], row.fall_2[n], row.fall_2_from[n], row.fall_2_per[n],
+        row.fall_3[n], row.fall_3_from[n], row.fall_3_per[n], row.intercept_45[n], row.slope_45[n],
         row.speed_min[n], row.speed_max[n], row.eta90[n], row.debt_length[n], row.growth_step[n],
         row.friction_per_depth[n], row.friction_per_depth_speed[n], row.presliding_length[n],
         row.per_presliding_length[n], row.relaxing_share[n], row.creep_time[n],

@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 from cutenv.measurement.cut import MeasuredCut, by_specimen, measure_cut, named
 from cutenv.measurement.loading_ratio import LoadingRatio
 from cutenv.measurement.loading_ratio import loading_ratio as liver_loading_ratio
-from cutenv.measurement.pooled_cuts import FEWEST_FOR_CORRELATION, NOT_RESAMPLED, PooledCuts, resampled
+from cutenv.measurement.pooled_cuts import (
+    FEWEST_FOR_CORRELATION,
+    FEWEST_FOR_INCLINED,
+    NOT_RESAMPLED,
+    PooledCuts,
+    resampled,
+)
 from cutenv.measurement.scatter import Variogram, cv_of, fit_variances
 from cutenv.measurement.speed_dependence import (
     BETWEEN,
@@ -216,6 +222,7 @@ def tissue_of(
         element=model.element,
         formulation=model.formulation,
         poisson=model.poisson,
+        falls_90=(),  # of pig liver's: these cuts are followed by a line
         calibration=Calibration(
             cuts=len(cuts),
             specimens=len(by_specimen(list(cuts))),
@@ -292,6 +299,7 @@ _HOW = {
     "modulus_between_liver_cv": "nested analysis of variance of the cuts' mean moduli over the fit, by specimen",
     "modulus_between_cut_cv": "the same, between cuts of one specimen, less what the field within a cut adds",
     "modulus_within_cut_cv": "variogram of the segments' moduli along the cuts; drawn specimens then show that",
+    "inclined_between_cut_cv": "spread between cuts flatter than 67.5 degrees, less that between steeper ones",
     "correlation_length": "variograms of moduli and initiation forces along the cuts",
     "fracture_resistance": "mean of the cuts' corrected resistance, work over area (6.1-6.4)",
     "fracture_between_cut_cv": "spread of the cuts' corrected resistance, less what the field within a cut adds",
@@ -312,6 +320,7 @@ _WHY_NOT = {
     "modulus_between_liver_cv": "fewer than two specimens, or one cut of each",
     "modulus_between_cut_cv": "no specimen with two cuts",
     "modulus_within_cut_cv": "too few segments",
+    "inclined_between_cut_cv": f"fewer than {FEWEST_FOR_INCLINED} cuts on either side of 67.5 degrees",
     "correlation_length": f"fewer than {FEWEST_FOR_CORRELATION} cuts",
     "fracture_between_cut_cv": "a single cut",
     "fracture_within_cut_cv": "too few hilltops",

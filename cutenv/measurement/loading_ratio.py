@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from cutenv.tissue.modulus import linear_fit, local_effective_modulus, quasi_static_modulus
+from cutenv.tissue.description import measured_liver
+from cutenv.tissue.modulus import checked_angle, checked_speed
 from cutenv.validation import in_range
 
 LoadingRatio = Callable[[float, float | None], float]
@@ -32,15 +33,18 @@ def loading_ratio(speed: float, angle: float | None) -> float:
 
     Notes
     -----
-    From the fits to Table 5.6, depth-normalised plane stress; E0 is their intercept at 90 degrees, itself a local
-    effective modulus: by the ratio alone the LEMs enter the law, whose stiffness is that of the material.
+    As the law has it (``measured_liver``): Table 5.6, depth-normalised plane stress, its means at 90 and the line at 45
+    degrees. E0 is the value for v -> 0 at 90 degrees, itself a local effective modulus: by the ratio alone the LEMs
+    enter the law, whose stiffness is that of the material.
     """
     if angle is None:
         raise TypeError("the loading ratio of pig liver needs the angle of the blade; else give loading_ratio.")
     theta = angle
     for end in (math.pi / 4, math.pi / 2):
         theta = end if abs(theta - end) < _SLACK else theta
-    return min(1.0, local_effective_modulus(speed, theta) / quasi_static_modulus())
+    liver = measured_liver()
+    modulus = liver.local_effective_modulus(float(checked_speed(speed)), float(checked_angle(theta)))
+    return min(1.0, modulus / liver.intercept_90)
 
 
 def loading_ratio_of(given: float | LoadingRatio | None, *, low: float = 0.0) -> LoadingRatio:
@@ -55,5 +59,5 @@ def loading_ratio_of(given: float | LoadingRatio | None, *, low: float = 0.0) ->
 
 def in_measured_range(speed: float) -> bool:
     """Whether the ratio was measured at ``speed`` [m/s]."""
-    fit = linear_fit("5.6")
-    return (1.0 - _SPEED_SLACK) * fit.speed_min <= speed <= (1.0 + _SPEED_SLACK) * fit.speed_max
+    liver = measured_liver()
+    return (1.0 - _SPEED_SLACK) * liver.speed_min <= speed <= (1.0 + _SPEED_SLACK) * liver.speed_max

@@ -18,13 +18,16 @@ from cutenv.measurement.scatter import (
     fit_variances,
     nested_variances,
 )
-from cutenv.measurement.speed_dependence import LEAST_FIT, SpeedDependence, fit_speed_dependence
+from cutenv.measurement.speed_dependence import BETWEEN, LEAST_FIT, SpeedDependence, fit_speed_dependence
 from cutenv.tissue.description import measured_liver
 
 Array = NDArray[np.float64]
 
 FEWEST_FOR_CORRELATION = 8
 """Cuts from which on a correlation length along the cut is taken from the records."""
+
+FEWEST_FOR_INCLINED = 4
+"""Cuts on either side of 67.5 degrees from which on the inclined ones' own spread is told from that of all."""
 
 FIELDS = (
     "intercept_90",
@@ -36,6 +39,7 @@ FIELDS = (
     "modulus_between_liver_cv",
     "modulus_between_cut_cv",
     "modulus_within_cut_cv",
+    "inclined_between_cut_cv",
     "correlation_length",
     "fracture_resistance",
     "fracture_between_cut_cv",
@@ -131,10 +135,17 @@ class PooledCuts:
         fitted = line.moduli(self.speed[known], self.angle[known])
         # A resample of cuts at one end of the speeds may have a line that falls below zero at the other end.
         ratio = np.log(self.modulus[known] / np.maximum(fitted, LEAST_FIT * self.modulus[known]))
-        between_liver, between_cut = nested_variances(ratio, self.specimen[known], counts[known])
+        spread = {"inclined_between_cut_cv": math.nan}
+        steep = self.angle[known] >= BETWEEN
+        specimen, times = self.specimen[known], counts[known]
+        if min(times[steep].sum(), times[~steep].sum()) >= FEWEST_FOR_INCLINED:
+            inclined = variance(ratio[~steep], times[~steep])
+            ratio, specimen, times = ratio[steep], specimen[steep], times[steep]
+            spread["inclined_between_cut_cv"] = _cv(inclined - variance(ratio, times))
+        between_liver, between_cut = nested_variances(ratio, specimen, times)
         enough = self._tells(self.variograms[0], within)
         along = self._added(self.ramps, within if enough else 0.0, length, counts)
-        return {
+        return spread | {
             "modulus_between_liver_cv": _cv(between_liver),
             "modulus_between_cut_cv": _cv(between_cut - along),
             "modulus_within_cut_cv": cv_of(within) if enough else math.nan,
@@ -144,9 +155,7 @@ class PooledCuts:
         n = float(counts.sum())
         mean = float(counts @ self.resistance) / n
         logs = np.log(self.resistance)
-        between = math.nan
-        if n > 1:
-            between = float(counts @ (logs - counts @ logs / n) ** 2) / (n - 1.0)
+        between = variance(logs, counts) if n > 1 else math.nan
         enough = self._tells(self.variograms[1], within)
         along = self._added(self.tops, within if enough else 0.0, length, counts)
         return {
@@ -178,6 +187,12 @@ class PooledCuts:
 def resampled(rng: np.random.Generator, n: int) -> Array:
     """How often each of n cuts is taken when n are drawn with replacement, shape (n,)."""
     return np.bincount(rng.integers(n, size=n), minlength=n).astype(np.float64)
+
+
+def variance(values: Array, counts: Array) -> float:
+    """Unbiased variance of ``values``, each taken ``counts`` times, of more than one."""
+    n = float(counts.sum())
+    return float(counts @ (values - counts @ values / n) ** 2) / (n - 1.0)
 
 
 def _cv(log_variance: float) -> float:

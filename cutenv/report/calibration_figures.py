@@ -30,9 +30,9 @@ def speed_figure(tissue: TissueDescription, cuts: Sequence[MeasuredCut], width: 
     figure = new_figure(width, 3.6)
     axes = figure.subplots()
     v = np.linspace(tissue.speed_min, tissue.speed_max, 2)
-    for steep, colour, marker, intercept, slope, name in (
-        (True, _STEEP, "o", tissue.intercept_90, tissue.slope_90, "90°"),
-        (False, _FLAT, "s", tissue.intercept_45, tissue.slope_45, "45°"),
+    for steep, colour, marker, angle, name in (
+        (True, _STEEP, "o", math.pi / 2, "90°"),
+        (False, _FLAT, "s", math.pi / 4, "45°"),
     ):
         own = [cut for cut in cuts if len(cut.moduli) and (cut.angle >= BETWEEN) is steep]
         # Cuts of one speed stand side by side, in their order.
@@ -45,7 +45,13 @@ def speed_figure(tissue: TissueDescription, cuts: Sequence[MeasuredCut], width: 
         )  # fmt: skip
         dashed = "-" if own else "--"
         tells = "" if own else ", not measured"
-        axes.plot(100.0 * v, (intercept + slope * v) / 1e3, dashed, color=colour, label=f"line at {name}{tells}")
+        axes.plot(
+            100.0 * v,
+            [tissue.local_effective_modulus(at, angle) / 1e3 for at in v],
+            dashed,
+            color=colour,
+            label=f"line at {name}{tells}",
+        )
     axes.set_xlabel("speed [cm/s]")
     axes.set_ylabel("local effective modulus [kPa]")
     axes.set_ylim(bottom=0.0)

@@ -126,11 +126,13 @@ def begin_some(
             cuts.specimens[n] = start.specimens[0]
         else:
             vessels = source == VASCULAR or (source == MIXED and is_vascular(seed, episode))
-            friction = draw_along(
+            friction, inclined = draw_along(
                 seed, episode, vessels, 0.0, recipe[0], modes, along.modulus, along.fracture_resistance
             )
             vascular[n] = 1 if vessels else 0
             cuts.laws[n].friction_per_depth = friction
+            cuts.laws[n].intercept_45 *= inclined
+            cuts.laws[n].slope_45 *= inclined
             if from_truth:
                 cuts.tasks[n].friction_per_depth = friction
             fracture_share = 1.0 - recipe[0].friction_share

@@ -18,6 +18,7 @@ HIDDEN = (
     "its value above which a loading blade cuts [1]",
     "ledger over R B 1 mm [1]",
     "K over 500 N/m",
+    "LEM at 45 degrees over that at 90, for v -> 0",
     "R over 200 J/m2 at the tip",
     "R over 200 J/m2, 3 mm further",
     "R over 200 J/m2, 6 mm further",
@@ -28,7 +29,7 @@ _AHEAD = (0.0, 0.003, 0.006, 0.012)
 
 
 def reveal(cuts: Cuts, features: NDArray[np.float32], which: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Features, shape (m, size), followed by the hidden state of the cuts numbered ``which``, shape (m, size + 10).
+    """Features, shape (m, size), followed by the hidden state of the cuts numbered ``which``, shape (m, size + 11).
 
     It is what :data:`HIDDEN` names, clipped as observations are.
     """
@@ -62,9 +63,10 @@ def _reveal(
         hidden[3] = growing / toughness
         hidden[4] = state.ledger / (toughness * 0.001)
         hidden[5] = stiffness_at(profile, a)[0] / 500.0
+        hidden[6] = law.intercept_45 / law.intercept_90
         for k in range(len(_AHEAD)):
             place = a + _AHEAD[k]
-            hidden[6 + k] = toughness_at(profile, place) / depth_at(profile, place) / 200.0
+            hidden[7 + k] = toughness_at(profile, place) / depth_at(profile, place) / 200.0
         for k in range(size):
             seen[m, k] = features[m, k]
         for k in range(len(hidden)):

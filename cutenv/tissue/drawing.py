@@ -53,6 +53,7 @@ RECIPE: np.dtype[Any] = np.dtype(
             ("modulus_liver_sigma", "f8"),  # of logarithms: between livers, between cuts, within a cut
             ("modulus_cut_sigma", "f8"),
             ("modulus_within_sigma", "f8"),
+            ("inclined_cut_sigma", "f8"),
             ("resistance", "f8"),  # mean [J/m2]
             ("resistance_cut_sigma", "f8"),
             ("resistance_within_sigma", "f8"),
@@ -75,6 +76,7 @@ def recipe(tissue: TissueDescription) -> NDArray[Any]:
     record["modulus_liver_sigma"] = lognormal_sigma(tissue.modulus_between_liver_cv)
     record["modulus_cut_sigma"] = lognormal_sigma(tissue.modulus_between_cut_cv)
     record["modulus_within_sigma"] = lognormal_sigma(tissue.modulus_within_cut_cv)
+    record["inclined_cut_sigma"] = lognormal_sigma(tissue.inclined_between_cut_cv)
     record["resistance"] = tissue.fracture_resistance
     record["resistance_cut_sigma"] = lognormal_sigma(tissue.fracture_between_cut_cv)
     record["resistance_within_sigma"] = lognormal_sigma(tissue.fracture_within_cut_cv)
@@ -143,8 +145,8 @@ def draw_along(
     modes: Array,
     modulus: Array,
     resistance: Array,
-) -> float:
-    """Draw a specimen; return its friction per depth [N/m].
+) -> tuple[float, float]:
+    """Draw a specimen; return its friction per depth [N/m] and its ``inclined_ratio`` [1].
 
     Parameters
     ----------
@@ -175,8 +177,8 @@ def draw_along(
         resistance[i] = mean_resistance * lognormal(resistance[i], recipe.resistance_within_sigma)
     if vascular:
         _add_vessels(seed, episode, resistance)
-    friction: float = recipe.friction_share * mean_resistance
-    return friction
+    inclined = lognormal(normal_at(seed, episode, CUT, _FIRST + 3), recipe.inclined_cut_sigma)
+    return recipe.friction_share * mean_resistance, inclined
 
 
 @for_kernels
@@ -212,6 +214,6 @@ def draw_all_along(
     modes: Array,
     modulus: Array,
     resistance: Array,
-) -> float:
+) -> tuple[float, float]:
     """:func:`draw_along` with an array of length 1 for the record, which a call from Python passes faster."""
     return draw_along(seed, episode, vascular, liver_factor, recipes[0], modes, modulus, resistance)

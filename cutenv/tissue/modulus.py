@@ -18,6 +18,7 @@ from typing import Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import isotonic_regression
 
 from cutenv.tissue.tables import table
 from cutenv.validation import array_in_range, in_range, one_of
@@ -62,7 +63,7 @@ class SpeedFit:
 
     def modulus(self, speed: ArrayLike) -> NDArray[np.float64]:
         """LEM [Pa] at ``speed`` [m/s] (0 to 0.1, any shape); beyond the measured range, that at its end."""
-        v = np.clip(_checked_speed(speed), self.speed_min, self.speed_max)
+        v = np.clip(checked_speed(speed), self.speed_min, self.speed_max)
         return np.asarray(self.intercept + self.slope * v)
 
 
@@ -100,7 +101,7 @@ class PowerFit:
 
     def modulus(self, speed: ArrayLike) -> NDArray[np.float64]:
         """LEM [Pa] at ``speed`` [m/s] (0 to 0.1, any shape); beyond the measured range, that at its end."""
-        v = np.clip(_checked_speed(speed), self.speed_min, self.speed_max)
+        v = np.clip(checked_speed(speed), self.speed_min, self.speed_max)
         return np.asarray(self.modulus_at_reference * (v / self.reference_speed) ** self.exponent)
 
 
@@ -146,6 +147,34 @@ def linear_fit(number: str, *, angle_deg: float = 90, formulation: Formulation =
 
 
 @functools.cache
+def falls(
+    number: str, *, angle_deg: float = 90, formulation: Formulation = "plane_stress"
+) -> tuple[float, tuple[tuple[float, float, float], ...]]:
+    """LEM at the slowest speed of a column of Table 5.5, 5.6 or 5.7, and where a monotone curve falls from there.
+
+    Parameters
+    ----------
+    number, angle_deg, formulation
+        See :func:`linear_fit`.
+
+    Returns
+    -------
+    modulus : float
+        [Pa]
+    falls : tuple of (float, float, float)
+        By how much [Pa], and between which measured speeds [m/s].
+
+    Notes
+    -----
+    Isotonic regression of the means, straight between speeds: of all curves that nowhere rise, the one nearest to them.
+    """
+    speed, modulus, _ = _measured(number, angle_deg, formulation)
+    level = isotonic_regression(modulus, increasing=False).x
+    steps = zip(-np.diff(level), speed[:-1], speed[1:], strict=True)
+    return float(level[0]), tuple((round(float(by), 6), float(v), float(w)) for by, v, w in steps if by > 0.0)
+
+
+@functools.cache
 def power_fit(*, formulation: Formulation = "plane_stress") -> PowerFit:
     """Fit the power law of Table 5.5 at 45 deg (equations 5.3 and 5.4) by least squares of the logarithms.
 
@@ -178,9 +207,10 @@ def power_fit(*, formulation: Formulation = "plane_stress") -> PowerFit:
 
 
 def quasi_static_modulus() -> float:
-    """Return E0 [Pa], the LEM for v -> 0 at 90 deg: 48.4 kPa, Table 5.6 in plane stress (equation 5.5).
+    """Return E0 [Pa] of the thesis's line, its LEM for v -> 0 at 90 deg: 48.4 kPa (Table 5.6, equation 5.5).
 
-    It is no modulus of the material, which is lower: see ``TissueDescription.modulus``.
+    ``measured_liver`` follows the means instead, which begin at 51 kPa.  It is no modulus of the material, which is
+    lower: see ``TissueDescription.modulus``.
     """
     return linear_fit("5.6", angle_deg=90, formulation="plane_stress").intercept
 
@@ -247,15 +277,8 @@ def local_effective_modulus(
     Source: Tables 5.5 to 5.7, fitted linearly (power law for Table 5.5 at 45 deg). Livers and cuts scatter
     about it, see ``cutenv.tissue.spread``.
     """
-    v = _checked_speed(speed)
-    theta = array_in_range(
-        "angle",
-        angle,
-        math.radians(45) - _ANGLE_TOLERANCE,
-        math.radians(90) + _ANGLE_TOLERANCE,
-        "rad",
-        "Only 45 to 90 degrees were measured. Give radians: 90 looks like degrees, use math.radians(90).",
-    )
+    v = checked_speed(speed)
+    theta = checked_angle(angle)
     try:
         v, theta = np.broadcast_arrays(v, theta)
     except ValueError:
@@ -301,7 +324,20 @@ def _measured(
     return speed[present], modulus[present], source
 
 
-def _checked_speed(speed: ArrayLike) -> NDArray[np.float64]:
+def checked_angle(angle: ArrayLike) -> NDArray[np.float64]:
+    """Angles [rad] as an array, refused where nothing was measured or where they look like degrees."""
+    return array_in_range(
+        "angle",
+        angle,
+        math.radians(45) - _ANGLE_TOLERANCE,
+        math.radians(90) + _ANGLE_TOLERANCE,
+        "rad",
+        "Only 45 to 90 degrees were measured. Give radians: 90 looks like degrees, use math.radians(90).",
+    )
+
+
+def checked_speed(speed: ArrayLike) -> NDArray[np.float64]:
+    """Speeds [m/s] as an array, refused where negative, not finite, or as large as one in cm/s."""
     cure = "Give the magnitude in m/s: 2.54 looks like cm/s, which is 0.0254 m/s."
     return array_in_range("speed", speed, 0.0, _LARGEST_SPEED, "m/s", cure)
 

@@ -44,6 +44,8 @@ class Specimen:
         Of the slab, T [m].
     friction_per_depth : float
         Friction on the moving blade per depth of cut [N/m].
+    inclined_ratio : float
+        Of this cut at 45 degrees: its LEM over ``tissue``'s, for as much as it shows upright [1].
     tissue : TissueDescription
         What it was drawn from; gives speed dependence, friction share and eta90.
     specimen_class : str
@@ -56,11 +58,13 @@ class Specimen:
     thickness: float
     friction_per_depth: float
     tissue: TissueDescription
+    inclined_ratio: float = 1.0
     specimen_class: str = "liver"
 
     def __post_init__(self) -> None:
         one_of("specimen_class", self.specimen_class, CLASSES[:3])
         in_range("friction_per_depth", self.friction_per_depth, 0.0, 1e5, "N/m", "0.4 N/cm is 40.")
+        in_range("inclined_ratio", self.inclined_ratio, 0.01, 100.0, "1", "1 is as the mean tissue.")
         in_range("thickness", self.thickness, 1e-4, 0.1, "m", "2.5 cm is 0.025.")
         ranges = {
             "modulus": (100.0, 1e9, "Pa", "48.4 kPa is 48400."),
@@ -187,7 +191,7 @@ class Specimen:
         if specimen_class == "mixed":
             specimen_class = "vascular" if is_vascular(*key) else "liver"
         modulus, resistance = np.empty(N_POINTS), np.empty(N_POINTS)
-        friction = draw_all_along(
+        friction, inclined_ratio = draw_all_along(
             *key, specimen_class == "vascular", liver_factor or 0.0,
             recipe(tissue), tissue_modes(tissue), modulus, resistance,
         )  # fmt: skip
@@ -198,6 +202,7 @@ class Specimen:
             thickness=tissue.thickness,
             friction_per_depth=friction,
             tissue=tissue,
+            inclined_ratio=inclined_ratio,
             specimen_class=specimen_class,
         )
 
@@ -208,6 +213,14 @@ class Specimen:
     def stiffness(self) -> Array:
         """K, the blade force over the blade's displacement, with the tip at each point, shape (301,) [N/m]."""
         return stiffness_along(self.tissue.slab(), self.modulus, self.depth, self.thickness)
+
+    def loading_ratio(self, speed: float, angle: float) -> float:
+        """How fast the force rises at a speed [m/s] and an angle [rad], over how fast it would without growth: r [1].
+
+        The local effective modulus that an exact slope shows is r K/(kappa B).
+        """
+        modulus = self.tissue.local_effective_modulus(speed, angle, self.inclined_ratio)
+        return min(1.0, modulus / self.tissue.intercept_90)
 
     def fracture_force(self) -> Array:
         """R B at each point, R without its share of friction, shape (301,) [N]."""

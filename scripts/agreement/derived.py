@@ -10,7 +10,7 @@ import numpy as np
 
 from agreement.rows import Comparison, holds, near
 from cutenv import resources
-from cutenv.tissue import local_effective_modulus, quasi_static_modulus
+from cutenv.tissue import measured_liver
 from cutenv.tissue.tables import table
 
 EXPECTED = (0.25, 0.40)
@@ -24,7 +24,8 @@ def eta90(quick: bool) -> Comparison:
     data = table("4.1")
     places = data["distance_cm"] / 100.0
     spacing = float(np.diff(places).mean())
-    ratio = local_effective_modulus(derive_eta90.SPEED, math.pi / 2) / quasi_static_modulus()
+    tissue = measured_liver()
+    ratio = tissue.local_effective_modulus(derive_eta90.SPEED, math.pi / 2) / tissue.intercept_90
     modulus = float(data["lem_quad8_plane_stress_Pa"].mean()) / ratio
     length = derive_eta90.unit_length(value, modulus, float(places[0]), float(places[-1]))
     rows = (

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.measurement import DepthProfile, Segment
-from cutenv.measurement.loading_ratio import loading_ratio
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.randomness import generator
 from cutenv.tissue import Specimen, measured_fracture_resistance, measured_liver
@@ -51,7 +50,7 @@ class VirtualCut(NamedTuple):
     def true_moduli(self, segments: Sequence[Segment]) -> Array:
         """LEM [Pa] that an exact slope shows at each segment's tip, speed and angle: r K/(kappa B)."""
         tips = [float(self.tip[s.samples].mean()) for s in segments]
-        r = np.array([loading_ratio(s.speed or 0.0, s.angle) for s in segments])
+        r = np.array([self.specimen.loading_ratio(s.speed or 0.0, s.angle or math.pi / 2) for s in segments])
         K, B = (np.interp(tips, PLACES, values) for values in (self.specimen.stiffness(), self.specimen.depth))
         return np.asarray(r * K / (self.specimen.cut_model().stiffness(tips) * B))
 

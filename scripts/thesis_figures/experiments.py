@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cutenv.measurement import ModulusEstimate, Segment, estimate_local_effective_moduli, loading_segments
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.randomness import generator
-from cutenv.tissue import CutModel, Specimen, draw_liver, local_effective_modulus
+from cutenv.tissue import CutModel, Specimen, draw_liver
 from cutenv.trace import Trace
 from thesis_figures.style import (
     DISPLACEMENT_LABEL,
@@ -141,6 +141,8 @@ def moduli_along_four_cuts(path: Path, quick: bool) -> None:
 
 def _beside_truth(ax: Axes, specimen: Specimen, found: ModulusEstimate, colour: str, label: str) -> None:
     lem = specimen.stiffness() / (specimen.cut_model().stiffness(PLACES) * specimen.depth)
-    slow: NDArray[np.float64] = lem * (local_effective_modulus(SLOW, math.pi / 2) / specimen.tissue.intercept_90)
+    slow: NDArray[np.float64] = lem * (
+        specimen.tissue.local_effective_modulus(SLOW, math.pi / 2) / specimen.tissue.intercept_90
+    )
     ax.plot(100 * PLACES, slow / 1e3, color=colour, linewidth=0.8)
     ax.plot(100 * found.position, found.modulus / 1e3, "o", color=colour, ms=3, label=label)
