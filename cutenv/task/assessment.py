@@ -6,7 +6,7 @@ still have cost, so that it never pays to end early:
 
     time left, tip error at its cap, a full wedge, and a tissue left loaded.
 
-Costs that have no bound (force, lag, jumps, backward travel) are not in that worst case: a policy that stops and
+Costs that have no bound but the time (force, lag, jumps, backward travel) are not in that worst case: a policy that stops and
 unloads escapes them, so a breach is dearer than stopping in every state.
 """
 
@@ -28,6 +28,8 @@ LAG_ALLOWED = 0.010
 """Lag of the tip behind the blade that costs nothing [m]."""
 OVERSHOOT_ALLOWED = 0.005
 """Tip beyond the target, above which the task ends [m]."""
+LAG_CHARGED = 0.010
+"""Most that is charged beyond it [m]: in a soft and tough specimen no blade can keep the tip nearer."""
 TIP_ERROR_CAP = 3.0
 """Largest tip error that is charged, in tolerances."""
 TRAVEL_TO_FINISH = 0.010
@@ -164,7 +166,7 @@ def counted(
         tally.uncontrolled + jump,
         tally.jumped + jump**2,
         tally.over_force + over_force,
-        tally.over_lag + max(lag(x, a) - LAG_ALLOWED, 0.0),
+        tally.over_lag + min(max(lag(x, a) - LAG_ALLOWED, 0.0), LAG_CHARGED),
         tally.backward + backward,
         tally.haste + speed**2 * abs(moved),
     )

@@ -29,10 +29,10 @@ class RewardWeights:
         0.02, unit="1", low=0.0, high=100.0, provenance="choice", why="per 100 N/m s of force per depth above 400 N/m"
     )
     lag: float = parameter(
-        0.03, unit="1", low=0.0, high=100.0, provenance="choice", why="per 10 mm s of lag above 10 mm"
+        0.03, unit="1", low=0.0, high=100.0, provenance="choice", why="per 10 mm s of lag above 10 mm, up to 20 mm"
     )
     backward: float = parameter(
-        0.3, unit="1", low=0.0, high=100.0, provenance="choice", why="per target length of backward travel"
+        0.15, unit="1", low=0.0, high=100.0, provenance="choice", why="per target length of backward travel"
     )
     haste: float = parameter(
         0.1, unit="1", low=0.0, high=100.0, provenance="choice",
