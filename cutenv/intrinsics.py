@@ -1,4 +1,4 @@
-"""What kernels call that Numba does not have: bits of floats, memory fetched ahead, arrays lent, numbers of records.
+"""Functions that Numba does not have, for kernels: bits of floats, memory fetched ahead, arrays lent.
 
 Each is plain Python as well, which the tests compare with.
 """

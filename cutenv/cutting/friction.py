@@ -17,16 +17,16 @@ _TWELFTH = 1.0 / 12.0
 
 
 class Grip(NamedTuple):
-    """What a mass that moves feels of friction."""
+    """Friction as a spring and a slider, for a blade that a mass moves."""
 
     held: float
     """Force of the bristles now [N], against forward motion."""
     limit: float
-    """At which they slip [N]."""
+    """Force at which they slip [N]."""
     stiffness: float
-    """Until then [N/m]."""
+    """Stiffness until they slip [N/m]."""
     damping: float
-    """Of the part that grows with speed [N s/m]."""
+    """Force per speed of the part that grows with speed [N s/m]."""
 
 
 @inlined

@@ -42,7 +42,7 @@ _SLIDING = 0.5e-3  # [m] of the way back that tell the force before it stops
 
 @dataclass(frozen=True, kw_only=True)
 class SensorZero:
-    """What a sensor shows without a force on the blade [N]; None where the record does not tell.
+    """Reading of a sensor without a force on the blade [N]; None where the record does not tell.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class SensorZero:
 
     @property
     def is_known(self) -> bool:
-        """Whether anything tells the zero."""
+        """True if the record tells the zero, in one way or another."""
         return self.tared or any(value is not None for value in (self.before, self.after, self.return_stroke))
 
     @property

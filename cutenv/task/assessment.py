@@ -6,8 +6,8 @@ still have cost, so that it never pays to end early:
 
     time left, tip error at its cap, a full wedge, and a tissue left loaded.
 
-Costs that have no bound but the time (force, lag, jumps, backward travel) are not in that worst case: a policy that stops and
-unloads escapes them, so a breach is dearer than stopping in every state.
+Costs that have no bound but the time (force, lag, jumps, backward travel) are not in that worst case: a policy that
+stops and unloads escapes them, so a breach is dearer than stopping in every state.
 """
 
 from __future__ import annotations

@@ -21,13 +21,11 @@ from cutenv.tissue.fracture import measured_fracture_resistance
 from cutenv.tissue.modulus import falls, linear_fit
 from cutenv.tissue.slab import THICKNESS, slab_of
 from cutenv.tissue.spread import inclined_spread, mean_depth_of_cut, modulus_spread
-from cutenv.tissue.thickness import rise_length_for
 from cutenv.validation import in_range, one_of
 
 SCHEMA = "cutenv-tissue/2"
 _MOST_FALLS = 3  # that the law has room for
 _INCLINED, _UPRIGHT = math.pi / 4, math.pi / 2
-_MEASURED = (0.0215, 0.12)  # from the first segment of Table 4.1 to the end of travel (thesis 3.3.2) [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +51,7 @@ class TissueDescription:
     )
     intercept_90: float = parameter(
         48.36e3, unit="Pa", low=100.0, high=1e8, provenance="measured",
-        why="LEM at v -> 0, 90 degrees: fit to Table 5.6, depth-normalised plane stress; 48.4 kPa is 48400 Pa",
+        why="LEM at v -> 0, 90 degrees: Table 5.6, depth-normalised plane stress; 48.4 kPa is 48400 Pa",
     )  # fmt: skip
     slope_90: float = parameter(
         -1.162e6,
@@ -61,7 +59,7 @@ class TissueDescription:
         low=-1e10,
         high=1e10,
         provenance="measured",
-        why="fall of the LEM with speed: fit to Table 5.6, 90 degrees",
+        why="fall of the LEM with speed, 90 degrees: Table 5.6; 0 where falls_90 gives it",
     )
     falls_90: tuple[tuple[float, float, float], ...] = ()
     """Up to three falls of the LEM at 90 degrees in place of a slope: by [Pa], between two speeds [m/s]."""
@@ -262,7 +260,6 @@ def tables_only(**changes: Any) -> TissueDescription:
     inclined = linear_fit("5.6", angle_deg=45, formulation="plane_stress")
     spread = modulus_spread()
     resistance = measured_fracture_resistance()
-    mean_depth = mean_depth_of_cut()
     values: dict[str, Any] = {
         "name": "pig liver",
         "intercept_90": upright.intercept,
@@ -276,8 +273,7 @@ def tables_only(**changes: Any) -> TissueDescription:
         "inclined_between_cut_cv": inclined_spread(),
         "fracture_resistance": resistance.mean,
         "fracture_between_cut_cv": resistance.sd / resistance.mean,
-        "mean_depth": mean_depth,
-        "rise_length": rise_length_for(mean_depth, edge=0.001, crown=0.020, length=0.15, between=_MEASURED),
+        "mean_depth": mean_depth_of_cut(),
     }
     # Twelve digits: beyond them least squares and means differ between machines.
     values = {name: float(f"{value:.12g}") if isinstance(value, float) else value for name, value in values.items()}
@@ -287,7 +283,7 @@ def tables_only(**changes: Any) -> TissueDescription:
 def following_means() -> dict[str, Any]:
     """Fields of a tissue whose LEM at 90 degrees follows the means of Table 5.6, which no straight line does.
 
-    At 45 degrees the line of the thesis passes every mean within two standard errors (of the twelve cuts a speed).
+    At 45 degrees the line of the thesis passes every mean within two standard errors.
     """
     start, steps = falls("5.6", angle_deg=90)
     return {"intercept_90": start, "slope_90": 0.0, "falls_90": steps}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from cutenv.validation import in_range
 
@@ -36,28 +35,3 @@ def bulge(y: ArrayLike, *, edge: float, crown: float, rise_length: float, length
     sides = (edge + slope * y / rise_length, edge + slope * np.maximum(length - y, 0.0) / _FALL)
     total = 1.0 + sum((crown / side) ** _SHARPNESS for side in sides)
     return np.asarray(crown * total ** (-1.0 / _SHARPNESS))
-
-
-def rise_length_for(
-    mean_depth: float, *, edge: float, crown: float, length: float, between: tuple[float, float]
-) -> float:
-    """The rise length [m] for which the mean of :func:`bulge` ``between`` two places [m] is ``mean_depth`` [m].
-
-    Raises
-    ------
-    ValueError
-        If no bulge between ``edge`` and ``crown`` has that mean.
-    """
-    y = np.linspace(*between, 481)  # even spacing, smooth integrand: the plain mean is the integral's
-
-    def excess(rise: float) -> float:
-        depth = bulge(y, edge=edge, crown=crown, rise_length=rise, length=length)
-        return float(depth.mean() - mean_depth)
-
-    low, high = 1e-3, 1.0
-    if not excess(high) < 0.0 < excess(low):
-        raise ValueError(
-            f"mean_depth = {mean_depth:g} m cannot be had from a bulge of {edge:g} to {crown:g} m. "
-            "Give a mean well inside that range."
-        )
-    return float(brentq(excess, low, high, xtol=1e-9))

@@ -34,6 +34,7 @@ COMPARISONS: dict[str, Callable[[bool], Comparison]] = {
     "averages": moduli.averages,
     "equations": moduli.equations,
     "fits": moduli.fits,
+    "law-of-speed": moduli.law_of_speed,
     "constants": moduli.constants,
     "livers-by-cut": drawn_tables.cuts_by_cuts,
     "livers-5-5": drawn_tables.average_tables("5.5"),

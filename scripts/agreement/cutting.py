@@ -54,9 +54,9 @@ def _units_of_drawn_livers(angle_deg: float, quick: bool) -> Row:
     """Many cuts a speed, each in another place: the number falls on average, not from each cut to the next."""
     speeds = drawn_livers.speeds(quick)
     counts = [[cut.segments for cut in drawn_livers.cuts(v, angle_deg, quick)] for v in speeds]
-    by_cut = [(v, n) for v, numbers in zip(speeds, counts, strict=True) for n in numbers]
-    rank = float(stats.spearmanr(*zip(*by_cut, strict=True)).statistic)
-    means = ", ".join(f"{np.mean(numbers):.0f}" for numbers in counts)
+    averages = [float(np.mean(numbers)) for numbers in counts]
+    rank = float(stats.spearmanr(speeds, averages).statistic)
+    means = ", ".join(f"{average:.0f}" for average in averages)
     return holds(
         f"drawn livers, {angle_deg:g} deg: mean number of steady segments in 12 cm at {len(speeds)} speeds",
         "fall with speed",

@@ -44,7 +44,8 @@ SIGNIFICANT = (
 )
 ONE_SHARE = (
     "Within a cut, and in the mean at 2.54 cm/s, the livers show less than Tables 5.3 and 5.4: the law takes its speed "
-    "from the line through Table 5.6, which falls below Table 5.4, and has one share of stable growth along a cut."
+    "from Table 5.6, by which cuts at that speed were 1.7 cm deep, not 1.4, and has one share of stable growth along "
+    "a cut."
 )
 BY_CHANCE = "Of rows that differ by chance alone one in twenty would miss."
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.integrate import quad
 
-from cutenv.tissue.thickness import bulge, rise_length_for
+from cutenv.tissue.thickness import bulge
 
 EDGE, CROWN, LENGTH = 0.001, 0.020, 0.15
 Y = np.linspace(0.0, LENGTH, 3001)
@@ -54,26 +53,6 @@ def test_other_shapes_fail_the_checks():
         check_shape(ramp[::-1])
     with pytest.raises(AssertionError):
         check_steepness(ramp, 0.06)
-
-
-def check_mean_depth(rise: float, travel: float, mean_depth: float) -> None:
-    volume, _ = quad(lambda y: float(depth_of(rise, y)), 0.0, travel, epsabs=1e-10, limit=200)
-    assert volume / travel == pytest.approx(mean_depth, rel=2e-3)
-
-
-@pytest.mark.parametrize("mean_depth", [0.011, 0.0132, 0.0148, 0.0164])
-@pytest.mark.parametrize("travel", [0.10, 0.12])
-def test_the_rise_length_gives_the_mean_depth(mean_depth, travel):
-    rise = rise_length_for(mean_depth, edge=EDGE, crown=CROWN, length=LENGTH, between=(0.0, travel))
-    check_mean_depth(rise, travel, mean_depth)
-    with pytest.raises(AssertionError):
-        check_mean_depth(1.1 * rise, travel, mean_depth)
-
-
-@pytest.mark.parametrize("mean_depth", [0.0005, 0.001, 0.021, math.nan])
-def test_a_mean_outside_the_bulge_is_refused(mean_depth):
-    with pytest.raises(ValueError, match="mean_depth"):
-        rise_length_for(mean_depth, edge=EDGE, crown=CROWN, length=LENGTH, between=(0.0, 0.12))
 
 
 @pytest.mark.parametrize(
