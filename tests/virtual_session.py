@@ -21,7 +21,7 @@ SPEEDS = (0.0064, 0.0127, 0.0254)
 """Of the small sessions [m/s]: the slow ones take most of the readings."""
 EVEN = {
     "modulus_between_liver_cv": 0.0, "modulus_between_cut_cv": 0.0, "modulus_within_cut_cv": 0.0,
-    "fracture_between_cut_cv": 0.0, "fracture_within_cut_cv": 0.0, 
+    "fracture_between_cut_cv": 0.0, "fracture_within_cut_cv": 0.0, "inclined_between_cut_cv": 0.0,
 }  # fmt: skip
 """Changes to a tissue that leave it no spread: what comes out then owes nothing to chance."""
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from cutenv.cutting.records import LAW, PROFILE, Records
 from cutenv.parameter import check_parameters, parameter
+from cutenv.tissue.fall import end_of_fall
 from cutenv.tissue.specimen import Specimen
 
 
@@ -64,11 +65,13 @@ def law_records(specimens: list[Specimen], parameters: LawParameters | None = No
     for law, specimen in zip(laws, specimens, strict=True):
         tissue = specimen.tissue
         law["quasi_static_modulus"] = tissue.intercept_90
-        for name in ("intercept_90", "slope_90", "speed_min", "speed_max", "eta90"):
+        for name in ("intercept_90", "speed_min", "speed_max", "eta90"):
             law[name] = getattr(tissue, name)
-        for number, (by, start, end) in enumerate(tissue.falls_90, start=1):
-            law[f"fall_{number}"], law[f"fall_{number}_from"] = by, start
-            law[f"fall_{number}_per"] = 1.0 / (end - start)
+        if not tissue.falls_90:
+            law["slope_90"] = tissue.slope_90
+        for number, (share, start, end) in enumerate(tissue.falls_90, start=1):
+            law[f"fall_{number}"] = -tissue.slope_90 * end_of_fall(tissue.falls_90) * share
+            law[f"fall_{number}_from"], law[f"fall_{number}_per"] = start, 1.0 / (end - start)
         for name in ("intercept_45", "slope_45"):
             law[name] = specimen.inclined_ratio * getattr(tissue, name)
         law["friction_per_depth"] = specimen.friction_per_depth

@@ -84,7 +84,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     jump         0.05    sum of (run / 10 mm)^2
     force        0.02    integral of force per depth above 400 N/m, / (100 N/m s)
     lag          0.03    integral of the tip's lag above 10 mm, / (10 mm s)
-    backward     0.3     backward travel after first contact / L
+    backward     0.15    backward travel after first contact / L
     haste        0.1     integral over travel of stopping distance / 3 mm, / L
     time         0.15    time / 30 s
     tip_error    0.2     at the end: min(tip error / 3 mm, 3)

@@ -222,7 +222,6 @@ def tissue_of(
         element=model.element,
         formulation=model.formulation,
         poisson=model.poisson,
-        falls_90=(),  # of pig liver's: these cuts are followed by a line
         calibration=Calibration(
             cuts=len(cuts),
             specimens=len(by_specimen(list(cuts))),

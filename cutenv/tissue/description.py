@@ -17,14 +17,14 @@ from cutenv.parameter import check_parameters, parameter
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.derivation import derived_value
 from cutenv.tissue.evidence import Calibration
+from cutenv.tissue.fall import Falls, checked_falls, speed_on_line
 from cutenv.tissue.fracture import measured_fracture_resistance
 from cutenv.tissue.modulus import falls, linear_fit
 from cutenv.tissue.slab import THICKNESS, slab_of
 from cutenv.tissue.spread import inclined_spread, mean_depth_of_cut, modulus_spread
-from cutenv.validation import in_range, one_of
+from cutenv.validation import one_of
 
 SCHEMA = "cutenv-tissue/2"
-_MOST_FALLS = 3  # that the law has room for
 _INCLINED, _UPRIGHT = math.pi / 4, math.pi / 2
 
 
@@ -59,10 +59,10 @@ class TissueDescription:
         low=-1e10,
         high=1e10,
         provenance="measured",
-        why="fall of the LEM with speed, 90 degrees: Table 5.6; 0 where falls_90 gives it",
+        why="fall of the LEM with speed, 90 degrees: Table 5.6; on average, where falls_90 has steps",
     )
-    falls_90: tuple[tuple[float, float, float], ...] = ()
-    """Up to three falls of the LEM at 90 degrees in place of a slope: by [Pa], between two speeds [m/s]."""
+    falls_90: Falls = ()
+    """Steps in which the LEM at 90 degrees falls, see :mod:`cutenv.tissue.fall`; none: in a straight line."""
     intercept_45: float = parameter(
         30.93e3,
         unit="Pa",
@@ -161,32 +161,9 @@ class TissueDescription:
             )
         if not self.speed_min < self.speed_max:
             raise ValueError(f"speed_min = {self.speed_min:g} m/s must be below speed_max = {self.speed_max:g} m/s.")
-        self._check_falls()
+        object.__setattr__(self, "falls_90", checked_falls("falls_90", self.falls_90))
         if min(self.local_effective_modulus(self.speed_max, angle) for angle in (_INCLINED, _UPRIGHT)) <= 0.0:
             raise ValueError("the local effective modulus must stay positive up to speed_max; check slopes and units.")
-
-    def _check_falls(self) -> None:
-        try:
-            falls = tuple((float(by), float(start), float(end)) for by, start, end in self.falls_90)
-        except (TypeError, ValueError):
-            falls = None
-        if falls is None or len(falls) > _MOST_FALLS:
-            raise ValueError(
-                f"falls_90 = {self.falls_90!r}: give at most {_MOST_FALLS} of (by [Pa], from [m/s], to [m/s])."
-            )
-        object.__setattr__(self, "falls_90", falls)  # lists of a file
-        for by, start, end in falls:
-            in_range("falls_90 (by)", by, 0.0, 1e8, "Pa", "11 kPa is 11000.")
-            in_range("falls_90 (from)", start, 0.0, 0.5, "m/s", "1.27 cm/s is 0.0127.")
-            if not start < end <= 0.5:
-                raise ValueError(
-                    f"falls_90: a fall from {start:g} to {end:g} m/s; the second speed is the greater one."
-                )
-        if falls and self.slope_90 != 0.0:
-            raise ValueError(
-                f"falls_90 gives the fall with speed at 90 degrees, and slope_90 = {self.slope_90:g} Pa s/m another. "
-                "Set falls_90=() for a straight line, or slope_90=0."
-            )
 
     def local_effective_modulus(self, speed: float, angle: float, inclined_ratio: float = 1.0) -> float:
         """LEM [Pa] that a cut of the mean tissue shows at a speed [m/s] and an angle [rad] from pi/4 to pi/2.
@@ -195,8 +172,7 @@ class TissueDescription:
         ``inclined_ratio`` [1] multiplies the one at pi/4.
         """
         v = min(max(abs(speed), self.speed_min), self.speed_max)
-        upright = self.intercept_90 + self.slope_90 * v
-        upright -= sum(by * min(max((v - start) / (end - start), 0.0), 1.0) for by, start, end in self.falls_90)
+        upright = self.intercept_90 + self.slope_90 * float(speed_on_line(v, self.falls_90))
         inclined = inclined_ratio * (self.intercept_45 + self.slope_45 * v)
         return inclined + (upright - inclined) * (angle - _INCLINED) / (_UPRIGHT - _INCLINED)
 
@@ -285,8 +261,8 @@ def following_means() -> dict[str, Any]:
 
     At 45 degrees the line of the thesis passes every mean within two standard errors.
     """
-    start, steps = falls("5.6", angle_deg=90)
-    return {"intercept_90": start, "slope_90": 0.0, "falls_90": steps}
+    start, slope, steps = falls("5.6", angle_deg=90)
+    return {"intercept_90": start, "slope_90": slope, "falls_90": steps}
 
 
 FITTED = (

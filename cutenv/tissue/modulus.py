@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import isotonic_regression
 
+from cutenv.tissue.fall import Falls, end_of_fall
 from cutenv.tissue.tables import table
 from cutenv.validation import array_in_range, in_range, one_of
 
@@ -149,8 +150,8 @@ def linear_fit(number: str, *, angle_deg: float = 90, formulation: Formulation =
 @functools.cache
 def falls(
     number: str, *, angle_deg: float = 90, formulation: Formulation = "plane_stress"
-) -> tuple[float, tuple[tuple[float, float, float], ...]]:
-    """LEM at the slowest speed of a column of Table 5.5, 5.6 or 5.7, and where a monotone curve falls from there.
+) -> tuple[float, float, Falls]:
+    """Fit a curve that nowhere rises to one column of Table 5.5, 5.6 or 5.7: isotonic regression.
 
     Parameters
     ----------
@@ -159,19 +160,27 @@ def falls(
 
     Returns
     -------
-    modulus : float
-        [Pa]
+    intercept : float
+        LEM at the slowest speed [Pa].
+    slope : float
+        Mean slope, from 0 to the speed at which the last step ends [Pa s/m].
     falls : tuple of (float, float, float)
-        By how much [Pa], and between which measured speeds [m/s].
+        Steps, see :mod:`cutenv.tissue.fall`.
 
     Notes
     -----
-    Isotonic regression of the means, straight between speeds: of all curves that nowhere rise, the one nearest to them.
+    Of all curves that nowhere rise the one nearest to the means, straight between their speeds.
     """
     speed, modulus, _ = _measured(number, angle_deg, formulation)
     level = isotonic_regression(modulus, increasing=False).x
-    steps = zip(-np.diff(level), speed[:-1], speed[1:], strict=True)
-    return float(level[0]), tuple((round(float(by), 6), float(v), float(w)) for by, v, w in steps if by > 0.0)
+    whole = float(level[0] - level[-1])
+    shares = -np.diff(level) / whole
+    steps = tuple(
+        (float(f"{share:.12g}"), float(v), float(w))
+        for share, v, w in zip(shares, speed[:-1], speed[1:], strict=True)
+        if share > 0.0
+    )
+    return float(level[0]), -whole / end_of_fall(steps), steps
 
 
 @functools.cache

@@ -40,8 +40,19 @@ def check_modulus_comes_back(cut: RecordedCut, **changes: Any) -> None:
 @pytest.mark.parametrize("kind", ["2 cm", "1 cm", "bulge", "liver"])
 def test_modulus_comes_back_from_any_speed_angle_and_depth(kind: str, speed: float, angle_deg: float) -> None:
     cut = rested_cut(kind, speed=speed, angle_deg=angle_deg)
-    check_modulus_comes_back(cut)
+    check_modulus_comes_back(cut, loading_ratio=cut.specimen.loading_ratio)
     assert estimate_local_effective_moduli(cut.trace, MODEL).flags == ()
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_an_inclined_cut_unlike_the_mean_shifts_the_tip_and_hardly_the_modulus(speed: float) -> None:
+    """Of this one the LEM at 45 degrees is not the mean tissue's, from which the lag of the tip is reckoned."""
+    cut = rested_cut("liver", speed=speed, angle_deg=45.0)
+    assert not 0.8 < cut.specimen.inclined_ratio < 1.2
+    estimate = estimate_local_effective_moduli(cut.trace, MODEL)
+    assert np.median(estimate.modulus / cut.true_moduli(estimate.segments)) == pytest.approx(1.0, abs=0.025)
+    tips = np.array([cut.tip[s.samples].mean() for s in estimate.segments])
+    assert 0.3e-3 < np.median(np.abs(estimate.position - tips)) < 2e-3
 
 
 def test_kappa_at_the_blade_instead_of_the_tip_is_noticed() -> None:

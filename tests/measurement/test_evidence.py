@@ -56,7 +56,7 @@ def test_a_full_session_leaves_nothing_assumed() -> None:
 
 def test_upright_cuts_alone_give_the_inclined_line_in_pig_livers_proportion() -> None:
     tissue = tissue_from(lambda cut: cut.angle > UPRIGHT, resamples=30)
-    check_assumed(tissue, "intercept_45", "slope_45")
+    check_assumed(tissue, "intercept_45", "slope_45", "inclined_between_cut_cv")
     assert tissue.intercept_45 / tissue.intercept_90 == pytest.approx(LIVER.intercept_45 / LIVER.intercept_90, rel=1e-5)
     assert tissue.slope_45 / tissue.slope_90 == pytest.approx(LIVER.slope_45 / LIVER.slope_90, rel=1e-5)
     assert "no cut flatter than 67.5 degrees" in calibration_of(tissue).of("intercept_45").how
@@ -64,13 +64,13 @@ def test_upright_cuts_alone_give_the_inclined_line_in_pig_livers_proportion() ->
 
 def test_inclined_cuts_alone_give_the_upright_line_in_pig_livers_proportion() -> None:
     tissue = tissue_from(lambda cut: cut.angle < UPRIGHT)
-    check_assumed(tissue, "modulus", "intercept_90", "slope_90")
+    check_assumed(tissue, "modulus", "intercept_90", "slope_90", "inclined_between_cut_cv")
     assert tissue.intercept_45 / tissue.intercept_90 == pytest.approx(LIVER.intercept_45 / LIVER.intercept_90, rel=1e-5)
 
 
 def test_one_speed_gives_pig_livers_fall_with_speed() -> None:
     tissue = tissue_from(lambda cut: cut.speed < 0.01, resamples=30)
-    check_assumed(tissue, "slope_90", "slope_45", "correlation_length")
+    check_assumed(tissue, "slope_90", "slope_45", "correlation_length", "inclined_between_cut_cv")
     for angle in (90, 45):
         of, liver = (getattr(t, f"slope_{angle}") / getattr(t, f"intercept_{angle}") for t in (tissue, LIVER))
         assert of == pytest.approx(liver, rel=1e-5)
@@ -92,7 +92,7 @@ def test_one_cut_tells_values_and_no_spread_between_cuts() -> None:
     tissue = tissue_from(lambda cut: cut.name == "cut 1", resamples=30)
     check_assumed(
         tissue, "slope_90", "intercept_45", "slope_45", "modulus_between_liver_cv", "modulus_between_cut_cv",
-        "correlation_length", "fracture_between_cut_cv",
+        "correlation_length", "fracture_between_cut_cv", "inclined_between_cut_cv",
     )  # fmt: skip
     for name in ("fracture_between_cut_cv", "modulus_between_cut_cv"):
         assert getattr(tissue, name) == pytest.approx(getattr(LIVER, name), rel=1e-5)
@@ -101,7 +101,7 @@ def test_one_cut_tells_values_and_no_spread_between_cuts() -> None:
 
 def test_one_specimen_leaves_the_spread_between_specimens_assumed() -> None:
     tissue = tissue_from(lambda cut: cut.specimen == "liver 1", resamples=30)
-    check_assumed(tissue, "modulus_between_liver_cv", "correlation_length")
+    check_assumed(tissue, "modulus_between_liver_cv", "correlation_length", "inclined_between_cut_cv")
     assert tissue.modulus_between_liver_cv == pytest.approx(LIVER.modulus_between_liver_cv, rel=1e-5)
 
 

@@ -37,10 +37,12 @@ def found(cuts: Any, condition: str) -> Any:
     return script.recovery(cuts, script.CONDITIONS[condition])
 
 
-def check_promise(cuts: Any, condition: str, *, resistance: float, modulus: float, friction: float) -> None:
+def check_promise(
+    cuts: Any, condition: str, *, resistance: float, modulus: float, friction: float, refused: int = 0
+) -> None:
     """95th percentiles of the errors of single cuts of 11 cm."""
     errors = found(cuts, condition)
-    assert errors.refused == 0
+    assert errors.refused == refused
     assert errors.resistance[1] < resistance
     assert errors.modulus[1] < modulus
     assert errors.friction[1] < friction
@@ -48,7 +50,8 @@ def check_promise(cuts: Any, condition: str, *, resistance: float, modulus: floa
 
 def test_a_long_cut_gives_back_what_was_cut(cuts: Any) -> None:
     check_promise(cuts, "exact depth", resistance=0.05, modulus=0.05, friction=0.02)
-    check_promise(cuts, "exact depth, no return stroke", resistance=0.10, modulus=0.06, friction=0.10)
+    # One, of tissue that an inclined blade cuts almost without a run, shows two ramps and no way back.
+    check_promise(cuts, "exact depth, no return stroke", resistance=0.10, modulus=0.06, friction=0.10, refused=1)
     check_promise(cuts, "depth known to 0.5 mm", resistance=0.10, modulus=0.15, friction=0.03)
 
 

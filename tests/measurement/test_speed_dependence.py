@@ -9,7 +9,8 @@ import pytest
 
 from cutenv.measurement import SpeedDependence, fit_speed_dependence
 from cutenv.measurement.speed_dependence import is_between_the_measured
-from cutenv.tissue.modulus import linear_fit
+from cutenv.tissue import measured_liver
+from cutenv.tissue.fall import speed_on_line
 
 UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
 TRUTH = SpeedDependence(intercept_90=60e3, slope_90=-1.5e6, intercept_45=35e3, slope_45=-0.4e6, measured=frozenset())
@@ -67,7 +68,7 @@ def test_an_angle_that_was_not_cut_follows_the_other_as_in_pig_liver(angle: int,
     check_is_the_truth(found, (f"intercept_{angle}", f"slope_{angle}"))
     assert found.measured == {f"intercept_{angle}", f"slope_{angle}"}
     for name in ("intercept", "slope"):
-        own, its = (getattr(linear_fit("5.6", angle_deg=each), name) for each in (angle, other))
+        own, its = (getattr(measured_liver(), f"{name}_{each}") for each in (angle, other))
         assert getattr(found, f"{name}_{other}") / getattr(found, f"{name}_{angle}") == pytest.approx(its / own)
 
 
@@ -75,8 +76,8 @@ def test_an_angle_that_was_not_cut_follows_the_other_as_in_pig_liver(angle: int,
 def test_speeds_that_hardly_differ_give_pig_livers_fall(ratio: float) -> None:
     found = fitted([0.01, 0.01 * ratio, 0.001, 0.02], [90, 90, 45, 45])
     assert found.measured == set(NAMES) - {"slope_90"}
-    liver = linear_fit("5.6", angle_deg=90)
-    assert found.slope_90 / found.intercept_90 == pytest.approx(liver.slope / liver.intercept)
+    liver = measured_liver()
+    assert found.slope_90 / found.intercept_90 == pytest.approx(liver.slope_90 / liver.intercept_90)
     check_is_the_truth(found, ("intercept_45", "slope_45"))
 
 
@@ -92,9 +93,11 @@ def test_the_modulus_is_linear_in_the_angle() -> None:
 
 
 def test_a_loading_ratio_lies_between_a_hundredth_and_one() -> None:
-    assert TRUTH.loading_ratio(0.01, UPRIGHT) == pytest.approx(45.0 / 60.0)
+    assert TRUTH.loading_ratio(0.01, INCLINED) == pytest.approx(31.0 / 60.0)
+    fallen = 1.5e6 * speed_on_line(0.01, measured_liver().falls_90)
+    assert TRUTH.loading_ratio(0.01, UPRIGHT) == pytest.approx(1.0 - fallen / 60e3)
     assert TRUTH.loading_ratio(-0.01, UPRIGHT) == TRUTH.loading_ratio(0.01, UPRIGHT)
-    assert TRUTH.loading_ratio(1.0, UPRIGHT) == 0.01
+    assert TRUTH.loading_ratio(1.0, INCLINED) == 0.01
     rising = SpeedDependence(intercept_90=1e4, slope_90=1e6, intercept_45=1e4, slope_45=1e6, measured=frozenset())
     assert rising.loading_ratio(0.02, UPRIGHT) == 1.0
 

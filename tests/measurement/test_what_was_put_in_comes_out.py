@@ -6,6 +6,7 @@ Sensor noise, delay and resolution are on everywhere. Where chance is to be kept
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -51,7 +52,7 @@ def check_recovers(found: TissueDescription, put_in: TissueDescription) -> None:
     for speed in SPEEDS:
         for angle in (90, 45):
             modulus, truth = (
-                level * (getattr(tissue, f"intercept_{angle}") + speed * getattr(tissue, f"slope_{angle}"))
+                level * tissue.local_effective_modulus(speed, math.radians(angle))
                 for tissue, level in ((found, 1.0), (put_in, put_in.modulus / put_in.intercept_90))
             )
             assert modulus == pytest.approx(truth, rel=MODULUS), (speed, angle)

@@ -76,7 +76,7 @@ def test_the_same_cut_scores_as_in_the_simulator(env, name):
         ends.append(our_info["end"] == their_info["end"])
         differences.append(abs(ours - theirs))
     assert np.mean(ends) > 0.8
-    assert np.median(differences) < 0.04  # a run more or less costs as much
+    assert np.median(differences) < 0.05  # a run more or less costs as much
 
 
 def test_a_rig_whose_sensor_is_slow_and_noisy_does_not():
