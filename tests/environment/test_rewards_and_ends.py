@@ -58,7 +58,7 @@ def every_term() -> tuple[gymnasium.Env, Cut]:
     env = make(specimen_class="liver", force_limit_per_depth=1e5)
     # Fast and reversing for the force, the lag and the backward travel, and ending while loaded and inclined.
     parts = legs((4.0, FASTEST, UPRIGHT), (0.5, -FASTEST, UPRIGHT), (9.0, 0.003, INCLINED))
-    return env, next(c for seed in range(40) if all((c := cut(env, parts, seed)).totals[n] < -1e-3 for n in WEIGHTS))
+    return env, next(c for seed in range(80) if all((c := cut(env, parts, seed)).totals[n] < -1e-3 for n in WEIGHTS))
 
 
 @pytest.mark.parametrize("name", WEIGHTS)
