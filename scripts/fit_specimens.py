@@ -46,6 +46,8 @@ SPEEDS = {"5.2": 0.001, "5.3": 0.0127, "5.4": 0.0254}  # of each table [m/s]
 TRAVEL = 0.12  # thesis 3.3.2 [m]
 SIGNIFICANT_DROP = 0.2  # of a segment that the thesis would list: four times its sensor's resolution [N]
 FEWEST_SEGMENTS = 3
+CUTS_OF_TABLE_6_1 = 40 / 7
+"""Of each of its seven lengths; how many of each is not said."""
 UPRIGHT = math.pi / 2
 UNITS = {"modulus": "Pa", "fracture_resistance": "J/m2", "rise_length": "m"}
 DEPTH_POWER = 1.3  # by which the rise follows a depth that is missed
@@ -178,6 +180,58 @@ def fit(livers: int, rounds: int) -> TissueDescription:
     return tissue
 
 
+def outside(what: str, measured: tuple[float, float], virtual: tuple[float, float]) -> list[str]:
+    """The line of a value, with its standard error, that a virtual one misses by more than twice that of both."""
+    error = math.hypot(measured[1], virtual[1])
+    if abs(measured[0] - virtual[0]) <= 2.0 * error:
+        return []
+    return [
+        f"{what}: {virtual[0]:.1f} for {measured[0]:.1f}, {abs(measured[0] - virtual[0]) / error:.1f} standard errors"
+    ]
+
+
+def mean_and_error(values: np.ndarray) -> tuple[float, float]:
+    """Mean of the values that are known, and its standard error."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()), float(known.std(ddof=1) / math.sqrt(len(known)))
+
+
+def sd_and_error(sd: float, count: float) -> tuple[float, float]:
+    """A standard deviation, and its standard error where ``count`` normal values tell it."""
+    return sd, sd / math.sqrt(2.0 * (count - 1.0))
+
+
+def misses(cuts: list[Cut]) -> tuple[int, list[str]]:
+    """How many values of Tables 5.2 to 5.4 and 6.1 are compared, and those outside two standard errors."""
+    compared, found = 0, []
+    for name in SPEEDS:
+        data = table(name)
+        own = [cut.moduli / 1e3 for cut in cuts if cut.table == name]
+        means, within = np.array([m.mean() for m in own]), np.array([m.std() for m in own])
+        lem, sd = data["lem_plane_stress_Pa"] / 1e3, data["sd_plane_stress_Pa"] / 1e3
+        told = int(np.isfinite(means).sum())
+        found += outside(f"Table {name}, mean [kPa]", mean_and_error(lem), mean_and_error(means))
+        found += outside(
+            f"Table {name}, SD between cuts [kPa]",
+            sd_and_error(lem.std(ddof=1), len(lem)),
+            sd_and_error(float(np.nanstd(means, ddof=1)), told),
+        )
+        found += outside(f"Table {name}, SD within a cut [kPa]", mean_and_error(sd), mean_and_error(within))
+        compared += 3
+    data = table("6.1")
+    sds = data["sd_fracture_resistance_J_m2"]
+    pooled = math.sqrt(float(np.mean(sds**2)))
+    for length, mean in zip(data["cut_length_m"], data["fracture_resistance_J_m2"], strict=True):
+        own = np.array([cut.apparent for cut in cuts if abs(cut.length - length) < 1e-6])
+        error = pooled / math.sqrt(CUTS_OF_TABLE_6_1)
+        found += outside(f"Table 6.1, {100 * length:.2f} cm, mean [J/m2]", (float(mean), error), mean_and_error(own))
+        compared += 1
+    apparent = np.array([cut.apparent for cut in cuts])
+    all_sd = sd_and_error(float(apparent.std(ddof=1)), len(apparent))
+    found += outside("Table 6.1, pooled SD [J/m2]", sd_and_error(pooled, 40 - len(sds) + 1), all_sd)
+    return compared + 1, found
+
+
 def show(tissue: TissueDescription, livers: int) -> None:
     """Print the tables beside virtual ones, from random numbers that the fit has not seen."""
     cuts = measure(tissue, livers, seed=2, what="checking on new specimens")
@@ -226,6 +280,13 @@ def show(tissue: TissueDescription, livers: int) -> None:
     print("\nStatistic                     measured  virtual")
     for name, goal, found in zip(Statistics._fields, targets(), statistics(cuts), strict=True):
         print(f"  {name:26s} {goal:9.4g} {found:8.4g}")
+    compared, outside_two = misses(cuts)
+    print(
+        f"\n{len(FITTED)} numbers fitted: {', '.join(FITTED)}"
+        f"\n{compared} values of Tables 5.2-5.4 and 6.1, {compared - len(FITTED)} degrees of freedom; "
+        f"{len(outside_two)} outside two standard errors of both:"
+    )
+    print("\n".join(f"  {line}" for line in outside_two))
 
 
 def main() -> None:

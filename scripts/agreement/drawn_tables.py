@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from fit_specimens import SIGNIFICANT_DROP
+from fit_specimens import CUTS_OF_TABLE_6_1, SIGNIFICANT_DROP
 from numpy.typing import NDArray
 
 from agreement import drawn_livers
@@ -31,8 +31,6 @@ BY_CUT = (
 """Tables with a row for each cut: number, angle [deg], speed [cm/s]."""
 CUTS_UPRIGHT, CUTS = 12, 6
 """Behind a mean of Table 5.5 at 90 degrees where Tables 5.2 to 5.4 list them, and behind all others (chapter 5)."""
-CUTS_OF_TABLE_6_1 = 40 / 7
-"""Forty cuts of seven lengths; how many of each is not said."""
 
 FITTED_TO = (
     "Mean modulus and resistance of the livers, and the spread between their cuts, were fitted to Tables 5.2-5.4, 5.6 "
