@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from agreement import (
     beads,
+    conditions,
     cutting,
     derived,
     drawn_tables,
@@ -47,6 +48,7 @@ COMPARISONS: dict[str, Callable[[bool], Comparison]] = {
     "resistance-open": measuring.resistance_of_open_records,
     "resistance-livers": measuring.resistance_of_livers,
     "friction": friction.friction_comes_back,
+    "conditions": conditions.real_conditions,
     "apparent": measuring.apparent_reads_low,
     "units": cutting.units_fall_with_speed,
     "depth": cutting.force_follows_depth,
