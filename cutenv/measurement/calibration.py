@@ -216,6 +216,7 @@ def tissue_of(
                 high=None if high is None or provenance != "measured" else float(high),
             )
         )
+    numbers: dict[str, Any] = {field: _rounded(value) for field, value in values.items()}
     tissue = dataclasses.replace(
         liver,
         name=name,
@@ -228,7 +229,7 @@ def tissue_of(
             evidence=tuple(evidence),
             notes=tuple(_notes(cuts, refused, model, found)),
         ),
-        **{field: _rounded(value) for field, value in values.items()},
+        **numbers,
     )
     return as_material(tissue)
 
@@ -290,7 +291,7 @@ def _scaled(evidence: Evidence, factor: float) -> Evidence:
 _FIT = "least squares of the cuts' mean moduli, per effective depth, against speed and angle (5.1)"
 _HOW = {
     "intercept_90": f"{_FIT}, for v -> 0 at 90 degrees",
-    "slope_90": f"{_FIT}, at 90 degrees",
+    "slope_90": f"{_FIT}, at 90 degrees, in pig liver's steps",
     "intercept_45": f"{_FIT}, for v -> 0 at 45 degrees",
     "slope_45": f"{_FIT}, at 45 degrees",
     "speed_min": "slowest cut that shows a modulus",
