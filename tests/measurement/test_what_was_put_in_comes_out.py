@@ -70,7 +70,7 @@ def test_every_number_of_a_tissue_comes_out_as_it_was_put_in(name: str) -> None:
 
 @pytest.mark.parametrize(
     "other",
-    [{"eta90": 0.22}, {"friction_share": 0.3}, {"fracture_resistance": 180.0}, {"intercept_90": 52e3},
+    [{"eta90": 0.22}, {"friction_share": 0.3}, {"fracture_resistance": 180.0}, {"intercept_90": 60e3},
      {"slope_45": -0.9e6}, {"rise_length": 0.03}],
     ids=lambda other: next(iter(other)),
 )  # fmt: skip
