@@ -372,12 +372,11 @@ class CanopenAxis:
         return self._dictionary
 
     def _wait(self, come: Callable[[], bool], limit: float) -> bool:
-        """Wait for what a frame brings, by the machine's own time; raise if the way to the drive breaks."""
-        with self._changed:
-            self._changed.wait_for(lambda: come() or self._lost is not None, timeout=limit)
-            if self._lost is not None:
-                raise RigError(f"{self.name}: {self._lost}.")
-            return come()
+        """Wait for what a frame brings; raise if the way to the drive breaks."""
+        self._clock.wait_for(lambda: come() or self._lost is not None, limit, self._changed)
+        if self._lost is not None:
+            raise RigError(f"{self.name}: {self._lost}.")
+        return come()
 
     def _await(self, come: Callable[[], bool], what: str, limit: float = _STATE_LIMIT) -> None:
         if not self._wait(come, limit):
