@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from cutenv.rig.samples import ForceSample, MotionSample
+
+if TYPE_CHECKING:
+    from cutenv.rig.latch import Latch
 
 
 class RigError(Exception):
@@ -68,6 +71,8 @@ class MotionDriver(Protocol):
 
     name: str
     """"blade" or "angle"."""
+    latch: Latch
+    """Whether it may move: while it is closed, nothing is sent that could give the drive power or speed."""
 
     def open(self, listener: MotionListener) -> None:
         """Connect, check who answers, write the set-up and read it back; samples arrive from now on, nothing moves."""
@@ -82,7 +87,7 @@ class MotionDriver(Protocol):
         ...
 
     def quick_stop(self) -> None:
-        """Put a quick stop on the bus: at once, from any thread, without waiting, whatever the state."""
+        """Put a quick stop on the bus and close the latch: at once, from any thread, without waiting."""
         ...
 
     def abandon(self, why: str) -> None:
@@ -94,7 +99,7 @@ class MotionDriver(Protocol):
         ...
 
     def clear(self) -> None:
-        """Leave quick stop or fault for a powerless rest, after the operator's reset."""
+        """Leave quick stop or fault for a powerless rest, within the latch's reset."""
         ...
 
     def limits(self) -> dict[str, float]:

@@ -23,6 +23,7 @@ from cutenv.plant import ReplayPlant
 from cutenv.rig.bench import Bench, CutBench, ReplayBench
 from cutenv.rig.clock import FakeClock, Repeating
 from cutenv.rig.drivers import ForceListener, MotionListener, RigError
+from cutenv.rig.latch import Event, Latch
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.samples import DriveState, ForceSample, MotionSample
 from cutenv.rig.settings import Axis, Calibration, RigSettings
@@ -77,6 +78,7 @@ class FakeDrive:
     def __init__(self, name: str, rig: FakeRig) -> None:
         self.name = name
         self._rig = rig
+        self.latch = Latch()
         self.state = DriveState.DISABLED
         self.target = 0.0
         self.sent: list[tuple[float, str]] = []
@@ -88,7 +90,7 @@ class FakeDrive:
 
     def enable(self) -> None:
         """Power on."""
-        if self.state is DriveState.FAULT or self.state is DriveState.QUICK_STOP:
+        if self.latch.closed or self.state in (DriveState.FAULT, DriveState.QUICK_STOP):
             raise RigError(f'the {self.name} drive is in "{self.state.value}": clear it first.')
         self.state, self.target = DriveState.ENABLED, 0.0
 
@@ -101,6 +103,7 @@ class FakeDrive:
 
     def quick_stop(self) -> None:
         """At once, unless the bus is off."""
+        self.latch.happens(Event.STOP)
         self._rig.reach(self.name)
         self.sent.append((self._rig.clock.now(), "quick stop"))
         if self.name == "blade" and self._rig.faults.quick_stops_lost > 0:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from cutenv.rig.canopen import CanNetwork, CanopenAxis
-from cutenv.rig.canopen.objects import HEARTBEAT_FRAME, NMT_OPERATIONAL, SYNC_FRAME
+from cutenv.rig.canopen.objects import SYNC_FRAME
 from cutenv.rig.clock import FakeClock
 from cutenv.rig.drivers import ForceListener
 from cutenv.rig.emulator.axis import EmulatedAxis
@@ -58,16 +58,12 @@ class HandMovedNetwork(CanNetwork):
         self._coming: deque[tuple[float, Frame]] = deque()
 
     def _open(self) -> None:
-        self._bus, self._message, self.broken = self, Message, None
-        beat = HEARTBEAT_FRAME + self.settings.node
+        self._bus, self._message, self.broken, self._silent = self, Message, None, False
         self._repeating = [
             self._clock.every(self.settings.sync, lambda now: self._repeat(SYNC_FRAME, b""), "SYNC"),
-            self._clock.every(self.settings.heartbeat, lambda now: self._beat(beat), "heartbeat"),
+            self._clock.every(self.settings.heartbeat, lambda now: self._beat(), "heartbeat"),
             self._clock.every(TICK / 2, self._arrive, "reader"),
         ]
-
-    def _beat(self, number: int) -> None:
-        self._repeat(number, bytes((NMT_OPERATIONAL,)))
 
     def _close(self) -> None:
         for repeating in self._repeating:

@@ -162,9 +162,8 @@ def test_a_statusword_of_no_state_is_refused_by_its_number():
 
 
 def test_a_sample_is_made_of_the_two_frames_of_one_sync(drive, network, ear):
-    clock = FakeClock()
     network = CanNetwork(Bus(interface="virtual", channel=drive.channel), SystemClock())
-    axis = CanopenAxis(network, Axis(), clock)
+    axis = CanopenAxis(network, Axis(), SystemClock())
     axis.open(ear)
     drive.mute = True
     time.sleep(0.05)
