@@ -53,6 +53,7 @@ EXPECTED: dict[str, tuple[Cause, ...]] = {
     "reordering": (Cause.FORCE_LOST,),
     "runaway": (Cause.FOLLOWING, Cause.SPEED, Cause.ACCELERATION),
     "saturation": (Cause.FORCE_STATUS, Cause.FORCE, Cause.FORCE_RISE),
+    "second_master": (Cause.FOREIGN,),
     "sensor_freeze": (Cause.FORCE_FROZEN,),
     "sensor_silent": (Cause.FORCE_STALE,),
     "slip": (),

@@ -30,6 +30,7 @@ class Cause(StrEnum):
     MOTION_STALE = "motion stale"
     HEARTBEAT = "heartbeat lost"
     DRIVE = "drive fault"
+    FOREIGN = "foreign command"
     BUS = "bus broken"
     OVERRUN = "clock overrun"
     NOT_A_NUMBER = "not a number"
@@ -77,6 +78,7 @@ def detection_times(limits: Limits, *, packet: float = 0.001, sync: float = 0.00
         Cause.MOTION_STALE: limits.stale_motion + WATCH,
         Cause.HEARTBEAT: limits.heartbeat + WATCH,
         Cause.DRIVE: sync,
+        Cause.FOREIGN: 0.0,
         Cause.BUS: 0.0,
         Cause.OVERRUN: WATCH,
         Cause.NOT_A_NUMBER: 0.0,

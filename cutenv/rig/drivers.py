@@ -29,6 +29,10 @@ class MotionListener(Protocol):
         """The drive reports an error (CiA 402 code, such as 0x8611), at ``time`` [s]."""
         ...
 
+    def foreign(self, axis: str, what: str, time: float) -> None:
+        """Somebody else commands the drive: ``what`` was seen on the bus at ``time`` [s]."""
+        ...
+
     def broken(self, axis: str, why: str, time: float) -> None:
         """The way to the drive is broken (bus off, connection lost), at ``time`` [s]."""
         ...
@@ -86,8 +90,11 @@ class MotionDriver(Protocol):
         """Put a target speed [m/s or rad/s] on the bus; does not wait for an answer."""
         ...
 
-    def quick_stop(self) -> None:
-        """Put a quick stop on the bus and close the latch: at once, from any thread, without waiting."""
+    def quick_stop(self, *, for_good: bool = False) -> None:
+        """Put a quick stop on the bus and close the latch: at once, from any thread, without waiting.
+
+        After one ``for_good`` the drive takes no command before it rests, and has no power then.
+        """
         ...
 
     def abandon(self, why: str) -> None:

@@ -101,7 +101,7 @@ class FakeDrive:
         if self.state is DriveState.ENABLED:
             self.target = speed
 
-    def quick_stop(self) -> None:
+    def quick_stop(self, *, for_good: bool = False) -> None:
         """At once, unless the bus is off."""
         self.latch.happens(Event.STOP)
         self._rig.reach(self.name)
@@ -260,6 +260,12 @@ class FakeRig:
         self.blade.state = DriveState.FAULT
         if (listener := self._listeners.get("blade")) is not None:
             listener.emergency("blade", code, meaning, self.clock.now())
+
+    def intrude(self, speed: float) -> None:
+        """Somebody else gives the blade's drive its power, and a target speed [m/s]."""
+        self.blade.state, self.blade.target = DriveState.ENABLED, speed
+        if (listener := self._listeners.get("blade")) is not None:
+            listener.foreign("blade", "RPDO1", self.clock.now())
 
     def break_bus(self) -> None:
         """The bus goes off, and the driver notices; the drive's own watch stops it."""

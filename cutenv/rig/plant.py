@@ -214,6 +214,10 @@ class RigPlant:
         """Take an error report of a drive."""
         self.supervisor.emergency(axis, code, meaning, time)
 
+    def foreign(self, axis: str, what: str, time: float) -> None:
+        """Take the command of somebody else to a drive."""
+        self.supervisor.foreign(axis, what, time)
+
     def broken(self, axis: str, why: str, time: float) -> None:
         """Take the loss of the way to a drive."""
         self.supervisor.broken(axis, why, time)

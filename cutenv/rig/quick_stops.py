@@ -15,7 +15,7 @@ INSIST = 0.010
 """Time after a quick stop [s] from which a drive that is not seen to obey is sent another one every time."""
 DEAF = 0.040
 """Time of being sent more after which our heartbeat ends too, so that the drive stops by its own watch for it [s]."""
-_OFTEN = 0.001  # [s] between two that answer somebody else's frames: no more load for the bus than theirs
+_OFTEN = 0.0005  # [s] between two that answer somebody else's frames: no more load for the bus than theirs
 
 
 class QuickStops:
@@ -35,12 +35,13 @@ class QuickStops:
         self._axes, self._newest, self._fresh = axes, newest, fresh
         self._deaf_since: dict[str, float] = {}
         self._abandoned: set[str] = set()
-        self._answered: dict[str, float] = {}
+        self._contested: dict[str, float] = {}  # when it was answered last [s]
 
     def begin(self) -> list[str]:
         """Send the first one to every axis; return to whom it could not be sent, and why."""
         self._deaf_since.clear()
         self._abandoned.clear()
+        self._contested.clear()
         unreached = []
         for name, axis in self._axes.items():
             try:
@@ -58,7 +59,7 @@ class QuickStops:
             seen = sample is not None and now - sample.time <= self._fresh
             if sample is not None and seen and sample.state is not DriveState.ENABLED:
                 continue
-            self._send(axis)
+            self._send(name)
             # It is deaf from its first answer on: nothing gets to a drive whose bus is off, and it may come back late.
             if seen and now - self._deaf_since.setdefault(name, now) >= DEAF and name not in self._abandoned:
                 self._abandoned.add(name)
@@ -66,11 +67,11 @@ class QuickStops:
                 axis.abandon("it does not stop when it is told to")
 
     def answer(self, name: str, now: float) -> None:
-        """Send one after a command of somebody else, so that the last word is ours."""
-        if now - self._answered.get(name, -1.0) >= _OFTEN:
-            self._answered[name] = now
-            self._send(self._axes[name])
+        """Send one after a command of somebody else; from the first on they are such that no command undoes."""
+        if now - self._contested.get(name, -1.0) >= _OFTEN:
+            self._contested[name] = now
+            self._send(name)
 
-    def _send(self, axis: MotionDriver) -> None:
+    def _send(self, name: str) -> None:
         with suppress(RigError):  # the bus is off: the drive's own watch for our heartbeat stops it
-            axis.quick_stop()
+            self._axes[name].quick_stop(for_good=name in self._contested)

@@ -127,6 +127,14 @@ class Supervisor:
         if code:
             self.trip(Cause.DRIVE, f"the {axis} drive reports 0x{code:04X}, {meaning}", time)
 
+    def foreign(self, axis: str, what: str, time: float) -> None:
+        """Stop, even a locked rig, where somebody else commands a drive; have the last word as long as that goes on."""
+        cure = "close the other program or master, or have the gateway not echo what we send"
+        self.trip(Cause.FOREIGN, f"somebody else commands the {axis} drive ({what}); {cure}", time, locked=True)
+        with self._lock:
+            if self.phase is Phase.STOPPED:
+                self._quick_stops.answer(axis, time)
+
     def broken(self, axis: str, why: str, time: float) -> None:
         """Stop where a drive cannot be reached: its own watch for our heartbeat has to."""
         self.trip(Cause.BUS, f"{axis}: {why}", time)

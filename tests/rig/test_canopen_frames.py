@@ -47,6 +47,9 @@ class Nobody:
     def lost(self, why: str, time: float) -> None:
         raise AssertionError(why)
 
+    def overheard(self, number: int, data: bytes, time: float) -> None:
+        pass
+
 
 def test_sync_and_heartbeat_are_sent_as_often_as_the_settings_say(drive):
     clock = FakeClock()

@@ -64,6 +64,7 @@ class CanopenAxis:
         self._speed = 0.0
         self._statuses = 0
         self._may_move = False
+        self._for_good = False  # the drive's option for quick stops is not as it was set up
         self._running = False  # has sent process data since it was opened
         self._error = ""
         self._lost: str | None = None
@@ -220,8 +221,10 @@ class CanopenAxis:
             raise RigError(f"{self.name}: {self._lost or self._why_still()}.")
         self._energise(o.ENABLE_OPERATION, velocity)
 
-    def quick_stop(self) -> None:
+    def quick_stop(self, *, for_good: bool = False) -> None:
         """Put a quick stop on the bus: at once, from any thread, without waiting, whatever the state.
+
+        ``for_good``, the drive is also told that no command ends it before rest, and to lose its power then.
 
         Raises
         ------
@@ -230,6 +233,9 @@ class CanopenAxis:
         """
         self.latch.happens(Event.STOP)
         self._may_move = False
+        if for_good:
+            self._for_good = True
+            self._network.send_message(*o.quick_stop_option_frame(self._settings.node, o.STOP_AND_RELEASE))
         self._control(o.QUICK_STOP)
 
     def abandon(self, why: str) -> None:
@@ -259,6 +265,9 @@ class CanopenAxis:
         """
         self._network.resume_heartbeat()
         self._fresh()
+        if self._for_good:
+            self._book.put(o.QUICK_STOP_OPTION, o.STOP_AND_STAY)
+            self._for_good = False
         for _ in range(_TOLD):  # it may still move, and nobody else sends it quick stops during a reset
             if self._state is not DriveState.ENABLED:
                 break
@@ -355,6 +364,12 @@ class CanopenAxis:
             self._error = f" (0x{code:04X}, {meaning})"
         if self._listener is not None:
             self._listener.emergency(self.name, code, meaning, time)
+
+    def overheard(self, number: int, data: bytes, time: float) -> None:
+        """Tell of a frame with which somebody else commands the drive."""
+        what = o.command_of_another(number, data, self._settings.node, self._network.settings.node)
+        if what is not None and self._listener is not None:
+            self._listener.foreign(self.name, what, time)
 
     def lost(self, why: str, time: float) -> None:
         """Nothing gets to or from the drive any more, since ``time`` [s]; the network says so, once."""

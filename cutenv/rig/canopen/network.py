@@ -32,6 +32,10 @@ class Member(Protocol):
         """Nothing can be sent or read any more, since ``time`` [s]."""
         ...
 
+    def overheard(self, number: int, data: bytes, time: float) -> None:
+        """A frame has arrived that nobody listens to: not ours, and perhaps no drive's."""
+        ...
+
 
 class CanNetwork:
     """One CAN bus with this computer as its master; opened by the first axis that joins, closed by the last to leave.
@@ -207,10 +211,12 @@ class CanNetwork:
 
     def _handle(self, number: int, data: bytes) -> None:
         handler = self._handlers.get(number)
-        if handler is None:
-            return
         try:
-            handler(data, self._clock.now())
+            if handler is not None:
+                handler(data, self._clock.now())
+                return
+            for member in tuple(self._members):
+                member.overheard(number, data, self._clock.now())
         except Exception as error:  # the reader must go on, for the other axis and to see the blade stop
             log.exception("frame 0x%03X could not be handled", number)
             self._break(f"frame 0x{number:03X} could not be handled: {error!r}")
