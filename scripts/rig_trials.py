@@ -54,6 +54,7 @@ EXPECTED: dict[str, tuple[Cause, ...]] = {
     "runaway": (Cause.FOLLOWING, Cause.SPEED, Cause.ACCELERATION),
     "saturation": (Cause.FORCE_STATUS, Cause.FORCE, Cause.FORCE_RISE),
     "second_master": (Cause.FOREIGN,),
+    "axis_freeze": (Cause.FORCE_AXIS,),
     "sensor_freeze": (Cause.FORCE_FROZEN,),
     "sensor_silent": (Cause.FORCE_STALE,),
     "slip": (),

@@ -49,6 +49,8 @@ class Faults:
     force_nan: bool = False
     force_status: int = 0
     force_frozen: bool = False
+    axis_frozen: int | None = None
+    """This force alone stands at its count: 0, 1 or 2."""
     force_silent: bool = False
     force_late: float = 0.0
     """Every reading comes so much later [s]."""
@@ -295,9 +297,14 @@ class FakeRig:
         if not faults.force_frozen:
             force = self.felt() - self.sensor.zero
             self.sensor.last.append(force)
-            self._held = (math.nan if faults.force_nan else force, faults.side_force, 0.0)
+            felt = [math.nan if faults.force_nan else force, faults.side_force, 0.0]
             flicker = self._sequence * _PRIME % 1009
-            self._counts = (round(_COUNTS * force), flicker, flicker, flicker, flicker, flicker)
+            counts = [round(_COUNTS * force) + flicker % 2, flicker, flicker, flicker, flicker, flicker]
+            if faults.axis_frozen is not None:
+                felt[faults.axis_frozen] = self._held[faults.axis_frozen]
+                counts[faults.axis_frozen] = self._counts[faults.axis_frozen]
+            self._held = (felt[0], felt[1], felt[2])
+            self._counts = (counts[0], counts[1], counts[2], counts[3], counts[4], counts[5])
         if faults.force_silent:
             return
         if faults.lose_every and self._sequence % faults.lose_every:

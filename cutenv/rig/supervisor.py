@@ -69,7 +69,7 @@ class Supervisor:
         self.limited = 0
         """Commands that were made smaller since :meth:`release`."""
         self._lock = threading.Lock()
-        self._forces = ForceWatch(self.limits, rate)
+        self._forces = ForceWatch(self.limits, rate, settings.identified)
         self._motions = MotionWatch(settings, follows=follows)
         self._alive: dict[str, float] = {}
         self._follows = follows
@@ -89,7 +89,7 @@ class Supervisor:
 
     def force(self, sample: ForceSample) -> None:
         """Check one reading: the whole of detecting over-force is here, in the packet's own thread."""
-        breach = self._forces.felt(sample)
+        breach = self._forces.felt(sample, moving=self._command != 0.0)
         if self.phase is Phase.STOPPED and self.report is not None:
             self.report.peak_force = max(self.report.peak_force, math.hypot(*sample.force))
         if breach is not None and self.phase is Phase.READY:

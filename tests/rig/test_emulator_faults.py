@@ -215,6 +215,16 @@ def sensor_freeze(rig):
     assert [reading[0] for reading in rig.readings()] == list(range(readings[-1][0] + 1, readings[-1][0] + 51))
 
 
+def axis_freeze(rig):
+    rig.rig.inject("axis_freeze", {})
+    frozen = rig.readings()
+    assert len({force for _, _, force in frozen[1:]}) == 1
+    rig.rig.inject("axis_freeze", {"number": 1})
+    assert len({force for _, _, force in rig.readings()}) > 1
+    rig.rig.clear()
+    assert len({force for _, _, force in rig.readings()}) > 1
+
+
 def sensor_silent(rig):
     rig.rig.inject("sensor_silent", {})
     assert not rig.readings()
@@ -263,7 +273,8 @@ PROMISES = {
     promise.__name__: promise
     for promise in (
         heartbeat_lost, bus_off, stuck_encoder, following_error, slip, runaway, drive_fault, power_loss, over_force,
-        second_master, sensor_freeze, sensor_silent, bad_status, packet_loss, reordering, latency, saturation,
+        second_master, sensor_freeze, axis_freeze, sensor_silent, bad_status, packet_loss, reordering, latency,
+        saturation,
     )
 }  # fmt: skip
 

@@ -142,6 +142,10 @@ FAULTS: dict[str, Fault] = {
         parameters={"force_N": Range(25.0, -190.0, 190.0, "N")},
     ),
     "sensor_freeze": _of_sensor("frozen", "the counts stay as they are", True, False),
+    "axis_freeze": _of_sensor(
+        "frozen_axis", "one force stays as it is (0: x, 1: y, 2: z); the others and the torques go on", "number", -1,
+        number=Range(0, 0, 2, "1"),
+    ),
     "sensor_silent": _of_sensor("silent", "the sensor sends nothing", True, False),
     "bad_status": _of_sensor(
         "status", "readings carry a status that is not healthy", "status", 0,
