@@ -15,7 +15,7 @@ from cutenv.rig.clock import Clock
 from cutenv.rig.drivers import MotionDriver, RigError
 from cutenv.rig.force_watch import ForceWatch
 from cutenv.rig.latch import Event, Latch, Phase
-from cutenv.rig.motion_watch import MotionWatch
+from cutenv.rig.motion_watch import CREEP, MotionWatch
 from cutenv.rig.quick_stops import QuickStops
 from cutenv.rig.samples import DriveState, ForceSample, MotionSample
 from cutenv.rig.settings import RigSettings
@@ -192,6 +192,8 @@ class Supervisor:
         blade = self._motions.newest["blade"]
         braking = BRAKING + abs(blade.speed) / (2.0 * self.settings.blade.acceleration)
         top = min(self.limits.speed / MARGIN, self.settings.blade.speed)
+        if self.beyond is not None:
+            top = min(top, CREEP)
         highest = max(self.limits.high - _SHORT - blade.position, 0.0) / braking
         lowest = max(blade.position - self.limits.low - _SHORT, 0.0) / braking
         return min(max(speed, -min(top, lowest)), min(top, highest))
@@ -256,8 +258,14 @@ class Supervisor:
             report.detail += f" (no quick stop could be sent: {'; '.join(unreached)})"
         return report
 
-    def release(self) -> None:
+    def release(self, *, returning: bool = False) -> None:
         """Let commands through, once everything is there and within limits.
+
+        Parameters
+        ----------
+        returning : bool
+            Whether the operator has agreed that a blade beyond an end of its travel creeps back inside; it may do
+            nothing else before.
 
         Raises
         ------
@@ -272,12 +280,16 @@ class Supervisor:
         wrong += self.powerless
         if self._forces.newest is not None and (status := self._forces.newest.status):
             wrong.append(f"the sensor's status is 0x{status:08X}")
+        if self.beyond is not None and not returning:
+            wrong.append(f"{self.beyond}: it may creep back, if the operator agrees; prepare the rig anew")
         if wrong:
             raise RigError(f"the rig is not ready: {'; '.join(wrong)}.")
         self._rest()
         self.limited = 0
         self._forces.restart()
         self._motions.restart()
+        if returning:
+            self._motions.let_return()
         self._latch.happens(Event.RELEASE)
 
     def lock(self) -> None:
@@ -364,6 +376,11 @@ class Supervisor:
             for name, sample in self._motions.newest.items()
             if sample.state is not DriveState.ENABLED
         ]
+
+    @property
+    def beyond(self) -> str | None:
+        """Where the blade is beyond an end of its travel, in words."""
+        return self._motions.beyond
 
     @property
     def standing(self) -> bool:
