@@ -57,8 +57,8 @@ class ForceWatch:
         self._norms.append(norm)
         self._equal = self._equal + 1 if last is not None and last.counts == sample.counts else 0
         for axis in range(3):
-            same = moving and last is not None and last.counts[axis] == sample.counts[axis]
-            self._stood[axis] = self._stood[axis] + 1 if same else 0
+            same = last is not None and last.counts[axis] == sample.counts[axis]
+            self._stood[axis] = self._stood[axis] + moving if same else 0  # a rest in between hides nothing
         if len(self._losses) == self._losses.maxlen:
             self._lost -= self._losses[0]
         self._losses.append(sample.lost)

@@ -207,5 +207,8 @@ def test_one_frozen_force_is_found_although_everything_else_lives(axis):
 
 def test_a_force_may_stand_while_the_blade_does():
     assert noisy(2000, frozen=0, moving=lambda n: False) is None
-    assert noisy(5000, frozen=0, moving=lambda n: n % 100 != 0) is None  # told to rest, it begins anew
     assert noisy(2000, frozen=0, moving=lambda n: n >= 1000) == 1000 + round(1000 * STILL) - 1
+
+
+def test_a_policy_that_rests_now_and_then_hides_no_frozen_force():
+    assert noisy(5000, frozen=0, moving=lambda n: n // 20 % 2 == 0) < 2.2 * round(1000 * STILL)
