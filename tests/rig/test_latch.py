@@ -89,6 +89,13 @@ class AnyOrder(RuleBasedStateMachine):
             assert self.rig.node.state is not DriveState.ENABLED
             assert self.supervisor.phase is Phase.UNREADY
 
+    @rule(way=LATE, after=st.sampled_from([0.0, 0.005, 0.02]))
+    def reset_right_after_a_stop(self, way: float, after: float) -> None:
+        self.rig.network.way = way
+        self.stop(locked=True)
+        self.rig.wait(after)
+        self.reset(agreed=True)
+
     @rule()
     def enable(self) -> None:
         stopped = self.supervisor.phase is Phase.STOPPED
