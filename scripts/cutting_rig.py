@@ -11,7 +11,7 @@ from cutenv.rig.drivers import RigError
 from cutenv.rig.emulator.control import EmulatorControl
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operator import AutomaticOperator
-from cutenv.rig.preparation import SETTLE
+from cutenv.rig.preparation import SETTLE, return_inside
 from cutenv.rig.session import RigSession
 from cutenv.rig.settings import RigSettings
 from cutenv.rig.supply import SpecimenKey
@@ -106,6 +106,8 @@ class CuttingRig:
         plant.supervisor.reset(agreed=True)
         plant.power()
         clock.sleep_until(clock.now() + SETTLE)
+        if plant.supervisor.beyond is not None:
+            return_inside(plant)
         self.session.start()
         if not self._laid or plant.position > _FAR:
             plant.travel(0.0, speed=_BACK, angle=UPRIGHT)

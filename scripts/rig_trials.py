@@ -53,6 +53,8 @@ EXPECTED: dict[str, tuple[Cause, ...]] = {
     "reordering": (Cause.FORCE_LOST,),
     "runaway": (Cause.FOLLOWING, Cause.SPEED, Cause.ACCELERATION),
     "saturation": (Cause.FORCE_STATUS, Cause.FORCE, Cause.FORCE_RISE),
+    "second_master": (Cause.FOREIGN,),
+    "axis_freeze": (Cause.FORCE_AXIS,),
     "sensor_freeze": (Cause.FORCE_FROZEN,),
     "sensor_silent": (Cause.FORCE_STALE,),
     "slip": (),

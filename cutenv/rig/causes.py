@@ -19,6 +19,7 @@ class Cause(StrEnum):
     FORCE_STATUS = "force status"
     FORCE_STALE = "force stale"
     FORCE_FROZEN = "force frozen"
+    FORCE_AXIS = "force axis frozen"
     FORCE_LATE = "force late"
     FORCE_LOST = "force lost"
     SPEED = "speed limit"
@@ -30,6 +31,7 @@ class Cause(StrEnum):
     MOTION_STALE = "motion stale"
     HEARTBEAT = "heartbeat lost"
     DRIVE = "drive fault"
+    FOREIGN = "foreign command"
     BUS = "bus broken"
     OVERRUN = "clock overrun"
     NOT_A_NUMBER = "not a number"
@@ -53,12 +55,16 @@ WATCH = 0.002
 STUCK_AFTER = 0.060
 """Time that a blade told to move may stand before its encoder counts as stuck [s]."""
 
+STILL = 0.200
+"""Time that one axis of force may stand at a count while the blade moves, where its own noise is not identified [s]."""
+
 
 def detection_times(limits: Limits, *, packet: float = 0.001, sync: float = 0.005) -> dict[Cause, float]:
     """Longest time from the moment that something is wrong to the decision to stop [s], for each cause.
 
     ``packet`` is the period of the force readings [s], ``sync`` that of the samples of motion [s].  Of what grows (a
-    following error, the share of lost readings), the time counts from the crossing of its limit.
+    following error, the share of lost readings), the time counts from the crossing of its limit.  Of one frozen axis of
+    force it is that of a rig that is not identified.
     """
     return {
         Cause.FORCE: packet,
@@ -66,6 +72,7 @@ def detection_times(limits: Limits, *, packet: float = 0.001, sync: float = 0.00
         Cause.FORCE_STATUS: packet,
         Cause.FORCE_STALE: limits.stale_force + WATCH,
         Cause.FORCE_FROZEN: limits.frozen_force + packet,
+        Cause.FORCE_AXIS: STILL + packet,
         Cause.FORCE_LATE: packet,
         Cause.FORCE_LOST: packet,
         Cause.SPEED: sync,
@@ -77,6 +84,7 @@ def detection_times(limits: Limits, *, packet: float = 0.001, sync: float = 0.00
         Cause.MOTION_STALE: limits.stale_motion + WATCH,
         Cause.HEARTBEAT: limits.heartbeat + WATCH,
         Cause.DRIVE: sync,
+        Cause.FOREIGN: 0.0,
         Cause.BUS: 0.0,
         Cause.OVERRUN: WATCH,
         Cause.NOT_A_NUMBER: 0.0,

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 _FINE = 0.0005  # [s] before the moment, from which waiting is done in short steps
+_STEP = 0.001  # [s] by which a clock is moved that waits for something
 
 
 class Repeating(Protocol):
@@ -31,6 +32,10 @@ class Clock(Protocol):
         """Wait for ``moment`` [s]; return the time it has become, which may be later."""
         ...
 
+    def wait_for(self, come: Callable[[], bool], limit: float, changed: threading.Condition) -> bool:
+        """Wait at most ``limit`` [s] for what another thread brings, who notifies ``changed``; whether it has come."""
+        ...
+
     def every(self, period: float, action: Callable[[float], None], name: str) -> Repeating:
         """Call ``action(now)`` every ``period`` [s] from one period on; what is late is not made up for."""
         ...
@@ -48,6 +53,11 @@ class SystemClock:
         while (left := moment - time.monotonic()) > 0.0:
             time.sleep(left - _FINE if left > 2 * _FINE else min(left, 5e-5))
         return time.monotonic()
+
+    def wait_for(self, come: Callable[[], bool], limit: float, changed: threading.Condition) -> bool:
+        """Wait until it has come, or the time is up."""
+        with changed:
+            return changed.wait_for(come, timeout=limit)
 
     def every(self, period: float, action: Callable[[float], None], name: str) -> Repeating:
         """Call ``action`` from a thread of its own, which ends with the process."""
@@ -96,6 +106,13 @@ class FakeClock:
             turn.action(self._now)
         self._now = max(self._now, moment)
         return self._now
+
+    def wait_for(self, come: Callable[[], bool], limit: float, changed: threading.Condition) -> bool:
+        """Move on until it has come; what brings it is done on the way, as there is no other thread."""
+        ends = self._now + limit
+        while not come() and self._now < ends:
+            self.sleep_until(min(self._now + _STEP, ends))
+        return come()
 
     def every(self, period: float, action: Callable[[float], None], name: str) -> Repeating:
         """Call ``action`` while somebody waits."""

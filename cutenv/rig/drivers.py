@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from cutenv.rig.samples import ForceSample, MotionSample
+
+if TYPE_CHECKING:
+    from cutenv.rig.latch import Latch
 
 
 class RigError(Exception):
@@ -24,6 +27,10 @@ class MotionListener(Protocol):
 
     def emergency(self, axis: str, code: int, meaning: str, time: float) -> None:
         """The drive reports an error (CiA 402 code, such as 0x8611), at ``time`` [s]."""
+        ...
+
+    def foreign(self, axis: str, what: str, time: float) -> None:
+        """Somebody else commands the drive: ``what`` was seen on the bus at ``time`` [s]."""
         ...
 
     def broken(self, axis: str, why: str, time: float) -> None:
@@ -68,6 +75,8 @@ class MotionDriver(Protocol):
 
     name: str
     """"blade" or "angle"."""
+    latch: Latch
+    """Whether it may move: while it is closed, nothing is sent that could give the drive power or speed."""
 
     def open(self, listener: MotionListener) -> None:
         """Connect, check who answers, write the set-up and read it back; samples arrive from now on, nothing moves."""
@@ -81,8 +90,11 @@ class MotionDriver(Protocol):
         """Put a target speed [m/s or rad/s] on the bus; does not wait for an answer."""
         ...
 
-    def quick_stop(self) -> None:
-        """Put a quick stop on the bus: at once, from any thread, without waiting, whatever the state."""
+    def quick_stop(self, *, for_good: bool = False) -> None:
+        """Put a quick stop on the bus and close the latch: at once, from any thread, without waiting.
+
+        After one ``for_good`` the drive takes no command before it rests, and has no power then.
+        """
         ...
 
     def abandon(self, why: str) -> None:
@@ -94,7 +106,7 @@ class MotionDriver(Protocol):
         ...
 
     def clear(self) -> None:
-        """Leave quick stop or fault for a powerless rest, after the operator's reset."""
+        """Leave quick stop or fault for a powerless rest, within the latch's reset."""
         ...
 
     def limits(self) -> dict[str, float]:

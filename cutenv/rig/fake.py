@@ -23,6 +23,7 @@ from cutenv.plant import ReplayPlant
 from cutenv.rig.bench import Bench, CutBench, ReplayBench
 from cutenv.rig.clock import FakeClock, Repeating
 from cutenv.rig.drivers import ForceListener, MotionListener, RigError
+from cutenv.rig.latch import Event, Latch
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.samples import DriveState, ForceSample, MotionSample
 from cutenv.rig.settings import Axis, Calibration, RigSettings
@@ -48,6 +49,8 @@ class Faults:
     force_nan: bool = False
     force_status: int = 0
     force_frozen: bool = False
+    axis_frozen: int | None = None
+    """This force alone stands at its count: 0, 1 or 2."""
     force_silent: bool = False
     force_late: float = 0.0
     """Every reading comes so much later [s]."""
@@ -77,6 +80,7 @@ class FakeDrive:
     def __init__(self, name: str, rig: FakeRig) -> None:
         self.name = name
         self._rig = rig
+        self.latch = Latch()
         self.state = DriveState.DISABLED
         self.target = 0.0
         self.sent: list[tuple[float, str]] = []
@@ -88,7 +92,7 @@ class FakeDrive:
 
     def enable(self) -> None:
         """Power on."""
-        if self.state is DriveState.FAULT or self.state is DriveState.QUICK_STOP:
+        if self.latch.closed or self.state in (DriveState.FAULT, DriveState.QUICK_STOP):
             raise RigError(f'the {self.name} drive is in "{self.state.value}": clear it first.')
         self.state, self.target = DriveState.ENABLED, 0.0
 
@@ -99,8 +103,9 @@ class FakeDrive:
         if self.state is DriveState.ENABLED:
             self.target = speed
 
-    def quick_stop(self) -> None:
+    def quick_stop(self, *, for_good: bool = False) -> None:
         """At once, unless the bus is off."""
+        self.latch.happens(Event.STOP)
         self._rig.reach(self.name)
         self.sent.append((self._rig.clock.now(), "quick stop"))
         if self.name == "blade" and self._rig.faults.quick_stops_lost > 0:
@@ -258,6 +263,12 @@ class FakeRig:
         if (listener := self._listeners.get("blade")) is not None:
             listener.emergency("blade", code, meaning, self.clock.now())
 
+    def intrude(self, speed: float) -> None:
+        """Somebody else gives the blade's drive its power, and a target speed [m/s]."""
+        self.blade.state, self.blade.target = DriveState.ENABLED, speed
+        if (listener := self._listeners.get("blade")) is not None:
+            listener.foreign("blade", "RPDO1", self.clock.now())
+
     def break_bus(self) -> None:
         """The bus goes off, and the driver notices; the drive's own watch stops it."""
         self.faults.bus_off = True
@@ -286,9 +297,14 @@ class FakeRig:
         if not faults.force_frozen:
             force = self.felt() - self.sensor.zero
             self.sensor.last.append(force)
-            self._held = (math.nan if faults.force_nan else force, faults.side_force, 0.0)
+            felt = [math.nan if faults.force_nan else force, faults.side_force, 0.0]
             flicker = self._sequence * _PRIME % 1009
-            self._counts = (round(_COUNTS * force), flicker, flicker, flicker, flicker, flicker)
+            counts = [round(_COUNTS * force) + flicker % 2, flicker, flicker, flicker, flicker, flicker]
+            if faults.axis_frozen is not None:
+                felt[faults.axis_frozen] = self._held[faults.axis_frozen]
+                counts[faults.axis_frozen] = self._counts[faults.axis_frozen]
+            self._held = (felt[0], felt[1], felt[2])
+            self._counts = (counts[0], counts[1], counts[2], counts[3], counts[4], counts[5])
         if faults.force_silent:
             return
         if faults.lose_every and self._sequence % faults.lose_every:

@@ -256,6 +256,9 @@ SECTIONS = (
             Key("force_noise", "N", "Standard deviation at rest."),
             Key("force_resolution", "N", "Least step."),
             Key("force_drift", "N", "Standard deviation of a random walk after one second."),
+            Key("force_still_x", "ms", "For which the sensor's x force may stand at one count by its own noise."),
+            Key("force_still_y", "ms", "The same of its y force."),
+            Key("force_still_z", "ms", "The same of its z force."),
         ),
     ),
 )  # fmt: skip

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from cutenv.rig.causes import Breach, Cause
+from cutenv.rig.causes import STILL, Breach, Cause
 from cutenv.rig.netft.sample_clock import SampleClock
 from cutenv.rig.samples import ForceSample
-from cutenv.rig.settings import Limits
+from cutenv.rig.settings import Identified, Limits
 
 _SEQUENCES = 2**32
 _RISE_OVER = 0.010  # [s], over which a rise of force is measured: noise is not one
@@ -24,6 +24,8 @@ class ForceWatch:
         Of force, its rise, losses, lateness.
     rate : float
         Readings a second [Hz].
+    identified : Identified, optional
+        How long each axis stands at one count by its own noise.
 
     Attributes
     ----------
@@ -31,8 +33,11 @@ class ForceWatch:
         The last reading.
     """
 
-    def __init__(self, limits: Limits, rate: float) -> None:
+    def __init__(self, limits: Limits, rate: float, identified: Identified | None = None) -> None:
         self._limits, self._rate = limits, rate
+        known = identified or Identified()
+        still = (known.force_still_x, known.force_still_y, known.force_still_z)
+        self._still = tuple(max(STILL if each is None else each, limits.frozen_force) for each in still)  # [s]
         self.newest: ForceSample | None = None
         self.restart()
 
@@ -42,14 +47,18 @@ class ForceWatch:
         self._losses: deque[int] = deque(maxlen=max(round(_LOSS_OVER * self._rate), 2))
         self._lost = 0
         self._equal = 0  # readings in a row with the count of the one before
+        self._stood = [0, 0, 0]  # the same of each axis of force, while the blade moves
         self._arrivals = SampleClock(self._rate)
 
-    def felt(self, sample: ForceSample) -> Breach | None:
-        """Take a reading; what is wrong with it, if anything."""
+    def felt(self, sample: ForceSample, *, moving: bool = False) -> Breach | None:
+        """Take a reading, of a blade that is told to move or to rest; what is wrong with it, if anything."""
         last, self.newest = self.newest, sample
         norm = math.hypot(*sample.force)
         self._norms.append(norm)
         self._equal = self._equal + 1 if last is not None and last.counts == sample.counts else 0
+        for axis in range(3):
+            same = last is not None and last.counts[axis] == sample.counts[axis]
+            self._stood[axis] = self._stood[axis] + moving if same else 0  # a rest in between hides nothing
         if len(self._losses) == self._losses.maxlen:
             self._lost -= self._losses[0]
         self._losses.append(sample.lost)
@@ -74,6 +83,10 @@ class ForceWatch:
             return Breach(Cause.FORCE_RISE, f"{rise:.2f} N more within {1e3 * _RISE_OVER:g} ms")
         if self._equal >= limits.frozen_force * self._rate:
             return Breach(Cause.FORCE_FROZEN, f"{self._equal + 1} readings are equal to the last count")
+        for axis, still in enumerate(self._still):
+            if self._stood[axis] >= still * self._rate:
+                detail = f"the {'xyz'[axis]} force stands at one count for {1e3 * still:.0f} ms while the blade moves"
+                return Breach(Cause.FORCE_AXIS, detail)
         if share > limits.lost_force:
             return Breach(Cause.FORCE_LOST, f"{share:.0%} of the last readings are lost")
         if lateness > limits.late_force:

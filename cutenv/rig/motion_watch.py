@@ -15,6 +15,10 @@ STANDSTILL = 1e-4
 _SAMPLES = 3  # over which acceleration is measured, and standing
 _LONG = 9  # over which speed is measured from the position: one that the drive misreports hides nothing
 _JITTER = 1.2  # of such a speed over its limit: samples come when they come
+CREEP = 0.002
+"""Greatest speed at which the blade returns from beyond an end of its travel [m/s]."""
+_FASTER = 2.0  # than that: a breach
+_OUTWARD = 2e-4  # [m] from the innermost place that it has returned to: a breach
 _ASTRAY = math.radians(10.0)  # of a hinge from where it should be: its lag is not identified
 
 
@@ -50,9 +54,35 @@ class MotionWatch:
             unmoved=math.radians(0.005),
         )  # fmt: skip
         self._follows = follows
+        self._returning: tuple[float, float] | None = None  # ends of travel [m] while it returns from beyond them
+
+    @property
+    def beyond(self) -> str | None:
+        """Where the blade is beyond an end of its travel, in words."""
+        blade, limits = self.newest.get("blade"), self._limits
+        if blade is None or limits.low <= blade.position <= limits.high:
+            return None
+        return f"blade at {1e3 * blade.position:.2f} mm, outside {1e3 * limits.low:g} to {1e3 * limits.high:g} mm"
+
+    def let_return(self) -> None:
+        """Let a blade beyond an end of its travel creep back: never further out, until it is inside."""
+        self._returning = (-math.inf, math.inf)
+        self._draw_in()
+
+    def _draw_in(self) -> None:
+        """Let the blade be no further out than it is; once it is inside, its limits are the usual ones."""
+        if self._returning is not None:
+            (low, high), position = self._returning, self.newest["blade"].position
+            if position > self._limits.high:
+                self._returning = low, min(high, position + _OUTWARD)
+            elif position < self._limits.low:
+                self._returning = max(low, position - _OUTWARD), high
+            else:
+                self._returning = None
 
     def restart(self) -> None:
-        """Expect axes at rest."""
+        """Expect axes at rest, and inside."""
+        self._returning = None
         self._following.restart()
         self._turning.restart()
 
@@ -98,9 +128,15 @@ class MotionWatch:
         recent = self._blade[-min(_SAMPLES, len(self._blade))]
         acceleration = (sample.speed - recent.speed) / self._elapsed(_SAMPLES)
         fastest = max(sample.speed, travelled / _JITTER, key=abs)
-        if not limits.low <= sample.position <= limits.high:
-            allowed = f"{1e3 * limits.low:g} to {1e3 * limits.high:g} mm"
-            return Breach(Cause.TRAVEL, f"blade at {1e3 * sample.position:.2f} mm, outside {allowed}")
+        if self._returning is not None:
+            low, high = self._returning
+            if not low <= sample.position <= high:
+                return Breach(Cause.TRAVEL, f"{self.beyond or 'the blade'}, was to return and moves outward")
+            if abs(fastest) > _FASTER * CREEP:
+                return Breach(Cause.SPEED, f"{100 * fastest:.2f} cm/s on its way back inside, at {1e3 * CREEP:g} mm/s")
+            self._draw_in()
+        elif self.beyond is not None:
+            return Breach(Cause.TRAVEL, self.beyond)
         if abs(fastest) > limits.speed:
             return Breach(Cause.SPEED, f"{100 * fastest:.2f} cm/s beyond {100 * limits.speed:g} cm/s")
         if abs(acceleration) > limits.acceleration:

@@ -14,6 +14,7 @@ from cutenv.rig.causes import WATCH, Cause, RigStopped, StopReport
 from cutenv.rig.clock import Clock, Repeating
 from cutenv.rig.drivers import ForceDriver, MotionDriver, RigError, Witness
 from cutenv.rig.motion_watch import STANDSTILL
+from cutenv.rig.quick_stops import AGAIN
 from cutenv.rig.samples import ForceSample, MotionSample, interpolated, newest_since
 from cutenv.rig.settings import RigSettings
 from cutenv.rig.supervisor import Supervisor
@@ -93,7 +94,7 @@ class RigPlant:
         self.witness: Witness | None = None
         self.timing = Timing()
         self.zero = (0.0, 0.0, 0.0)
-        self._watchdog: Repeating | None = None
+        self._timers: list[Repeating] = []
         self._forces: deque[ForceSample] = deque(maxlen=round(_KEPT * sensor.rate))
         self._motions: dict[str, deque[MotionSample]] = {
             axis.name: deque(maxlen=round(_KEPT / settings.bus.sync)) for axis in self._axes
@@ -131,7 +132,10 @@ class RigPlant:
         except BaseException:
             self.close()
             raise
-        self._watchdog = self.clock.every(WATCH, self.supervisor.watch, "rig watchdog")
+        self._timers = [  # two: a bus that hangs holds up the second
+            self.clock.every(WATCH, self.supervisor.watch, "rig watchdog"),
+            self.clock.every(AGAIN, self.supervisor.insist, "rig quick stops"),
+        ]
 
     def _check_rate(self) -> None:
         """Limits of force count in readings: one that comes at another rate than expected would change them."""
@@ -150,9 +154,8 @@ class RigPlant:
         for axis in self._axes:
             axis.close()
         self._sensor.close()
-        if self._watchdog is not None:
-            self._watchdog.stop()
-            self._watchdog = None
+        while self._timers:
+            self._timers.pop().stop()
 
     def power(self) -> None:
         """Switch the drives on, at rest; :meth:`Supervisor.release` then lets commands through."""
@@ -210,6 +213,10 @@ class RigPlant:
     def emergency(self, axis: str, code: int, meaning: str, time: float) -> None:
         """Take an error report of a drive."""
         self.supervisor.emergency(axis, code, meaning, time)
+
+    def foreign(self, axis: str, what: str, time: float) -> None:
+        """Take the command of somebody else to a drive."""
+        self.supervisor.foreign(axis, what, time)
 
     def broken(self, axis: str, why: str, time: float) -> None:
         """Take the loss of the way to a drive."""

@@ -8,6 +8,7 @@ from datetime import date
 
 from cutenv.rig.calibration import expired
 from cutenv.rig.drivers import RigError
+from cutenv.rig.motion_watch import CREEP
 from cutenv.rig.operator import Operator
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.settings import Axis, RigSettings
@@ -19,6 +20,7 @@ ZERO_FORCE = 0.2
 _NUDGE = 0.001  # [m] that the blade is moved and brought back
 _NUDGE_SPEED = 0.002  # [m/s]
 _NUDGE_SHARE = 0.8  # of it that the encoder has to show
+_INSIDE = 5e-4  # [m] from an end of travel, to which a blade from beyond it returns
 _TURN = math.radians(1.0)  # that the blade is turned and back
 _SAME = 0.02  # relative difference of a limit to what was written: whole increments
 
@@ -98,11 +100,25 @@ def moving_checks(plant: RigPlant) -> list[Check]:
     return checks
 
 
+def return_inside(plant: RigPlant) -> None:
+    """Let a blade beyond an end of its travel creep back, and release it there; the operator has agreed to that.
+
+    Raises
+    ------
+    RigError, RigStopped
+        If the rig is not ready, or the blade does anything but return.
+    """
+    limits = plant.settings.limits
+    plant.supervisor.release(returning=True)
+    inside = min(max(plant.position, limits.low + _INSIDE), limits.high - _INSIDE)
+    plant.travel(inside, speed=CREEP)
+
+
 def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = True) -> list[Check]:
     """Everything that stands before the first motion, in order; the rig is released at the end.
 
-    Calibration and ``armed_by``; switching on; tare and self-test at rest; the operator's typed word; a millimetre to
-    and fro.
+    Calibration and ``armed_by``; switching on; tare and self-test at rest; the operator's typed word; for a blade
+    beyond an end of its travel, its creeping back, if the operator agrees to that too; a millimetre to and fro.
 
     Parameters
     ----------
@@ -138,6 +154,11 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
         checks += _passed(still_checks(plant, in_air=in_air))
         if not operator.confirm(_question(plant, in_air), expected=plant.settings.name):
             raise RigError("the operator has not confirmed: nothing moves.")
+        if (beyond := plant.supervisor.beyond) is not None:
+            way = f"The {beyond}. May it creep back inside at {1e3 * CREEP:g} mm/s, and is the way free?"
+            if not operator.confirm(way):
+                raise RigError(f"{beyond}, and the operator has not agreed to its return: nothing moves.")
+            return_inside(plant)
         plant.supervisor.release()
         checks += _passed(moving_checks(plant))
     except BaseException as error:

@@ -206,6 +206,10 @@ class Identified:
     """Least step [N]."""
     force_drift: float | None = None
     """Standard deviation of a random walk after one second [N]."""
+    force_still_x: float | None = None
+    """Longest time for which the sensor's x force stands at one count by its own noise [s]."""
+    force_still_y: float | None = None
+    force_still_z: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,6 +27,11 @@ class Bench:
         self.axis.enable()
         return self
 
+    def clear(self) -> None:
+        """As a supervisor's reset does."""
+        with self.axis.latch.resetting():
+            self.axis.clear()
+
     def close(self) -> None:
         self.axis.close()
         self.drive.close()

@@ -182,6 +182,7 @@ class Ear:
         self.heartbeats: list[float] = []
         self.emergencies: list[tuple[str, int, str]] = []
         self.breaks: list[tuple[str, str]] = []
+        self.intrusions: list[str] = []
 
     def motion(self, axis: str, sample: MotionSample) -> None:
         self.samples.append(sample)
@@ -191,6 +192,9 @@ class Ear:
 
     def emergency(self, axis: str, code: int, meaning: str, time: float) -> None:
         self.emergencies.append((axis, code, meaning))
+
+    def foreign(self, axis: str, what: str, time: float) -> None:
+        self.intrusions.append(what)
 
     def broken(self, axis: str, why: str, time: float) -> None:
         self.breaks.append((axis, why))

@@ -243,6 +243,9 @@ def test_a_gateway_that_goes_away_is_found_out_by_the_next_frames():
             def lost(self, why: str, time: float) -> None:
                 told.append(why)
 
+            def overheard(self, number: int, data: bytes, time: float) -> None:
+                pass
+
         network = CanNetwork(Bus(interface="socketcand", channel="can0", port=server.getsockname()[1]), SystemClock())
         network.join(member := Member())
         gone.wait(5.0)

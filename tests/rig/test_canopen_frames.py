@@ -47,6 +47,9 @@ class Nobody:
     def lost(self, why: str, time: float) -> None:
         raise AssertionError(why)
 
+    def overheard(self, number: int, data: bytes, time: float) -> None:
+        pass
+
 
 def test_sync_and_heartbeat_are_sent_as_often_as_the_settings_say(drive):
     clock = FakeClock()
@@ -162,9 +165,8 @@ def test_a_statusword_of_no_state_is_refused_by_its_number():
 
 
 def test_a_sample_is_made_of_the_two_frames_of_one_sync(drive, network, ear):
-    clock = FakeClock()
     network = CanNetwork(Bus(interface="virtual", channel=drive.channel), SystemClock())
-    axis = CanopenAxis(network, Axis(), clock)
+    axis = CanopenAxis(network, Axis(), SystemClock())
     axis.open(ear)
     drive.mute = True
     time.sleep(0.05)

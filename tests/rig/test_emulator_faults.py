@@ -154,6 +154,20 @@ def runaway(rig):
     assert rig.axis.rests()
 
 
+def second_master(rig):
+    rig.enabled()
+    rig.command(0x0B)
+    rig.wait(0.1)
+    rig.rig.inject("second_master", {"speed": 0.03})
+    rig.wait(0.6)
+    assert speed(rig) == pytest.approx(0.03, rel=0.01)
+    assert len(rig.sent(0x201)) == 600  # and everybody on the bus hears it
+    rig.rig.clear()
+    rig.command(0x0B)
+    rig.wait(0.1)
+    assert rig.axis.rests()
+
+
 def drive_fault(rig):
     rig.moving()
     rig.rig.inject("drive_fault", {})
@@ -199,6 +213,16 @@ def sensor_freeze(rig):
     assert len({reading[2] for reading in readings}) == 1
     rig.rig.clear()
     assert [reading[0] for reading in rig.readings()] == list(range(readings[-1][0] + 1, readings[-1][0] + 51))
+
+
+def axis_freeze(rig):
+    rig.rig.inject("axis_freeze", {})
+    frozen = rig.readings()
+    assert len({force for _, _, force in frozen[1:]}) == 1
+    rig.rig.inject("axis_freeze", {"number": 1})
+    assert len({force for _, _, force in rig.readings()}) > 1
+    rig.rig.clear()
+    assert len({force for _, _, force in rig.readings()}) > 1
 
 
 def sensor_silent(rig):
@@ -249,7 +273,8 @@ PROMISES = {
     promise.__name__: promise
     for promise in (
         heartbeat_lost, bus_off, stuck_encoder, following_error, slip, runaway, drive_fault, power_loss, over_force,
-        sensor_freeze, sensor_silent, bad_status, packet_loss, reordering, latency, saturation,
+        second_master, sensor_freeze, axis_freeze, sensor_silent, bad_status, packet_loss, reordering, latency,
+        saturation,
     )
 }  # fmt: skip
 

@@ -17,7 +17,7 @@ from cutenv.rig.identification import friction, response, sensor_noise
 from cutenv.rig.identification.plan import Plan
 from cutenv.rig.identification.recording import Stretch
 from cutenv.rig.identification.result import Identification
-from cutenv.rig.identification.sensor_noise import sensor_at_rest
+from cutenv.rig.identification.sensor_noise import longest_still, sensor_at_rest
 from cutenv.rig.settings import Identified, Limits, RigSettings
 
 AXES = {
@@ -220,3 +220,18 @@ def test_a_plan_stays_where_commands_are_not_made_smaller(position: float) -> No
 def test_a_travel_that_is_too_short_is_refused() -> None:
     with pytest.raises(RigError, match="too short for this"):
         Plan.within(RigSettings(limits=Limits(low=0.0, high=0.02)), 0.01)
+
+
+@pytest.mark.parametrize(("noise", "resolution"), [(0.02, 0.05), (0.02, 0.0), (0.05, 0.05), (0.01, 0.03)])
+def test_no_axis_stands_for_longer_by_its_own_noise(noise: float, resolution: float) -> None:
+    still = longest_still(made_up_force(noise=noise, resolution=resolution, seed=1), 1000.0)
+    hour = np.random.default_rng(2).standard_normal(3_600_000) * noise  # a zero in the middle of a step, the worst
+    if resolution:
+        hour = resolution * np.round(hour / resolution)
+    changes = np.flatnonzero(np.diff(hour))
+    assert np.diff(changes).max() < 1000 * still
+    assert still < 5.0  # and it is no licence to be dead: five seconds of a cut
+
+
+def test_an_axis_that_never_changes_is_known_to_stand() -> None:
+    assert longest_still(np.zeros(20_000), 1000.0) > 20.0

@@ -9,8 +9,8 @@ from made_ready import ready_rig
 
 from cutenv.rig.causes import Cause, RigStopped
 from cutenv.rig.fake import FakeRig
+from cutenv.rig.quick_stops import AGAIN, DEAF, INSIST
 from cutenv.rig.samples import DriveState
-from cutenv.rig.supervisor import DEAF, INSIST
 
 UPRIGHT, LEANING = math.pi / 2, math.radians(60.0)
 PERIOD = 20  # [ms]
@@ -56,17 +56,37 @@ def test_a_drive_that_never_obeys_is_left_by_the_heartbeat():
     assert report.standstill is not None
 
 
-def test_a_drive_that_comes_back_late_is_told_again_before_it_is_left():
+def test_a_drive_that_nobody_sees_is_told_again_and_not_left_by_the_heartbeat():
     rig = ready_rig()
     cut_for(rig, 0.2)
-    rig.faults.quick_stops_lost, rig.faults.motion_silent = 1, True
+    rig.faults.quick_stops_lost, rig.faults.motion_silent = 5, True
     rig.plant.supervisor.trip(Cause.OPERATOR, "as told")
     pass_time(rig, 0.090)
+    report = rig.plant.supervisor.report
+    sent = [time for time, _ in rig.blade.sent]
+    assert sent[1] <= report.commanded + rig.settings.limits.stale_motion + AGAIN + 1e-9
+    assert rig.blade.state is DriveState.QUICK_STOP
+    assert rig.bench.motion[1] == 0.0
     rig.faults.motion_silent = False
     pass_time(rig, 0.1)
-    assert [what for _, what in rig.blade.sent] == ["quick stop", "quick stop"]
-    assert rig.blade.state is DriveState.QUICK_STOP
-    assert rig.plant.supervisor.report.standstill is not None
+    assert {what for _, what in rig.blade.sent} == {"quick stop"}
+    assert report.standstill is not None
+
+
+def test_quick_stops_go_on_while_nothing_is_seen_and_end_once_it_is():
+    rig = ready_rig()
+    cut_for(rig, 0.2)
+    rig.faults.motion_silent = True
+    rig.plant.supervisor.trip(Cause.OPERATOR, "as told")
+    for _ in range(5):
+        before = len(rig.blade.sent)
+        pass_time(rig, 1.0)
+        assert len(rig.blade.sent) - before >= 0.9 / AGAIN
+    rig.faults.motion_silent = False
+    pass_time(rig, 0.1)
+    told = len(rig.blade.sent)
+    pass_time(rig, 1.0)
+    assert len(rig.blade.sent) == told
 
 
 def test_a_drive_that_obeys_is_told_once():

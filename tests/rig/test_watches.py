@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutenv.rig.causes import Cause
+from cutenv.rig.causes import STILL, Cause
 from cutenv.rig.fake import fake_settings
 from cutenv.rig.following import Following
 from cutenv.rig.force_watch import ForceWatch
 from cutenv.rig.motion_watch import MotionWatch
 from cutenv.rig.samples import DriveState, ForceSample, MotionSample
-from cutenv.rig.settings import Limits
+from cutenv.rig.settings import Identified, Limits
 
 SYNC = 0.005
 LIMITS = Limits()
@@ -180,3 +180,35 @@ def test_limits_on_the_command_line_may_only_be_lower():
     with pytest.raises(ValueError, match="stale_force"):  # what protects by being short is not the command line's
         Limits().lowered(stale_force=0.01)
     assert dataclasses.replace(Limits(), force=20.0).force == 20.0
+
+
+def noisy(count: int, *, frozen: int | None, at: int = 0, moving=lambda n: True, identified=None) -> int | None:
+    """Reading after ``at`` in which a force that stands from there on is found; torques and other forces flicker."""
+    watch = ForceWatch(LIMITS, 1000.0, identified)
+    for n in range(1, count):
+        counts = [3 * n % 7, 5 * n % 11, 2 * n % 5, n, n, n]
+        if frozen is not None and n >= at:
+            counts[frozen] = 4
+        breach = watch.felt(reading(n, counts=tuple(counts)), moving=moving(n))
+        if breach is not None:
+            assert breach.cause is Cause.FORCE_AXIS, breach
+            assert f"the {'xyz'[frozen]} force stands" in breach.detail
+            return n - at
+    return None
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_one_frozen_force_is_found_although_everything_else_lives(axis):
+    assert noisy(2000, frozen=axis, at=500) == round(1000 * STILL)
+    known = Identified(force_still_x=0.030, force_still_y=0.050, force_still_z=0.090)
+    assert noisy(2000, frozen=axis, at=500, identified=known) == (30, 50, 90)[axis]
+    assert noisy(2000, frozen=None) is None
+
+
+def test_a_force_may_stand_while_the_blade_does():
+    assert noisy(2000, frozen=0, moving=lambda n: False) is None
+    assert noisy(2000, frozen=0, moving=lambda n: n >= 1000) == 1000 + round(1000 * STILL) - 1
+
+
+def test_a_policy_that_rests_now_and_then_hides_no_frozen_force():
+    assert noisy(5000, frozen=0, moving=lambda n: n // 20 % 2 == 0) < 2.2 * round(1000 * STILL)

@@ -13,6 +13,7 @@ from cutenv.rig.canopen.network import CanNetwork
 from cutenv.rig.canopen.units import AxisUnits
 from cutenv.rig.clock import Clock
 from cutenv.rig.drivers import MotionListener, RigError
+from cutenv.rig.latch import Event, Latch
 from cutenv.rig.samples import DriveState, MotionSample
 from cutenv.rig.settings import Axis
 
@@ -20,6 +21,7 @@ log = logging.getLogger(__name__)
 
 _STATE_LIMIT = 1.0  # [s] for a drive to change its state
 _STATUS_LIMIT = 0.3  # [s] for a statusword to come
+_TOLD, _TOLD_EVERY = 20, 0.010  # quick stops before a drive is cleared that still has its power on; [s] between them
 _REST = 0.01  # of the top speed, below which an axis counts as standing
 _STATUS, _MEASURED = o.STATUS.layout, o.MEASURED.layout
 _UNPOWERED = (DriveState.DISABLED, DriveState.READY, DriveState.SWITCHED_ON, DriveState.NOT_READY)
@@ -28,8 +30,9 @@ _UNPOWERED = (DriveState.DISABLED, DriveState.READY, DriveState.SWITCHED_ON, Dri
 class CanopenAxis:
     """A Maxon EPOS4, or another drive with its objects, in profile velocity mode; a ``MotionDriver``.
 
-    Positions are the drive's own: it must have been homed so that zero is the clamp.  After :meth:`quick_stop` no
-    command is sent until :meth:`clear`, for on some drives one would set the blade going again.
+    Positions are the drive's own: it must have been homed so that zero is the clamp.  After :meth:`quick_stop` nothing
+    that could give the drive power or speed is sent until the latch is reset, for on some drives a command would set
+    the blade going again.
 
     Parameters
     ----------
@@ -45,6 +48,7 @@ class CanopenAxis:
 
     def __init__(self, network: CanNetwork, settings: Axis, clock: Clock, *, name: str = "blade") -> None:
         self.name = name
+        self.latch = Latch()  # until a supervisor gives it the one that its axes share
         self.garbled = 0
         """Frames of the drive that were not as the standard says, and were left out."""
         self.last_garbled = ""
@@ -60,7 +64,7 @@ class CanopenAxis:
         self._speed = 0.0
         self._statuses = 0
         self._may_move = False
-        self._stopped = False
+        self._for_good = False  # the drive's option for quick stops is not as it was set up
         self._running = False  # has sent process data since it was opened
         self._error = ""
         self._lost: str | None = None
@@ -99,7 +103,7 @@ class CanopenAxis:
             raise RigError(f"{self.name}: it is open already; close it first.")
         self._network.join(self)
         self._listener = listener
-        self._may_move = self._stopped = self._running = False
+        self._may_move = self._running = False
         self._error, self._lost, self._velocity = "", None, None
         try:
             self._connect()
@@ -131,7 +135,7 @@ class CanopenAxis:
             return
         try:
             if self._state not in _UNPOWERED:
-                self.quick_stop()
+                self._control(o.QUICK_STOP)
             self._power_off()
             # Sign off: the drive would take the end of the heartbeat for a fault.
             self._book.put(o.CONSUMER_HEARTBEAT, 0)
@@ -192,13 +196,13 @@ class CanopenAxis:
             DriveState.SWITCHED_ON: o.ENABLE_OPERATION,
         }
         while (state := self._state) is not DriveState.ENABLED:
-            if self._stopped or state not in steps:
+            if self.latch.closed or state not in steps:
                 raise RigError(f'{self.name}: the drive is in "{state.value}"{self._error}; clear it first.')
             self._energise(steps[state], 0)
             self._await(lambda left=state: self._state is not left, f'leave "{state.value}"')  # type: ignore[misc]
         self._await(lambda: self._mode == o.PROFILE_VELOCITY, "show profile velocity mode")
         with self._changed:
-            self._may_move = self._state is DriveState.ENABLED and not self._stopped
+            self._may_move = self._state is DriveState.ENABLED and not self.latch.closed
         if not self._may_move:
             raise RigError(f"{self.name}: stopped while it was powered on{self._error}; clear it first.")
 
@@ -217,23 +221,29 @@ class CanopenAxis:
             raise RigError(f"{self.name}: {self._lost or self._why_still()}.")
         self._energise(o.ENABLE_OPERATION, velocity)
 
-    def quick_stop(self) -> None:
+    def quick_stop(self, *, for_good: bool = False) -> None:
         """Put a quick stop on the bus: at once, from any thread, without waiting, whatever the state.
+
+        ``for_good``, the drive is also told that no command ends it before rest, and to lose its power then.
 
         Raises
         ------
         RigError
             If the bus does not take it, or the axis was never opened.
         """
-        self._stopped = True
+        self.latch.happens(Event.STOP)
         self._may_move = False
+        if for_good:
+            self._for_good = True
+            self._network.send_message(*o.quick_stop_option_frame(self._settings.node, o.STOP_AND_RELEASE))
         self._control(o.QUICK_STOP)
 
     def abandon(self, why: str) -> None:
-        """Send nothing more, neither SYNC nor heartbeat: the drive stops when its own watch for them runs out."""
-        self._stopped = True
+        """End this computer's heartbeat until :meth:`clear`, so that the drive stops by its own watch; SYNC goes on."""
+        self.latch.happens(Event.STOP)
         self._may_move = False
-        self._network.give_up(f"{self.name}: {why}")
+        log.warning("%s: %s: left by the heartbeat", self.name, why)
+        self._network.withhold_heartbeat()
 
     def disable(self) -> None:
         """Take the power off a blade at rest.
@@ -246,21 +256,26 @@ class CanopenAxis:
         self._power_off()
 
     def clear(self) -> None:
-        """Leave quick stop or fault for a powerless rest, after the operator's reset.
+        """Leave quick stop or fault for a powerless rest, within the latch's reset.
 
         Raises
         ------
         RigError
             If the fault stays, because its cause does, or the drive does not answer.
         """
-        self._stopped = False  # first: a quick stop of another thread from here on is another stop, and stays
-        try:
-            self._power_off()
-            if self._state is DriveState.FAULT:
-                self._reset_fault()
-        except RigError:
-            self._stopped = True
-            raise
+        self._network.resume_heartbeat()
+        self._fresh()
+        if self._for_good:
+            self._book.put(o.QUICK_STOP_OPTION, o.STOP_AND_STAY)
+            self._for_good = False
+        for _ in range(_TOLD):  # it may still move, and nobody else sends it quick stops during a reset
+            if self._state is not DriveState.ENABLED:
+                break
+            self._control(o.QUICK_STOP)
+            self._wait(lambda: self._state is not DriveState.ENABLED, _TOLD_EVERY)
+        self._power_off()
+        if self._state is DriveState.FAULT:
+            self._reset_fault()
 
     def _reset_fault(self) -> None:
         self._control(o.DISABLE_VOLTAGE)  # the drive resets at the rising edge of the bit, so it must see it low
@@ -286,10 +301,10 @@ class CanopenAxis:
 
     def _energise(self, controlword: int, velocity: int) -> None:
         """Send what may set the blade going, never after a quick stop of another thread."""
-        if self._stopped:
+        if self.latch.closed:
             raise RigError(f"{self.name}: stopped; clear it first.")
         self._control(controlword, velocity)
-        if self._stopped:  # between the two lines above: the quick stop has to be the last word
+        if self.latch.closed:  # between the two lines above: the quick stop has to be the last word
             self._control(o.QUICK_STOP)
             raise RigError(f"{self.name}: stopped; clear it first.")
 
@@ -350,6 +365,12 @@ class CanopenAxis:
         if self._listener is not None:
             self._listener.emergency(self.name, code, meaning, time)
 
+    def overheard(self, number: int, data: bytes, time: float) -> None:
+        """Tell of a frame with which somebody else commands the drive."""
+        what = o.command_of_another(number, data, self._settings.node, self._network.settings.node)
+        if what is not None and self._listener is not None:
+            self._listener.foreign(self.name, what, time)
+
     def lost(self, why: str, time: float) -> None:
         """Nothing gets to or from the drive any more, since ``time`` [s]; the network says so, once."""
         with self._changed:
@@ -372,12 +393,11 @@ class CanopenAxis:
         return self._dictionary
 
     def _wait(self, come: Callable[[], bool], limit: float) -> bool:
-        """Wait for what a frame brings, by the machine's own time; raise if the way to the drive breaks."""
-        with self._changed:
-            self._changed.wait_for(lambda: come() or self._lost is not None, timeout=limit)
-            if self._lost is not None:
-                raise RigError(f"{self.name}: {self._lost}.")
-            return come()
+        """Wait for what a frame brings; raise if the way to the drive breaks."""
+        self._clock.wait_for(lambda: come() or self._lost is not None, limit, self._changed)
+        if self._lost is not None:
+            raise RigError(f"{self.name}: {self._lost}.")
+        return come()
 
     def _await(self, come: Callable[[], bool], what: str, limit: float = _STATE_LIMIT) -> None:
         if not self._wait(come, limit):

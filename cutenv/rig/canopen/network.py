@@ -32,6 +32,10 @@ class Member(Protocol):
         """Nothing can be sent or read any more, since ``time`` [s]."""
         ...
 
+    def overheard(self, number: int, data: bytes, time: float) -> None:
+        """A frame has arrived that nobody listens to: not ours, and perhaps no drive's."""
+        ...
+
 
 class CanNetwork:
     """One CAN bus with this computer as its master; opened by the first axis that joins, closed by the last to leave.
@@ -72,6 +76,7 @@ class CanNetwork:
         self._reader: threading.Thread | None = None
         self._ending = threading.Event()
         self._repeating: list[Repeating] = []
+        self._silent = False
 
     def __str__(self) -> str:
         return f"{self.settings.interface} {self.settings.channel}"
@@ -140,27 +145,28 @@ class CanNetwork:
         """
         self.send_message(NMT_FRAME, bytes((command, node)))
 
-    def give_up(self, why: str) -> None:
-        """Count the network as broken: SYNC and heartbeat end, and every drive stops by its own watch for them."""
-        self._break(why)
+    def withhold_heartbeat(self) -> None:
+        """Send no heartbeats: every drive stops by its own watch for them."""
+        self._silent = True
+
+    def resume_heartbeat(self) -> None:
+        """Send them again."""
+        self._silent = False
 
     def _open(self) -> None:
         self._bus = open_bus(self.settings)
         import can
 
         self._message = can.Message
-        self.broken = None
+        self.broken, self._silent = None, False
         self._ending = threading.Event()
         self._reader = threading.Thread(
             target=self._read, args=(self._bus, self._ending), name="cutenv CAN reader", daemon=True
         )
         self._reader.start()
-        beat = HEARTBEAT_FRAME + self.settings.node
         self._repeating = [
             self._clock.every(self.settings.sync, lambda now: self._repeat(SYNC_FRAME, b""), "cutenv SYNC"),
-            self._clock.every(
-                self.settings.heartbeat, lambda now: self._repeat(beat, bytes((NMT_OPERATIONAL,))), "cutenv heartbeat"
-            ),
+            self._clock.every(self.settings.heartbeat, lambda now: self._beat(), "cutenv heartbeat"),
         ]
 
     def _close(self) -> None:
@@ -174,6 +180,10 @@ class CanNetwork:
             bus.shutdown()
         except Exception:  # whatever the interface's library raises: the bus is left all the same
             log.warning("the CAN bus (%s) was not closed in order", self, exc_info=True)
+
+    def _beat(self) -> None:
+        if not self._silent:
+            self._repeat(HEARTBEAT_FRAME + self.settings.node, bytes((NMT_OPERATIONAL,)))
 
     def _repeat(self, number: int, data: bytes) -> None:
         if self.broken is None:
@@ -201,10 +211,12 @@ class CanNetwork:
 
     def _handle(self, number: int, data: bytes) -> None:
         handler = self._handlers.get(number)
-        if handler is None:
-            return
         try:
-            handler(data, self._clock.now())
+            if handler is not None:
+                handler(data, self._clock.now())
+                return
+            for member in tuple(self._members):
+                member.overheard(number, data, self._clock.now())
         except Exception as error:  # the reader must go on, for the other axis and to see the blade stop
             log.exception("frame 0x%03X could not be handled", number)
             self._break(f"frame 0x{number:03X} could not be handled: {error!r}")

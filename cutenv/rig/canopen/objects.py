@@ -88,7 +88,9 @@ PROFILE_VELOCITY = 3
 ABORT_BY_QUICK_STOP = 3
 """Of 0x6007: a drive that loses this computer's heartbeat makes a quick stop."""
 STOP_AND_STAY = 6
-"""Of 0x605A: down the quick-stop ramp, and stay in "quick stop active"."""
+"""Of 0x605A: down the quick-stop ramp, and stay in "quick stop active", from which a command leads out."""
+STOP_AND_RELEASE = 2
+"""Of 0x605A: down the quick-stop ramp, during which no command counts, and then without power."""
 FAULT_BY_QUICK_STOP = 2
 """Of 0x605E: a fault that allows it goes down the quick-stop ramp."""
 
@@ -154,6 +156,8 @@ class Pdo:
 
 
 _AT_ONCE, _EVERY_SYNC = 255, 1
+_EXPEDITED_2 = 0x2B  # command of an SDO that brings two bytes
+_RPDOS = 4  # of the pre-defined connection set
 COMMAND = Pdo(0x200, 0x1400, 0x1600, _AT_ONCE, (CONTROLWORD, TARGET_VELOCITY, MODE))
 """RPDO1: what the drive is told."""
 STATUS = Pdo(0x180, 0x1800, 0x1A00, _EVERY_SYNC, (STATUSWORD, VELOCITY, MODE_SHOWN))
@@ -227,6 +231,28 @@ def error_meaning(code: int) -> str:
     if code >> 8 == 0:
         return "no error"
     return _ERRORS.get(code) or _KINDS.get(code >> 12, "not of the standard")
+
+
+def quick_stop_option_frame(node: int, option: int) -> tuple[int, bytes]:
+    """Number and data of the frame (SDO) that sets what a drive's quick stop does; its answer is left unread."""
+    entry = QUICK_STOP_OPTION
+    return SDO_REQUEST_FRAME + node, struct.pack("<BHBhxx", _EXPEDITED_2, entry.index, entry.sub, option)
+
+
+def command_of_another(number: int, data: bytes, node: int, master: int) -> str | None:
+    """What a frame that this computer has not sent commands ``node``, whose ``master`` it is; None if nothing.
+
+    A CAN controller does not hear what it sends itself: whatever arrives under these numbers is somebody else's.
+    """
+    if number == NMT_FRAME:
+        return f"network command {data.hex(' ')}" if data[1:2] in (b"\0", bytes((node,))) else None
+    if number == SDO_REQUEST_FRAME + node:
+        return f"SDO request {data.hex(' ')}"
+    if number in (COMMAND.frame + node + 0x100 * place for place in range(_RPDOS)):
+        return f"RPDO{1 + (number - COMMAND.frame >> 8)} {data.hex(' ')}"
+    if number == HEARTBEAT_FRAME + master:
+        return f"heartbeat of a master that is node {master} too"
+    return None
 
 
 def command_frame(node: int, controlword: int, velocity: int = 0) -> tuple[int, bytes]:

@@ -102,6 +102,8 @@ class EmulatedRig:
         How often the loop was late by more than :data:`STALL`, and by how much at most [s].
     real_time : bool
         Whether it has priority over other processes.
+    intruders : dict
+        Fault: speeds that another master commands every millisecond, by axis [m/s or rad/s].
     stopped : threading.Event
         Set it, and :meth:`run` returns.
     """
@@ -134,6 +136,7 @@ class EmulatedRig:
         self._noise = np.random.default_rng(0).standard_normal((4096, 5)) * _OTHER_NOISE
         self._noise_rows = [tuple(row) for row in self._noise.tolist()]
         self._ticks = 0
+        self.intruders: dict[str, float] = {}
         self.nodes = {name: Node(axis, self._send, self.happened) for name, axis in self.axes.items()}
         self.sensor = SensorServer(
             host=self.options.host, port=self.options.sensor_port, page_port=self.options.page_port
@@ -263,6 +266,10 @@ class EmulatedRig:
         """Let one millisecond pass, that of time ``due`` [s]."""
         blade = self.axes["blade"]
         with self.lock:
+            for name, speed in self.intruders.items():
+                frame = self.nodes[name].command(speed)
+                self.hub.send(frame)
+                self.nodes[name].receive(frame, due)
             for node in self.nodes.values():
                 node.tick(due)
             blade.turn(-self.bench.true_force)

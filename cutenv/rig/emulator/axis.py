@@ -82,6 +82,10 @@ class EmulatedAxis:
         """One unit of velocity of the drive [m/s or rad/s]."""
         return self._revolution(dictionary) / (60.0 if dictionary[0x60A9] == RPM else 60000.0)
 
+    def units(self, dictionary: Dictionary, speed: float) -> int:
+        """A speed [m/s or rad/s] as the drive counts it."""
+        return round(speed / self._velocity(dictionary))
+
     def increments(self, ahead: float = 0.0) -> int:
         """What the encoder counts, ``ahead`` [s] of the motor's last millisecond."""
         if self.encoder_stuck:

@@ -125,6 +125,12 @@ FAULTS: dict[str, Fault] = {
         summary="the drive finds something wrong and takes its torque away at once (0x2310: over-current)",
         of_axis=True, begin=_fail, end=_mend, parameters={"code": Range(Emergency.OVER_CURRENT, 1, 0xFFFF, "1")},
     ),
+    "second_master": Fault(
+        summary="another master enables the drive and commands a speed, every millisecond",
+        of_axis=True, parameters={"speed": Range(0.03, -0.2, 0.2, "m/s or rad/s")},
+        begin=lambda rig, p: rig.intruders.update({p["axis"]: p["speed"]}),
+        end=lambda rig, p: rig.intruders.clear(),
+    ),
     "power_loss": Fault(
         summary="the drive is silent and the motor coasts; at the end it starts anew",
         of_axis=True, begin=_power(False), end=_power(True),
@@ -136,6 +142,10 @@ FAULTS: dict[str, Fault] = {
         parameters={"force_N": Range(25.0, -190.0, 190.0, "N")},
     ),
     "sensor_freeze": _of_sensor("frozen", "the counts stay as they are", True, False),
+    "axis_freeze": _of_sensor(
+        "frozen_axis", "one force stays as it is (0: x, 1: y, 2: z); the others and the torques go on", "number", -1,
+        number=Range(0, 0, 2, "1"),
+    ),
     "sensor_silent": _of_sensor("silent", "the sensor sends nothing", True, False),
     "bad_status": _of_sensor(
         "status", "readings carry a status that is not healthy", "status", 0,

@@ -15,6 +15,7 @@ from cutenv.rig.emulator.sdo import SdoServer
 from cutenv.rig.emulator.state import FAULT_RESET, POWERED, Command, after, command
 from cutenv.rig.samples import DriveState
 
+_ENABLE = 0x0F  # controlword
 _SAVE = 0x65766173  # "save", backwards
 _REACTION_ENDS = 1.0  # [s] after which a fault reaction ends even if the axis still moves
 Happened = Callable[..., None]
@@ -286,6 +287,11 @@ class Node:
     def _send(self, identifier: int, data: bytes) -> None:
         if self._powered and not self.bus_off:
             self._put(Frame(identifier, data))
+
+    def command(self, speed: float) -> Frame:
+        """The frame (RPDO1, as the rig maps it) by which a master enables it and asks for ``speed`` [m/s or rad/s]."""
+        velocity = self.axis.units(self.dictionary, speed)
+        return Frame(0x200 + self.number, struct.pack("<Hib", _ENABLE, velocity, self.dictionary[0x6060]))
 
     def about(self) -> dict[str, Any]:
         """How it is, for the control port."""

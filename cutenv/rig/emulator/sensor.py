@@ -48,6 +48,8 @@ class SensorFaults:
     ----------
     frozen : bool
         The counts stay as they are, whatever the load; records go on.
+    frozen_axis : int
+        The count of this axis of force alone (0, 1 or 2; -1: none) stays as it is.
     status : int
         Bits that are added to the status.
     loss : float
@@ -63,6 +65,7 @@ class SensorFaults:
     """
 
     frozen: bool = False
+    frozen_axis: int = -1
     status: int = 0
     loss: float = 0.0
     reorder: bool = False
@@ -223,7 +226,10 @@ class SensorServer:
             status |= Status.ERROR | Status.OUT_OF_RANGE | Status.GAGE_OUT_OF_RANGE
         if not faults.frozen:
             self._loaded = _six(loaded)
-            self._shown = _six([max(-_LARGEST, min(c - b, _LARGEST)) for c, b in zip(loaded, self._bias, strict=True)])
+            shown = [max(-_LARGEST, min(c - b, _LARGEST)) for c, b in zip(loaded, self._bias, strict=True)]
+            if faults.frozen_axis >= 0:
+                shown[faults.frozen_axis] = self._shown[faults.frozen_axis]
+            self._shown = _six(shown)
         return self._shown, status
 
     def _way(self, stream: _Stream, packet: bytes) -> None:

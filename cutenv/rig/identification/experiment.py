@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+
 from cutenv.cutting.records import TICK
 from cutenv.rig.drivers import RigError
 from cutenv.rig.identification.friction import Friction, Play, Unseen, coulomb_friction, play
@@ -13,7 +15,7 @@ from cutenv.rig.identification.plan import Plan
 from cutenv.rig.identification.recording import Array, Recorder, Stretch
 from cutenv.rig.identification.response import Response, SineCheck, check_sine, fit_response
 from cutenv.rig.identification.result import Estimate, Identification
-from cutenv.rig.identification.sensor_noise import BLOCK, sensor_at_rest
+from cutenv.rig.identification.sensor_noise import BLOCK, longest_still, sensor_at_rest
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.settings import RigSettings
 
@@ -37,6 +39,8 @@ class Recorded(NamedTuple):
         Readings along the cut at rest [N].
     rate : float
         Of those readings [Hz].
+    axes : array of shape (n, 3)
+        The same readings of all three axes of the sensor [N]; none where they were not kept.
     """
 
     steps: tuple[Stretch, ...]
@@ -44,6 +48,7 @@ class Recorded(NamedTuple):
     turns: Stretch
     force: Array
     rate: float
+    axes: Array = np.zeros((0, 3))
 
 
 def perform(plant: RigPlant, plan: Plan, tell: Callable[[str], None] = lambda message: None) -> Recorded:
@@ -93,7 +98,8 @@ def perform(plant: RigPlant, plan: Plan, tell: Callable[[str], None] = lambda me
             " rig's file, or start farther from the ends of travel."
         )
     force = recorder.force_along(*rest)
-    return Recorded(tuple(steps), tuple(sines), turns, force, len(force) / (rest[1] - rest[0]))
+    rate = len(force) / (rest[1] - rest[0])
+    return Recorded(tuple(steps), tuple(sines), turns, force, rate, recorder.force_axes(*rest))
 
 
 class _Moves:
@@ -168,11 +174,11 @@ def estimated(settings: RigSettings, plan: Plan, recorded: Recorded) -> Identifi
     RigError
         If the axis has not moved, or too little was recorded.
     """
-    steps, sines, turns, force, rate = recorded
+    steps, sines, turns, force, rate, axes = recorded
     axis = settings.blade
     try:
         response = fit_response(steps, nominal_acceleration=axis.acceleration)
-        at_rest = _of_sensor(force, rate)
+        at_rest = [*_of_sensor(force, rate), *_of_axes(axes, rate)]
     except ValueError as error:
         raise RigError(f"the rig cannot be identified: {error}") from None
     friction = coulomb_friction(
@@ -219,6 +225,17 @@ def _of_friction(found: Friction | Unseen) -> Estimate:
         return Estimate(name="friction", value=None, error=None, how=found.why)
     how = f"torque at steady speeds both ways; {found.viscous:.0f} N s/m besides"
     return Estimate(name="friction", value=found.coulomb, error=found.error, how=how)
+
+
+def _of_axes(axes: Array, rate: float) -> list[Estimate]:
+    names = ("force_still_x", "force_still_y", "force_still_z")
+    if not len(axes):
+        return [Estimate(name=name, value=None, error=None, how="the axes were not recorded") for name in names]
+    how = "longest run of equal readings that noise allows, or three times the longest seen"
+    return [
+        Estimate(name=name, value=longest_still(axes[:, number], rate), error=None, how=how)
+        for number, name in enumerate(names)
+    ]
 
 
 def _of_sensor(force: Array, rate: float) -> list[Estimate]:

@@ -85,6 +85,10 @@ class Recorder:
         """Readings along the cut between two times [s], in the sensor's sign [N]."""
         return np.array([each.force[self._cut_axis] for each in self.forces(start, end)])
 
+    def force_axes(self, start: float, end: float) -> Array:
+        """Readings of all three axes of the sensor between two times, shape (n, 3) [N]."""
+        return np.array([each.force for each in self.forces(start, end)]).reshape(-1, 3)
+
     def motion_times(self, axis: str, start: float, end: float) -> Array:
         """When samples of an axis came, between two times [s]."""
         return np.array([each.time for each in self._between(axis, start, end)])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import dst
 from scipy.optimize import minimize, minimize_scalar
-from scipy.special import ndtr
+from scipy.special import erf, ndtr
 
 from cutenv.rig.identification.recording import Array
 
@@ -19,6 +19,8 @@ _FINE = 0.5  # of the spread, below which a step no longer matters
 _DUST = 1e-9  # of the span of the readings: what rounding makes of equal ones
 _CLEAR = 2.0  # standard errors, below which a drift is none
 _NO_LESS = 1e-300
+_ONCE_IN = 1e-9  # readings, in which one may stand for longer: some hundred hours
+_TIMES_SEEN = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +46,29 @@ class SensorAtRest:
     drift: float
     drift_error: float
     drift_seen: float
+
+
+def longest_still(force: Array, rate: float) -> float:
+    """Time for which readings of an axis may stand at one value by their own noise [s].
+
+    What white noise allows whose zero lies in the middle of a step, once in 10^9 readings; but no less than three times
+    what was seen, for a sensor's filter makes neighbours alike.
+
+    Parameters
+    ----------
+    force : array of shape (n,)
+        Readings at rest [N]; at least 5 s.
+    rate : float
+        Of them [Hz].
+    """
+    changes = np.flatnonzero(np.diff(force))
+    seen = int(np.diff(changes, prepend=-1, append=len(force) - 1).max())
+    at_rest = sensor_at_rest(force, rate)
+    if at_rest is None:
+        return _TIMES_SEEN * seen / rate
+    stays = float(erf(at_rest.resolution / (2.0 * math.sqrt(2.0) * at_rest.noise)))
+    readings = math.log(_ONCE_IN) / math.log(stays) if 0.0 < stays < 1.0 else 0.0
+    return max(readings, _TIMES_SEEN * seen) / rate
 
 
 def sensor_at_rest(force: Array, rate: float) -> SensorAtRest | None:
