@@ -20,6 +20,7 @@ from cutenv.envs.rig_source import RigSource
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant import Plant, SimulatedPlant
 from cutenv.rig.causes import Cause, RigStopped
+from cutenv.rig.contradictions import AHEAD
 from cutenv.rig.fake import FakeRig
 from cutenv.rig.operator import Operator
 from cutenv.rig.session import RigSession
@@ -203,6 +204,11 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             length = self.target_length
         if options.get("target_length") is not None:
             length = checked_length(options["target_length"])
+        if length + AHEAD > (high := self.settings.limits.high):
+            raise ValueError(
+                f"target_length = {length:g} m: the blade goes up to {1e3 * AHEAD:g} mm further than the tip, and is "
+                f"stopped at limits.high_mm = {1e3 * high:g}. Give a target_length of {high - AHEAD:g} m or less."
+            )
         if not self._ended:  # a cut that is given up: come to rest, and finish its record
             self._finish("given up")
         if self._session is None:

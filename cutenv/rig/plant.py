@@ -24,8 +24,10 @@ from cutenv.validation import array_in_range, in_range
 _LATE = 0.002  # [s] beyond the end of a period, from which a command counts as an overrun
 _TURN_GAIN = 16.0  # [1/s] of the angle's loop, closed at every SYNC
 _TURN_LAG = 0.040  # [s] of the hinge's own loop, which this one looks ahead by: no overshoot
-_TURN_RATE = math.radians(90.0)  # [rad/s], as the simulated rig's
-_SLOW_TURN = math.radians(10.0)  # [rad/s], outside of a cut
+TURN_RATE = math.radians(90.0)
+"""Greatest rate of turn in a cut, as the simulated rig's [rad/s]."""
+SLOW_TURN = math.radians(10.0)
+"""Rate of turn outside of a cut [rad/s]."""
 _SAME_RATE = 0.02  # relative difference of the sensor's rate to the file's
 _AIMED = math.radians(0.05)  # [rad], closer than which it rests
 _ARRIVED = 2e-5  # [m]
@@ -285,7 +287,7 @@ class RigPlant:
         """
         held = self._angle_now()
         wanted = held if angle is None else angle
-        turning = 0.0 if self._angle is None else abs(wanted - held) / _SLOW_TURN
+        turning = 0.0 if self._angle is None else abs(wanted - held) / SLOW_TURN
         deadline = self.clock.now() + 3.0 * (abs(position - self.position) / speed + turning) + 5.0
         arrived = False
         while not (arrived and self._turned(wanted)):
@@ -297,10 +299,10 @@ class RigPlant:
                 raise RigError(f"the blade stands at {where} and does not reach {to}.")
             rate = math.copysign(min(speed, 4.0 * abs(left)), left) if abs(left) > _ARRIVED else 0.0
             turned = self._drive(rate, wanted if arrived else held, hold=_SLICE)
-            self._wait(self.clock.now() + _SLICE, turned, fastest=_SLOW_TURN)
+            self._wait(self.clock.now() + _SLICE, turned, fastest=SLOW_TURN)
             self._raise_if_stopped()
         self._drive(0.0, wanted, hold=_SLICE)
-        self._wait(self.clock.now() + _SLICE, wanted, fastest=_SLOW_TURN)
+        self._wait(self.clock.now() + _SLICE, wanted, fastest=SLOW_TURN)
 
     @property
     def position(self) -> float:
@@ -323,7 +325,7 @@ class RigPlant:
             self.timing.latencies.append(now - self._newest_known)
         self._commanded = now
 
-    def _wait(self, moment: float, angle: float, *, fastest: float = _TURN_RATE) -> None:
+    def _wait(self, moment: float, angle: float, *, fastest: float = TURN_RATE) -> None:
         """Wait, closing the angle's loop at every SYNC, until ``moment`` [s] or a stop."""
         now = self.clock.now()
         while now < moment and self.supervisor.phase == "ready":
