@@ -118,7 +118,9 @@ class RigPlant:
             raise ValueError(f"depth has shape {self._depth.shape}; give {N_POINTS} values, one every 0.5 mm.")
 
     def open(self) -> None:
-        """Connect to sensor and drives; nothing moves.
+        """Connect to drives and sensor; nothing moves.
+
+        The drives come first: another program that has the rig is met on their bus, before its sensor is taken away.
 
         Raises
         ------
@@ -126,10 +128,10 @@ class RigPlant:
             If one of them is not there or not what it should be; none stays open.
         """
         try:
-            self._sensor.open(self)
-            self._check_rate()
             for axis in self._axes:
                 axis.open(self)
+            self._sensor.open(self)
+            self._check_rate()
         except BaseException:
             self.close()
             raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -20,6 +21,8 @@ DRIVE_PATIENCE = 0.100
 """Time without this computer's heartbeat, after which a drive stops by itself [s]."""
 _SEND_LIMIT = 0.02  # [s] for a frame to be taken by the bus
 _READ_LIMIT = 0.1  # [s] after which the reader looks whether it is to end
+_LISTENED = 0.15  # [s] before the first frame is sent: three heartbeats of another program like this one
+_SDO_REQUESTS = range(0x601, 0x680)
 _BUS_OFF = 0x40  # in the number of an error frame, as Linux and socketcand give it
 
 Handler = Callable[[bytes, float], None]
@@ -36,9 +39,10 @@ class Member(Protocol):
 class CanNetwork:
     """One CAN bus with this computer as its master; opened by the first axis that joins, closed by the last to leave.
 
-    It breaks, once, at the first frame that cannot be sent, read or handled, or when the bus goes off; a gateway that
-    has gone is met by the second SYNC after.  From then on neither SYNC nor heartbeat is sent, so that the drives stop
-    by themselves; other frames are still tried.
+    Before anything is sent it listens for another master, whose drives it would disturb; it stays silent then.
+
+    It breaks, once, at the first frame that cannot be sent, read or handled, or when the bus goes off.  From
+    then on neither SYNC nor heartbeat is sent, so that the drives stop by themselves; other frames are still tried.
 
     Parameters
     ----------
@@ -82,7 +86,7 @@ class CanNetwork:
         Raises
         ------
         RigError
-            If the bus cannot be opened, or is broken.
+            If the bus cannot be opened or is broken, or another master is on it.
         """
         with self._joining:
             if not self._members:
@@ -145,7 +149,13 @@ class CanNetwork:
         self._break(why)
 
     def _open(self) -> None:
-        self._bus = open_bus(self.settings)
+        bus = open_bus(self.settings)
+        try:
+            self._refuse_another_master(bus)
+        except BaseException:
+            bus.shutdown()
+            raise
+        self._bus = bus
         import can
 
         self._message = can.Message
@@ -162,6 +172,31 @@ class CanNetwork:
                 self.settings.heartbeat, lambda now: self._repeat(beat, bytes((NMT_OPERATIONAL,))), "cutenv heartbeat"
             ),
         ]
+
+    def _refuse_another_master(self, bus: Any) -> None:
+        """Listen, before anything is sent, to whether somebody else commands the drives of this bus."""
+        ours = HEARTBEAT_FRAME + self.settings.node
+        ends = time.monotonic() + _LISTENED
+        while (left := ends - time.monotonic()) > 0.0:
+            try:
+                message = bus.recv(left)
+            except Exception as error:  # python-can's interfaces raise what their libraries do
+                raise RigError(f"the CAN bus ({self}) cannot be read: {_brief(error)}.") from error
+            if message is None or message.is_error_frame or message.is_extended_id or message.is_remote_frame:
+                continue
+            number = message.arbitration_id
+            if number == ours:
+                what = f"a heartbeat as node {self.settings.node}, which this computer is to be"
+            elif number in (SYNC_FRAME, NMT_FRAME):
+                what = "SYNC" if number == SYNC_FRAME else "commands of network management"
+            elif number in _SDO_REQUESTS:
+                what = f"questions to node {number - _SDO_REQUESTS.start + 1}"
+            else:
+                continue
+            raise RigError(
+                f"another master is on the CAN bus ({self}): it sends {what}. Does another program use this rig? End "
+                "it first. Nothing was sent to the drives."
+            )
 
     def _close(self) -> None:
         for repeating in self._repeating:
