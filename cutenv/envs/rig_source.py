@@ -243,10 +243,10 @@ class RigSource:
     def end_record(self, plant: RigPlant, **metadata: Any) -> None:
         """Finish the record of a cut, if one is being kept."""
         plant.keep = _forget
-        if self._record is not None:
-            self._record.close({**metadata, "overruns": plant.timing.overruns})
-            self.records.append(self._record.path)
-            self._record = None
+        record, self._record = self._record, None  # once, if another thread closes the rig meanwhile
+        if record is not None:
+            record.close({**metadata, "overruns": plant.timing.overruns})
+            self.records.append(record.path)
 
 
 def _forget(readings: Records) -> None:

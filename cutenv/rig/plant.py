@@ -14,6 +14,7 @@ from cutenv.rig.causes import WATCH, Cause, RigStopped, StopReport
 from cutenv.rig.clock import Clock, Repeating
 from cutenv.rig.drivers import ForceDriver, MotionDriver, RigError, Witness
 from cutenv.rig.motion_watch import STANDSTILL
+from cutenv.rig.owner import Owner
 from cutenv.rig.samples import ForceSample, MotionSample, interpolated, newest_since
 from cutenv.rig.settings import RigSettings
 from cutenv.rig.supervisor import Supervisor
@@ -69,6 +70,8 @@ class RigPlant:
         Told samples, readings and heartbeats after the supervisor, for measurements of the rig itself.
     timing : Timing
         Of the control clock.
+    owner : Owner
+        The process that has opened it, which alone may move it.
     zero : tuple of 3 float
         Of the last tare [N], from the sensor's own zero.
     """
@@ -95,6 +98,8 @@ class RigPlant:
         self.witness: Witness | None = None
         self.timing = Timing()
         self.zero = (0.0, 0.0, 0.0)
+        self.owner = Owner()
+        self._left = False
         self._watchdog: Repeating | None = None
         self._forces: deque[ForceSample] = deque(maxlen=round(_KEPT * sensor.rate))
         self._motions: dict[str, deque[MotionSample]] = {
@@ -127,6 +132,7 @@ class RigPlant:
         RigError
             If one of them is not there or not what it should be; none stays open.
         """
+        self.owner, self._left = Owner(), False
         try:
             for axis in self._axes:
                 axis.open(self)
@@ -147,7 +153,9 @@ class RigPlant:
             )
 
     def close(self) -> None:
-        """Stop what moves, and leave sensor and drives; never raises for a rig that is gone."""
+        """Stop what moves, and leave sensor and drives; never raises for a rig that is gone.  Nothing in a fork."""
+        if not self.owner.here:
+            return
         if not self.supervisor.standing:
             self.supervisor.trip(Cause.OPERATOR, "the rig is being closed")
         self.supervisor.lock()
@@ -157,6 +165,7 @@ class RigPlant:
         if self._watchdog is not None:
             self._watchdog.stop()
             self._watchdog = None
+        self._left = True
 
     def power(self) -> None:
         """Switch the drives on, at rest; :meth:`Supervisor.release` then lets commands through."""
@@ -353,6 +362,7 @@ class RigPlant:
 
     def _drive(self, speed: float, angle: float, *, hold: float) -> float:
         """Put a command on the bus; raise :class:`RigStopped` if a thread has stopped the blade this very moment."""
+        self.owner.check()
         try:
             return self.supervisor.drive(speed, angle, hold)
         except RigError:
@@ -364,9 +374,12 @@ class RigPlant:
             raise RigStopped(self.supervisor.report, self._come_to_rest(self.supervisor.report))
 
     def _come_to_rest(self, report: StopReport) -> Records:
-        """Wait for the blade to stand, and return the readings of the cut until then; none between cuts."""
+        """Wait for the blade to stand, and return the readings of the cut until then; none between cuts.
+
+        A rig that another thread has left tells no more.
+        """
         deadline = self.clock.now() + REST_WITHIN
-        while report.standstill is None and self.clock.now() < deadline:
+        while report.standstill is None and self.clock.now() < deadline and not self._left:
             self.clock.sleep_until(self.clock.now() + WATCH)
         if not self._cutting:
             return np.zeros(0, READING)

@@ -12,6 +12,7 @@ from cutenv.rig.canopen.bus import open_bus
 from cutenv.rig.canopen.objects import HEARTBEAT_FRAME, NMT_FRAME, NMT_OPERATIONAL, SYNC_FRAME
 from cutenv.rig.clock import Clock, Repeating
 from cutenv.rig.drivers import RigError
+from cutenv.rig.owner import Owner
 from cutenv.rig.settings import Bus
 from cutenv.validation import in_range
 
@@ -71,6 +72,7 @@ class CanNetwork:
         self._joining = threading.Lock()
         self._sending = threading.Lock()
         self._breaking = threading.Lock()
+        self._owner = Owner()
         self._bus: Any = None
         self._message: Any = None
         self._reader: threading.Thread | None = None
@@ -96,7 +98,12 @@ class CanNetwork:
             self._members.append(member)
 
     def leave(self, member: Member) -> None:
-        """Have a member less; the last closes the bus.  Never raises, and may be called twice."""
+        """Have a member less; the last closes the bus.  Never raises, and may be called twice.
+
+        Nothing in a fork, where the lock may be held for ever.
+        """
+        if not self._owner.here:
+            return
         with self._joining:
             if member in self._members:
                 self._members.remove(member)
@@ -119,9 +126,10 @@ class CanNetwork:
         Raises
         ------
         RigError
-            If the bus does not take it; the network is broken then.
+            If the bus does not take it; the network is broken then.  In a fork of the process that has opened it.
         """
         bus = self._bus
+        self._owner.check()
         if bus is None:
             raise RigError(f"the CAN bus ({self}) is not open.")
         message = self._message(arbitration_id=can_id, data=data, is_extended_id=False)
@@ -149,6 +157,7 @@ class CanNetwork:
         self._break(why)
 
     def _open(self) -> None:
+        self._owner = Owner()
         bus = open_bus(self.settings)
         try:
             self._refuse_another_master(bus)
