@@ -214,7 +214,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             if length + AHEAD > (high := self.settings.limits.high):
                 raise ValueError(
                     f"target_length = {length:g} m: the blade goes up to {1e3 * AHEAD:g} mm further than the tip and"
-                    f" is stopped at limits.high_mm = {1e3 * high:g}. Give a target_length of {high - AHEAD:g} m or less."
+                    f" is stopped at limits.high_mm = {1e3 * high:g}. Give {high - AHEAD:g} m or less."
                 )
             if not self._ended:  # a cut that is given up: come to rest, and finish its record
                 self._finish("given up")
