@@ -7,7 +7,10 @@
 The blade cuts drawn specimens at 1.5 cm/s when the fault comes, at a drawn instant.  All times are of one clock.  The
 machine's own delays are counted (a thread of the rig or of the emulator that was late by more than 5 ms), and the times
 of such trials are kept apart.  A rig that such a delay has stopped before the fault came makes no trial; it is counted,
-and another one is made.
+and another one is made.  A machine that is too busy for that is told so at once (exit code 3), with what to ask for.
+
+Trials are kept as they are made, in runs/rig-faults.part.json.  A run that was broken off goes on where it left off
+when the command is given again; --anew begins from the first.
 """
 
 from __future__ import annotations
@@ -18,21 +21,25 @@ import json
 import statistics
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from busy_host import TooBusy, look
 from cutting_rig import CuttingRig
 from rig_cut_process import trial_in_child
 from rig_trials import BY_THE_DRIVE, EXPECTED, GAP, IN_CHILD, WAY, Trial, trial
 from tqdm import tqdm
 
+from cutenv.atomic import replacing
 from cutenv.rig.drivers import RigError
 from cutenv.rig.emulator.process import RunningEmulator, start
 
 DEFAULT = Path("runs") / "rig-faults.json"
+PART = Path("runs") / "rig-faults.part.json"
 _ATTEMPTS = 8  # at a trial that the host's stalls keep from happening
+_LOOKED_AT = (1, 4)  # attempts in vain, after which it is asked whether the machine is too busy
 HEADER = (
     "fault", "found out as", "stopped", "latched", "stated [ms]", "found out after [ms]", "quick stop on the bus [ms]",
     "at rest [ms]", "way since the fault [mm]", "host stalled",
@@ -42,13 +49,19 @@ HEADER = (
 class Trials:
     """Makes trials on one emulator after another: some faults leave one that is of no more use.
 
+    Parameters
+    ----------
+    check : callable, optional
+        Asked after trials in vain; raises :class:`TooBusy` where more would be so too.
+
     Attributes
     ----------
     before : Counter
         How often the rig had stopped before the fault came, by fault.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, check: Callable[[], None] | None = None) -> None:
+        self._check = check
         self.before: Counter[str] = Counter()
         self._emulator: RunningEmulator | None = None
         self._rig: CuttingRig | None = None
@@ -58,10 +71,13 @@ class Trials:
 
         Raises
         ------
-        RigError
+        TooBusy, RigError
             If the machine is too busy for it.
         """
-        for _ in range(_ATTEMPTS):
+        for attempt in range(_ATTEMPTS):
+            if self._check is not None and attempt in _LOOKED_AT:
+                self.close()
+                self._check()
             seed, after = int(random.integers(1000)), float(random.uniform(0.4, 1.4))
             try:
                 done = self._tried(fault, seed, after)
@@ -147,9 +163,26 @@ def rows(kept: dict[str, Any]) -> list[tuple[str, ...]]:
     return [row(fault, trials, kept["before"].get(fault, 0)) for fault, trials in by_fault.items()]
 
 
-def as_json(trials: Sequence[Trial], before: Counter[str]) -> dict[str, Any]:
+def as_json(trials: Sequence[Trial], before: Counter[str], seed: int = 0) -> dict[str, Any]:
     """What is kept of it; times in seconds, ways in metres."""
-    return {"trials": [dataclasses.asdict(each) for each in trials], "before": dict(before)}
+    return {"trials": [dataclasses.asdict(each) for each in trials], "before": dict(before), "seed": seed}
+
+
+def write(kept: dict[str, Any], file: Path) -> None:
+    """Keep trials in a file, which is replaced whole."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(file) as part:
+        part.write_text(json.dumps(kept, indent=1))
+
+
+def left_off(file: Path, seed: int) -> tuple[list[Trial], Counter[str]]:
+    """The trials of a run that was broken off, and how often the rig had stopped before; none of another seed's."""
+    if not file.exists():
+        return [], Counter()
+    kept = json.loads(file.read_text())
+    if kept["seed"] != seed:
+        return [], Counter()
+    return [Trial(**each) for each in kept["trials"]], Counter(kept["before"])
 
 
 def text(lines: Sequence[tuple[str, ...]]) -> str:
@@ -171,8 +204,8 @@ def markdown(kept: dict[str, Any]) -> str:
     return f"{table}\n\n{made} {allowed} {gap}"
 
 
-def main() -> int:
-    """Make the trials; 0 if all is as promised."""
+def main(argv: Sequence[str] | None = None) -> int:
+    """Make the trials; 0 if all is as promised, 1 if something is not, 3 if the machine is too busy."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
     add("--trials", type=int, default=10, metavar="N", help="of each fault; default 10")
@@ -180,23 +213,51 @@ def main() -> int:
     add("--seed", type=int, default=0, help="of specimens and instants; default 0")
     add("--json", type=Path, metavar="FILE", help=f"keep every trial there; the README is made of {DEFAULT}")
     add("--markdown", action="store_true", help="print the table as Markdown")
-    arguments = parser.parse_args()
-    trials: list[Trial] = []
-    wrong: list[str] = []
-    with Trials() as on:
-        planned = [(fault, number) for fault in arguments.only for number in range(arguments.trials)]
-        for fault, number in tqdm(planned, unit="trial", leave=False):
-            done = on.one(fault, np.random.default_rng([arguments.seed, number, *fault.encode()]))
-            trials.append(done)
-            wrong += [f"{fault}, trial {number}: {why}" for why in done.wrong()]
-            if arguments.json is not None:
-                arguments.json.parent.mkdir(parents=True, exist_ok=True)
-                arguments.json.write_text(json.dumps(as_json(trials, on.before), indent=1))
-    kept = as_json(trials, on.before)
+    add("--anew", action="store_true", help="begin from the first trial, though a run was broken off")
+    arguments = parser.parse_args(argv)
+    trials, before = ([], Counter()) if arguments.anew else left_off(PART, arguments.seed)
+    if trials:
+        print(f"{len(trials)} trials were made before ({PART}); it goes on from there.", file=sys.stderr)
+    try:
+        check_host()
+        with Trials(check_host) as on:
+            on.before = before
+            for fault, number in tqdm(planned(arguments, trials), unit="trial", leave=False):
+                trials.append(on.one(fault, np.random.default_rng([arguments.seed, number, *fault.encode()])))
+                write(as_json(trials, before, arguments.seed), PART)
+    except TooBusy as busy:
+        kept = f"{len(trials)} trials are kept in {PART}: give the command again, and it goes on from there."
+        print(f"rig_faults: {busy}\n{kept}", file=sys.stderr)
+        return 3
+    trials = [each for fault in arguments.only for each in _of(fault, trials)[: arguments.trials]]
+    kept = as_json(trials, Counter({fault: before[fault] for fault in arguments.only}), arguments.seed)
+    if arguments.json is not None:
+        write(kept, arguments.json)
+    PART.unlink(missing_ok=True)
+    wrong = [
+        f"{fault}, trial {number}: {why}"
+        for fault in arguments.only
+        for number, each in enumerate(_of(fault, trials))
+        for why in each.wrong()
+    ]
     print(markdown(kept) if arguments.markdown else text(rows(kept)))
     print(f"\nmedian, greatest; {len(trials)} trials, {len(wrong)} not as promised")
     print("\n".join(wrong))
     return 1 if wrong else 0
+
+
+def check_host() -> None:
+    """Raise :class:`TooBusy` on a machine that is."""
+    look().check()
+
+
+def planned(arguments: argparse.Namespace, made: Sequence[Trial]) -> list[tuple[str, int]]:
+    """Fault and number of every trial that is still to be made: those of a fault are made in order."""
+    return [(fault, number) for fault in arguments.only for number in range(len(_of(fault, made)), arguments.trials)]
+
+
+def _of(fault: str, trials: Sequence[Trial]) -> list[Trial]:
+    return [each for each in trials if each.fault == fault]
 
 
 if __name__ == "__main__":

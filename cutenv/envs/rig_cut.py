@@ -17,11 +17,15 @@ from cutenv.cutting.simulate import hold
 from cutenv.envs.constants import Constants
 from cutenv.envs.gentle_cut import checked_episode, checked_length
 from cutenv.envs.rig_source import RigSource
+from cutenv.envs.rig_work import Work, numbers, shown
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant import Plant, SimulatedPlant
 from cutenv.rig.causes import Cause, RigStopped
+from cutenv.rig.contradictions import AHEAD
 from cutenv.rig.fake import FakeRig
+from cutenv.rig.guard import interrupt
 from cutenv.rig.operator import Operator
+from cutenv.rig.plant import RigPlant
 from cutenv.rig.session import RigSession
 from cutenv.rig.settings import RigSettings
 from cutenv.rig.supply import SpecimenKey
@@ -167,8 +171,10 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._session: RigSession | None = None
         self._seed: int | None = None
         self._episode = 0
+        self._work = Work(self.close)
         self._ended = True
         self._stop: dict[str, Any] | None = None
+        self._plant: RigPlant
         self.cutting: GentleCutting
         self.specimen: Specimen | None = None
         """As drawn for an emulated or fake rig; nobody knows a real one."""
@@ -190,41 +196,48 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         RigError
             If a check fails, or the operator does not agree.
         """
-        super().reset(seed=seed)
-        options = options or {}
-        for name in options:
-            one_of("option", name, OPTIONS)
-        if seed is not None or self._seed is None:
-            self._seed = int(self.np_random.integers(2**63)) if seed is None else seed
-            self._episode = 0
-        episode = self._episode if options.get("episode") is None else checked_episode(options["episode"])
-        length = drawn_length(np.uint64(self._seed), np.uint64(episode))
-        if self.target_length is not None:
-            length = self.target_length
-        if options.get("target_length") is not None:
-            length = checked_length(options["target_length"])
-        if not self._ended:  # a cut that is given up: come to rest, and finish its record
-            self._finish("given up")
-        if self._session is None:
-            self._warm_up()
-        self.specimen = self._specimen(options.get("specimen"), episode)
-        plant = self.session.plant
-        if self.specimen is not None:
-            plant.depth = self.constants.knowledge.measure_depth(self.specimen.depth, self._seed, episode)
-        key = SpecimenKey(seed=self._seed, episode=episode, target=length, specimen=self.specimen)
-        self.session.next_cut(key, self.start_angle)
-        tissue = self.specimen.tissue if self.specimen is not None else self.tissue.tissue or measured_liver()
-        self.cutting = self._cutting(plant, tissue, length)
-        self._source.begin_record(
-            plant,
-            target_length_m=length,
-            specimen_class=None if self.specimen is None else self.specimen.specimen_class,
-            seed=self._seed,
-            episode=episode,
-        )
-        self._episode = episode + 1
-        self._ended, self._stop = False, None
-        return self.cutting.rest(self.start_angle), self._info()
+        self._check_owner()
+        with self._work.going_on():
+            super().reset(seed=seed)
+            options = options or {}
+            for name in options:
+                one_of("option", name, OPTIONS)
+            if seed is not None or self._seed is None:
+                self._seed = int(self.np_random.integers(2**63)) if seed is None else seed
+                self._episode = 0
+            episode = self._episode if options.get("episode") is None else checked_episode(options["episode"])
+            length = drawn_length(np.uint64(self._seed), np.uint64(episode))
+            if self.target_length is not None:
+                length = self.target_length
+            if options.get("target_length") is not None:
+                length = checked_length(options["target_length"])
+            if length + AHEAD > (high := self.settings.limits.high):
+                raise ValueError(
+                    f"target_length = {length:g} m: the blade goes up to {1e3 * AHEAD:g} mm further than the tip and"
+                    f" is stopped at limits.high_mm = {1e3 * high:g}. Give {high - AHEAD:g} m or less."
+                )
+            if not self._ended:  # a cut that is given up: come to rest, and finish its record
+                self._finish("given up")
+            if self._session is None:
+                self._warm_up()
+            self.specimen = self._specimen(options.get("specimen"), episode)
+            plant = self._plant = self.session.plant
+            if self.specimen is not None:
+                plant.depth = self.constants.knowledge.measure_depth(self.specimen.depth, self._seed, episode)
+            key = SpecimenKey(seed=self._seed, episode=episode, target=length, specimen=self.specimen)
+            self.session.next_cut(key, self.start_angle)
+            tissue = self.specimen.tissue if self.specimen is not None else self.tissue.tissue or measured_liver()
+            self.cutting = self._cutting(plant, tissue, length)
+            self._source.begin_record(
+                plant,
+                target_length_m=length,
+                specimen_class=None if self.specimen is None else self.specimen.specimen_class,
+                seed=self._seed,
+                episode=episode,
+            )
+            self._episode = episode + 1
+            self._ended, self._stop = False, None
+            return self.cutting.rest(self.start_angle), self._info()
 
     def _warm_up(self) -> None:
         """Compile what a decision needs, before a rig is connected: it would stall the threads that watch."""
@@ -265,34 +278,42 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Command target speed and angle until the next decision, and wait for its time; see the class."""
-        if self._ended:
-            raise gymnasium.error.ResetNeeded("no cut is going on: call reset() before step().")
-        command = np.array(action, np.float64)
-        if command.shape != (2,) or not within_reach(command, self.fixed_angle or math.nan):
-            self._stop_for(Cause.NOT_A_NUMBER, f"the policy's action is {action!r}")
-            self._finish(STOPPED)
-            raise ValueError(f"action = {action!r} must hold 2 numbers in [-1, 1] (speed, angle), and none may be NaN.")
-        cutting = self.cutting
-        if not cutting.time:
-            self.session.start()
-        try:
-            observation, reward = cutting.step(command)
-        except RigStopped as stop:
-            observation, reward = cutting.stopped(stop.readings)
-            self._stop = stop.report.to_dict()
-        if cutting.end:
-            self._finish(cutting.end)
-        info = self._info()
-        if cutting.end:
-            info["end"] = cutting.end
-            info["is_success"] = cutting.success
-            if self._stop is not None:
-                info["stop"] = self._stop
-        return observation, reward, self._ended, False, info
+        self._check_owner()
+        with self._work.going_on():
+            if self._ended or self._session is None:
+                raise gymnasium.error.ResetNeeded("no cut is going on: call reset() before step().")
+            command = numbers(action)
+            if command is None or not within_reach(command, self.fixed_angle or math.nan):
+                self._stop_for(Cause.NOT_A_NUMBER, f"the policy's action is {shown(action)}")
+                self._finish(STOPPED)
+                raise ValueError(
+                    f"action = {shown(action)} must hold 2 numbers in [-1, 1] (speed, angle), none NaN or infinite."
+                )
+            cutting = self.cutting
+            if not cutting.time:
+                self._session.start()
+            try:
+                observation, reward = cutting.step(command)
+            except RigStopped as stop:
+                observation, reward = cutting.stopped(stop.readings)
+                self._stop = stop.report.to_dict()
+            if cutting.end:
+                self._finish(cutting.end)
+            info = self._info()
+            if cutting.end:
+                info["end"] = cutting.end
+                info["is_success"] = cutting.success
+                if self._stop is not None:
+                    info["stop"] = self._stop
+            return observation, reward, self._ended, False, info
+
+    def _check_owner(self) -> None:
+        if self._session is not None:
+            self._session.plant.owner.check()
 
     def _stop_for(self, cause: Cause, detail: str) -> None:
         """Stop the blade from here, and keep what is felt until it stands."""
-        plant = self.session.plant
+        plant = self._plant
         plant.supervisor.trip(cause, detail)
         if plant.supervisor.phase == "stopped":
             try:
@@ -303,14 +324,14 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def _finish(self, end: str) -> None:
         """The cut is over: bring the blade to rest, and finish its record."""
         self._ended = True
-        self.session.end_cut()
-        plant = self.session.plant
+        plant = self._plant
+        plant.halt()
         if self._stop is None and plant.supervisor.phase == "stopped" and plant.supervisor.report is not None:
             self._stop = plant.supervisor.report.to_dict()
         self._source.end_record(plant, end=end, success=self.cutting.success, stop=self._stop)
 
     def _info(self) -> dict[str, Any]:
-        plant = self.session.plant
+        plant = self._plant
         return {
             "estimated": True,
             "reward_terms": self.cutting.reward_terms,
@@ -352,18 +373,30 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._source.records
 
     def close(self) -> None:
-        """Stop what moves, and leave the rig."""
-        if self._session is not None:
-            plant = self._session.plant
-            try:
-                self._session.close()  # first: a disk may take seconds to finish the record
-            finally:
-                self._session = None
-                report = plant.supervisor.report if plant.supervisor.phase == "stopped" else None
-                stop = report.to_dict() if report is not None and not self._ended else self._stop
-                self._source.end_record(plant, end="closed", success=False, stop=stop)
+        """Stop what moves, and leave the rig, from any thread; nothing in a fork.
+
+        From a signal's handler in the midst of a step it stops the blade, and the rig is left when the step ends; in
+        the midst of a reset that moves nothing it raises :class:`KeyboardInterrupt`, and the rig is left then.
+        """
+        session = self._session
+        if self._work.postpones():
+            if session is None:
+                raise KeyboardInterrupt(_CLOSED)
+            return interrupt(session.plant.supervisor, Cause.OPERATOR, _CLOSED)
+        if session is None or not session.plant.owner.here:
+            return
+        plant = session.plant
+        try:
+            session.close()  # first: a disk may take seconds to finish the record
+        finally:
+            self._session = None
+            report = plant.supervisor.report if plant.supervisor.phase == "stopped" else None
+            stop = report.to_dict() if report is not None and not self._ended else self._stop
+            self._ended = True
+            self._source.end_record(plant, end="closed", success=False, stop=stop)
 
 
+_CLOSED = "the rig is being closed"
 _SAME_ANGLE = math.radians(0.5)
 _ARGUMENTS = [
     name

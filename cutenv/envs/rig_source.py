@@ -22,10 +22,11 @@ from cutenv.rig.air_bench import AirBench
 from cutenv.rig.bench import CutBench
 from cutenv.rig.causes import Cause
 from cutenv.rig.connection import EMULATOR, FAKE, operator_of
+from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.drivers import RigError
 from cutenv.rig.emulator.control import EmulatorControl
 from cutenv.rig.emulator.process import RunningEmulator, start
-from cutenv.rig.fake import FakeRig, fake_settings
+from cutenv.rig.fake import FakeRig, FakeSensor, fake_settings
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operator import AutomaticOperator, Operator
 from cutenv.rig.plant import RigPlant
@@ -47,7 +48,7 @@ class FakeSupply:
         specimen, constants = key.specimen, self._constants
         if specimen is None:
             raise RigError("a fake rig cuts drawn specimens only.")
-        drive = constants.drive
+        drive = constants.drive if constants.drive != Rig() else None  # else the one of the rig's settings
         self._rig.lay(
             lambda settings: CutBench(
                 specimen,
@@ -168,6 +169,7 @@ class RigSource:
                 emulated=True,
                 armed_by="nobody: a dry run",
                 calibration=Calibration(date=datetime.now().date().isoformat()),
+                sensor=dataclasses.replace(self.settings.sensor, rate=FakeSensor.rate),
             )
         self.draws = self._rig in (FAKE, EMULATOR)
         self._emulated = emulator_arguments(constants) if self._rig == EMULATOR else []
@@ -196,7 +198,9 @@ class RigSource:
         return RigSession(rig_plant(self.settings), operator, HandSupply(lambda: read(self._rig), operator))
 
     def _lowered(self, settings: RigSettings) -> RigSettings:
-        return dataclasses.replace(settings, limits=settings.limits.lowered(**self._lower))
+        settings = dataclasses.replace(settings, limits=settings.limits.lowered(**self._lower))
+        refuse_contradictions(settings)
+        return settings
 
     def begin_record(self, plant: RigPlant, *, seed: int, episode: int, **metadata: Any) -> None:
         """Begin the record of a cut, if records are kept; a disk that takes no more stops the blade."""
@@ -239,10 +243,10 @@ class RigSource:
     def end_record(self, plant: RigPlant, **metadata: Any) -> None:
         """Finish the record of a cut, if one is being kept."""
         plant.keep = _forget
-        if self._record is not None:
-            self._record.close({**metadata, "overruns": plant.timing.overruns})
-            self.records.append(self._record.path)
-            self._record = None
+        record, self._record = self._record, None  # once, if another thread closes the rig meanwhile
+        if record is not None:
+            record.close({**metadata, "overruns": plant.timing.overruns})
+            self.records.append(record.path)
 
 
 def _forget(readings: Records) -> None:

@@ -106,6 +106,7 @@ class AppendingRecord:
         self._head = self._head_with(None, self._metadata)
         self._file = self.path.open("xb", buffering=0)
         self._closed = False
+        self._process = os.getpid()
         self._unsynced = True
         self._stop = threading.Event()
         self._flusher = threading.Thread(target=self._keep_synced, name=f"record {self.path.name}", daemon=True)
@@ -129,6 +130,8 @@ class AppendingRecord:
         """
         if self._closed:
             raise ValueError(f"{self.path} is closed. Begin another record.")
+        if os.getpid() != self._process:
+            raise ValueError(f"{self.path} belongs to process {self._process}, of which this is a fork.")
         if self.failed is not None:
             raise RecordingFailed(self.failed)
         last, lines = self._last, []
@@ -147,8 +150,9 @@ class AppendingRecord:
         self.rows += len(lines)
 
     def close(self, metadata: Mapping[str, Any] | None = None) -> None:
-        """Finish the record: put the number of rows and more metadata on top; once closed, nothing happens any more.
+        """Finish the record: put the number of rows and more metadata on top.  Once closed, nothing happens any more.
 
+        Nor does it in a fork of the process that has begun it.
         The file is replaced whole or not at all, so that a finish that fails leaves what was appended.
 
         Parameters
@@ -163,7 +167,7 @@ class AppendingRecord:
         RecordingFailed
             If the disk took or takes not all of it; the file stays as it is, truncated.
         """
-        if self._closed:
+        if self._closed or os.getpid() != self._process:
             return
         head = self._head_with(self.rows, {**self._metadata, **(metadata or {})})
         self.abandon()
@@ -180,7 +184,7 @@ class AppendingRecord:
 
     def abandon(self) -> None:
         """Leave the record as it is, truncated; never raises, and may be called twice."""
-        if self._closed:
+        if self._closed or os.getpid() != self._process:
             return
         self._closed = True
         self._stop.set()
@@ -247,7 +251,18 @@ class AppendingRecord:
     def _fail(self, error: OSError) -> None:
         if self.failed is None:
             why = error.strerror or error
+            if self._there():
+                kept = f"the {self.rows} readings before, as far as it has them, can be loaded"
+            else:
+                kept = f"it is not there any more, nor are the {self.rows} readings before, unless somebody moved it"
             self.failed = (
-                f"{self.path}: the disk takes no more of the record ({why}); the {self.rows} readings before, as far "
-                "as it has them, can be loaded. Make room or mend it, and record the next cut."
+                f"{self.path}: the disk takes no more of the record ({why}); {kept}. Make room or mend it, and record "
+                "the next cut."
             )
+
+    def _there(self) -> bool:
+        """Whether the file that is being written still has its name."""
+        try:
+            return os.path.samestat(os.fstat(self._file.fileno()), self.path.stat())
+        except (OSError, ValueError):  # ValueError: it is closed
+            return self._file.closed and self.path.exists()

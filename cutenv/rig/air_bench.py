@@ -9,6 +9,7 @@ import numpy as np
 from cutenv.cutting.drive import Rig, advance_command, delayed, made_up
 from cutenv.cutting.records import STATE, TICK
 from cutenv.cutting.sensor import Sensor, SensorParameters
+from cutenv.rig.identified import drive_of
 from cutenv.rig.settings import RigSettings
 
 _MIDDLE = 0.5  # of the way between the ends of travel, where the blade stands at first
@@ -23,7 +24,7 @@ class AirBench:
     settings : RigSettings
         Where the travel is, and the angle at the start.
     drive : Rig, optional
-        Of the blade.
+        Of the blade; default as the settings tell it.
     sensor : SensorParameters, optional
         Of the force.
     start : float, optional
@@ -38,7 +39,7 @@ class AirBench:
         sensor: SensorParameters | None = None,
         start: float | None = None,
     ) -> None:
-        self._drive = drive or Rig()
+        self._drive = drive or drive_of(settings)
         self._records = self._drive.records(2.0 * _FAR)
         self._states = np.zeros(1, STATE)
         middle = _MIDDLE * (settings.limits.low + settings.limits.high)

@@ -11,6 +11,7 @@ from cutenv.cutting.records import TICK
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant import ReplayPlant, SimulatedPlant
 from cutenv.plant.simulator import ANGLE_RANGE
+from cutenv.rig.identified import drive_of
 from cutenv.rig.settings import RigSettings
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace
@@ -45,7 +46,7 @@ class CutBench:
         self, specimen: Specimen, settings: RigSettings, *, drive: Rig | None = None,
         sensor: SensorParameters | None = None, law: LawParameters | None = None, seed: int = 0, episode: int = 0,
     ) -> None:  # fmt: skip
-        self._drive = drive or Rig()
+        self._drive = drive or drive_of(settings)
         self.plant = SimulatedPlant(
             specimen, drive=self._drive, sensor=sensor, law=law, seed=seed, episode=episode, angle=settings.fixed_angle
         )

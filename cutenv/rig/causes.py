@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import Any, NamedTuple
 
 from cutenv.cutting.records import Records
+from cutenv.rig.cadence import SURPLUS
 from cutenv.rig.drivers import RigError
 from cutenv.rig.settings import Limits
 
@@ -29,6 +30,7 @@ class Cause(StrEnum):
     FOLLOWING = "following error"
     STUCK = "encoder stuck"
     MOTION_STALE = "motion stale"
+    MOTION_DOUBLED = "motion doubled"
     HEARTBEAT = "heartbeat lost"
     DRIVE = "drive fault"
     FOREIGN = "foreign command"
@@ -82,6 +84,7 @@ def detection_times(limits: Limits, *, packet: float = 0.001, sync: float = 0.00
         Cause.FOLLOWING: sync,
         Cause.STUCK: STUCK_AFTER + sync,
         Cause.MOTION_STALE: limits.stale_motion + WATCH,
+        Cause.MOTION_DOUBLED: (SURPLUS + 2.0) * sync,
         Cause.HEARTBEAT: limits.heartbeat + WATCH,
         Cause.DRIVE: sync,
         Cause.FOREIGN: 0.0,

@@ -57,6 +57,8 @@ class Faults:
     lose_every: int = 0
     """Every so many-th reading does arrive; 0: all of them."""
     motion_silent: bool = False
+    motion_doubled: bool = False
+    """Every sample of an axis comes twice."""
     heartbeat_silent: bool = False
     stuck: bool = False
     """The encoder shows one position; the blade moves on."""
@@ -324,6 +326,11 @@ class FakeRig:
     def _sync(self, now: float) -> None:
         if self.faults.motion_silent or self.faults.bus_off or self.faults.power_lost:
             return
+        for _ in range(2 if self.faults.motion_doubled else 1):
+            self._tell(now)
+
+    def _tell(self, now: float) -> None:
+        """A sample of every axis."""
         position, speed, angle = self.bench.motion
         if self.faults.stuck:
             position, speed = self._stuck_at, 0.0

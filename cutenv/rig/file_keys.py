@@ -265,3 +265,13 @@ SECTIONS = (
 
 IDENTIFIED = SECTIONS[-1]
 """The section that the program itself writes."""
+
+
+def shown(settings: RigSettings, field: str) -> str:
+    """A setting as the file has it, such as ``limits.high_mm = 148`` for the field ``"limits.high"``."""
+    of, _, name = field.rpartition(".")
+    section = next(section for section in SECTIONS if section.name == of)
+    key = next(key for key in section.keys if key.field == name)
+    value = getattr(getattr(settings, of) if of else settings, name)
+    told = f"{key.from_si(value):g}" if section.kind(key) is float else repr(value)
+    return f"{section.where(key)} = {told}"

@@ -11,7 +11,8 @@ from cutenv.rig.samples import ForceSample
 from cutenv.rig.settings import Identified, Limits
 
 _SEQUENCES = 2**32
-_RISE_OVER = 0.010  # [s], over which a rise of force is measured: noise is not one
+RISE_OVER = 0.010
+"""Over which a rise of force is measured: noise is not one [s]."""
 _LOSS_OVER = 0.100  # [s], over which the share of lost readings is taken
 
 
@@ -43,7 +44,7 @@ class ForceWatch:
 
     def restart(self) -> None:
         """Forget what came before, but for the newest reading."""
-        self._norms: deque[float] = deque(maxlen=max(round(_RISE_OVER * self._rate), 1) + 1)
+        self._norms: deque[float] = deque(maxlen=max(round(RISE_OVER * self._rate), 1) + 1)
         self._losses: deque[int] = deque(maxlen=max(round(_LOSS_OVER * self._rate), 2))
         self._lost = 0
         self._equal = 0  # readings in a row with the count of the one before
@@ -79,8 +80,8 @@ class ForceWatch:
             return Breach(Cause.FORCE, f"{_newtons(sample)} beyond {limits.force:g} N in an axis")
         if norm > limits.force_norm:
             return Breach(Cause.FORCE, f"{norm:.2f} N in all, beyond {limits.force_norm:g} N")
-        if rise > limits.force_rise * _RISE_OVER:
-            return Breach(Cause.FORCE_RISE, f"{rise:.2f} N more within {1e3 * _RISE_OVER:g} ms")
+        if rise > limits.force_rise * RISE_OVER:
+            return Breach(Cause.FORCE_RISE, f"{rise:.2f} N more within {1e3 * RISE_OVER:g} ms")
         if self._equal >= limits.frozen_force * self._rate:
             return Breach(Cause.FORCE_FROZEN, f"{self._equal + 1} readings are equal to the last count")
         for axis, still in enumerate(self._still):

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from cutenv.rig.settings import Identified
+import dataclasses
+
+from cutenv.cutting.drive import Rig
+from cutenv.rig.settings import Identified, RigSettings
 
 SIMULATED = (
     "motor_lag", "dead_time", "acceleration", "backlash", "force_noise", "force_resolution", "force_drift",
@@ -21,3 +24,18 @@ def environment_arguments(identified: Identified) -> dict[str, float]:
     """
     measured = {name: getattr(identified, name) for name in SIMULATED}
     return {name: float(value) for name, value in measured.items() if value is not None}
+
+
+def drive_of(settings: RigSettings) -> Rig:
+    """The simulated drive that behaves as a rig's blade is told to, and as it was measured to."""
+    ranges = {field.name: (field.metadata["low"], field.metadata["high"]) for field in dataclasses.fields(Rig)}
+
+    def within(name: str, value: float) -> float:
+        low, high = ranges[name]
+        return float(min(max(value, low), high))
+
+    measured, told = settings.identified, settings.blade.acceleration
+    return Rig(
+        motor_lag=within("motor_lag", measured.motor_lag or Rig().motor_lag),
+        acceleration=within("acceleration", min(measured.acceleration or told, told)),
+    )

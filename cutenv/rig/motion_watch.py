@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
+from cutenv.rig.cadence import SURPLUS, Cadence
 from cutenv.rig.causes import Breach, Cause
 from cutenv.rig.following import NOMINAL_LAG, Following
 from cutenv.rig.samples import DriveState, MotionSample
@@ -42,6 +43,7 @@ class MotionWatch:
         self._limits, self._sync = settings.limits, settings.bus.sync
         self.newest: dict[str, MotionSample] = {}
         self._blade: deque[MotionSample] = deque(maxlen=_LONG)
+        self._cadences: dict[str, Cadence] = {}
         identified, sync = settings.identified, settings.bus.sync
         self._following = Following(
             lag=identified.motor_lag or NOMINAL_LAG,
@@ -95,6 +97,7 @@ class MotionWatch:
     def note(self, axis: str, sample: MotionSample) -> None:
         """Take a sample."""
         self.newest[axis] = sample
+        self._cadences.setdefault(axis, Cadence(self._sync)).count(sample.time)
         if axis == "blade":
             self._blade.append(sample)
 
@@ -105,6 +108,9 @@ class MotionWatch:
             return Breach(Cause.NOT_A_NUMBER, f"the {axis} axis reads {sample.position} at {sample.speed}")
         if sample.state is not DriveState.ENABLED:
             return Breach(Cause.DRIVE, f'the {axis} drive is in "{sample.state.value}" by itself')
+        if (surplus := self._cadences[axis].surplus) >= SURPLUS:
+            more = f"{surplus:.0f} samples of the {axis} axis more than SYNCs"
+            return Breach(Cause.MOTION_DOUBLED, f"{more}: does the bus double them, does another master send SYNC?")
         if axis == "blade":
             return self._judge_blade(sample, command)
         return self._judge_hinge(sample, command)

@@ -14,6 +14,7 @@ from cutenv.rig.causes import WATCH, Cause, RigStopped, StopReport
 from cutenv.rig.clock import Clock, Repeating
 from cutenv.rig.drivers import ForceDriver, MotionDriver, RigError, Witness
 from cutenv.rig.motion_watch import STANDSTILL
+from cutenv.rig.owner import Owner
 from cutenv.rig.quick_stops import AGAIN
 from cutenv.rig.samples import ForceSample, MotionSample, interpolated, newest_since
 from cutenv.rig.settings import RigSettings
@@ -25,8 +26,10 @@ from cutenv.validation import array_in_range, in_range
 _LATE = 0.002  # [s] beyond the end of a period, from which a command counts as an overrun
 _TURN_GAIN = 16.0  # [1/s] of the angle's loop, closed at every SYNC
 _TURN_LAG = 0.040  # [s] of the hinge's own loop, which this one looks ahead by: no overshoot
-_TURN_RATE = math.radians(90.0)  # [rad/s], as the simulated rig's
-_SLOW_TURN = math.radians(10.0)  # [rad/s], outside of a cut
+TURN_RATE = math.radians(90.0)
+"""Greatest rate of turn in a cut, as the simulated rig's [rad/s]."""
+SLOW_TURN = math.radians(10.0)
+"""Rate of turn outside of a cut [rad/s]."""
 _SAME_RATE = 0.02  # relative difference of the sensor's rate to the file's
 _AIMED = math.radians(0.05)  # [rad], closer than which it rests
 _ARRIVED = 2e-5  # [m]
@@ -68,6 +71,8 @@ class RigPlant:
         Told samples, readings and heartbeats after the supervisor, for measurements of the rig itself.
     timing : Timing
         Of the control clock.
+    owner : Owner
+        The process that has opened it, which alone may move it.
     zero : tuple of 3 float
         Of the last tare [N], from the sensor's own zero.
     """
@@ -95,6 +100,8 @@ class RigPlant:
         self.timing = Timing()
         self.zero = (0.0, 0.0, 0.0)
         self._timers: list[Repeating] = []
+        self.owner = Owner()
+        self._left = False
         self._forces: deque[ForceSample] = deque(maxlen=round(_KEPT * sensor.rate))
         self._motions: dict[str, deque[MotionSample]] = {
             axis.name: deque(maxlen=round(_KEPT / settings.bus.sync)) for axis in self._axes
@@ -117,18 +124,21 @@ class RigPlant:
             raise ValueError(f"depth has shape {self._depth.shape}; give {N_POINTS} values, one every 0.5 mm.")
 
     def open(self) -> None:
-        """Connect to sensor and drives; nothing moves.
+        """Connect to drives and sensor; nothing moves.
+
+        The drives come first: another program that has the rig is met on their bus, before its sensor is taken away.
 
         Raises
         ------
         RigError
             If one of them is not there or not what it should be; none stays open.
         """
+        self.owner, self._left = Owner(), False
         try:
-            self._sensor.open(self)
-            self._check_rate()
             for axis in self._axes:
                 axis.open(self)
+            self._sensor.open(self)
+            self._check_rate()
         except BaseException:
             self.close()
             raise
@@ -147,7 +157,9 @@ class RigPlant:
             )
 
     def close(self) -> None:
-        """Stop what moves, and leave sensor and drives; never raises for a rig that is gone."""
+        """Stop what moves, and leave sensor and drives; never raises for a rig that is gone.  Nothing in a fork."""
+        if not self.owner.here:
+            return
         if not self.supervisor.standing:
             self.supervisor.trip(Cause.OPERATOR, "the rig is being closed")
         self.supervisor.lock()
@@ -156,6 +168,7 @@ class RigPlant:
         self._sensor.close()
         while self._timers:
             self._timers.pop().stop()
+        self._left = True
 
     def power(self) -> None:
         """Switch the drives on, at rest; :meth:`Supervisor.release` then lets commands through."""
@@ -292,7 +305,7 @@ class RigPlant:
         """
         held = self._angle_now()
         wanted = held if angle is None else angle
-        turning = 0.0 if self._angle is None else abs(wanted - held) / _SLOW_TURN
+        turning = 0.0 if self._angle is None else abs(wanted - held) / SLOW_TURN
         deadline = self.clock.now() + 3.0 * (abs(position - self.position) / speed + turning) + 5.0
         arrived = False
         while not (arrived and self._turned(wanted)):
@@ -304,10 +317,10 @@ class RigPlant:
                 raise RigError(f"the blade stands at {where} and does not reach {to}.")
             rate = math.copysign(min(speed, 4.0 * abs(left)), left) if abs(left) > _ARRIVED else 0.0
             turned = self._drive(rate, wanted if arrived else held, hold=_SLICE)
-            self._wait(self.clock.now() + _SLICE, turned, fastest=_SLOW_TURN)
+            self._wait(self.clock.now() + _SLICE, turned, fastest=SLOW_TURN)
             self._raise_if_stopped()
         self._drive(0.0, wanted, hold=_SLICE)
-        self._wait(self.clock.now() + _SLICE, wanted, fastest=_SLOW_TURN)
+        self._wait(self.clock.now() + _SLICE, wanted, fastest=SLOW_TURN)
 
     @property
     def position(self) -> float:
@@ -330,7 +343,7 @@ class RigPlant:
             self.timing.latencies.append(now - self._newest_known)
         self._commanded = now
 
-    def _wait(self, moment: float, angle: float, *, fastest: float = _TURN_RATE) -> None:
+    def _wait(self, moment: float, angle: float, *, fastest: float = TURN_RATE) -> None:
         """Wait, closing the angle's loop at every SYNC, until ``moment`` [s] or a stop."""
         now = self.clock.now()
         while now < moment and self.supervisor.phase == "ready":
@@ -356,6 +369,7 @@ class RigPlant:
 
     def _drive(self, speed: float, angle: float, *, hold: float) -> float:
         """Put a command on the bus; raise :class:`RigStopped` if a thread has stopped the blade this very moment."""
+        self.owner.check()
         try:
             return self.supervisor.drive(speed, angle, hold)
         except RigError:
@@ -367,9 +381,12 @@ class RigPlant:
             raise RigStopped(self.supervisor.report, self._come_to_rest(self.supervisor.report))
 
     def _come_to_rest(self, report: StopReport) -> Records:
-        """Wait for the blade to stand, and return the readings of the cut until then; none between cuts."""
+        """Wait for the blade to stand, and return the readings of the cut until then; none between cuts.
+
+        A rig that another thread has left tells no more.
+        """
         deadline = self.clock.now() + REST_WITHIN
-        while report.standstill is None and self.clock.now() < deadline:
+        while report.standstill is None and self.clock.now() < deadline and not self._left:
             self.clock.sleep_until(self.clock.now() + WATCH)
         if not self._cutting:
             return np.zeros(0, READING)

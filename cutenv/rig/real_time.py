@@ -8,7 +8,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-_PRIORITY = 10  # of 1 to 99: before everything ordinary, behind the kernel's own
+PRIORITY = 10
+"""Of 1 to 99: before everything ordinary, behind the kernel's own."""
 _SWITCH = 0.0005  # [s] after which Python lets another thread run; 5 ms by default, five readings of the force
 
 
@@ -20,7 +21,7 @@ def prefer() -> bool:
     if not hasattr(os, "sched_setscheduler"):
         return False
     try:
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_PRIORITY))
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(PRIORITY))
     except (OSError, ValueError):
         return False
     return True

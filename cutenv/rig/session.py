@@ -179,14 +179,21 @@ class RigSession:
 
     def end_cut(self) -> None:
         """Bring the blade to rest and lock the rig."""
+        self.plant.owner.check()
         self.plant.halt()
 
     def close(self) -> None:
-        """Stop what moves, and leave the rig; may be called twice.  An exception on its way is told as the cause."""
+        """Stop what moves, and leave the rig; may be called twice.  An exception on its way is told as the cause.
+
+        Nothing in a fork of the process that has opened it.
+        """
+        if not self.plant.owner.here:
+            return
         self._stack.__exit__(*sys.exc_info())
 
     def __enter__(self) -> RigSession:
         return self
 
     def __exit__(self, *error: Any) -> None:
-        self._stack.__exit__(*error)
+        if self.plant.owner.here:
+            self._stack.__exit__(*error)

@@ -55,7 +55,12 @@ class Axis:
     direction: int = 1
     """1 or -1: whether a positive speed of the motor moves the blade away from the clamp."""
     low: float = parameter(
-        0.0, unit="m or rad", low=-10.0, high=10.0, provenance="choice", why="end of travel: the drive's software limit"
+        -0.002,
+        unit="m or rad",
+        low=-10.0,
+        high=10.0,
+        provenance="choice",
+        why="end of travel: the drive's software limit, before the clamp, to which the blade returns",
     )
     high: float = parameter(0.149, unit="m or rad", low=-10.0, high=10.0, provenance="choice", why="the other end")
     speed: float = parameter(
@@ -165,6 +170,8 @@ class Limits:
     def lowered(self, **lower: float | None) -> Limits:
         """The same with some of them lower (None: as it is), from the command line.
 
+        A lower ``force_norm`` lowers ``force`` with it, which would never count otherwise.
+
         Raises
         ------
         ValueError
@@ -178,6 +185,8 @@ class Limits:
                     f"{name} = {value:g} is above {getattr(self, name):g} of the rig's file. On the command line limits"
                     " may only be lower; to raise one, change the file."
                 )
+        if "force_norm" in chosen:
+            chosen["force"] = min(chosen.get("force", self.force), chosen["force_norm"])
         return dataclasses.replace(self, **chosen)
 
 

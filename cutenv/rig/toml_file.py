@@ -14,6 +14,7 @@ import numpy as np
 
 from cutenv.atomic import replacing
 from cutenv.rig.calibration import day_of
+from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.depth_profile import check_depth_profile, reach_of
 from cutenv.rig.file_keys import IDENTIFIED, SECTIONS, UNITS, Key, Section
 from cutenv.rig.settings import Identified, RigSettings
@@ -140,9 +141,20 @@ def _settings(text: str, path: Path) -> RigSettings:
     try:
         check_depth_profile(settings.depth_profile, reach_of(settings))
         _check_emulated(settings)
+        _check_calibrated(settings)
+        refuse_contradictions(settings)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return settings
+
+
+def _check_calibrated(settings: RigSettings) -> None:
+    """Refuse a calibration in the future: by this computer's clock it cannot have been made."""
+    calibrated, today = settings.calibration.date, date.today()
+    if calibrated and day_of(calibrated) > today:
+        raise ValueError(
+            f"calibration.date = {calibrated} is in the future: today is {today}. Correct it, or this computer's clock."
+        )
 
 
 def _check_emulated(settings: RigSettings) -> None:

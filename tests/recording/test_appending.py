@@ -181,7 +181,18 @@ def test_a_file_that_was_taken_away_is_noticed(file: Path) -> None:
     record = AppendingRecord(file)
     file.unlink()
     assert "the file was deleted" in failure(record)
+    assert "it is not there any more" in str(record.failed)
+    assert "can be loaded" not in str(record.failed)
     record.abandon()
+
+
+def test_a_file_that_was_moved_is_not_promised_under_its_old_name(file: Path) -> None:
+    record = AppendingRecord(file)
+    record.append(some(0))
+    moved = file.rename(file.with_name("moved.csv"))
+    with pytest.raises(RecordingFailed, match="unless somebody moved it"):
+        record.close()
+    assert len(load_one(moved).time) == 20
 
 
 def test_the_disk_is_flushed_within_a_second_by_a_thread_that_ends(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -52,7 +52,7 @@ def test_a_command_turns_the_motor_and_the_speed_comes_back(benches):
 
 
 def test_an_axis_mounted_the_other_way_round_turns_its_motor_backwards(benches):
-    bench = benches(Axis(direction=-1)).ready()
+    bench = benches(Axis(direction=-1, low=0.0)).ready()
     bench.axis.command(0.010)
     until(lambda: bench.ear.samples[-1].position > 0.0)
     assert bench.ear.samples[-1].speed > 0.0

@@ -43,7 +43,7 @@ def opened(drive: MadeUpDrive, ear: Ear) -> tuple[CanNetwork, CanopenAxis]:
         ("pcan", "PCAN_USBBUS1", {"channel": "PCAN_USBBUS1", "bitrate": 500_000}),
         ("kvaser", "0", {"channel": 0, "bitrate": 500_000}),
         ("slcan", "/dev/ttyACM0", {"channel": "/dev/ttyACM0", "bitrate": 500_000}),
-        ("socketcand", "can0", {"channel": "can0", "host": "127.0.0.1", "port": 29536, "tcp_tune": True}),
+        ("socketcand", "can0", {"channel": "can0", "host": "127.0.0.1", "port": 29536}),
     ],
 )
 def test_an_interface_is_given_what_it_takes_and_no_more(interface, channel, arguments):
@@ -220,13 +220,152 @@ def test_two_axes_share_one_bus_that_the_last_one_closes(drive):
         network.send_message(0x080, b"")
 
 
+def served(server: socket.socket, *said: bytes) -> None:
+    """A gateway that greets with the first of ``said``, and answers what it is told with the others, in pieces."""
+
+    def serve() -> None:
+        connection, _ = server.accept()
+        with connection:
+            for number, text in enumerate(said):
+                if number:
+                    connection.recv(256)
+                for piece in text.split(b"|"):
+                    connection.sendall(piece)
+                    time.sleep(0.02)
+            while connection.recv(256):
+                pass
+
+    threading.Thread(target=serve, daemon=True).start()
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ((), "silent: no greeting within 2 s"),
+        ((b"< hi >",), "silent: no answer to '< open can0 >' within 2 s"),
+        ((b"< hi >", b"< ok >"), "silent: no answer to '< rawmode >' within 2 s"),
+        ((b"< h",), "silent: no greeting within 2 s"),
+        ((b"< hi >", b"< error could not open bus >"), "gives '< error could not open bus >' as answer"),
+        ((b"220 ftp\r\n",), "no socketcand gateway: it says b'220 ftp"),
+        ((b"x" * 4000,), "no socketcand gateway"),
+    ],
+)
+def test_a_gateway_that_falls_silent_or_refuses_is_told_in_time(said, message):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        served(server, *said)
+        settings = Bus(interface="socketcand", channel="can0", port=server.getsockname()[1])
+        told: list[str] = []
+        opening = threading.Thread(target=lambda: told.append(refusal(settings)), daemon=True)
+        opening.start()
+        opening.join(30.0)  # each wait has 2 s, and a busy host some more
+        assert told, "it hangs"
+        assert message in told[0]
+        assert f"127.0.0.1:{settings.port}" in told[0]
+
+
+def refusal(settings: Bus) -> str:
+    try:
+        open_bus(settings).shutdown()
+    except RigError as error:
+        return str(error)
+    return "opened"
+
+
+def test_a_greeting_that_tcp_has_split_is_a_greeting():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        served(server, b"< h|i >", b"<| ok >", b"< o|k >< fra|me 701 1.5 05 >")
+        bus = open_bus(Bus(interface="socketcand", channel="can0", port=server.getsockname()[1]))
+        message = bus.recv(5.0) or bus.recv(5.0)  # a piece may come alone
+        assert (message.arbitration_id, bytes(message.data), message.is_extended_id) == (0x701, b"\x05", False)
+        assert bus.recv(0.0) is None
+        bus.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"< frame XYZ 1.5 05 >", "tells a frame that is none: '< frame XYZ 1.5 05 >'"),
+        (b"< frame 181 1.5 0G >", "tells a frame that is none"),
+        (b"< frame 181 1.5 \xff >", r"tells a frame that is none: '< frame 181 1.5 \\xff >'"),
+        (b"< error 1 >", "tells a frame that is none: '< error 1 >'"),
+    ],
+)
+def test_a_frame_that_is_none_is_told_in_words(text, message):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        served(server, b"< hi >", b"< ok >", b"< ok >" + text)
+        said = refusal_or_break(server.getsockname()[1])
+        assert message in said
+        for words in ("invalid literal", "codec", "Traceback", "Error("):
+            assert words not in said
+
+
+def refusal_or_break(port: int) -> str:
+    network = CanNetwork(Bus(interface="socketcand", channel="can0", port=port), SystemClock())
+    told: list[str] = []
+
+    class Member:
+        def lost(self, why: str, time: float) -> None:
+            told.append(why)
+
+    try:
+        network.join(member := Member())
+    except RigError as error:
+        return str(error)
+    until(lambda: told)
+    network.leave(member)
+    return told[0]
+
+
+@pytest.mark.parametrize(
+    "text", [b"garbage", b"x" * 20_000, b"< state 1 >", b"\xff\xfe", b"< frame 181 1.5 000102030405060708 >"]
+)
+def test_what_is_no_message_is_left_out_and_what_follows_is_read(text):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        served(server, b"< hi >", b"< ok >", b"< ok >" + text + b"|< frame 702 1.5 7F >")
+        bus = open_bus(Bus(interface="socketcand", channel="can0", port=server.getsockname()[1]))
+        heard: list[int] = []
+
+        def read() -> bool:
+            if (message := bus.recv(0.1)) is not None:
+                heard.append(message.arbitration_id)
+            return 0x702 in heard
+
+        until(read)
+        bus.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("number", "data", "message"),
+    [
+        (0x77F, b"\x05", "a heartbeat as node 127, which this computer is to be"),
+        (0x080, b"", "it sends SYNC"),
+        (0x000, b"\x80\x01", "commands of network management"),
+        (0x601, b"\x40\x00\x10\x00\0\0\0\0", "questions to node 1"),
+    ],
+)
+def test_another_master_is_met_before_anything_is_sent(drive, number, data, message):
+    other = can.Bus(interface="virtual", channel=drive.channel)
+    task = other.send_periodic(can.Message(arbitration_id=number, data=data, is_extended_id=False), 0.02)
+    network = CanNetwork(Bus(interface="virtual", channel=drive.channel), SystemClock())
+    axis = CanopenAxis(network, Axis(), SystemClock())
+    time.sleep(0.1)
+    drive.frames()
+    with pytest.raises(RigError, match=f"another master is on the CAN bus .*{message}"):
+        axis.open(Ear())
+    task.stop()
+    other.shutdown()
+    answers = {0x581, 0x181, 0x281, 0x701}  # of the drive
+    assert {sent for sent, _ in drive.frames()} - answers <= {number}
+    axis.open(Ear())
+    axis.close()
+
+
 def test_a_gateway_that_goes_away_is_found_out_by_the_next_frames():
     """A socketcand gateway of a few lines, which hangs up."""
     gone = threading.Event()
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def serve() -> None:
-            server.accept()[0].sendall(b"< hi >")  # the first look
             connection, _ = server.accept()
             connection.sendall(b"< hi >")
             for _ in range(2):
@@ -250,5 +389,5 @@ def test_a_gateway_that_goes_away_is_found_out_by_the_next_frames():
         network.join(member := Member())
         gone.wait(5.0)
         until(lambda: told)
-        assert "frame 0x" in told[0]
+        assert "has gone" in told[0] or "hung up" in told[0]
         network.leave(member)

@@ -37,7 +37,7 @@ def network(drive: MadeUpDrive) -> CanNetwork:
 
 @pytest.fixture
 def axis(network: CanNetwork, ear: Ear) -> Iterator[CanopenAxis]:
-    axis = CanopenAxis(network, Axis(), SystemClock())
+    axis = CanopenAxis(network, Axis(low=0.0), SystemClock())
     axis.open(ear)
     yield axis
     axis.close()

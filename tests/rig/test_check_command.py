@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import subprocess
+import sys
 from datetime import date
 from pathlib import Path
 
@@ -11,10 +14,13 @@ import pytest
 from cutenv import cli
 from cutenv.commands.rig.check import as_json, lines
 from cutenv.rig.air_bench import AirBench
+from cutenv.rig.emulator.process import start
 from cutenv.rig.fake import FakeRig, Faults, fake_settings
+from cutenv.rig.hardware import rig_plant
 from cutenv.rig.inspection import Inspection, inspect
 from cutenv.rig.preparation import SETTLE
 from cutenv.rig.samples import DriveState
+from cutenv.rig.toml_file import to_toml
 
 
 def inspected(**faults: object) -> Inspection:
@@ -81,6 +87,31 @@ def test_the_command_passes_a_fake_rig(capsys: pytest.CaptureFixture[str]) -> No
     shown = capsys.readouterr().out
     assert "checks pass" in shown
     assert "FAIL" not in shown
+
+
+def test_a_rig_that_another_program_has_is_told_and_left_alone(tmp_path: Path) -> None:
+    file = tmp_path / "rig.toml"
+    check = [sys.executable, "-m", "cutenv", "rig", "check", str(file)]
+    with start(free_air=True) as emulator:
+        settings = dataclasses.replace(emulator.settings, depth_profile=((0.0, 0.01), (0.15, 0.01)))
+        file.write_text(to_toml(settings))
+        plant = rig_plant(settings)
+        try:
+            plant.open()
+            plant.power()
+            checked = subprocess.run(check, capture_output=True, text=True, check=False, timeout=120)
+            assert checked.returncode == 1
+            assert "FAIL connection" in checked.stdout
+            assert "another master is on the CAN bus" in checked.stdout
+            told = plant.clock.now()
+            while plant.supervisor.newest_force is None or plant.supervisor.newest_force.time < told:
+                assert plant.clock.now() < told + 10.0, "its sensor was taken away"
+                plant.clock.sleep_until(plant.clock.now() + 0.01)
+            assert [node["state"] for node in emulator.control.state()["nodes"]] == ["operation enabled"] * 2
+        finally:
+            plant.close()
+        alone = subprocess.run(check, capture_output=True, text=True, check=False, timeout=120).stdout
+        assert "ok   blade axis" in alone, alone  # else a busy host may have gaps in its streams
 
 
 def test_a_file_that_is_not_there_is_no_failed_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

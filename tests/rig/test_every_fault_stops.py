@@ -54,6 +54,7 @@ FAULTS: dict[str, tuple[Inject, set[Cause]]] = {
     "late readings": (faulty(force_late=0.05), {Cause.FORCE_STALE, Cause.FORCE_LATE}),
     "lost readings": (faulty(lose_every=3), {Cause.FORCE_LOST}),
     "no samples of the axis": (faulty(motion_silent=True), {Cause.MOTION_STALE}),
+    "doubled samples": (faulty(motion_doubled=True), {Cause.MOTION_DOUBLED}),
     "no heartbeat": (faulty(heartbeat_silent=True), {Cause.HEARTBEAT}),
     "a stuck encoder": (faulty(stuck=True), {Cause.STUCK, Cause.FOLLOWING, Cause.ACCELERATION}),
     "a blocked blade": (faulty(blocked=True), {Cause.STUCK, Cause.FOLLOWING, Cause.ACCELERATION}),

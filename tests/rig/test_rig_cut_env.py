@@ -250,6 +250,32 @@ def test_an_action_that_is_no_number_stops_the_blade(env):
     assert env.session.plant.supervisor.phase == "stopped"
 
 
+class Unspeakable:
+    """What no array can be made of, and no message."""
+
+    def __array__(self, *_: object, **__: object) -> np.ndarray:
+        raise RuntimeError("the policy's own")
+
+    def __repr__(self) -> str:
+        raise RuntimeError("the policy's own")
+
+
+@pytest.mark.parametrize(
+    "action",
+    ["forward", {}, [1, "x"], [[0.1], [0.2, 0.3]], object(), Unspeakable(), 1j, None, [math.inf, 0.0], [0.1] * 10**5],
+    ids=lambda action: type(action).__name__,
+)
+def test_an_action_of_another_kind_stops_the_blade_before_anything_is_said(env, action):
+    cut(env, until=50)
+    supervisor = env.session.plant.supervisor
+    with pytest.raises(ValueError, match="must hold 2 numbers") as caught:
+        env.step(action)
+    assert supervisor.phase == "stopped"
+    assert supervisor.report.cause is Cause.NOT_A_NUMBER
+    assert supervisor.standing
+    assert len(str(caught.value)) < 300
+
+
 def test_the_record_of_a_cut_that_was_stopped_from_here_says_why_and_how_it_came_to_rest(tmp_path):
     env = RigCutEnv(rig="fake", records=tmp_path)
     cut(env, "constant 1.65 cm/s 90 deg", until=50)

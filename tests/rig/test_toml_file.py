@@ -12,9 +12,10 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from made_up_settings import measured, nearly_usual
 
 from cutenv.rig.file_keys import SECTIONS
-from cutenv.rig.settings import Axis, Bus, Calibration, Identified, Limits, RigSettings, Sensor
+from cutenv.rig.settings import Calibration, Identified, RigSettings
 from cutenv.rig.toml_file import read, template, to_toml, write_identified
 
 FILLED = template("bench 2").replace("\n# FILL IN: ", "\n")
@@ -136,7 +137,7 @@ REFUSED = {
     "node": (("node = 127", "node = 128"), r"\[bus\]: node = 128 is outside 1 to 127"),
     "choice": (('cut_axis = "x"', 'cut_axis = "X"'), r"\[sensor\] cut_axis must be one of 'x', 'y', 'z'"),
     "ends of travel": (("high_mm = 149.0", "high_mm = -5.0"),
-                       r"\[blade\] low_mm = 0 must be below high_mm = -5: they are the ends of travel"),
+                       r"\[blade\] low_mm = -2 must be below high_mm = -5: they are the ends of travel"),
     "angle mode": (('angle_mode = "fixed"', 'angle_mode = "free"'), '"free" needs the second axis "angle"'),
     "date": (("date = 2026-03-01", 'date = "1 March"'), r"\[calibration\] date = '1 March' is no date"),
     "date of a kind": (("date = 2026-03-01", "date = 20260301"), r"\[calibration\] date must be a date such as"),
@@ -172,41 +173,24 @@ def test_what_is_no_text_is_refused(file: Path) -> None:
         read(file)
 
 
-def number(of: type[Any], field: str) -> st.SearchStrategy[float]:
-    about = {each.name: each for each in dataclasses.fields(of)}[field].metadata
-    return st.floats(about["low"] + 1e-9, about["high"] * (1.0 - 1e-9))
-
-
 @st.composite
 def any_settings(draw: st.DrawFn) -> RigSettings:
-    def some(of: type[Any], **more: Any) -> Any:
-        ends = {"low", "high", "angle_low", "angle_high"}  # which must be in order
-        names = [each.name for each in dataclasses.fields(of) if "low" in each.metadata and each.name not in ends]
-        return of(**{name: draw(number(of, name)) for name in names}, **more)
-
-    maybe = st.none() | st.floats(0.0, 10.0)
-    measured = [key.field for key in SECTIONS[-1].keys if key.field != "date"]
+    text = st.text(st.characters(codec="utf-8"), max_size=10)
+    settings = draw(nearly_usual())
     rise = draw(st.lists(st.floats(0.001, 0.06), min_size=2, max_size=5))
     profile = tuple((0.02 * i, depth) for i, depth in enumerate([*rise, 0.02]))
-    profile += ((0.15 + draw(st.floats(0.0, 0.1)), 0.01),)
-    free = draw(st.booleans())
-    text = st.text(st.characters(codec="utf-8"), max_size=10)
-    return RigSettings(
-        name=draw(text),
+    return dataclasses.replace(
+        settings,
+        name=draw(text.map(str.strip).filter(lambda name: name.isprintable() and bool(name))),
         armed_by=draw(text),
-        emulated=False,
-        angle_mode="free" if free else "fixed",
         fixed_angle=draw(st.floats(math.pi / 4, math.pi / 2)),
-        bus=some(Bus, channel=draw(text), node=draw(st.integers(1, 127))),
-        blade=some(Axis, direction=draw(st.sampled_from([1, -1])), low=-0.0123, high=0.1 + draw(st.floats(0.0, 0.1))),
-        angle=some(Axis, low=0.7, high=1.6) if free else None,
-        sensor=some(Sensor, cut_axis=draw(st.sampled_from("xyz"))),
-        limits=some(Limits),
-        calibration=some(Calibration, date=draw(st.sampled_from(["", "2026-03-01", "2026-03-01T14:05:00"]))),
-        identified=Identified(date=draw(st.sampled_from([None, "2026-04-01"])),
-                              **{name: draw(maybe) for name in measured}),
-        depth_profile=profile,
-    )  # fmt: skip
+        bus=dataclasses.replace(settings.bus, channel=draw(text), node=draw(st.integers(3, 127))),
+        blade=dataclasses.replace(settings.blade, direction=draw(st.sampled_from([1, -1]))),
+        sensor=dataclasses.replace(settings.sensor, cut_axis=draw(st.sampled_from("xyz"))),
+        calibration=Calibration(date=draw(st.sampled_from(["", "2026-03-01", "2026-03-01T14:05:00"]))),
+        identified=draw(measured()),
+        depth_profile=(*profile, (0.15 + draw(st.floats(0.0, 0.1)), 0.01)),
+    )
 
 
 @given(settings=any_settings())

@@ -5,10 +5,12 @@ from __future__ import annotations
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cutenv.rig.cadence import SURPLUS, Cadence
 from cutenv.rig.causes import STILL, Cause
 from cutenv.rig.fake import fake_settings
 from cutenv.rig.following import Following
@@ -150,6 +152,23 @@ def test_a_standing_encoder_is_stuck_after_60_ms_of_expected_motion():
     first = found.index(Cause.STUCK)
     assert 0.060 <= SYNC * first <= 0.090  # it was to start, too
     assert set(moving([0.0005] * 200, [0.0] * 200, positions=[0.02] * 200)) == {None}  # too slow to tell
+
+
+def test_a_stalled_computer_gets_many_samples_at_once_and_none_is_doubled():
+    random = np.random.default_rng(1)
+    for stall in (0.02, 0.1, 0.24):
+        cadence = Cadence(SYNC)
+        most, due = -math.inf, 0.0
+        for n in range(2000):
+            due = SYNC * n + random.uniform(0.0, 0.9 * SYNC)
+            stalled = 3.0 <= due % 4.0 < 3.0 + stall
+            cadence.count(due - due % 4.0 + 3.0 + stall if stalled else due)
+            most = max(most, cadence.surplus)
+        assert most < SURPLUS - 1.0, stall
+        for n in range(6):
+            cadence.count(due + SYNC * (n + 1))
+            cadence.count(due + SYNC * (n + 1) + 2e-4)
+        assert cadence.surplus > SURPLUS
 
 
 def test_following_forgets_small_differences_and_finds_lasting_ones():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -11,6 +12,7 @@ from cutenv.rig.canopen.bus import open_bus
 from cutenv.rig.canopen.objects import HEARTBEAT_FRAME, NMT_FRAME, NMT_OPERATIONAL, SYNC_FRAME
 from cutenv.rig.clock import Clock, Repeating
 from cutenv.rig.drivers import RigError
+from cutenv.rig.owner import Owner
 from cutenv.rig.settings import Bus
 from cutenv.validation import in_range
 
@@ -20,6 +22,8 @@ DRIVE_PATIENCE = 0.100
 """Time without this computer's heartbeat, after which a drive stops by itself [s]."""
 _SEND_LIMIT = 0.02  # [s] for a frame to be taken by the bus
 _READ_LIMIT = 0.1  # [s] after which the reader looks whether it is to end
+_LISTENED = 0.15  # [s] before the first frame is sent: three heartbeats of another program like this one
+_SDO_REQUESTS = range(0x601, 0x680)
 _BUS_OFF = 0x40  # in the number of an error frame, as Linux and socketcand give it
 
 Handler = Callable[[bytes, float], None]
@@ -40,9 +44,10 @@ class Member(Protocol):
 class CanNetwork:
     """One CAN bus with this computer as its master; opened by the first axis that joins, closed by the last to leave.
 
-    It breaks, once, at the first frame that cannot be sent, read or handled, or when the bus goes off; a gateway that
-    has gone is met by the second SYNC after.  From then on neither SYNC nor heartbeat is sent, so that the drives stop
-    by themselves; other frames are still tried.
+    Before anything is sent it listens for another master, whose drives it would disturb; it stays silent then.
+
+    It breaks, once, at the first frame that cannot be sent, read or handled, or when the bus goes off.  From
+    then on neither SYNC nor heartbeat is sent, so that the drives stop by themselves; other frames are still tried.
 
     Parameters
     ----------
@@ -71,6 +76,7 @@ class CanNetwork:
         self._joining = threading.Lock()
         self._sending = threading.Lock()
         self._breaking = threading.Lock()
+        self._owner = Owner()
         self._bus: Any = None
         self._message: Any = None
         self._reader: threading.Thread | None = None
@@ -87,7 +93,7 @@ class CanNetwork:
         Raises
         ------
         RigError
-            If the bus cannot be opened, or is broken.
+            If the bus cannot be opened or is broken, or another master is on it.
         """
         with self._joining:
             if not self._members:
@@ -97,7 +103,12 @@ class CanNetwork:
             self._members.append(member)
 
     def leave(self, member: Member) -> None:
-        """Have a member less; the last closes the bus.  Never raises, and may be called twice."""
+        """Have a member less; the last closes the bus.  Never raises, and may be called twice.
+
+        Nothing in a fork, where the lock may be held for ever.
+        """
+        if not self._owner.here:
+            return
         with self._joining:
             if member in self._members:
                 self._members.remove(member)
@@ -120,9 +131,10 @@ class CanNetwork:
         Raises
         ------
         RigError
-            If the bus does not take it; the network is broken then.
+            If the bus does not take it; the network is broken then.  In a fork of the process that has opened it.
         """
         bus = self._bus
+        self._owner.check()
         if bus is None:
             raise RigError(f"the CAN bus ({self}) is not open.")
         message = self._message(arbitration_id=can_id, data=data, is_extended_id=False)
@@ -154,7 +166,14 @@ class CanNetwork:
         self._silent = False
 
     def _open(self) -> None:
-        self._bus = open_bus(self.settings)
+        self._owner = Owner()
+        bus = open_bus(self.settings)
+        try:
+            self._refuse_another_master(bus)
+        except BaseException:
+            bus.shutdown()
+            raise
+        self._bus = bus
         import can
 
         self._message = can.Message
@@ -168,6 +187,31 @@ class CanNetwork:
             self._clock.every(self.settings.sync, lambda now: self._repeat(SYNC_FRAME, b""), "cutenv SYNC"),
             self._clock.every(self.settings.heartbeat, lambda now: self._beat(), "cutenv heartbeat"),
         ]
+
+    def _refuse_another_master(self, bus: Any) -> None:
+        """Listen, before anything is sent, to whether somebody else commands the drives of this bus."""
+        ours = HEARTBEAT_FRAME + self.settings.node
+        ends = time.monotonic() + _LISTENED
+        while (left := ends - time.monotonic()) > 0.0:
+            try:
+                message = bus.recv(left)
+            except Exception as error:  # python-can's interfaces raise what their libraries do
+                raise RigError(f"the CAN bus ({self}) cannot be read: {_brief(error)}.") from error
+            if message is None or message.is_error_frame or message.is_extended_id or message.is_remote_frame:
+                continue
+            number = message.arbitration_id
+            if number == ours:
+                what = f"a heartbeat as node {self.settings.node}, which this computer is to be"
+            elif number in (SYNC_FRAME, NMT_FRAME):
+                what = "SYNC" if number == SYNC_FRAME else "commands of network management"
+            elif number in _SDO_REQUESTS:
+                what = f"questions to node {number - _SDO_REQUESTS.start + 1}"
+            else:
+                continue
+            raise RigError(
+                f"another master is on the CAN bus ({self}): it sends {what}. Does another program use this rig? End "
+                "it first. Nothing was sent to the drives."
+            )
 
     def _close(self) -> None:
         for repeating in self._repeating:

@@ -1,0 +1,296 @@
+"""What cannot be true of one rig at the same time: keys of its file that are each in range and contradict each other.
+
+A rig that is accepted here can be cut with: no limit is crossed by what the rig does when all is well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from cutenv.rig.canopen.bus import INTERFACES, bus_arguments
+from cutenv.rig.canopen.configuration import PRODUCER_PERIOD
+from cutenv.rig.canopen.network import DRIVE_PATIENCE
+from cutenv.rig.canopen.units import AxisUnits
+from cutenv.rig.file_keys import shown
+from cutenv.rig.force_watch import RISE_OVER
+from cutenv.rig.plant import REST_WITHIN, SLOW_TURN, TURN_RATE
+from cutenv.rig.session import RETURN_SPEED
+from cutenv.rig.settings import Axis, RigSettings
+from cutenv.validation import one_of
+
+AHEAD = 0.010
+"""By which the blade is ahead of the tip in tissue [m]."""
+SHORTEST_TRAVEL = 0.015 + AHEAD
+"""Far end of travel that the shortest cut needs [m]."""
+_CLAMP_ROOM = 5e-4  # [m] before the clamp: a blade that returns to it passes it by less
+_UPRIGHT_ROOM = math.radians(0.5)  # beyond 90 degrees, likewise
+_STOP_WITHIN = 0.25  # [s] of a quick stop from the axis's top speed
+_TURNING_WITHIN = 0.25  # [s] from rest to the rate that a cut asks of a hinge
+_SETTLING = 6.0  # lags of the velocity loop until the blade counts as standing
+_COARSEST = 2e-5  # [m] of an increment: beyond, a blade that creeps would not be seen to move
+_FULL = 0.8  # of a bus, beyond which frames come late
+_SYNC_BITS, _AXIS_BITS = 55, 365  # a SYNC, and an axis's command and two answers to it, with all stuffing
+_TISSUE_RISE = 15.0 / 0.0254  # [N/m]: force over way in tissue
+_NOISE, _RESOLUTION = 0.02, 0.05  # [N] of a sensor that was not identified
+_NOISY = 6.0  # standard deviations that noise alone may reach
+_MEASURED_AS_TOLD = 2.0  # ratio of an acceleration that was identified to the one that the drive is told
+
+Found = Iterator["Contradiction"]
+
+
+class Contradiction(NamedTuple):
+    """Keys that cannot both be true.
+
+    Attributes
+    ----------
+    keys : tuple of str
+        Section and field of each, such as ``"limits.high"``.
+    why : str
+        What would come of them, and the cure.
+    """
+
+    keys: tuple[str, ...]
+    why: str
+
+
+def refuse_contradictions(settings: RigSettings) -> None:
+    """Refuse a rig whose keys contradict each other.
+
+    Raises
+    ------
+    ValueError
+        Names every contradiction, with the keys and values as the file has them.
+    """
+    found = [
+        f"{' and '.join(shown(settings, key) for key in each.keys)}: {each.why}" for each in contradictions(settings)
+    ]
+    if found:
+        raise ValueError(" ".join(found))
+
+
+def contradictions(settings: RigSettings) -> Found:
+    """Everything in a rig's settings that contradicts something else in them."""
+    yield from _names(settings)
+    yield from _nodes(settings)
+    yield from _bus(settings)
+    yield from _travel(settings)
+    yield from _speeds(settings)
+    yield from _brakes(settings)
+    yield from _forces(settings)
+    yield from _turns(settings)
+    yield from _measured(settings)
+    for name, axis in _axes(settings).items():
+        yield from _counts(name, axis)
+
+
+def _axes(settings: RigSettings) -> dict[str, Axis]:
+    return {"blade": settings.blade} | ({} if settings.angle is None else {"angle": settings.angle})
+
+
+def _names(settings: RigSettings) -> Found:
+    name = settings.name
+    if not name or name != name.strip() or not name.isprintable():
+        yield Contradiction(
+            ("name",), "the operator confirms by typing it: give a name that can be seen, without spaces around it."
+        )
+
+
+def _nodes(settings: RigSettings) -> Found:
+    nodes = {"bus.node": settings.bus.node} | {f"{name}.node": axis.node for name, axis in _axes(settings).items()}
+    keys = list(nodes)
+    for i, one in enumerate(keys):
+        for other in keys[i + 1 :]:
+            if nodes[one] == nodes[other]:
+                yield Contradiction((one, other), "every node of a CAN bus needs a number of its own.")
+
+
+def _bus(settings: RigSettings) -> Found:
+    bus, limits, sync = settings.bus, settings.limits, settings.bus.sync
+    try:
+        one_of("interface", bus.interface, INTERFACES)
+        bus_arguments(bus)
+    except ValueError as error:
+        yield Contradiction(("bus.interface", "bus.channel"), f"{error}")
+    if 2.0 * bus.heartbeat > DRIVE_PATIENCE:
+        yield Contradiction(
+            ("bus.heartbeat",), f"a drive stops after {1e3 * DRIVE_PATIENCE:g} ms without; two must fit into that."
+        )
+    if 1.5 * PRODUCER_PERIOD > limits.heartbeat:
+        yield Contradiction(
+            ("limits.heartbeat",),
+            f"a drive sends one every {1e3 * PRODUCER_PERIOD:g} ms, and one may be late: allow 75 ms or more.",
+        )
+    if 2.0 * sync > limits.stale_motion:
+        yield Contradiction(
+            ("limits.stale_motion", "bus.sync"),
+            "samples come with every SYNC, and one may be late: allow two periods or more.",
+        )
+    load = (_SYNC_BITS + _AXIS_BITS * len(_axes(settings))) / bus.bitrate / sync
+    if load > _FULL:
+        yield Contradiction(
+            ("bus.bitrate", "bus.sync"),
+            f"the frames of a SYNC fill the bus to {load:.0%}. Raise the bit rate, in all drives too, or the period.",
+        )
+
+
+def _travel(settings: RigSettings) -> Found:
+    limits, blade = settings.limits, settings.blade
+    if limits.low > -_CLAMP_ROOM:
+        yield Contradiction(
+            ("limits.low",), f"the clamp, where every cut begins, is at 0 mm: give {-1e3 * _CLAMP_ROOM:g} mm or less."
+        )
+    if limits.high < SHORTEST_TRAVEL:
+        yield Contradiction(("limits.high",), f"the shortest cut needs {1e3 * SHORTEST_TRAVEL:g} mm.")
+    if blade.low > limits.low:
+        yield Contradiction(("blade.low", "limits.low"), _drive_first("Lower blade.low_mm, or raise the limit"))
+    if blade.high < limits.high:
+        yield Contradiction(("blade.high", "limits.high"), _drive_first("Raise blade.high_mm, or lower the limit"))
+    if blade.following_error < limits.following:
+        yield Contradiction(
+            ("blade.following_error", "limits.following"), _drive_first("Widen the drive's window, or lower the limit")
+        )
+    if limits.following < limits.speed * settings.bus.sync:
+        yield Contradiction(
+            ("limits.following", "limits.speed", "bus.sync"),
+            "the blade goes further from one sample to the next. Allow more.",
+        )
+
+
+def _drive_first(cure: str) -> str:
+    return f"the drive would fall into a fault before the limit stops it. {cure}."
+
+
+def _speeds(settings: RigSettings) -> Found:
+    limits, blade = settings.limits, settings.blade
+    if limits.speed > blade.speed:
+        yield Contradiction(
+            ("limits.speed", "blade.speed"), "the drive goes no faster than its own speed; the limit must be within it."
+        )
+    if limits.speed < RETURN_SPEED:
+        yield Contradiction(
+            ("limits.speed",), f"the blade returns to the clamp at {1e2 * RETURN_SPEED:g} cm/s. Allow that."
+        )
+    if limits.acceleration < blade.acceleration:
+        yield Contradiction(
+            ("limits.acceleration", "blade.acceleration"),
+            "the drive accelerates beyond the limit by itself. Lower its own acceleration.",
+        )
+
+
+def _brakes(settings: RigSettings) -> Found:
+    for name, axis in _axes(settings).items():
+        if axis.quick_stop < axis.acceleration:
+            yield Contradiction(
+                (f"{name}.quick_stop", f"{name}.acceleration"), "a quick stop must not be gentler than a plain one."
+            )
+        if axis.speed > _STOP_WITHIN * axis.quick_stop:
+            yield Contradiction(
+                (f"{name}.quick_stop", f"{name}.speed"),
+                f"from its top speed it takes {axis.speed / axis.quick_stop:.2g} s to rest, and may take "
+                f"{_STOP_WITHIN:g}. Raise the one, or lower the other.",
+            )
+    blade, lag = settings.blade, settings.identified.motor_lag or 0.0
+    resting = settings.limits.speed / blade.acceleration + _SETTLING * lag
+    if resting > 0.5 * REST_WITHIN:
+        keys = ("blade.acceleration", "limits.speed") + (("identified.motor_lag",) if lag else ())
+        yield Contradiction(
+            keys, f"at the end of a cut the blade takes {resting:.2g} s to rest, and may take {0.5 * REST_WITHIN:g}."
+        )
+
+
+def _forces(settings: RigSettings) -> Found:
+    limits, rate, measured = settings.limits, settings.sensor.rate, settings.identified
+    noise = _NOISE if measured.force_noise is None else measured.force_noise
+    step = _RESOLUTION if measured.force_resolution is None else measured.force_resolution
+    noisy = _NOISY * noise + step
+    sources = tuple(
+        f"identified.{name}" for name in ("force_noise", "force_resolution") if getattr(measured, name) is not None
+    )
+    if limits.force_norm < limits.force:
+        yield Contradiction(
+            ("limits.force", "limits.force_norm"),
+            "the force of one axis is never above that of all three: its limit would never count.",
+        )
+    for name, fewest in (("stale_force", 3), ("frozen_force", 5), ("late_force", 3)):
+        if getattr(limits, name) * rate < fewest:
+            yield Contradiction(
+                (f"limits.{name}", "sensor.rate"),
+                f"it must be the time of {fewest} readings or more. Allow {1e3 * fewest / rate:.3g} ms.",
+            )
+    if limits.force_rise < _TISSUE_RISE * limits.speed:
+        yield Contradiction(
+            ("limits.force_rise", "limits.speed"),
+            f"in tissue, force rises by {_TISSUE_RISE * limits.speed:.3g} N/s at that speed. Allow more, or go slower.",
+        )
+    rise = math.sqrt(2.0) * noisy / RISE_OVER  # of a difference of two readings
+    if limits.force_rise < rise:
+        yield Contradiction(
+            ("limits.force_rise", *sources), f"the sensor's noise alone rises by up to {rise:.3g} N/s. Allow more."
+        )
+    if limits.force < noisy:
+        yield Contradiction(("limits.force", *sources), f"the sensor's noise alone reaches {noisy:.2g} N. Allow more.")
+
+
+def _turns(settings: RigSettings) -> Found:
+    limits, hinge = settings.limits, settings.angle
+    if hinge is None:
+        if not limits.angle_low <= settings.fixed_angle <= limits.angle_high:
+            yield Contradiction(
+                ("fixed_angle", "limits.angle_low", "limits.angle_high"), "the blade is set outside of its limits."
+            )
+        return
+    if not limits.angle_low + 4.0 * _UPRIGHT_ROOM <= math.pi / 2 <= limits.angle_high - _UPRIGHT_ROOM:
+        yield Contradiction(
+            ("limits.angle_low", "limits.angle_high"),
+            "a cut begins upright, at 90 deg, and turns from there: allow 88 to 90.5 deg at least.",
+        )
+    if hinge.low > limits.angle_low:
+        yield Contradiction(("angle.low", "limits.angle_low"), _drive_first("Lower angle.low_deg, or raise the limit"))
+    if hinge.high < limits.angle_high:
+        yield Contradiction(
+            ("angle.high", "limits.angle_high"), _drive_first("Raise angle.high_deg, or lower the limit")
+        )
+    if min(hinge.speed, TURN_RATE) > _TURNING_WITHIN * hinge.acceleration:
+        yield Contradiction(
+            ("angle.acceleration", "angle.speed"),
+            f"it takes longer than {_TURNING_WITHIN:g} s to turn as fast as a cut asks for, up to "
+            f"{math.degrees(TURN_RATE):g} deg/s. Raise its acceleration.",
+        )
+    if hinge.speed < SLOW_TURN:
+        yield Contradiction(
+            ("angle.speed",), f"the blade turns back at {math.degrees(SLOW_TURN):g} deg/s between cuts. Allow that."
+        )
+
+
+def _measured(settings: RigSettings) -> Found:
+    measured, told = settings.identified.acceleration, settings.blade.acceleration
+    if measured and not 1.0 / _MEASURED_AS_TOLD <= measured / told <= _MEASURED_AS_TOLD:
+        yield Contradiction(
+            ("identified.acceleration", "blade.acceleration"),
+            "the axis was measured at another one than the drive is told. Identify the rig anew.",
+        )
+
+
+def _counts(name: str, axis: Axis) -> Found:
+    """Whether some drive can count in increments and units of speed what the axis does."""
+    mechanics = (f"{name}.pulses", f"{name}.gear", f"{name}.lead")
+    refusals = []
+    for steps in (1000, 1):  # newer drives know milli-rpm, older ones whole rpm
+        try:
+            units = AxisUnits(axis=axis, steps=steps)
+        except ValueError as error:
+            refusals.append(f"{error}")
+    if len(refusals) == 2:
+        yield Contradiction(mechanics, refusals[0])
+    elif units.increments(axis.following_error) == 0:
+        yield Contradiction(
+            (*mechanics, f"{name}.following_error"), "the window is less than one increment of the encoder."
+        )
+    elif name == "blade" and units.position(1) * axis.direction > _COARSEST:
+        yield Contradiction(
+            mechanics,
+            f"an increment of the encoder is {1e3 * abs(units.position(1)):.2g} mm, and a blade that creeps goes "
+            f"{1e3 * _COARSEST:g} mm between looks.",
+        )

@@ -1,0 +1,161 @@
+"""Where attacks on a rig are made: a blade that cuts on an emulated rig, and what came of it by the emulator's word."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from cutting_rig import SPEED, CuttingRig
+
+from cutenv.rig.drivers import RigError
+from cutenv.rig.emulator.process import RunningEmulator, start
+
+FARTHEST = 0.005
+"""Way that a blade may go from an attack that has to stop it [m]."""
+_STANDS = 2e-4  # [m/s]
+_AFTER = 0.4  # [s] of cutting before the attack
+_WATCHED = 1.2  # [s] after it
+_LOOKED = 0.4  # [s] between the two last looks
+
+Attack = Callable[["Scene"], None]
+
+
+@dataclass(kw_only=True)
+class Outcome:
+    """What came of an attack; SI.
+
+    Attributes
+    ----------
+    cause : str or None
+        Of the stop; None: the cut went on.
+    way : float or None
+        Of the blade from the attack to its rest, or to the end; None: nobody is left to tell.
+    moves : bool
+        Whether it moves in the end though it was stopped, or though nobody commands it.
+    refused : bool
+        Whether commands are refused after a stop.
+    stalls : int
+        Delays of this machine meanwhile.
+    notes : list of str
+        What else was seen; what is wrong begins with "!".
+    """
+
+    cause: str | None = None
+    way: float | None = None
+    moves: bool = False
+    refused: bool = True
+    stalls: int = 0
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def safe(self) -> bool:
+        """Whether nothing moves that was stopped, and nothing else is wrong."""
+        return not self.moves and self.refused and not any(note.startswith("!") for note in self.notes)
+
+    @property
+    def stops(self) -> bool:
+        """Whether it was stopped, near by."""
+        return self.safe and self.cause is not None and (self.way is None or abs(self.way) < FARTHEST)
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether the cut went on; a machine that stalls may stop it as well."""
+        return self.safe and (self.cause is None or self.stalls > 0)
+
+
+class Scene:
+    """An emulated rig on which a blade cuts; made anew where an attack leaves it of no use."""
+
+    def __init__(self) -> None:
+        self._emulator: RunningEmulator | None = None
+        self._rig: CuttingRig | None = None
+        self.notes: list[str] = []
+
+    @property
+    def emulator(self) -> RunningEmulator:
+        """The process of the emulated rig."""
+        self._emulator = self._emulator or start()
+        return self._emulator
+
+    @property
+    def rig(self) -> CuttingRig:
+        """The rig that cuts on it."""
+        if self._rig is None:
+            self._rig = CuttingRig(self.emulator.settings, self.emulator.control)
+        return self._rig
+
+    def note(self, text: str) -> None:
+        """Keep what was seen; with "!" before what is wrong."""
+        self.notes.append(text)
+
+    def attacked(self, attack: Attack, seed: int) -> Outcome:
+        """Cut, attack from another thread, and see what came of it."""
+        self.notes = []
+        rig, outcome, at = self.rig, Outcome(notes=self.notes), {}
+        rig.begin(seed)
+        stalls = len(rig.host.stalls)
+
+        def run() -> None:
+            at.update(self._truth())
+            try:
+                attack(self)
+            except Exception as error:  # an attack that fails is none
+                self.note(f"! the attack itself: {type(error).__name__}: {error}")
+
+        timer = threading.Timer(_AFTER, run)
+        timer.start()
+        report = rig.cut(_AFTER + _WATCHED)
+        timer.join(10.0)
+        outcome.cause = None if report is None else report.cause.value
+        outcome.stalls = len(rig.host.stalls) - stalls
+        if report is not None:
+            self.note(str(report))
+            outcome.refused = rig.refuses()
+        else:
+            rig.plant.halt()
+        self._look(outcome, at)
+        return outcome
+
+    def _look(self, outcome: Outcome, at: dict[str, Any]) -> None:
+        time.sleep(0.2)
+        first = self._truth()
+        time.sleep(_LOOKED)
+        last = self._truth()
+        if not last:
+            self.note("the emulator is gone: the drive's own watch is all that is left, as of hardware without power")
+            return
+        if at:
+            outcome.way = last["position_m"] - at["position_m"]
+        went = abs(last["position_m"] - first["position_m"]) / _LOOKED if first else 0.0
+        outcome.moves = went > _STANDS
+        if outcome.moves:
+            self.note(f"! it moves at {1e3 * went:.1f} mm/s, commanded were {1e3 * SPEED:g}")
+
+    def _truth(self) -> dict[str, Any]:
+        try:
+            return self.emulator.control.truth()
+        except (OSError, RigError):
+            return {}
+
+    def renew(self, *, whole: bool = False) -> None:
+        """Leave the rig, and the emulator too if it is of no use."""
+        rig, self._rig = self._rig, None
+        if rig is not None:
+            rig.close()
+        if self._emulator is not None:
+            try:
+                self._emulator.control.clear()
+            except (OSError, RigError):
+                whole = True
+        if whole and self._emulator is not None:
+            self._emulator.close()
+            self._emulator = None
+
+    def __enter__(self) -> Scene:
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self.renew(whole=True)

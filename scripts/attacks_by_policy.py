@@ -1,0 +1,152 @@
+"""Attacks by the policy, through the environment: what it returns, how long it takes, what else it does."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutenv.envs.rig_cut import RigCutEnv
+from cutenv.recording import load_one
+from cutenv.recording.errors import RecordError
+
+Found = tuple[list[str], list[str]]
+"""What was wrong, and what else was seen."""
+_GOOD = 30  # decisions before the policy turns bad
+_BAD = 100  # decisions at most after that
+
+
+class _Cut:
+    """A cut on an emulated rig of its own with records, and what the carriage does by the emulator's word."""
+
+    def __init__(self, folder: str) -> None:
+        self.folder = Path(folder)
+        self.env = RigCutEnv(rig="emulator", specimen_class="uniform", target_length=0.08, records=folder)
+        for attempt in range(3):  # a busy machine stops the blade on its way
+            self.env.reset(seed=attempt)
+            if not any(self.env.step([0.5, 1.0])[2] for _ in range(_GOOD)):
+                break
+        emulator = self.env._source.emulator
+        assert emulator is not None
+        self._control = emulator.control
+        self.begun = self._position()
+
+    def _position(self) -> float:
+        return float(self._control.truth()["position_m"])
+
+    def judged(self, *, stopped: str | None) -> Found:
+        """What is wrong in the end: that it moves, that its cause is another one, that its record cannot be read."""
+        supervisor, wrong = self.env.session.plant.supervisor, []
+        seen = [str(supervisor.report)]
+        cause = None if supervisor.report is None else supervisor.report.cause.value
+        if stopped is not None and cause != stopped:
+            wrong.append(f"stopped as {cause}, not {stopped}")
+        time.sleep(0.2)
+        rest = self._position()
+        time.sleep(0.4)
+        if stopped is not None and abs(self._position() - rest) > 1e-4:
+            wrong.append("it moves on")
+        seen.append(f"{1e3 * (rest - self.begun):.2f} mm")
+        self.env.close()
+        for file in self.folder.glob("*.csv"):
+            try:
+                load_one(file)
+            except RecordError as error:
+                wrong.append(f"its record: {error}")
+        return wrong, seen
+
+
+def _returned(action: Callable[[int], Any], stopped: str | None, *, wait: float = 0.0) -> Found:
+    """The policy returns these actions, after so much time each."""
+    with tempfile.TemporaryDirectory() as folder:
+        cut = _Cut(folder)
+        try:
+            for i in range(_BAD):
+                if wait:
+                    time.sleep(wait)
+                if cut.env.step(action(i))[2]:
+                    break
+        except ValueError:
+            pass
+        return cut.judged(stopped=stopped)
+
+
+def infinite() -> Found:
+    """It returns infinity."""
+    return _returned(lambda i: np.array([math.inf, 0.0]), "not a number")
+
+
+def text() -> Found:
+    """It returns a text."""
+    return _returned(lambda i: "forward", "not a number")
+
+
+def alternating() -> Found:
+    """It returns full speed to and fro: every limit may stop it, and nothing may move then."""
+    return _returned(lambda i: np.array([1.0 if i % 2 else -1.0, 1.0 if i % 2 else -1.0]), None)
+
+
+def nearly_late() -> Found:
+    """It takes 15 of its 20 ms for each decision: a busy machine may stop it, an idle one should not."""
+    return _returned(lambda i: np.array([0.3, 1.0]), None, wait=0.015)
+
+
+def late() -> Found:
+    """It takes 100 ms."""
+    return _returned(lambda i: np.array([0.3, 1.0]), "clock overrun", wait=0.1)
+
+
+def raising() -> Found:
+    """It raises, and nobody catches it."""
+    with tempfile.TemporaryDirectory() as folder:
+        cut = _Cut(folder)
+        try:
+            with cut.env.session:
+                raise ZeroDivisionError("the policy's own")
+        except ZeroDivisionError:
+            pass
+        supervisor = cut.env.session.plant.supervisor
+        cause = None if supervisor.report is None else supervisor.report.cause.value
+        wrong = [] if cause == "exception" else [f"stopped as {cause}"]
+        cut.env.close()
+        return wrong, [str(supervisor.report)]
+
+
+def resetting() -> Found:
+    """It resets the environment in the middle of a cut, and cuts again."""
+    with tempfile.TemporaryDirectory() as folder:
+        cut = _Cut(folder)
+        cut.env.reset(seed=5)
+        cut.env.step([0.3, 1.0])
+        return cut.judged(stopped=None)
+
+
+def deleting_its_record() -> Found:
+    """It deletes the record of the cut: the blade stops, and nothing is promised of the record."""
+    with tempfile.TemporaryDirectory() as folder:
+        cut = _Cut(folder)
+        for file in cut.folder.glob("*.csv"):
+            file.unlink()
+        told = ""
+        try:
+            for _ in range(_BAD):
+                if cut.env.step([0.3, 1.0])[2]:
+                    break
+        except OSError as error:
+            told = str(error)
+        report = cut.env.session.plant.supervisor.report
+        wrong = [] if report is not None and "record" in report.detail else [f"stopped as {report}"]
+        if any("can be loaded" in message for message in (told, str(report))):
+            wrong.append("it promises a record that was deleted")
+        with contextlib.suppress(OSError):
+            cut.env.close()
+        return wrong, [str(report)]
+
+
+POLICIES = (infinite, text, alternating, nearly_late, late, raising, resetting, deleting_its_record)

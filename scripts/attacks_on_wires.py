@@ -1,0 +1,192 @@
+"""Attacks by others on the CAN bus and in the sensor's network."""
+
+from __future__ import annotations
+
+import random
+import socket
+import struct
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from attack_scene import Scene
+
+from cutenv.rig.canopen.socketcand import Socketcand
+from cutenv.rig.drivers import RigError
+from cutenv.rig.hardware import rig_plant
+from cutenv.rig.netft.packets import Command, request_bytes
+
+
+@contextmanager
+def on_the_bus(scene: Scene) -> Iterator[Any]:
+    """Another client of the gateway: a function that sends a frame."""
+    import can
+
+    bus = Socketcand(scene.emulator.settings.bus)
+    time.sleep(0.05)  # the hub lets it speak and listen
+    try:
+        yield lambda number, data=b"": bus.send(
+            can.Message(arbitration_id=number, data=data, is_extended_id=False), timeout=1.0
+        )
+    finally:
+        bus.shutdown()
+
+
+def foreign_quick_stop(scene: Scene) -> None:
+    """One quick stop of another master."""
+    with on_the_bus(scene) as send:
+        send(0x201, struct.pack("<HiB", 0x0B, 0, 3))
+
+
+def foreign_speed_once(scene: Scene) -> None:
+    """One command of another master: 3 cm/s."""
+    with on_the_bus(scene) as send:
+        send(0x201, struct.pack("<HiB", 0x0F, 3_960_000, 3))
+
+
+def foreign_stop_of_the_node(scene: Scene) -> None:
+    """Network management: stop the node."""
+    with on_the_bus(scene) as send:
+        send(0x000, b"\x02\x01")
+
+
+def foreign_pre_operational(scene: Scene) -> None:
+    """Network management: pre-operational, all nodes."""
+    with on_the_bus(scene) as send:
+        send(0x000, b"\x80\x00")
+
+
+def foreign_reset_of_the_node(scene: Scene) -> None:
+    """Network management: reset the node."""
+    with on_the_bus(scene) as send:
+        send(0x000, b"\x81\x01")
+
+
+def foreign_sync(scene: Scene) -> None:
+    """Another master's SYNC every 5 ms for half a second."""
+    with on_the_bus(scene) as send:
+        for _ in range(100):
+            send(0x080)
+            time.sleep(0.005)
+
+
+def foreign_heartbeat(scene: Scene) -> None:
+    """Another master's heartbeat under our number, saying that it is stopped."""
+    with on_the_bus(scene) as send:
+        for _ in range(10):
+            send(0x77F, b"\x04")
+            time.sleep(0.03)
+
+
+def spoofed_boot(scene: Scene) -> None:
+    """A boot-up message in the drive's name."""
+    with on_the_bus(scene) as send:
+        send(0x701, b"\x00")
+
+
+def spoofed_emergency(scene: Scene) -> None:
+    """An emergency in the drive's name."""
+    with on_the_bus(scene) as send:
+        send(0x081, struct.pack("<HB5x", 0x8611, 0x20))
+
+
+def spoofed_position(scene: Scene) -> None:
+    """Samples in the drive's name that say the blade is elsewhere."""
+    with on_the_bus(scene) as send:
+        for _ in range(5):
+            send(0x181, struct.pack("<HiB", 0x27, 1_980_000, 3))
+            send(0x281, struct.pack("<ih", 1_000_000, 0))
+            time.sleep(0.005)
+
+
+def short_and_long_frames(scene: Scene) -> None:
+    """Frames of every length, as each of the drive's."""
+    with on_the_bus(scene) as send:
+        for number in (0x181, 0x281, 0x081, 0x701, 0x581):
+            for length in (0, 1, 3, 5):
+                if number == 0x701 and length == 1:
+                    continue
+                send(number, bytes(length))
+
+
+def flood_of_foreign_frames(scene: Scene) -> None:
+    """Two thousand frames that are nobody's."""
+    with on_the_bus(scene) as send:
+        for i in range(2000):
+            send(0x300 + i % 64, bytes(8))
+
+
+def gateway_full_of_clients(scene: Scene) -> None:
+    """Thirty connections to the gateway that say nothing."""
+    settings = scene.emulator.settings.bus
+    held = [socket.create_connection((settings.host, settings.port), timeout=2.0) for _ in range(30)]
+    time.sleep(0.5)
+    for connection in held:
+        connection.close()
+
+
+def gateway_hears_garbage(scene: Scene) -> None:
+    """Another client of the gateway sends noise."""
+    settings, noise = scene.emulator.settings.bus, random.Random(1)
+    for _ in range(20):
+        with socket.create_connection((settings.host, settings.port), timeout=2.0) as other:
+            other.sendall(noise.randbytes(3000))
+
+
+def second_program(scene: Scene) -> None:
+    """A second program wants the same rig: it has to be refused, and nothing may stop."""
+    plant = rig_plant(scene.emulator.settings)
+    try:
+        plant.open()
+        scene.note("! two programs have one rig")
+    except RigError as error:
+        scene.note(f"refused: {error}")
+    finally:
+        plant.close()
+
+
+def foreign_packets_to_us(scene: Scene) -> None:
+    """A thousand packets to our port of the sensor, from elsewhere."""
+    opened = scene.rig.plant._sensor._socket
+    if opened is None:
+        raise RuntimeError("the sensor is not open")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        for i in range(1000):
+            other.sendto(struct.pack("!IIIiiiiii", i, i, 0, 10**9, 0, 0, 0, 0, 0), opened.getsockname())
+
+
+def _ask_sensor(scene: Scene, command: Command) -> None:
+    settings = scene.emulator.settings.sensor
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.sendto(request_bytes(command), (settings.address, settings.port))
+        time.sleep(0.3)
+
+
+def foreign_start(scene: Scene) -> None:
+    """Somebody else has the sensor's stream sent to himself; the emulated one serves both, a real one serves one."""
+    _ask_sensor(scene, Command.START)
+
+
+def foreign_end(scene: Scene) -> None:
+    """Somebody else ends the sensor's stream."""
+    _ask_sensor(scene, Command.STOP)
+
+
+def foreign_bias(scene: Scene) -> None:
+    """Somebody else sets the sensor's zero in the middle of a cut: a step of the force."""
+    _ask_sensor(scene, Command.BIAS)
+
+
+STOPPED = (
+    foreign_quick_stop, foreign_speed_once, foreign_stop_of_the_node, foreign_pre_operational,
+    foreign_reset_of_the_node, foreign_sync, spoofed_boot, spoofed_emergency, spoofed_position,
+)  # fmt: skip
+"""Those that have to stop the blade."""
+IGNORED = (
+    foreign_heartbeat, short_and_long_frames, flood_of_foreign_frames, gateway_full_of_clients, gateway_hears_garbage,
+    second_program, foreign_packets_to_us,
+)  # fmt: skip
+"""Those that must not."""
+EITHER = (foreign_bias, foreign_start, foreign_end)
+"""Those that may: the blade has to do as it was told, or stand."""

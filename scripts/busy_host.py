@@ -1,0 +1,74 @@
+"""Whether this machine lets a program run in time: how late a thread is that should run every 2 ms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cutting_rig import WATCHED, HostWatch
+
+from cutenv.rig.clock import SystemClock
+from cutenv.rig.real_time import PRIORITY, preferred
+
+LOOKED = 4.0
+"""Time for which is looked [s]."""
+LATE = 0.015
+"""Lateness of a thread that stops a cut before long: readings of the force are stale after 20 ms [s]."""
+MANY = 2
+"""So many of these in :data:`LOOKED`, from which half of all trials would be stopped before their fault."""
+
+
+class TooBusy(Exception):
+    """No trials can be made here now; the message says what to ask for."""
+
+
+@dataclass(frozen=True)
+class Lateness:
+    """What was seen of the machine.
+
+    Attributes
+    ----------
+    late : list of float
+        Each time a thread was late by more than :data:`LATE` [s].
+    preferred : bool
+        Whether the system let it run before others.
+    """
+
+    late: list[float]
+    preferred: bool
+
+    def check(self) -> None:
+        """Refuse a machine that is too busy.
+
+        Raises
+        ------
+        TooBusy
+            Says how late it is, and for which priority to ask.
+        """
+        if len(self.late) < MANY:
+            return
+        seen = (
+            f"this machine is too busy: {len(self.late)} times in {LOOKED:g} s a thread that should run every "
+            f"{1e3 * WATCHED:g} ms was late by more than {1e3 * LATE:g} ms, by {1e3 * max(self.late):.0f} ms at most"
+        )
+        if self.preferred:
+            raise TooBusy(
+                f"{seen}, though it has real-time priority. End what else runs with such a priority; a virtual machine "
+                "that is not run by its host cannot be helped from within: take another one."
+            )
+        raise TooBusy(
+            f"{seen}. It may not ask for real-time priority (SCHED_RR, {PRIORITY}). Let it: as root, put the line\n"
+            f"    {{user}} - rtprio {PRIORITY}\n"
+            "with your user's name into a file of /etc/security/limits.d and log in anew, or begin the command with"
+            f"\n    sudo chrt --rr {PRIORITY}\n"
+            "Or end what else runs here."
+        )
+
+
+def look() -> Lateness:
+    """Watch for some seconds, with the priority that a rig would have."""
+    clock = SystemClock()
+    with preferred() as allowed:
+        watch = HostWatch(clock)
+        clock.sleep_until(clock.now() + LOOKED)
+        watch.stop()
+    return Lateness([late for _, late in watch.stalls if late > LATE], allowed)

@@ -1,0 +1,83 @@
+"""Attacks on a rig over sockets, processes, clocks, load and memory: each a small function, made on an emulated rig.
+
+    python scripts/rig_attacks.py                               each once, some minutes
+    python scripts/rig_attacks.py --only foreign_sync --times 5
+    python scripts/rig_attacks.py --list
+
+A blade cuts at 1.5 cm/s when the attack comes.  Of each it is known beforehand whether it has to stop the blade (within
+5 mm), must not, or may; in any case nothing may move that was stopped.  Exit code 1 if one did not hold.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+
+import attacks_by_policy
+import attacks_on_process
+import attacks_on_wires
+from attack_scene import Attack, Outcome, Scene
+
+from cutenv.rig.drivers import RigError
+
+_PARTS = (attacks_on_wires, attacks_on_process)
+_HELD: dict[str, Callable[[Outcome], bool]] = {
+    "stopped": lambda outcome: outcome.stops,
+    "ignored": lambda outcome: outcome.goes_on,
+    "either": lambda outcome: outcome.safe,
+}
+ATTACKS: dict[str, tuple[Attack, str]] = {
+    attack.__name__: (attack, wanted)
+    for part in _PARTS
+    for wanted, attacks in (("stopped", part.STOPPED), ("ignored", part.IGNORED), ("either", part.EITHER))
+    for attack in attacks
+}
+"""Name -> attack on a blade that cuts, and what has to come of it."""
+POLICIES = {policy.__name__: policy for policy in attacks_by_policy.POLICIES}
+"""Name -> trial of a policy on an environment of its own: what was wrong, or nothing."""
+
+
+def made(scene: Scene, name: str, seed: int) -> tuple[bool, str]:
+    """Make one attack; whether it held, and what was seen."""
+    if name in POLICIES:
+        wrong, seen = POLICIES[name]()
+        return not wrong, "; ".join([*(f"! {each}" for each in wrong), *seen])
+    attack, wanted = ATTACKS[name]
+    try:
+        outcome = scene.attacked(attack, seed)
+    except RigError as error:
+        return False, f"! no trial: {error}"
+    finally:
+        scene.renew()
+    way = "" if outcome.way is None else f"{1e3 * outcome.way:.2f} mm"
+    seen = "; ".join([outcome.cause or "goes on", way, *outcome.notes])
+    host = f" [host stalled {outcome.stalls} times]" if outcome.stalls else ""
+    return _HELD[wanted](outcome), f"to be {wanted}: {seen}{host}"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Make the attacks; 0 if all held."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    known = [*ATTACKS, *POLICIES]
+    parser.add_argument("--only", choices=known, nargs="+", default=known, metavar="ATTACK")
+    parser.add_argument("--times", type=int, default=1, metavar="N", help="of each; default 1")
+    parser.add_argument("--list", action="store_true", help="print what each does")
+    arguments = parser.parse_args(argv)
+    if arguments.list:
+        for name, about in ({name: attack for name, (attack, _) in ATTACKS.items()} | POLICIES).items():
+            print(f"{name:<28} {about.__doc__}")
+        return 0
+    failed = 0
+    with Scene() as scene:
+        for name in arguments.only:
+            for number in range(arguments.times):
+                held, seen = made(scene, name, number)
+                failed += not held
+                print(f"{'held' if held else 'FELL'}  {name:<28} {seen}", flush=True)
+    print(f"\n{len(arguments.only) * arguments.times} attacks, {failed} did not hold")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
