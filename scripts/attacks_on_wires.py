@@ -29,6 +29,7 @@ def on_the_bus(scene: Scene) -> Iterator[Any]:
         yield lambda number, data=b"": bus.send(
             can.Message(arbitration_id=number, data=data, is_extended_id=False), timeout=1.0
         )
+        time.sleep(0.05)  # a connection closed with frames unread is reset, and the hub may lose what it was sent
     finally:
         bus.shutdown()
 
@@ -180,11 +181,12 @@ def foreign_bias(scene: Scene) -> None:
 
 STOPPED = (
     foreign_quick_stop, foreign_speed_once, foreign_stop_of_the_node, foreign_pre_operational,
-    foreign_reset_of_the_node, foreign_sync, spoofed_boot, spoofed_emergency, spoofed_position,
+    foreign_reset_of_the_node, foreign_sync, foreign_heartbeat, spoofed_boot, spoofed_emergency,
+    spoofed_position,
 )  # fmt: skip
 """Those that have to stop the blade."""
 IGNORED = (
-    foreign_heartbeat, short_and_long_frames, flood_of_foreign_frames, gateway_full_of_clients, gateway_hears_garbage,
+    short_and_long_frames, flood_of_foreign_frames, gateway_full_of_clients, gateway_hears_garbage,
     second_program, foreign_packets_to_us,
 )  # fmt: skip
 """Those that must not."""
