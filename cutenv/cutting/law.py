@@ -98,7 +98,7 @@ def stored_energy(profile: Record, x: float, a: float) -> float:
 
 @inlined
 def fallen(by: float, start: float, per: float, speed: float) -> float:
-    """How far a LEM has fallen by ``speed``: nothing up to ``start``, then evenly, and by no more than ``by`` [Pa]."""
+    """Fall of a LEM up to ``speed`` [Pa]: nothing up to ``start``, then evenly, and by no more than ``by`` in all."""
     return by * min(max((speed - start) * per, 0.0), 1.0)
 
 

@@ -1,4 +1,4 @@
-"""What a rig's environment is in the midst of, and what a policy hands it: neither may keep the blade from stopping."""
+"""A rig's environment at work, and the actions handed to it: neither may keep the blade from stopping."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Work:
                 self._leave()
 
     def postpones(self) -> bool:
-        """Whether the rig cannot be closed here and now; it is when the work ends."""
+        """True if the rig cannot be closed here and now; it is when the work ends."""
         if self._worker != threading.get_ident():
             return False
         self._leaving = True

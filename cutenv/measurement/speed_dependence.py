@@ -23,7 +23,7 @@ BETWEEN = math.radians(67.5)
 LEAST_SPEED_RATIO = 1.5
 """Of the fastest over the slowest cut, from which on a fall with speed can be told."""
 LEAST_SHARE = 0.1
-"""Of the whole fall at 90 degrees, between the slowest and the fastest cut, from which on it can be told."""
+"""Least share of the fall at 90 degrees, between the slowest and the fastest cut, that tells its size."""
 LEAST_FIT = 0.1
 """Of a cut's modulus: a line that gives less at its speed and angle counts as giving this."""
 _SLACK = math.radians(0.5)  # beyond 45 and 90 degrees, for angles set by hand and read from a scale

@@ -1,4 +1,4 @@
-"""How stiff a cut is at its tip: kappa, and the effective depth of a cut that does not go through the slab."""
+"""Stiffness at the tip of a cut: kappa, and the effective depth of a cut that does not go through the slab."""
 
 from __future__ import annotations
 

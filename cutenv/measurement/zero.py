@@ -66,7 +66,7 @@ class SensorZero:
 
     @property
     def largest(self) -> float:
-        """Of what was taken off, the value farthest from 0 [N]."""
+        """Value farthest from 0 of those that were taken off [N]."""
         return max((v for v in (self.before, self.after, self.return_stroke) if v is not None), key=abs, default=0.0)
 
     @property
