@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
+import resource
+import subprocess
 import tempfile
 import time
 from collections.abc import Callable
@@ -11,15 +13,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from attack_scene import Scene
+from cutting_rig import UPRIGHT
 
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.recording import load_one
 from cutenv.recording.errors import RecordError
+from cutenv.rig.causes import RigStopped
+from cutenv.rig.drivers import RigError
 
 Found = tuple[list[str], list[str]]
 """What was wrong, and what else was seen."""
 _GOOD = 30  # decisions before the policy turns bad
 _BAD = 100  # decisions at most after that
+_RESETS = 5  # of one rig, one after the other
 
 
 class _Cut:
@@ -149,4 +156,55 @@ def deleting_its_record() -> Found:
         return wrong, [str(report)]
 
 
-POLICIES = (infinite, text, alternating, nearly_late, late, raising, resetting, deleting_its_record)
+def filling_the_disk() -> Found:
+    """The disk takes no more of the record in the middle of a cut."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with tempfile.TemporaryDirectory() as folder:
+        cut = _Cut(folder)
+        written = max((file.stat().st_size for file in cut.folder.glob("*.csv")), default=0)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (written + 10_000, before[1]))
+        try:
+            for _ in range(_BAD):
+                if cut.env.step([0.3, 1.0])[2]:
+                    break
+        except OSError:
+            pass
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        report = cut.env.session.plant.supervisor.report
+        wrong, seen = cut.judged(stopped=None)
+        if report is None or "disk" not in report.detail:
+            wrong.append(f"stopped as {report}")
+        return wrong, seen
+
+
+def resetting_at_rest() -> Found:
+    """The emulator pauses for 45 ms while the blade rests; the stop is reset and power asked for at once."""
+    wrong, seen = [], []
+    with Scene() as scene:
+        rig = scene.rig
+        for again in range(_RESETS):
+            rig.begin(again)
+            pid = scene.emulator.pid
+            subprocess.run(["sh", "-c", f"kill -STOP {pid}; sleep 0.045; kill -CONT {pid}"], check=True)
+            try:
+                rig.plant.advance(0.0, UPRIGHT, 100)
+            except RigStopped as stop:
+                seen.append(stop.report.cause.value)
+            try:
+                rig.plant.supervisor.reset(agreed=True)
+                rig.plant.power()
+            except RigError as error:  # at rest it may be too soon for once, and never for ever
+                seen.append(str(error))
+            try:
+                rig.begin(again)
+            except RigError as error:
+                wrong.append(f"it cannot be used again: {error}")
+                break
+    return wrong, seen
+
+
+POLICIES = (
+    infinite, text, alternating, nearly_late, late, raising, resetting, deleting_its_record, filling_the_disk,
+    resetting_at_rest,
+)  # fmt: skip

@@ -136,7 +136,7 @@ def gateway_hears_garbage(scene: Scene) -> None:
 
 
 def second_program(scene: Scene) -> None:
-    """A second program wants the same rig: it has to be refused, and nothing may stop."""
+    """A second program, or another environment of this one, wants the same rig: refused, and nothing stops."""
     plant = rig_plant(scene.emulator.settings)
     try:
         plant.open()

@@ -43,6 +43,7 @@ EXPECTED: dict[str, tuple[Cause, ...]] = {
     "bad_status": (Cause.FORCE_STATUS,),
     "bus_off": (Cause.MOTION_STALE,),
     "bus_gap": (Cause.MOTION_STALE,),
+    "doubled_frames": (Cause.MOTION_DOUBLED,),
     "drive_fault": (Cause.DRIVE,),
     "following_error": (Cause.ACCELERATION, Cause.FOLLOWING, Cause.STUCK, Cause.DRIVE),
     "heartbeat_lost": (Cause.HEARTBEAT,),

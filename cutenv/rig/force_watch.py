@@ -38,6 +38,7 @@ class ForceWatch:
         self._limits, self._rate = limits, rate
         known = identified or Identified()
         still = (known.force_still_x, known.force_still_y, known.force_still_z)
+        self._identified = tuple(each is not None for each in still)
         self._still = tuple(max(STILL if each is None else each, limits.frozen_force) for each in still)  # [s]
         self.newest: ForceSample | None = None
         self.restart()
@@ -86,13 +87,19 @@ class ForceWatch:
             return Breach(Cause.FORCE_FROZEN, f"{self._equal + 1} readings are equal to the last count")
         for axis, still in enumerate(self._still):
             if self._stood[axis] >= still * self._rate:
-                detail = f"the {'xyz'[axis]} force stands at one count for {1e3 * still:.0f} ms while the blade moves"
-                return Breach(Cause.FORCE_AXIS, detail)
+                return Breach(Cause.FORCE_AXIS, self._stands(axis))
         if share > limits.lost_force:
             return Breach(Cause.FORCE_LOST, f"{share:.0%} of the last readings are lost")
         if lateness > limits.late_force:
             return Breach(Cause.FORCE_LATE, f"readings come {1e3 * lateness:.0f} ms later than they did")
         return None
+
+    def _stands(self, axis: int) -> str:
+        """Describe an axis that stands; a quiet sensor that was not identified may do so and be well."""
+        text = f"the {'xyz'[axis]} force stands at one count for {1e3 * self._still[axis]:.0f} ms while the blade moves"
+        if self._identified[axis]:
+            return text
+        return text + "; if the sensor is well, measure how long its noise may stand: cutenv rig identify --write"
 
 
 def _newtons(sample: ForceSample) -> str:

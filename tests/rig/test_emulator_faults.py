@@ -168,6 +168,19 @@ def second_master(rig):
     assert rig.axis.rests()
 
 
+def doubled_frames(rig):
+    rig.enabled()
+    rig.frames.clear()
+    rig.rig.inject("doubled_frames", {})
+    for _ in range(5):
+        rig.put(SYNC, b"")
+        rig.wait(0.005)
+    assert len(rig.sent(0x281)) == 10
+    rig.rig.clear()
+    rig.put(SYNC, b"")
+    assert len(rig.sent(0x281)) == 11
+
+
 def drive_fault(rig):
     rig.moving()
     rig.rig.inject("drive_fault", {})
@@ -272,9 +285,9 @@ def saturation(rig):
 PROMISES = {
     promise.__name__: promise
     for promise in (
-        heartbeat_lost, bus_off, stuck_encoder, following_error, slip, runaway, drive_fault, power_loss, over_force,
-        second_master, sensor_freeze, axis_freeze, sensor_silent, bad_status, packet_loss, reordering, latency,
-        saturation,
+        heartbeat_lost, bus_off, doubled_frames, stuck_encoder, following_error, slip, runaway, drive_fault, power_loss,
+        over_force, second_master, sensor_freeze, axis_freeze, sensor_silent, bad_status, packet_loss, reordering,
+        latency, saturation,
     )
 }  # fmt: skip
 

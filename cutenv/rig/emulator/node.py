@@ -64,8 +64,8 @@ class Node:
 
     Attributes
     ----------
-    heartbeat_lost, bus_off : bool
-        Faults: no heartbeats; no frames in or out.
+    heartbeat_lost, bus_off, doubles : bool
+        Faults: no heartbeats; no frames in or out; every process data object is sent twice.
     failure : int
         Fault: an emergency code that keeps the drive in fault; 0: none.
     """
@@ -73,7 +73,7 @@ class Node:
     def __init__(self, axis: EmulatedAxis, send: Callable[[Frame], None], happened: Happened) -> None:
         self.axis = axis
         self.number = axis.settings.node
-        self.heartbeat_lost = self.bus_off = False
+        self.heartbeat_lost = self.bus_off = self.doubles = False
         self.failure = 0
         self._put = send
         self._happened = happened
@@ -119,8 +119,7 @@ class Node:
             if self.nmt is Nmt.OPERATIONAL:
                 self._write_all(self._pdo.synchronised())
                 self.axis.tell(self.dictionary, self.state, True, ahead=now - self._ticked)
-                for cob, sent in self._pdo.due_at_sync():
-                    self._send(cob, sent)
+                self._send_process_data(self._pdo.due_at_sync())
         elif identifier == 0x600 + self.number:
             if self.nmt is not Nmt.STOPPED and (answer := self._sdo.answer(data)) is not None:
                 self._send(0x580 + self.number, answer)
@@ -210,8 +209,7 @@ class Node:
             if not self.heartbeat_lost:
                 self._send(0x700 + self.number, bytes([self.nmt]))
         if self.nmt is Nmt.OPERATIONAL:
-            for cob, data in self._pdo.due_by_event(now):
-                self._send(cob, data)
+            self._send_process_data(self._pdo.due_by_event(now))
 
     def _watch_master(self, now: float) -> None:
         allowed = 1e-3 * (self.dictionary[0x1016, 1] & 0xFFFF)
@@ -283,6 +281,11 @@ class Node:
     def _send_emergency(self, code: int) -> None:
         if self.nmt in (Nmt.OPERATIONAL, Nmt.PRE_OPERATIONAL):
             self._send(0x80 + self.number, struct.pack("<HB5x", code, self.dictionary[0x1001]))
+
+    def _send_process_data(self, frames: list[tuple[int, bytes]]) -> None:
+        for identifier, data in frames:
+            for _ in range(2 if self.doubles else 1):
+                self._send(identifier, data)
 
     def _send(self, identifier: int, data: bytes) -> None:
         if self._powered and not self.bus_off:
