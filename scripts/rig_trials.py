@@ -134,9 +134,10 @@ class Trial:
 
     @property
     def before(self) -> bool:
-        """Whether the rig had stopped before the fault: no trial of it."""
+        """Whether the rig had stopped before the fault, or for a force that is the tissue's own: no trial of it."""
         early = self.detected is not None and self.detected < self.injected - WAY
-        return early or self.speed < 0.5 * SPEED
+        by_tissue = self.crossed is not None and Cause.FORCE not in EXPECTED[self.fault] and self.cause == Cause.FORCE
+        return early or by_tissue or self.speed < 0.5 * SPEED
 
     @property
     def stopped(self) -> bool:

@@ -94,6 +94,12 @@ def test_a_rig_that_had_stopped_before_is_no_trial():
     assert not told().before
 
 
+def test_a_force_that_is_the_tissues_own_is_no_trial_of_another_fault():
+    assert told(fault="packet_loss", cause="force limit", crossed=10.001).before
+    assert not told(fault="packet_loss", cause="force limit").before  # nothing passed the limit: a wrong cause
+    assert not told(fault="over_force", cause="force limit", crossed=10.001).before
+
+
 CUT = """
 import sys
 from cutenv.envs.rig_cut import RigCutEnv
