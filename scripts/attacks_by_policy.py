@@ -26,6 +26,7 @@ Found = tuple[list[str], list[str]]
 """What was wrong, and what else was seen."""
 _GOOD = 30  # decisions before the policy turns bad
 _BAD = 100  # decisions at most after that
+_ATTEMPTS = 5  # to get a cut under way
 _RESETS = 5  # of one rig, one after the other
 
 
@@ -35,8 +36,13 @@ class _Cut:
     def __init__(self, folder: str) -> None:
         self.folder = Path(folder)
         self.env = RigCutEnv(rig="emulator", specimen_class="uniform", target_length=0.08, records=folder)
-        for attempt in range(3):  # a busy machine stops the blade on its way
-            self.env.reset(seed=attempt)
+        for attempt in range(_ATTEMPTS):  # a busy machine stops the blade on its way
+            try:
+                self.env.reset(seed=attempt)
+            except RigError:
+                if attempt == _ATTEMPTS - 1:
+                    raise
+                continue
             if not any(self.env.step([0.5, 1.0])[2] for _ in range(_GOOD)):
                 break
         emulator = self.env._source.emulator

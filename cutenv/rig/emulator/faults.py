@@ -106,7 +106,7 @@ def _power(on: bool) -> Callable[[EmulatedRig, Parameters], None]:
 FAULTS: dict[str, Fault] = {
     "heartbeat_lost": _of_node("heartbeat_lost", "the drive sends no heartbeats; all else goes on"),
     "bus_off": _of_node("bus_off", "the drive neither sends nor receives frames; its motor goes on"),
-    "doubled_frames": _of_node("doubles", "every sample of the drive comes twice, as from a bus that echoes"),
+    "doubled_frames": _of_node("doubles", "every frame to and from the drive comes twice"),
     "stuck_encoder": Fault(
         summary="position and velocity stand still while the motor turns",
         of_axis=True,

@@ -65,7 +65,7 @@ class Node:
     Attributes
     ----------
     heartbeat_lost, bus_off, doubles : bool
-        Faults: no heartbeats; no frames in or out; every process data object is sent twice.
+        Faults: no heartbeats; no frames in or out; every frame comes and goes twice.
     failure : int
         Fault: an emergency code that keeps the drive in fault; 0: none.
     """
@@ -109,6 +109,10 @@ class Node:
 
     def receive(self, frame: Frame, now: float) -> None:
         """Take a frame from the bus."""
+        for _ in range(1 + self.doubles):
+            self._take(frame, now)
+
+    def _take(self, frame: Frame, now: float) -> None:
         if not self._powered or self.bus_off or frame.extended or self.nmt is Nmt.BOOTING:
             return
         self._now = now
@@ -119,7 +123,8 @@ class Node:
             if self.nmt is Nmt.OPERATIONAL:
                 self._write_all(self._pdo.synchronised())
                 self.axis.tell(self.dictionary, self.state, True, ahead=now - self._ticked)
-                self._send_process_data(self._pdo.due_at_sync())
+                for cob, sent in self._pdo.due_at_sync():
+                    self._send(cob, sent)
         elif identifier == 0x600 + self.number:
             if self.nmt is not Nmt.STOPPED and (answer := self._sdo.answer(data)) is not None:
                 self._send(0x580 + self.number, answer)
@@ -209,7 +214,8 @@ class Node:
             if not self.heartbeat_lost:
                 self._send(0x700 + self.number, bytes([self.nmt]))
         if self.nmt is Nmt.OPERATIONAL:
-            self._send_process_data(self._pdo.due_by_event(now))
+            for cob, data in self._pdo.due_by_event(now):
+                self._send(cob, data)
 
     def _watch_master(self, now: float) -> None:
         allowed = 1e-3 * (self.dictionary[0x1016, 1] & 0xFFFF)
@@ -282,14 +288,10 @@ class Node:
         if self.nmt in (Nmt.OPERATIONAL, Nmt.PRE_OPERATIONAL):
             self._send(0x80 + self.number, struct.pack("<HB5x", code, self.dictionary[0x1001]))
 
-    def _send_process_data(self, frames: list[tuple[int, bytes]]) -> None:
-        for identifier, data in frames:
-            for _ in range(2 if self.doubles else 1):
-                self._send(identifier, data)
-
     def _send(self, identifier: int, data: bytes) -> None:
         if self._powered and not self.bus_off:
-            self._put(Frame(identifier, data))
+            for _ in range(1 + self.doubles):
+                self._put(Frame(identifier, data))
 
     def command(self, speed: float) -> Frame:
         """The frame (RPDO1, as the rig maps it) by which a master enables it and asks for ``speed`` [m/s or rad/s]."""
