@@ -110,7 +110,7 @@ def compare(
 
 def known_rows(path: Path, policies: Sequence[str], seeds: Sequence[int]) -> list[dict[str, Any]]:
     """Rows of another comparison; SystemExit unless they are of the same specimens."""
-    with path.open() as file:
+    with path.open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["policy"] in policies]
     result: list[dict[str, Any]] = [
         {name: value if name in TEXTS else float(value) for name, value in row.items()} | {"seed": int(row["seed"])}
@@ -186,7 +186,7 @@ def read_rows(path: Path) -> list[dict[str, float]]:
     """Rows of numbers from a CSV file; an empty cell is an absent number."""
     if not path.is_file():
         return []
-    with path.open() as file:
+    with path.open(encoding="utf-8") as file:
         return [{name: float(value) for name, value in row.items() if value} for row in csv.DictReader(file)]
 
 

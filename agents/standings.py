@@ -54,7 +54,7 @@ def rows_of(path: Path) -> list[Row]:
     """Rows of a CSV file, none where there is no file."""
     if not path.is_file():
         return []
-    with path.open() as file:
+    with path.open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 

@@ -108,7 +108,7 @@ def memory_filled(scene: Scene) -> None:
 def memory_refused(scene: Scene) -> None:
     """The system gives no more memory for half a second."""
     before = resource.getrlimit(resource.RLIMIT_AS)
-    with open("/proc/self/statm") as file:
+    with open("/proc/self/statm", encoding="ascii") as file:
         taken = int(file.read().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (taken + (1 << 20), before[1]))
     try:

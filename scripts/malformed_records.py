@@ -17,6 +17,7 @@ import itertools
 import multiprocessing
 import multiprocessing.connection
 import multiprocessing.pool
+import os
 import sys
 import tempfile
 from collections import Counter
@@ -96,7 +97,7 @@ def _work(numbers: range, answer: multiprocessing.connection.Connection) -> None
 
 def guarded(numbers: range) -> list[tuple[str, str, str]]:
     """As :func:`endings`, in a process of its own, so that a crash or a standstill counts as an ending."""
-    context = multiprocessing.get_context("forkserver")
+    context = multiprocessing.get_context("spawn" if os.name == "nt" else "forkserver")
     answer, question = context.Pipe(duplex=False)
     process = context.Process(target=_work, args=(numbers, question))
     process.start()

@@ -179,7 +179,7 @@ def left_off(file: Path, seed: int) -> tuple[list[Trial], Counter[str]]:
     """The trials of a run that was broken off, and how often the rig had stopped before; none of another seed's."""
     if not file.exists():
         return [], Counter()
-    kept = json.loads(file.read_text())
+    kept = json.loads(file.read_text(encoding="utf-8"))
     if kept["seed"] != seed:
         return [], Counter()
     return [Trial(**each) for each in kept["trials"]], Counter(kept["before"])

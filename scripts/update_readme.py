@@ -102,7 +102,7 @@ def read_csv(path: Path) -> list[dict[str, str]]:
     """Rows of a CSV file; SystemExit with the cure where there is none."""
     if not path.is_file():
         raise SystemExit(f"{path} is missing; give the folder of a finished run with --runs, or make it first.")
-    with path.open() as file:
+    with path.open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 

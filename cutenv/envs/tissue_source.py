@@ -39,7 +39,7 @@ class TissueSource:
             raise FileNotFoundError(
                 f"tissue = {str(path)!r}: no such file; give the path of a tissue or specimen JSON."
             )
-        text = file.read_text()
+        text = file.read_text(encoding="utf-8")
         try:
             schema = json.loads(text)["schema"]
         except (json.JSONDecodeError, KeyError, TypeError):

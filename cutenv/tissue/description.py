@@ -284,4 +284,4 @@ def measured_liver() -> TissueDescription:
 
 def load_description(path: str | Path) -> TissueDescription:
     """Read a tissue description from a JSON file."""
-    return TissueDescription.from_json(Path(path).read_text())
+    return TissueDescription.from_json(Path(path).read_text(encoding="utf-8"))

@@ -172,6 +172,11 @@ class RunningEmulator:
     def __init__(
         self, arguments: Sequence[str], *, angle_mode: str, angle: float, timeout: float = STARTS_WITHIN
     ) -> None:
+        if os.name == "nt":  # a pipe cannot be read with a time limit there, nor a lost parent be seen
+            raise RigError(
+                'an emulated rig is a process that runs on Linux and macOS only. Use the rig in memory, rig="fake", or '
+                "the Windows Subsystem for Linux."
+            )
         self._process = subprocess.Popen(
             [sys.executable, "-m", "cutenv", "rig", "emulate", "--with-parent", str(os.getpid()), *arguments],
             stdin=subprocess.DEVNULL,
