@@ -15,7 +15,7 @@ from cutenv.tissue import CutModel, TissueDescription
 
 
 def main(argv: Sequence[str]) -> int:
-    """Calibrate; 2 if the records or the options are bad."""
+    """Run the command; return 0, or 2 if the records or the options are bad."""
     parser = _parser()
     arguments = parser.parse_args(argv)
     try:
@@ -59,7 +59,7 @@ def _calibrate(arguments: argparse.Namespace) -> None:
 
 
 def summary(tissue: TissueDescription) -> str:
-    """Every number of a calibrated tissue with its interval and provenance, as aligned text."""
+    """Return every number of a calibrated tissue with its interval and provenance, as aligned text."""
     about = tissue.calibration
     assert about is not None, "made by tissue_of"
     made = f"{about.cuts} {'cut' if about.cuts == 1 else 'cuts'} of "
@@ -74,7 +74,7 @@ def summary(tissue: TissueDescription) -> str:
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
-    """Refuse what could not be written, before any work."""
+    """Raise an error for a path that cannot be written, before any work."""
     if arguments.out.suffix != ".json":
         raise ValueError(f"--out {arguments.out} must end in .json.")
     if arguments.report is not None and arguments.report.suffix != ".html":

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from cutenv.policy import Policy
 
 SCRIPT = "probe and creep"
-"""The best script, of the README's table."""
+"""Best script of the README's table."""
 UNSEEN = 3_000_000
-"""First seed beyond those that agents are trained, chosen and tested on."""
+"""First seed beyond those on which agents are trained, chosen and tested."""
 
 _ANGLES = ("angle_mode", "fixed_angle_deg")
 _WIDTH = 24  # of the table's first column
@@ -31,7 +31,7 @@ _WIDTH = 24  # of the table's first column
 
 @dataclass(frozen=True, kw_only=True)
 class DemoCut:
-    """One cut: its scores, and what is needed to draw it."""
+    """Scores of one cut, and the data to draw it."""
 
     reward: float
     success: bool
@@ -46,7 +46,7 @@ class DemoCut:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Cut, print the table, write the picture; 2 if an option is bad."""
+    """Run the command: cut, print the table, write the picture; return 0, or 2 if an option is bad."""
     arguments = _parser().parse_args(argv)
     try:
         _demo(arguments)
@@ -78,7 +78,7 @@ def _demo(arguments: argparse.Namespace) -> None:
 def cuts(
     policy: Policy, environment_arguments: Mapping[str, Any], specimen_class: str, seed: int, count: int
 ) -> list[DemoCut]:
-    """Cut ``count`` specimens, the episodes of ``seed`` from 0 on, to each one's end."""
+    """Cut ``count`` specimens, the episodes of ``seed`` from 0 on, each to its end."""
     from cutenv.envs.gentle_cut import GentleCutEnv
 
     env = GentleCutEnv(specimen_class=specimen_class, **environment_arguments)
@@ -118,7 +118,7 @@ _COLUMNS: dict[str, Callable[[DemoCut], float]] = {
 
 
 def _print_table(by_policy: Mapping[str, Sequence[DemoCut]]) -> None:
-    """Every specimen, then the means."""
+    """Print every specimen, then the means."""
     print(" " * _WIDTH + "".join(title.rjust(16) for title in _COLUMNS))
     for number, same in enumerate(zip(*by_policy.values(), strict=True), 1):
         print(f"specimen {number}: {same[0].specimen_class}, cut to {1e3 * same[0].target_length:.0f} mm")
@@ -135,7 +135,7 @@ def _print_row(name: str, own: Sequence[DemoCut]) -> None:
 
 
 def _write(agent: DemoCut, script: DemoCut, name: str, arguments: argparse.Namespace) -> None:
-    """The first specimen as the agent cut it: a picture, and the page in 3-D."""
+    """Write the agent's cut of the first specimen: a picture, and the page in 3-D."""
     from cutenv.report.cut_figure import draw_cut
 
     draw_cut(

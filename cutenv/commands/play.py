@@ -15,7 +15,7 @@ _EXTRA = ("pygame", "pymunk")
 
 
 def main(argv: Sequence[str]) -> int:
-    """Play; 1 without the extra, 2 if an option is bad."""
+    """Run the command; return 0, 1 without the extra, or 2 if an option is bad."""
     arguments = _parser().parse_args(argv)
     missing = [name for name in _EXTRA if find_spec(name) is None]
     if missing:

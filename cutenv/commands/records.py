@@ -1,4 +1,4 @@
-"""Record files as a sub-command is given them: native or foreign, checked, with names and specimens."""
+"""Record files as arguments of a sub-command: native or foreign, checked, with names and specimens."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from cutenv.trace import Trace
 
 
 class Source(NamedTuple):
-    """Where a cut was read: the file, and its number there, from 1; None if it is the only one."""
+    """Source of a cut: the file, and its number there, from 1; None if it is the only one."""
 
     path: Path
     number: int | None
 
 
 class Records(NamedTuple):
-    """What was read: cuts, those left out with the reason, what the reader should know, and whence each cut is."""
+    """Cuts that were read, those left out with the reason, notes for the reader, and the source of each cut."""
 
     traces: list[Trace]
     refused: list[Refused]
@@ -36,7 +36,7 @@ class Records(NamedTuple):
 def add_record_options(
     parser: argparse.ArgumentParser, *, files: int | Literal["+"] = "+", metavar: str = "FILE", about: str = ""
 ) -> None:
-    """Options of every sub-command that reads records; ``files`` says how many, as argparse's ``nargs``."""
+    """Add the options of every sub-command that reads records; ``files`` is argparse's ``nargs``."""
     parser.add_argument(
         "records", nargs=files, type=Path, metavar=metavar, help=about or "CSV, Parquet or HDF5, one cut or several"
     )
@@ -66,12 +66,12 @@ def add_record_options(
 
 
 def read_records(arguments: argparse.Namespace) -> Records:
-    """Read all files; their cuts named after the file.
+    """Read all files; the cuts are named after their file.
 
     Raises
     ------
     ValueError
-        If the options make no sense, or a record is bad and is not to be skipped: all of them, with reasons.
+        If the options are invalid, or a record is bad and not to be skipped: names all of them, with reasons.
     OSError
         If a file cannot be opened.
     """
@@ -140,7 +140,7 @@ def _pattern(text: str | None) -> re.Pattern[str] | None:
 
 
 def _draw(folder: Path, imported: Imported) -> None:
-    """A picture of each record of a file."""
+    """Draw a picture of each record of a file."""
     from cutenv.report import draw_record  # an extra, and slow to import
 
     for k in range(len(imported.records)):

@@ -21,7 +21,7 @@ _SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
 
 
 def main(argv: Sequence[str]) -> int:
-    """Score; 2 if the records or the options are bad."""
+    """Run the command; return 0, or 2 if the records or the options are bad."""
     arguments = _parser().parse_args(argv)
     try:
         _score(arguments)
@@ -62,12 +62,12 @@ def _score(arguments: argparse.Namespace) -> None:
 
 
 def parse_length(text: str) -> float:
-    """A length with its unit, such as ``80mm`` or ``8cm``, in metres.
+    """Return a length with its unit, such as ``80mm`` or ``8cm``, in metres.
 
     Raises
     ------
     ValueError
-        If it has no unit, or is none.
+        If it has no unit, or is not a length.
     """
     match = _LENGTH.fullmatch(text.strip())
     if match is None:
@@ -76,7 +76,7 @@ def parse_length(text: str) -> float:
 
 
 def reference_set(given: str) -> ReferenceSet | None:
-    """The reference set of a name, a file, or a folder of a lab's own records; None for ``none``.
+    """Return the reference set of a name, a file, or a folder of a lab's own records; None for ``none``.
 
     Raises
     ------
@@ -108,9 +108,9 @@ def reference_set(given: str) -> ReferenceSet | None:
 
 
 def _fitting(reference: ReferenceSet | None, trace: Trace) -> ReferenceSet | None:
-    """The reference set for a record, none for one whose force is in another unit: there is nothing to compare.
+    """Return the reference set for a record; None if its force is in another unit and cannot be compared.
 
-    A record of force alone is compared with the set that is frozen for such records.
+    A record of force alone is compared with the set for such records.
     """
     if reference is not None and reference.name == "baselines" and trace.position is None:
         reference = ReferenceSet.shipped("force-alone")

@@ -17,7 +17,7 @@ SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
 
 
 def main(argv: Sequence[str]) -> int:
-    """Study; 2 if the records, the table or the options are bad."""
+    """Run the command; return 0, or 2 if the records, the table or the options are bad."""
     parser = _parser()
     arguments = parser.parse_args(argv)
     try:
@@ -67,7 +67,7 @@ def _study(arguments: argparse.Namespace) -> None:
 
 
 def assigned(rows: Sequence[OperatorRow], records: Records, table: Path) -> list[tuple[OperatorRow, int]]:
-    """Every cut's row and its place in ``records.traces``, in the order in which each operator made them.
+    """Return every cut's row and its place in ``records.traces``, in the order in which each operator made them.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def assigned(rows: Sequence[OperatorRow], records: Records, table: Path) -> list
 
 
 def _names(source: Source) -> list[str]:
-    """What a row may call a cut."""
+    """Return the names by which a row may refer to a cut."""
     names = [source.path.name, source.path.stem]
     if source.number is not None:
         names += [f"{name} {source.number}" for name in names]
@@ -108,7 +108,7 @@ def _names(source: Source) -> list[str]:
 
 
 def _files(arguments: argparse.Namespace) -> list[Path]:
-    """The records that are meant: folders stand for the record files in them, less the table and our own output."""
+    """Return the records: folders stand for the record files in them, except the table and our own output."""
     ours = {arguments.operators.resolve()}
     if arguments.out is not None:
         ours.add(arguments.out.with_suffix(".csv").resolve())
@@ -126,7 +126,7 @@ def _files(arguments: argparse.Namespace) -> list[Path]:
 
 
 def _check_out(out: Path | None) -> None:
-    """Refuse what could not be written, before any work."""
+    """Raise an error for a path that cannot be written, before any work."""
     if out is None:
         return
     if out.suffix != ".html":

@@ -15,7 +15,7 @@ from cutenv.viewer.solid import COLOURS, ShownCut, write_view
 
 
 def main(argv: Sequence[str]) -> int:
-    """Write the page; 2 if the record or the options are bad."""
+    """Run the command; return 0, or 2 if the record or the options are bad."""
     arguments = _parser().parse_args(argv)
     try:
         _view(arguments)
@@ -46,7 +46,7 @@ def _view(arguments: argparse.Namespace) -> None:
 
 
 def _chosen(records: Records, number: int | None) -> Trace:
-    """The cut of a number from 1 on in its file, by default the first; says so if there are others."""
+    """Return the cut with a number from 1 on in its file, by default the first; print a note if there are others."""
     by_number = {source.number or 1: trace for source, trace in zip(records.sources, records.traces, strict=True)}
     if not by_number:
         raise ValueError("no cut is left to be shown.")

@@ -1,1 +1,1 @@
-"""The Gymnasium environments; the only room of the package that knows Gymnasium."""
+"""Gymnasium environments; the only package part that depends on Gymnasium."""

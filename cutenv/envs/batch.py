@@ -1,7 +1,7 @@
-"""Cuts side by side, each of its own key: begun and decided on by compiled calls, on all cores, and nothing told.
+"""Batched cuts, each with its own key, that compiled calls begin and advance on all cores, without building infos.
 
-What :class:`cutenv.envs.vector.GentleCutVectorEnv` names in its info is worked out there; a learner that reads
-observations, rewards and ends alone is served here, and sooner.
+:class:`cutenv.envs.vector.GentleCutVectorEnv` builds its info from them; a learner that needs only observations,
+rewards and ends can use this class, which is faster.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ class CutBatch:
     Parameters
     ----------
     count : int
-        How many.
+        Number of cuts.
     single : GentleCutEnv
-        An environment as they all are.
+        Environment whose settings all cuts share.
 
     Attributes
     ----------
     cuts : Cuts
-        Everything about them.
+        State of all cuts.
     observations : array of float32, shape (count, 12)
-        What they show now; written over by :meth:`begin` and :meth:`decide`.
+        Present observations; overwritten by :meth:`begin` and :meth:`decide`.
     seeds, episodes : array of uint64, shape (count,)
-        Their keys: that of the next cut of each.
+        Keys: those of the next cut of each.
     classes : array of object, shape (count,)
-        Of the specimens; None where no cut has begun.
+        Classes of the specimens; None where no cut has begun.
     begun : array of bool, shape (count,)
-        Whether there is one.
+        True where a cut has begun.
     """
 
     def __init__(self, count: int, single: GentleCutEnv) -> None:
@@ -75,15 +75,15 @@ class CutBatch:
 
     @cached_property
     def _drawn_by(self) -> tuple[Any, ...]:
-        """What :func:`~cutenv.task.beginning.begin_some` draws specimens and their measured depth by."""
+        """Return the arguments with which :func:`~cutenv.task.beginning.begin_some` draws specimens and depths."""
         knowledge = self.single.constants.knowledge
         tissue = recipe(self._tissue), tissue_modes(self._tissue)
         return *tissue, knowledge.depth_noise, knowledge.depth_modes()
 
     def give_seeds(self, seeds: Sequence[int | None], which: NDArray[np.int64], chance: np.random.Generator) -> None:
-        """Give the cuts numbered ``which`` their own of the ``seeds`` of all; one that gets None keeps its own.
+        """Assign ``seeds``, one for each cut of the batch, to the cuts numbered ``which``; None keeps a cut's own.
 
-        One that has none yet takes it from ``chance``.
+        A cut without a seed draws one from ``chance``.
         """
         if len(seeds) != len(self):
             raise ValueError(f"seed holds {len(seeds)} numbers; give one for each of {len(self)} environments.")
@@ -99,12 +99,12 @@ class CutBatch:
         self._all_begun = bool(self.begun.all())
 
     def begin(self, which: NDArray[np.int64], options: dict[str, Any] | None = None) -> None:
-        """Begin the next cut of some, numbered ``which``; ``options`` as in :meth:`GentleCutEnv.reset`.
+        """Begin the next cut of those numbered ``which``; ``options`` as in :meth:`GentleCutEnv.reset`.
 
         Raises
         ------
         ValueError, TypeError
-            For an option that means nothing.
+            For an unknown or invalid option.
         """
         options = options or {}
         if options.get("episode") is not None:
@@ -122,7 +122,7 @@ class CutBatch:
             self.observations, self._vascular,
         )  # fmt: skip
         drawn = self._vascular[which]
-        classes = self.classes.copy()  # whoever was given the last ones keeps them
+        classes = self.classes.copy()  # callers keep the arrays they were given
         classes[which] = _DRAWN[drawn] if given is None else given
         classes.setflags(write=False)
         self.classes = classes
@@ -135,28 +135,29 @@ class CutBatch:
         told: NDArray[np.float64] | None = None,
         meanwhile: Callable[[], None] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Take an action in every cut, and go on until the next decision.
+        """Apply an action to every cut, and advance to the next decision.
 
         Parameters
         ----------
         actions : array, shape (count, 2)
-            Clipped to [-1, 1].
+            Actions, clipped to [-1, 1].
         waiting : array of bool, shape (count,), optional
-            Cuts that are left alone.
+            True for cuts that are not advanced.
         told : array, shape (count, 30), optional
-            Filled with what :func:`cutenv.task.told.tell` tells.
+            Array that is filled by :func:`cutenv.task.told.tell`.
         meanwhile : callable, optional
-            Called while other cores wake.
+            Called while other cores wake up.
 
         Returns
         -------
         rewards, codes : array, shape (count,), and of int64, shape (3, count)
-            And :data:`~cutenv.task.told.CODES`, first of all why a cut has ended; 0 if it has not.
+            Rewards and :data:`~cutenv.task.told.CODES`, the first of which is the cause of a cut's end; 0 while it goes
+            on.
 
         Raises
         ------
         ResetNeeded
-            If some were never begun.
+            If some cuts were never begun.
         ValueError
             For actions of another shape, and for NaN.
         """
@@ -183,17 +184,17 @@ class CutBatch:
         return rewards, codes
 
     def succeeded(self) -> NDArray[np.bool_]:
-        """Whether each has ended well, shape (count,)."""
+        """Return which cuts ended in success, shape (count,)."""
         success: NDArray[np.bool_] = succeeded_all(self.cuts.tasks, self.cuts.progresses)
         return success
 
     def _shared_start(self, options: dict[str, Any]) -> tuple[Cuts, str | None]:
-        """A single environment's start, what does not depend on the key, and the class of a specimen that is given."""
+        """Return the part of the start that is the same for every key, and the class of a given specimen."""
         specimen = self.single.given_specimen(options.get("specimen"))
         if specimen is None and self.single.specimen_class == "uniform":
             specimen = Specimen.drawn(0, specimen_class="uniform", tissue=self._tissue)
         given = specimen is not None
-        specimen = specimen or Specimen.mean(self._tissue)  # its tissue matters, and nothing else
+        specimen = specimen or Specimen.mean(self._tissue)  # only its tissue matters
         self.single.set_up(specimen, self.single.target_length or LONGEST, seed=0, episode=0, depth=specimen.depth)
         plant, cutting = self.single.plant, self.single.cutting
         parts = plant.snapshot()

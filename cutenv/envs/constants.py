@@ -1,4 +1,4 @@
-"""The constants of an episode by keyword: each belongs to the drive, the sensor, the law, the task or the lab."""
+"""Constants of an episode by keyword: each belongs to the drive, the sensor, the law, the task or the lab."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _PREFIX = "weight_"
 
 @dataclass(frozen=True, kw_only=True)
 class Knowledge:
-    """What the lab measures before the cut."""
+    """Quantities that the lab measures before the cut."""
 
     depth_noise: float = parameter(
         0.5e-3, unit="m", low=0.0, high=0.01, provenance="assumed",
@@ -43,24 +43,24 @@ class Knowledge:
         check_parameters(self)
 
     def depth_modes(self) -> NDArray[np.float64]:
-        """Modes of the error along a specimen, shape (n_modes, 301)."""
+        """Return the modes of the error along a specimen, shape (n_modes, 301)."""
         return field_modes(N_POINTS, SPACING, self.depth_noise_length)
 
     def measure_depth(self, depth: NDArray[np.float64], seed: int, episode: int) -> NDArray[np.float64]:
-        """The depth of cut as measured beforehand, shape (301,) [m]: the true one with a smooth error."""
+        """Return the depth of cut as measured beforehand, shape (301,) [m]: the true one with a smooth error."""
         measured = np.empty(N_POINTS)
         measure_depth(np.uint64(seed), np.uint64(episode), self.depth_noise, self.depth_modes(), depth, measured)
         return measured
 
 
 def identified_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, float]:
-    """Keywords of what ``cutenv rig identify --write`` has put into a rig's file; SI.
+    """Return keywords with the values that ``cutenv rig identify --write`` has put into a rig's file; SI.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If the file cannot be read, nothing was identified, a value is none that the simulator can take, or the blade
-        is not driven by a rig.
+        If the file cannot be read, nothing was identified, the simulator does not accept a value, or the blade is not
+        driven by a rig.
     """
     if drive != "rig":
         raise ValueError(f'rig = {str(rig)!r} tells of a motor, and drive = "{drive}" has none: leave one of them out.')
@@ -76,7 +76,7 @@ def identified_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, fl
 
 @dataclass(frozen=True, kw_only=True)
 class Constants:
-    """Every constant of an episode that is not the specimen's."""
+    """Constants of an episode, except those of the specimen."""
 
     drive: Rig | Hand = dataclasses.field(default_factory=Rig)
     sensor: SensorParameters = dataclasses.field(default_factory=SensorParameters)
@@ -91,12 +91,12 @@ class Constants:
     ) -> Constants:
         """Sort flat ``keywords`` (weights as ``weight_<term>``) into their groups.
 
-        ``others`` are the keywords that the caller takes itself, for one of them may have been meant.
+        ``others`` are the keywords that the caller handles itself; they are suggested for a misspelt name as well.
 
         Raises
         ------
         ValueError, TypeError
-            For a name that no group knows (the nearest is named) and for a value out of range.
+            For an unknown name (the nearest is suggested) and for a value out of range.
         """
         kinds: dict[str, Any] = {
             "drive": {"rig": Rig, "hand": Hand}[one_of("drive", drive, ("rig", "hand"))],

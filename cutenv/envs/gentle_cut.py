@@ -26,7 +26,7 @@ from cutenv.tissue.specimen import CLASSES, Specimen
 from cutenv.validation import in_range, one_of
 
 OPTIONS = ("specimen", "target_length", "episode")
-"""Of a reset."""
+"""Options of a reset."""
 _UPDATES_HZ = 1000
 
 
@@ -245,7 +245,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return observation, self._info()
 
     def given_specimen(self, option: Any) -> Specimen | None:
-        """The specimen that a reset's option or the ``tissue`` file gives; None: to be drawn."""
+        """Return the specimen given by a reset's option or the ``tissue`` file; None if it is to be drawn."""
         if option is None:
             return self.tissue.specimen
         if isinstance(option, str):
@@ -255,7 +255,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return option
 
     def set_up(self, specimen: Specimen, length: float, *, seed: int, episode: int, depth: NDArray[np.float64]) -> None:
-        """Put the blade to the clamp of a specimen, to be cut to ``length`` [m]; the lab knows the ``depth`` [m]."""
+        """Put the blade to a specimen's clamp, with target ``length`` [m] and the ``depth`` [m] known to the lab."""
         constants, tissue = self.constants, specimen.tissue
         self.specimen = specimen
         self.plant = SimulatedPlant(
@@ -283,7 +283,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     @property
     def start_angle(self) -> float:
-        """Of the blade at the start of a cut [rad]."""
+        """Angle of the blade at the start of a cut [rad]."""
         return ANGLE_RANGE[1] if self.fixed_angle is None else self.fixed_angle
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -310,7 +310,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         plant, cutting, specimen = self.plant, self.cutting, self.specimen
         tell_one(plant.cuts, cutting.episode, specimen.modulus, specimen.fracture_resistance, cutting.terms, self._told)
         told = self._told.tolist()
-        # Strict, the four zips would take a tenth of a step's time.
+        # With strict=True, the four zips would take a tenth of a step's time.
         info: dict[str, Any] = {group: dict(zip(names, told[place])) for group, names, place in PLACES}  # noqa: B905
         truth = info["truth"]
         truth["units"] = int(truth["units"])
@@ -352,7 +352,7 @@ _ARGUMENTS = [
 
 
 def checked_episode(episode: float) -> int:
-    """The number of an episode; ValueError for what is none."""
+    """Return the number of an episode as an int; raises ValueError if it is not one."""
     cure = "Give the whole number of an episode, counted from 0."
     if in_range("episode", episode, 0, 2**63, "1", cure) % 1.0:
         raise ValueError(f"episode = {episode:g} is not a whole number. {cure}")
@@ -360,7 +360,7 @@ def checked_episode(episode: float) -> int:
 
 
 def checked_length(length: float) -> float:
-    """A target length [m]; ValueError for one that does not fit a specimen."""
+    """Return a target length [m]; raises ValueError for one that does not fit a specimen."""
     return in_range(
         "target_length", length, 0.015, 0.130, "m", "Lengths are in metres: 80 mm is 0.08; a specimen is 0.15 m long."
     )

@@ -38,26 +38,26 @@ from cutenv.tissue.specimen import CLASSES, Specimen
 from cutenv.validation import in_range, one_of
 
 OPTIONS = ("specimen", "target_length", "episode")
-"""Of a reset; ``specimen`` for emulated and fake rigs only."""
+"""Options of a reset; ``specimen`` for emulated and fake rigs only."""
 _UPDATES_HZ = 1000
 _UPRIGHT = math.pi / 2
 
 
 class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """Cut from the clamp to a target length, gently, on a rig that a policy from simulation meets unchanged.
+    """Cut from the clamp to a target length, gently, on a rig that a policy from simulation can use unchanged.
 
-    Action, observation and reward are those of :class:`cutenv.envs.gentle_cut.GentleCutEnv`; what that one takes from
-    hidden state, this one estimates: the tip from the measured force and the mean tissue's stiffness.  Reward, cost and
+    Action, observation and reward are those of :class:`cutenv.envs.gentle_cut.GentleCutEnv`. Where that one uses hidden
+    state, this one uses estimates: the tip from the measured force and the mean tissue's stiffness. Reward, cost and
     end come from that estimate, and ``info["estimated"]`` is True.
 
-    Safety stands below the environment (:mod:`cutenv.rig.supervisor`) and does not trust it.  Where it stops the blade,
-    the cut ends with ``info["end"] == "stopped"`` and ``info["stop"]`` says why; the rig stays stopped until the
-    operator resets it, who is asked by the next ``reset``.  **A software stop is not a safety function: wire the stop
+    Safety is below the environment (:mod:`cutenv.rig.supervisor`) and independent of it. If it stops the blade, the cut
+    ends with ``info["end"] == "stopped"`` and the cause in ``info["stop"]``; the rig stays stopped until the operator
+    agrees to a reset, which the next ``reset`` asks for. **A software stop is not a safety function: wire the stop
     button to the drive's safe torque off.**
 
-    ``reset`` prepares the rig the first time (calibration, self-test, the operator's word), takes the blade back to the
-    clamp at 5 mm/s and asks for a new specimen.  ``step`` waits for the end of its period on the rig's clock: decide
-    within it.
+    The first ``reset`` prepares the rig (calibration, self-test, the operator's confirmation); each one moves the blade
+    back to the clamp at 5 mm/s and asks for a new specimen. ``step`` waits for the end of its period on the rig's
+    clock: decide within it.
 
     Ends
     ----
@@ -100,9 +100,9 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Info
     ----
-    ``estimated``, ``reward_terms``, ``cost``, ``speed_out_of_range``, ``rig`` (``overruns``: commands so far that came
-    more than 2 ms late; ``period_s``: from this command to the one before; ``limited``: commands so far that were made
-    smaller) and, at the end, ``end``, ``is_success`` and, if it was stopped, ``stop``.
+    ``estimated``, ``reward_terms``, ``cost``, ``speed_out_of_range``, ``rig`` (``overruns``: commands so far that were
+    more than 2 ms late; ``period_s``: time from the last command to this one; ``limited``: commands so far that were
+    reduced to a limit) and, at the end, ``end``, ``is_success`` and, if it was stopped, ``stop``.
 
     Version history
     ---------------
@@ -134,7 +134,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if in_range("control_hz", control_hz, 1, _UPDATES_HZ, "Hz") % 1 or _UPDATES_HZ % control_hz:
             raise ValueError(f"control_hz = {control_hz} must divide {_UPDATES_HZ}: 10, 20, 25, 50 and 100 do.")
         if render_mode is not None:
-            raise ValueError(f"render_mode = {render_mode!r}: a rig is looked at, not drawn; record it and score it.")
+            raise ValueError(f"render_mode = {render_mode!r}: a rig is not drawn; record the cut and score it.")
         self.ticks = round(_UPDATES_HZ / control_hz)
         self.deadline = in_range("deadline_s", deadline_s, 1.0, 3600.0, "s", "Give the seconds for a cut.")
         self.target_length = None if target_length is None else checked_length(target_length)
@@ -177,11 +177,11 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._plant: RigPlant
         self.cutting: GentleCutting
         self.specimen: Specimen | None = None
-        """As drawn for an emulated or fake rig; nobody knows a real one."""
+        """Specimen drawn for an emulated or fake rig; None for a real one."""
 
     @property
     def session(self) -> RigSession:
-        """The rig in use; it is connected to when this is asked for."""
+        """Session with the rig, which is created at the first access."""
         if self._session is None:
             self._session = self._source.session()
         return self._session
@@ -189,7 +189,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Take the blade to the clamp, slowly, and ask for a new specimen; see the class.
+        """Move the blade to the clamp, slowly, and ask for a new specimen; see the class.
 
         Raises
         ------
@@ -216,7 +216,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                     f"target_length = {length:g} m: the blade goes up to {1e3 * AHEAD:g} mm further than the tip and"
                     f" is stopped at limits.high_mm = {1e3 * high:g}. Give {high - AHEAD:g} m or less."
                 )
-            if not self._ended:  # a cut that is given up: come to rest, and finish its record
+            if not self._ended:  # an abandoned cut: come to rest, and finish its record
                 self._finish("given up")
             if self._session is None:
                 self._warm_up()
@@ -240,7 +240,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             return self.cutting.rest(self.start_angle), self._info()
 
     def _warm_up(self) -> None:
-        """Compile what a decision needs, before a rig is connected: it would stall the threads that watch."""
+        """Compile a decision's kernels before a rig is connected: compiling would stall its watching threads."""
         announce(hold)
         practice = Specimen.drawn(0, 0)
         cutting = self._cutting(SimulatedPlant(practice), practice.tissue, 0.06)
@@ -273,7 +273,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     @property
     def start_angle(self) -> float:
-        """Of the blade at the start of a cut [rad]."""
+        """Angle of the blade at the start of a cut [rad]."""
         return _UPRIGHT if self.fixed_angle is None else self.fixed_angle
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -312,7 +312,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._session.plant.owner.check()
 
     def _stop_for(self, cause: Cause, detail: str) -> None:
-        """Stop the blade from here, and keep what is felt until it stands."""
+        """Stop the blade, and keep the readings until it is at rest."""
         plant = self._plant
         plant.supervisor.trip(cause, detail)
         if plant.supervisor.phase == "stopped":
@@ -322,7 +322,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 self._stop = stop.report.to_dict()
 
     def _finish(self, end: str) -> None:
-        """The cut is over: bring the blade to rest, and finish its record."""
+        """End the cut: bring the blade to rest, and finish its record."""
         self._ended = True
         plant = self._plant
         plant.halt()
@@ -346,24 +346,25 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     @property
     def settings(self) -> RigSettings:
-        """Of the rig."""
+        """Settings of the rig."""
         return self._source.settings
 
     @property
     def draws_specimens(self) -> bool:
-        """Whether specimens are drawn by program, as for an emulated or fake rig, and not laid by hand."""
+        """True if specimens are drawn by program, as for an emulated or fake rig, and not laid by hand."""
         return self._source.draws
 
     def the_fake(self) -> FakeRig:
-        """The fake rig; ValueError if it is another kind."""
+        """Fake rig in use; raises ValueError for another kind of rig."""
         if self.session is None or self._source.fake is None:
             raise ValueError(f"rig {self.settings.name!r} is not a fake one.")
         return self._source.fake
 
     def rehearsal(self) -> RigCutEnv:
-        """The same environment on a fake with this rig's settings: try a policy there before anything moves.
+        """Make the same environment on a fake with this rig's settings, to try a policy before anything moves.
 
-        What a policy compiles or imports at its first decisions stalls the threads that watch a rig, which stop it.
+        The first decisions of a policy may compile or import, which stalls the threads that watch a rig, and they stop
+        it.
         """
         return RigCutEnv(**{**self._arguments, "records": None, "operator": None, "dry_run": True})
 
@@ -373,10 +374,10 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._source.records
 
     def close(self) -> None:
-        """Stop what moves, and leave the rig, from any thread; nothing in a fork.
+        """Stop any motion and close the rig, from any thread; has no effect in a fork.
 
-        From a signal's handler in the midst of a step it stops the blade, and the rig is left when the step ends; in
-        the midst of a reset that moves nothing it raises :class:`KeyboardInterrupt`, and the rig is left then.
+        From a signal handler during a step it stops the blade, and the rig is closed when the step ends. During a reset
+        in which nothing moves it raises :class:`KeyboardInterrupt`, and the rig is then closed.
         """
         session = self._session
         if self._work.postpones():
@@ -387,7 +388,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             return
         plant = session.plant
         try:
-            session.close()  # first: a disk may take seconds to finish the record
+            session.close()  # before the record, which may take a disk seconds to finish
         finally:
             self._session = None
             report = plant.supervisor.report if plant.supervisor.phase == "stopped" else None

@@ -1,4 +1,4 @@
-"""Which rig an environment cuts on: hardware by its file, an emulator of its own, or a fake in memory."""
+"""Source of the rig that an environment uses: hardware by its file, its own emulator, or a fake in memory."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ from cutenv.trace import Reading
 
 
 class FakeSupply:
-    """Lays drawn specimens on a fake rig."""
+    """Supply that lays drawn specimens on a fake rig."""
 
     def __init__(self, rig: FakeRig, constants: Constants) -> None:
         self._rig, self._constants = rig, constants
 
     def lay(self, key: SpecimenKey) -> NDArray[np.float64] | None:
-        """Lay it; its depth is known to the one who has drawn it."""
+        """Lay a specimen; return None, because the caller has drawn it and knows its depth."""
         specimen, constants = key.specimen, self._constants
         if specimen is None:
             raise RigError("a fake rig cuts drawn specimens only.")
-        drive = constants.drive if constants.drive != Rig() else None  # else the one of the rig's settings
+        drive = constants.drive if constants.drive != Rig() else None  # otherwise the rig's own
         self._rig.lay(
             lambda settings: CutBench(
                 specimen,
@@ -64,13 +64,13 @@ class FakeSupply:
 
 
 class EmulatedSupply:
-    """Lays drawn specimens on an emulated rig."""
+    """Supply that lays drawn specimens on an emulated rig."""
 
     def __init__(self, control: EmulatorControl) -> None:
         self._control = control
 
     def lay(self, key: SpecimenKey) -> NDArray[np.float64] | None:
-        """Lay it; its depth is known to the one who has drawn it."""
+        """Lay a specimen; return None, because the caller has drawn it and knows its depth."""
         if key.specimen is None:
             raise RigError("an emulated rig cuts drawn specimens only.")
         self._control.lay(key.specimen, seed=key.seed, episode=key.episode)
@@ -88,19 +88,17 @@ _OPTIONS = {
     "debt_length": ("--debt-length-mm", 1e3),
     "friction_per_depth_speed": ("--blade-friction-Ns-m2", 1.0),
 }
-"""Options of ``cutenv rig emulate`` by constant, with how many of the option's units are one of SI."""
-_AS_BUILT = {
-    "backlash"
-}  # of the emulated screw unless it is asked for: 0 is the simulator's default, and no real screw
+"""Options of ``cutenv rig emulate`` by constant, with the number of the option's units in one SI unit."""
+_AS_BUILT = {"backlash"}  # of the emulated screw by default: the simulator's default of 0 is not that of a real screw
 
 
 def emulator_arguments(constants: Constants) -> list[str]:
-    """Options of ``cutenv rig emulate`` that give an emulated rig the simulator's drive, sensor and law.
+    """Return options of ``cutenv rig emulate`` that give an emulated rig the simulator's drive, sensor and law.
 
     Raises
     ------
     ValueError
-        If the emulator has no option for a constant that is not the default.
+        If the emulator has no option for a constant that differs from its default.
     """
     plain, arguments = Constants(), []
     for part in ("drive", "sensor", "law"):
@@ -112,40 +110,41 @@ def emulator_arguments(constants: Constants) -> list[str]:
                 arguments += [option, f"{units * value:.6g}"]
             elif changed:
                 raise ValueError(
-                    f'{name}: an emulated rig has no such option, but {", ".join(_OPTIONS)}; rig="fake" has.'
+                    f'{name}: an emulated rig has no such option, only {", ".join(_OPTIONS)}; rig="fake" has.'
                 )
     return arguments
 
 
 class RigSource:
-    """The rig that an environment's argument names, and the records of its cuts.
+    """Rig that an environment's argument names, with the records of its cuts.
 
     Parameters
     ----------
     rig : str or Path
         "fake", "emulator", or a TOML file.
     constants : Constants
-        Of an emulated or fake rig's drive and sensor.
+        Constants of an emulated or fake rig's drive and sensor.
     operator : Operator, optional
-        Asked before anything moves.  Default: a person at the terminal, nobody for an emulated or fake rig.
+        Person who is asked before anything moves. Default: a person at the terminal; automatic for an emulated or fake
+        rig.
     records : str or Path, optional
         Folder for the records of cuts.
     lower_limits : dict, optional
-        Limits that are to be lower than the rig's, see :meth:`cutenv.rig.settings.Limits.lowered`.
+        Limits to be lowered, see :meth:`cutenv.rig.settings.Limits.lowered`.
     dry_run : bool
-        Whether a fake stands for the rig, with its settings.
+        True to use a fake with the rig's settings instead of the rig.
 
     Attributes
     ----------
     settings : RigSettings
-        Of the rig.
+        Settings of the rig.
     draws : bool
-        Whether specimens are drawn by program, not laid by hand.
+        True if specimens are drawn by program, not laid by hand.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If the file is missing or says what cannot be.
+        If the file is missing or not valid.
     """
 
     def __init__(
@@ -174,16 +173,16 @@ class RigSource:
         self.draws = self._rig in (FAKE, EMULATOR)
         self._emulated = emulator_arguments(constants) if self._rig == EMULATOR else []
         self.fake: FakeRig | None = None
-        """Of a fake rig in use."""
+        """Fake rig in use, if there is one."""
         self._folder = None if records is None else Path(records)
         self.emulator: RunningEmulator | None = None
-        """Of an emulated rig that runs."""
+        """Running emulator, if there is one."""
         self._record: AppendingRecord | None = None
         self.records: list[Path] = []
-        """Of finished cuts."""
+        """Files of the finished cuts."""
 
     def session(self) -> RigSession:
-        """Make the rig; it is connected to at its first cut."""
+        """Make the session of the rig, which connects at its first cut."""
         if self._rig == FAKE:
             self.fake = fake = FakeRig(_at_clamp, self.settings)
             operator = self._operator or AutomaticOperator(self.settings)
@@ -203,7 +202,7 @@ class RigSource:
         return settings
 
     def begin_record(self, plant: RigPlant, *, seed: int, episode: int, **metadata: Any) -> None:
-        """Begin the record of a cut, if records are kept; a disk that takes no more stops the blade."""
+        """Begin the record of a cut, if records are kept; if it cannot be written later, the blade is stopped."""
         if self._folder is None:
             return
         self._folder.mkdir(parents=True, exist_ok=True)
@@ -235,24 +234,24 @@ class RigSource:
             columns = [readings[field].tolist() for field in ("time", "force", "position", "speed", "angle")]
             try:
                 record.append(map(Reading._make, zip(*columns, depth.tolist(), strict=True)))
-            except (RecordingFailed, TypeError, ValueError) as error:  # a full disk, or what no record holds
+            except (RecordingFailed, TypeError, ValueError) as error:  # full disk, or invalid values
                 plant.supervisor.trip(Cause.EXCEPTION, f"the record cannot be kept: {error}")
 
         plant.keep = keep
 
     def end_record(self, plant: RigPlant, **metadata: Any) -> None:
-        """Finish the record of a cut, if one is being kept."""
+        """Finish the record of a cut, if one is being written."""
         plant.keep = _forget
-        record, self._record = self._record, None  # once, if another thread closes the rig meanwhile
+        record, self._record = self._record, None  # only once, if another thread closes the rig meanwhile
         if record is not None:
             record.close({**metadata, "overruns": plant.timing.overruns})
             self.records.append(record.path)
 
 
 def _forget(readings: Records) -> None:
-    """Keep no record."""
+    """Discard the readings."""
 
 
 def _at_clamp(settings: RigSettings) -> AirBench:
-    """The bench of a fake rig until a specimen is laid."""
+    """Return the bench of a fake rig before a specimen is laid."""
     return AirBench(settings, start=0.0)

@@ -1,4 +1,4 @@
-"""A rig's environment at work, and the actions handed to it: neither may keep the blade from stopping."""
+"""Work of a rig's environment, and the actions it is given: neither may delay a stop of the blade."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 
 class Work:
-    """A reset or step that is going on: a signal's handler that closes the rig in its midst does so after it.
+    """Reset or step in progress: a signal handler that wants to close the rig in its midst has to wait for its end.
 
-    A handler runs in the middle of whatever its thread does, perhaps under a lock that closing needs.
+    A handler interrupts its thread anywhere, perhaps under a lock that closing needs.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Work:
 
     @contextmanager
     def going_on(self) -> Iterator[None]:
-        """Within the block :meth:`postpones` does, in this thread."""
+        """Mark the block as work of this thread, and close the rig at its end if :meth:`postpones` was asked."""
         self._worker = threading.get_ident()
         try:
             yield
@@ -41,7 +41,7 @@ class Work:
                 self._leave()
 
     def postpones(self) -> bool:
-        """True if the rig cannot be closed here and now; it is when the work ends."""
+        """Return True if the rig cannot be closed here and now; it is then closed when the work ends."""
         if self._worker != threading.get_ident():
             return False
         self._leaving = True
@@ -49,17 +49,17 @@ class Work:
 
 
 def numbers(action: Any) -> NDArray[np.float64] | None:
-    """The two numbers of an action; None of whatever else a policy may return."""
+    """Return the two numbers of an action; None for anything else that a policy may return."""
     try:
         command = np.array(action, np.float64)
-    except Exception:  # an object's own conversion may raise anything, and the blade has to be stopped first
+    except Exception:  # the conversion of any object may raise anything, and the blade has to be stopped first
         return None
     return command if command.shape == (2,) and np.isfinite(command).all() else None
 
 
 def shown(action: Any) -> str:
-    """An action for a message, in short."""
+    """Return an action in short, for a message."""
     try:
         return reprlib.repr(action)
-    except Exception:  # an object's own may raise anything
+    except Exception:  # the object's own method may raise anything
         return f"a {type(action).__name__}"

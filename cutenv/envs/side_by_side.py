@@ -1,4 +1,4 @@
-"""The same policy on the same specimens, in the simulator and on a rig: every cut recorded and judged alike."""
+"""Comparison of one policy on the same specimens in the simulator and on a rig, recorded and assessed alike."""
 
 from __future__ import annotations
 
@@ -24,34 +24,34 @@ from cutenv.task.records import STOPPED
 from cutenv.validation import in_range
 
 DRAWS = 5
-"""Simulated cuts of each specimen, which differ by the noise of the force sensor alone."""
+"""Number of simulated cuts of each specimen, which differ only by the noise of the force sensor."""
 LOST_TIME = (
     Cause.FORCE_STALE, Cause.FORCE_LATE, Cause.FORCE_LOST, Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.OVERRUN,
 )  # fmt: skip
-"""Stops after which a specimen is cut anew: the computer was elsewhere, which tells nothing of policy or rig."""
+"""Stops after which a specimen is cut again: the computer was delayed, which concerns neither policy nor rig."""
 _OUR_HEARTBEAT = "0x8130"
-"""Emergency of a drive that has missed the computer's heartbeat."""
-_ATTEMPTS = 5  # for a specimen
+"""Emergency of a drive that has missed this computer's heartbeat."""
+_ATTEMPTS = 5  # for one specimen
 _NOISE_KEY = 1_000_003  # added to a seed for every further draw of noise
 Told = Callable[[str, int], None]
 
 
 @dataclass(kw_only=True)
 class SideBySide:
-    """What was cut.
+    """Cuts of a comparison.
 
     Attributes
     ----------
     simulator : list of list of ComparedCut
-        Several for each specimen.
+        Several cuts of each specimen.
     rig : list of ComparedCut
-        One for each specimen.
+        One cut of each specimen.
     paired : bool
-        Whether both cut the same specimens.
+        True if both cut the same specimens.
     clock : ClockKept
-        The rig's.
+        Timing of the rig's control clock.
     between : list of str
-        Cuts that were made anew, and why the rig ended early, if it did.
+        Notes on cuts that were repeated, and the reason if the rig ended early.
     """
 
     simulator: list[list[ComparedCut]]
@@ -62,20 +62,20 @@ class SideBySide:
 
     @property
     def agreement(self) -> Agreement:
-        """Of the specimens that were cut on both sides."""
+        """Return the agreement over the specimens that were cut on both sides."""
         simulator = self.simulator[: len(self.rig)] if self.paired else self.simulator
         return Agreement(self.rig, simulator, paired=self.paired)
 
 
 def simulator_like(rig: RigCutEnv, **arguments: Any) -> GentleCutEnv:
-    """The simulator's environment for what a rig is asked: rewards from estimates, constants as identified on it.
+    """Make the simulator's environment for comparison with a rig: rewards from estimates, identified constants.
 
     Parameters
     ----------
     rig : RigCutEnv
-        What the simulator is to be like.
+        Environment of the rig to compare with.
     **arguments
-        Keywords of :class:`~cutenv.envs.gentle_cut.GentleCutEnv`, which win over what was identified.
+        Keywords of :class:`~cutenv.envs.gentle_cut.GentleCutEnv`, which override the identified constants.
     """
     fixed = rig.fixed_angle is not None
     return GentleCutEnv(
@@ -92,23 +92,23 @@ def cut_once(env: GentleCutEnv | RigCutEnv, policy: Policy, *, seed: int, episod
     Parameters
     ----------
     env : GentleCutEnv or RigCutEnv
-        Where.
+        Environment to cut in.
     policy : Policy
-        Who; its own chance depends on seed and episode alone.
+        Policy that decides; its random numbers depend on seed and episode alone.
     seed, episode : int
-        Of the specimen.
+        Key of the specimen.
     noise : int
-        Number of the draw of the simulated sensor's noise; a rig's has its own.
+        Number of the draw of the simulated sensor's noise; no effect on a rig.
 
     Raises
     ------
     ValueError
-        If the policy wants to see hidden state.
+        If the policy needs hidden state.
     RigError
         If a check of the rig fails, its operator does not agree, or it was stopped before the blade had moved.
     """
     if isinstance(policy, SeesTruth):
-        raise ValueError("this policy is shown the hidden state, which no rig knows; take another.")
+        raise ValueError("this policy needs the hidden state, which no rig knows; choose another.")
     observation, _ = env.reset(seed=seed, options={"episode": episode})
     if noise and isinstance(env, GentleCutEnv):
         length, depth = env.cutting.target_length, env.plant.depth
@@ -120,7 +120,7 @@ def cut_once(env: GentleCutEnv | RigCutEnv, policy: Policy, *, seed: int, episod
     while not ended:
         observation, reward, ended, _, _ = env.step(policy(observation))
         value += reward
-        assert cutting.readings is not None  # there has been a step
+        assert cutting.readings is not None  # at least one step was made
         parts.append(cutting.readings.copy())
     if sum(map(len, parts)) < 2:
         raise RigError("the blade was stopped before it had moved: there is no cut.")
@@ -134,7 +134,7 @@ def cut_once(env: GentleCutEnv | RigCutEnv, policy: Policy, *, seed: int, episod
 def simulate(
     env: GentleCutEnv, policy: Policy, *, seed: int, specimens: int, draws: int = DRAWS, told: Told | None = None
 ) -> list[list[ComparedCut]]:
-    """Cut every specimen several times, with one draw of the sensor's noise after the other."""
+    """Cut every specimen ``draws`` times, each with another draw of the sensor's noise; return the cuts by specimen."""
     cuts = []
     for episode in range(specimens):
         cuts.append([cut_once(env, policy, seed=seed, episode=episode, noise=draw) for draw in range(draws)])
@@ -146,18 +146,18 @@ def simulate(
 def cut_on_rig(
     env: RigCutEnv, policy: Policy, *, seed: int, specimens: int, told: Told | None = None
 ) -> tuple[list[ComparedCut], ClockKept, list[str]]:
-    """Cut every specimen once; anew, up to four times, where the rig was stopped because time was lost.
+    """Cut every specimen once; again, up to four times, if the rig was stopped by a delay of the computer.
 
     Returns
     -------
     tuple of list of ComparedCut, ClockKept, list of str
-        Cuts, the control clock over all of them, and what came between: cuts that were made anew, and why the rig ended
-        early if it did, for what was cut until then is worth keeping.
+        Cuts, the timing of the control clock over all of them, and notes on cuts that were repeated and on the reason
+        if the rig ended early: the cuts until then are still useful.
 
     Raises
     ------
     RigError
-        If the rig cannot be made.
+        If the rig cannot be created.
     """
     cuts: list[ComparedCut] = []
     parts: list[tuple[list[float], list[float], int, float, int]] = []
@@ -173,7 +173,7 @@ def cut_on_rig(
                 if not lost:
                     return cuts, ClockKept.of(env.ticks * TICK, parts), between
                 if not _time_was_lost(env):
-                    env.close()  # drives that were left in the middle of it are met anew
+                    env.close()  # drives that were left in mid-motion are connected again
                 continue
             if cut.end == STOPPED and _time_was_lost(env):
                 lost = True
@@ -199,7 +199,7 @@ def _stopped_by(env: RigCutEnv) -> Cause | None:
 
 
 def _time_was_lost(env: RigCutEnv) -> bool:
-    """Whether the rig is stopped for a reason that tells of computers, not of the cut."""
+    """Return whether the rig is stopped for a reason that concerns computers, not the cut."""
     supervisor = env.session.plant.supervisor
     report = supervisor.report
     if supervisor.phase != "stopped" or report is None:
@@ -222,25 +222,25 @@ def side_by_side(
     Parameters
     ----------
     rig, simulator : RigCutEnv, GentleCutEnv
-        Where; see :func:`simulator_like`.
+        Environments; see :func:`simulator_like`.
     policy : Policy
-        Who.
+        Policy that decides.
     seed, specimens : int
         Specimens are the episodes 0, 1, ... of the seed.
     draws : int
-        Simulated cuts of each specimen, 2 to 100.
+        Number of simulated cuts of each specimen, 2 to 100.
     told : callable, optional
-        Told the side and how many specimens it has cut.
+        Called with the side and the number of specimens that it has cut.
     """
     in_range("specimens", specimens, FEWEST, 10_000, "1", "A dozen is a beginning.")
-    in_range("draws", draws, 2, 100, "1", "Noise is told from two simulated cuts or more.")
+    in_range("draws", draws, 2, 100, "1", "Noise needs two simulated cuts or more.")
     simulated = simulate(simulator, policy, seed=seed, specimens=specimens, draws=draws, told=told)
     cuts, clock, between = cut_on_rig(rig, policy, seed=seed, specimens=specimens, told=told)
     return SideBySide(simulator=simulated, rig=cuts, paired=rig.draws_specimens, clock=clock, between=between)
 
 
 def save_records(folder: Path, cuts: Sequence[Sequence[ComparedCut]], about: Mapping[str, Any]) -> list[Path]:
-    """Write simulated cuts as records, ``EPISODE-DRAW.csv``, as a rig writes its own; ``about`` goes into each."""
+    """Write simulated cuts as records ``EPISODE-DRAW.csv``, in a rig's form, each with ``about``; return paths."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for episode, draws in enumerate(cuts):

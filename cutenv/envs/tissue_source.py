@@ -1,4 +1,4 @@
-"""Where the specimens of an environment come from: the measured liver, another tissue, or one given specimen."""
+"""Source of an environment's specimens: the measured liver, another tissue, or one given specimen."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cutenv.tissue.specimen import Specimen
 
 
 class TissueSource:
-    """Draws specimens.
+    """Source from which specimens are drawn.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ class TissueSource:
     Raises
     ------
     FileNotFoundError, ValueError
-        If the file is missing or is neither.
+        If the file is missing, or is neither of them.
     """
 
     def __init__(self, path: str | Path | None) -> None:
@@ -55,5 +55,5 @@ class TissueSource:
             )
 
     def drawn(self, seed: int, episode: int, specimen_class: str) -> Specimen:
-        """The specimen of a key, of ``specimen_class``."""
+        """Return the specimen with that key and ``specimen_class``."""
         return Specimen.drawn(seed, episode, specimen_class=specimen_class, tissue=self.tissue)

@@ -1,4 +1,4 @@
-"""Many environments ``cutenv/GentleCut-v1`` in one: stepped, drawn and begun by compiled calls, on all cores."""
+"""Vector environment of many ``cutenv/GentleCut-v1``, which compiled calls begin and step on all cores."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from cutenv.validation import in_range, one_of
 _NAMED = tuple(
     (group, "_" + group, names, tuple("_" + name for name in names), place) for group, names, place in PLACES
 )
-"""Groups of what is told, their masks, and in them names, masks and columns."""
+"""Layout of the info: groups with their masks, and within each, names, masks and columns."""
 _END, _UNITS, _OUT_OF_RANGE = range(len(CODES))
 _END_NAMES = np.array(ENDS, dtype=object)
 
@@ -35,28 +35,28 @@ Observations = NDArray[np.float32]
 
 
 class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
-    """``num_envs`` environments, bit for bit equal to single ones of the same seeds and actions.
+    """``num_envs`` environments, bit for bit equal to single ones with the same seeds and actions.
 
-    ``gymnasium.make_vec("cutenv/GentleCut-v1", num_envs=1024)`` makes one.  Environment i of ``reset(seed=s)`` is that
-    of ``GentleCutEnv.reset(seed=s + i)``, episode after episode.
+    ``gymnasium.make_vec("cutenv/GentleCut-v1", num_envs=1024)`` makes one. Environment i of ``reset(seed=s)`` equals
+    that of ``GentleCutEnv.reset(seed=s + i)``, episode after episode.
 
     Parameters
     ----------
     num_envs : int
-        At least 1.
+        Number of environments, at least 1.
     autoreset_mode : AutoresetMode or str
-        What happens to an environment whose cut has ended: "NextStep" (the default of Gymnasium), "SameStep" (its last
+        Treatment of an environment whose cut has ended: "NextStep" (Gymnasium's default), "SameStep" (its last
         observation and info are in ``info["final_obs"]`` and ``info["final_info"]``) or "Disabled" (reset it with
         ``reset(options={"reset_mask": mask})``).
     render_mode : None
-        Nothing is drawn; one environment draws.
+        Only None: a batch is not drawn; use one environment to draw.
     **keywords
-        Those of :class:`~cutenv.envs.gentle_cut.GentleCutEnv`, the same for all.
+        Keywords of :class:`~cutenv.envs.gentle_cut.GentleCutEnv`, the same for all.
 
     Notes
     -----
-    ``info`` holds what the single environment's does as arrays of length ``num_envs``, each with its mask ``_name``
-    where it is present.
+    ``info`` holds the single environment's entries as arrays of length ``num_envs``, each with a mask ``_name`` that is
+    True where it is present.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012  as in VectorEnv
@@ -99,13 +99,13 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         self.action_space: spaces.Space[Any] = batch_space(self.single_action_space, self.num_envs)
 
         self.batch = CutBatch(self.num_envs, self.single)
-        """The cuts, for who needs no info; do not mix its steps with these."""
+        """Batch of the cuts, for callers without need of an info; do not mix its steps with these."""
         self._ended = np.zeros(self.num_envs, bool)
         self._none_waits = np.zeros(self.num_envs, bool)
 
     @property
     def cuts(self) -> Cuts:
-        """Everything about the cuts."""
+        """State of all cuts."""
         return self.batch.cuts
 
     def reset(
@@ -116,7 +116,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         Parameters
         ----------
         seed : int or sequence of int, optional
-            Environment i gets ``seed + i``, or its own; None: the next episode of the seed that it has.
+            Environment i gets ``seed + i``, or its own; None: the next episode of its present seed.
         options : dict, optional
             Those of :meth:`GentleCutEnv.reset`, and ``reset_mask``, an array of bool.
         """
@@ -133,7 +133,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         )
 
     def step(self, actions: Observations) -> tuple[Observations, Numbers, Flags, Flags, dict[str, Any]]:
-        """Take an action, shape (2,), in every environment, shape (num_envs, 2); see ``autoreset_mode`` for ends."""
+        """Apply an action, shape (2,), to each environment, in all (num_envs, 2); see ``autoreset_mode`` for ends."""
         waiting = self._ended if self.autoreset_mode == AutoresetMode.NEXT_STEP else self._none_waits
         if waiting is self._none_waits and self._ended.any():
             raise gymnasium.error.ResetNeeded("in some environments no cut is going on: call reset() before step().")
@@ -162,7 +162,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         return self.batch.observations.copy(), rewards, ended.copy(), np.zeros(self.num_envs, bool), info
 
     def _masked(self, mask: Any) -> NDArray[np.int64]:
-        """The environments that a reset mask names; all without one."""
+        """Return the environments that a reset mask selects; all without one."""
         if mask is None:
             return np.arange(self.num_envs)
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
@@ -172,7 +172,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         return np.flatnonzero(mask)
 
     def _seeds_of_all(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        """The seeds that ``reset`` is given, one for each environment."""
+        """Return the seeds given to ``reset``, one for each environment."""
         if not (seed is None or isinstance(seed, int | np.integer)):
             return list(seed)
         super().reset(seed=None if seed is None else int(seed))
@@ -193,11 +193,11 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         return mask
 
     def _info(self, told: Numbers, codes: Codes, present: Flags) -> dict[str, Any]:
-        """What is told as arrays by name, each with its mask."""
+        """Return the info as arrays by name, each with its mask."""
         return self._completed(_by_name(told, present), codes, present)
 
     def _completed(self, info: dict[str, Any], codes: Codes, present: Flags) -> dict[str, Any]:
-        """``info`` with what is not as it is told: whole numbers, flags and names."""
+        """Return ``info`` with the entries that are not numbers of the table: whole numbers, flags and names."""
         truth = info["truth"]
         truth["units"] = codes[_UNITS]
         truth["specimen_class"], truth["_specimen_class"] = _where(present, self.batch.classes), present
@@ -209,23 +209,23 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         info["is_success"], info["_is_success"] = self.batch.succeeded() & ended, ended
 
     def _final(self, finished: NDArray[np.int64], ended: Flags, codes: Codes, told: Numbers) -> dict[str, Any]:
-        """Last observation and info of the cuts that have ended, before the next ones begin."""
+        """Return last observation and info of the cuts that have ended, before the next ones begin."""
         last = np.zeros_like(told)
         last[finished] = told[finished]
         codes[:, ~ended] = 0
         final_info = self._info(last, codes, ended)
         self._add_ends(final_info, ended, codes[_END])
         final_obs = np.full(self.num_envs, None, dtype=object)
-        for n in finished:  # by Gymnasium's convention an array of arrays
+        for n in finished:  # an array of arrays, by Gymnasium's convention
             final_obs[n] = self.batch.observations[n].copy()
         return {"final_obs": final_obs, "_final_obs": ended, "final_info": final_info, "_final_info": ended}
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Nothing is held."""
+        """Release nothing: there are no resources to release."""
 
 
 def _by_name(told: Numbers, present: Flags) -> dict[str, Any]:
-    """Columns of what is told, whether or not it is yet filled, by group and name, each with its mask."""
+    """Return the table's columns as views by group and name, each with its mask; they may still be filled."""
     columns = tuple(told.T)
     info: dict[str, Any] = {}
     for group, mask, names, masks, place in _NAMED:
@@ -236,7 +236,7 @@ def _by_name(told: Numbers, present: Flags) -> dict[str, Any]:
 
 
 def _where(present: Flags, values: NDArray[Any]) -> NDArray[Any]:
-    """The objects that are present; None elsewhere."""
+    """Return the objects that are present; None elsewhere."""
     if present.all():
         return values
     chosen = np.full(len(values), None, dtype=object)

@@ -1,4 +1,4 @@
-"""What is laid over the picture: how to begin, the countdown, and the end card with score and faults in plain words."""
+"""Cards over the picture: instructions, countdown, and the end card with score and faults in plain words."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _SHOWN = (
 
 
 def _panel(canvas: Canvas, layout: Layout, bottom: float) -> None:
-    """Veil what is behind, and lay a sheet on it."""
+    """Veil the background, and draw a sheet on it."""
     whole = np.array(
         [[0.0, layout.header], [layout.width, layout.header], [layout.width, layout.height], [0.0, layout.height]]
     )
@@ -41,7 +41,7 @@ def _panel(canvas: Canvas, layout: Layout, bottom: float) -> None:
 
 
 def draw_ready_card(canvas: Canvas, layout: Layout, sight: Sight) -> None:
-    """What is to be done, and with which hands."""
+    """Draw the instructions, and the choices for the next cut."""
     _panel(canvas, layout, 400.0)
     x, target = _LEFT + _EDGE, sight.moment.target * 1e3
     canvas.text(f"Cut {target:.0f} mm, gently", (x, _TOP + 40), size=36)
@@ -52,7 +52,7 @@ def draw_ready_card(canvas: Canvas, layout: Layout, sight: Sight) -> None:
         ("The wheel leans the blade, down to 45°, and raises it again.", palette.INK),
         ("Gamepad: left stick and right trigger; begin with its button A.", palette.INK),
         ("", palette.INK),
-        (f"The tip of the cut, which nobody sees, is to stand at {target:.1f} mm, within 3 mm.", palette.INK),
+        (f"Bring the tip of the cut, which is hidden, to {target:.1f} mm, within 3 mm.", palette.INK),
         ("To finish: blade upright, draw back until nothing pulls, hold still.", palette.INK),
         ("", palette.INK),
         (f"Tissue: {sight.specimen_class} (c: another).   Practice: {practice} (p).", palette.QUIET),
@@ -64,7 +64,7 @@ def draw_ready_card(canvas: Canvas, layout: Layout, sight: Sight) -> None:
 
 
 def draw_countdown(canvas: Canvas, layout: Layout, sight: Sight) -> None:
-    """Three, two, one."""
+    """Draw the countdown."""
     middle = layout.along(0.075), layout.cut_line
     canvas.disc(np.array(middle), 70.0, palette.PAPER)
     canvas.text(f"{max(math.ceil(sight.countdown), 1)}", middle, size=130, colour=palette.TARGET, anchor="center")
@@ -73,10 +73,10 @@ def draw_countdown(canvas: Canvas, layout: Layout, sight: Sight) -> None:
 
 
 def draw_end_card(canvas: Canvas, layout: Layout, sight: Sight) -> None:
-    """Score, numbers, what went wrong and what to try next."""
+    """Draw the end card: score, numbers, faults and advice."""
     card, moment = sight.card, sight.moment
     faults = fault_lines(card)
-    foot = _TOP + 340 + sum(step for _, step, _ in faults)  # where what stands below the faults begins
+    foot = _TOP + 340 + sum(step for _, step, _ in faults)  # top of the text below the faults
     _panel(canvas, layout, foot + 64)
     x, right = _LEFT + _EDGE, _RIGHT - _EDGE
     ended = moment.verdict or GIVEN_UP
@@ -107,7 +107,7 @@ def _draw_score(canvas: Canvas, card: ScoreCard, x: float, right: float) -> None
         return
     canvas.text(f"{card.overall_score:.0f}", (right - 62, _TOP + 60), size=76, anchor="midright")
     canvas.text("of 100", (right, _TOP + 72), size=19, colour=palette.QUIET, anchor="midright")
-    part = "" if card.completed > 0.95 else f"{100 * card.completed:.0f} % of the way was cut; "
+    part = "" if card.completed > 0.95 else f"{100 * card.completed:.0f} % of the target length was cut; "
     words = f"{part}score within {card.reference.partition(':')[0].replace('(', 'of ')} by scripts"
     canvas.text(words, (x, _TOP + 72), size=17, colour=palette.QUIET)
     canvas.text("from what a rig could measure, as: cutenv score RECORD", (x, _TOP + 92), size=15, colour=palette.QUIET)
@@ -128,12 +128,12 @@ def _draw_metrics(canvas: Canvas, card: ScoreCard, x: float, right: float, top: 
 
 
 def fault_lines(card: ScoreCard | None) -> list[tuple[str, int, bool]]:
-    """What went wrong and what to try next: words, way to the next line [px], whether they name a fault."""
+    """Return faults and advice: text, distance to the next line [px], and whether the line names a fault."""
     if card is None:
         return []
     if not card.faults:
         return [("No fault was found.", 30, False)]
-    # How a cut ended comes first: runs and pauses are many, an end is one. The same advice is given once.
+    # The end of a cut comes first: there are many runs and pauses but one end. The same advice is given once.
     said: dict[str, list[str]] = {}
     for fault in sorted(card.faults, key=lambda fault: fault.kind in ("lurch", "pause")):
         said.setdefault(fault.try_next, []).append(fault.says)

@@ -1,4 +1,4 @@
-"""One cut by a person: the environment's own task at 1 kHz, every reading kept, scored as any other cut."""
+"""Cut by a person: the environment's own task at 1 kHz, with every reading kept, scored as any other cut."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from cutenv.validation import in_range
 
 UPDATES_HZ = round(1.0 / TICK)
 FEWEST_READINGS = 100
-"""Below which a cut that was given up is no record: a tenth of a second."""
+"""Least number of readings that makes an abandoned cut a record: a tenth of a second."""
 
 
 class PlayedCut:
-    """A specimen under a person's hand.
+    """Cut of one specimen by a person's hand.
 
-    It is an episode of ``GentleCutEnv(drive="hand", control_hz=1000)`` of the same seed: same specimen, target,
-    ends and reward as an agent's. Its decisions are a millisecond apart.
+    It is an episode of ``GentleCutEnv(drive="hand", control_hz=1000)`` with the same seed: specimen, target, ends and
+    reward are those of an agent. Its decisions are a millisecond apart.
 
     Parameters
     ----------
@@ -39,13 +39,13 @@ class PlayedCut:
     seed, episode : int
         Key of specimen, target and noise.
     target_length : float, optional
-        [m]; default drawn from 0.060 to 0.100.
+        Length of the cut [m]; drawn from 0.060 to 0.100 by default.
     deadline : float
-        [s].
+        Time for the cut [s].
     hand : Hand
-        What joins the person to the blade.
+        Coupling between the person and the blade.
     handle : Handle, optional
-        A drawn handle, which is led along.
+        Handle for the picture, which follows the cut.
 
     Raises
     ------
@@ -79,47 +79,47 @@ class PlayedCut:
         self._readings: Records = np.zeros(round(deadline * UPDATES_HZ) + 1, READING)
         self._count = 0
         self.end = ""
-        """Why it ended, one of the environment's ends; empty while it goes on."""
+        """Cause of the end, one of the environment's ends; empty while the cut goes on."""
 
     @property
     def plant(self) -> SimulatedPlant:
-        """What is cut."""
+        """Simulated plant of this cut."""
         return self._env.plant
 
     @property
     def cutting(self) -> GentleCutting:
-        """The task."""
+        """Task of this cut."""
         return self._env.cutting
 
     @property
     def truth(self) -> dict[str, Any]:
-        """Hidden state, and energies in joules, as the environment tells them; for practice."""
+        """Hidden state, and energies [J], as in the environment's info; for practice."""
         told: dict[str, Any] = self._info["truth"] | self._info["energy"]
         return told
 
     @property
     def readings(self) -> Records:
-        """Every reading so far, shape (n,); what is there does not change."""
+        """Every reading so far, shape (n,); existing ones do not change."""
         return self._readings[: self._count]
 
     @property
     def target_length(self) -> float:
-        """[m]."""
+        """Target length [m]."""
         return self.cutting.target_length
 
     @property
     def pose(self) -> Pose | None:
-        """Of the drawn handle, if there is one."""
+        """Pose of the drawn handle, if there is one."""
         return None if self._handle is None else self._handle.pose
 
     def tick(self, stylus: Stylus) -> None:
-        """A millisecond under a person's hand; nothing once it has ended."""
+        """Advance by a millisecond under a person's hand; does nothing once the cut has ended."""
         if self.end:
             return
         state = self.plant.states[0]
         speed = speed_toward(stylus.position, state, self._hand)
         _, _, ended, _, self._info = self._env.step(to_action(speed, stylus.angle))
-        assert self.cutting.readings is not None  # there is one since the step
+        assert self.cutting.readings is not None  # at least one step was made
         self._readings[self._count] = reading = self.cutting.readings[0]
         self._count += 1
         if ended:
@@ -134,15 +134,15 @@ class PlayedCut:
             )
 
     def trace(self, **metadata: object) -> Trace:
-        """What a rig would have recorded of it.
+        """Return the trace that a rig would have recorded.
 
         Raises
         ------
         ValueError
-            If there are less than two readings.
+            If there are fewer than two readings.
         """
         return to_trace(self.plant, self.readings, target_length_m=self.target_length, **metadata)
 
     def card(self, trace: Trace) -> ScoreCard:
-        """The score of its record, as ``cutenv score`` gives it: from what a rig can measure."""
+        """Return the score of its record, as from ``cutenv score``: from quantities that a rig can measure."""
         return score(trace, target_length=self.target_length, reference=ReferenceSet.shipped())

@@ -1,4 +1,4 @@
-"""What most people have: a mouse, a gamepad; and a hand that follows a script."""
+"""Common input devices, mouse and gamepad, and a hand that follows a script."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from cutenv.validation import in_range
 
 UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
 TRAVEL = LENGTH - SPACING
-"""As far as the hand goes from the clamp [m]."""
+"""Greatest distance of the hand from the clamp [m]."""
 NOTCH = math.radians(5.0)
-"""By which one notch of the wheel tilts [rad]."""
+"""Tilt for one notch of the wheel [rad]."""
 DEAD_ZONE = 0.12
-"""Share of a stick's reach that is its slack."""
+"""Share of a stick's travel around its middle that is ignored."""
 
 
 def _within_travel(position: float) -> float:
@@ -30,7 +30,7 @@ def _within_angles(angle: float) -> float:
 
 
 class MouseDevice:
-    """The mouse leads the hand as it moves, from wherever it was at the start; the wheel tilts the blade."""
+    """Mouse that leads the hand from wherever it was at the start; the wheel tilts the blade."""
 
     coupling = None
 
@@ -42,29 +42,29 @@ class MouseDevice:
         self.position, self.angle = 0.0, UPRIGHT
 
     def move(self, distance: float) -> None:
-        """The mouse went by ``distance`` along the cut line [m]."""
+        """Move the hand by ``distance`` along the cut line [m]."""
         self.position = _within_travel(self.position + in_range("distance", distance, -10.0, 10.0, "m"))
 
     def turn(self, notches: float) -> None:
-        """The wheel was turned: toward the person (negative) leans the blade, away from them raises it."""
+        """Turn the wheel: toward the person (negative) leans the blade, away from them raises it."""
         self.angle = _within_angles(self.angle + NOTCH * in_range("notches", notches, -1e3, 1e3, "1"))
 
     def read(self) -> Stylus:
-        """Where mouse and wheel have led hand and blade."""
+        """Return the position of the hand [m] and the angle of the blade [rad]."""
         return Stylus(self.position, self.angle)
 
     def push(self, force: float) -> None:
-        """A mouse pushes nothing: the force is seen."""
+        """Ignore the force: a mouse cannot push, so the force is only seen."""
 
     def close(self) -> None:
-        """Nothing to let go."""
+        """Do nothing: there is no device to release."""
 
 
 class GamepadDevice:
-    """The stick moves the hand, faster the farther it is pushed; the trigger leans the blade.
+    """Gamepad whose stick moves the hand, faster the farther it is pushed, and whose trigger leans the blade.
 
-    A stick springs back and has 2 cm of travel: a place on it would be too coarse for a tolerance of 3 mm, so it
-    gives a speed, up to the fastest measured.
+    A stick springs back and has 2 cm of travel: a position on it would be too coarse for a tolerance of 3 mm, so it
+    sets a speed, up to the fastest measured.
     """
 
     coupling = None
@@ -77,14 +77,14 @@ class GamepadDevice:
         self._position = 0.0
 
     def hold(self, stick: float, trigger: float) -> None:
-        """What is held from now on.
+        """Set stick and trigger from now on.
 
         Parameters
         ----------
         stick : float
-            -1 (back) to 1 (forward).
+            Position of the stick, -1 (back) to 1 (forward).
         trigger : float
-            0 (let go, upright) to 1 (pulled, 45 degrees).
+            Position of the trigger, 0 (released, upright) to 1 (pulled, 45 degrees).
         """
         stick = in_range("stick", stick, -1.01, 1.01, "1", "Axes of a gamepad reach from -1 to 1.")
         slack = max(abs(stick) - DEAD_ZONE, 0.0) / (1.0 - DEAD_ZONE)
@@ -92,33 +92,33 @@ class GamepadDevice:
         self._trigger = in_range("trigger", trigger, 0.0, 1.0, "1", "Put an axis of -1 to 1 to 0 to 1.")
 
     def read(self) -> Stylus:
-        """A millisecond further."""
+        """Advance the hand by a millisecond; return its position [m] and the angle of the blade [rad]."""
         # The square leaves room for slow cuts near the middle.
         speed = FASTEST * self._stick * abs(self._stick)
         self._position = _within_travel(self._position + speed * TICK)
         return Stylus(self._position, UPRIGHT - self._trigger * (UPRIGHT - INCLINED))
 
     def push(self, force: float) -> None:
-        """A gamepad pushes nothing along the cut: the force is seen."""
+        """Ignore the force: a gamepad cannot push along the cut, so the force is only seen."""
 
     def close(self) -> None:
-        """Nothing to let go."""
+        """Do nothing: there is no device to release."""
 
 
 class Motion(NamedTuple):
-    """Place of the hand [m] and angle of the blade [rad] that a script asks for."""
+    """Position of the hand [m] and angle of the blade [rad] that a script demands."""
 
     position: float
     angle: float
 
 
 class ScriptedDevice:
-    """A hand that follows a script, for tests and demonstrations: every read is a millisecond later.
+    """Hand that follows a script, for tests and demonstrations: every read is a millisecond later.
 
     Parameters
     ----------
     script : callable
-        From the time since the cut began [s] to a :class:`Motion`.
+        Maps the time since the cut began [s] to a :class:`Motion`.
     """
 
     coupling = None
@@ -129,38 +129,38 @@ class ScriptedDevice:
         self.pushed = 0.0
 
     def open(self) -> None:
-        """Begin anew."""
+        """Start the script again."""
         self._reads = 0
 
     def read(self) -> Stylus:
-        """What the script says of this millisecond."""
+        """Return the script's hand and blade for this millisecond."""
         position, angle = self._script(self._reads * TICK)
         self._reads += 1
         return Stylus(_within_travel(position), _within_angles(angle))
 
     def push(self, force: float) -> None:
-        """Keep what a person would feel [N]."""
+        """Store the force that a person would feel [N]."""
         self.pushed = force
 
     def close(self) -> None:
-        """Nothing to let go."""
+        """Do nothing: there is no device to release."""
 
 
 def simple_hand(
     target: float, *, speed: float = 0.0127, lead: float = 0.022, lean: float = math.radians(60.0)
 ) -> ScriptedDevice:
-    """A hand as one would first try: forward at one speed, upright again near the end, back until nothing pulls.
+    """Return a hand with a beginner's plan: forward at one speed, upright near the end, back until nothing pulls.
 
     Parameters
     ----------
     target : float
-        Where the tip is to stand, from the clamp [m].
+        Target position of the tip, from the clamp [m].
     speed : float
-        Forward [m/s].
+        Forward speed [m/s].
     lead : float
-        By which the hand goes beyond the target: blade and tip hang behind it by what the force pulls [m].
+        Distance by which the hand goes beyond the target, because the force holds blade and tip behind it [m].
     lean : float
-        Angle of the blade under way [rad].
+        Angle of the blade during the cut [rad].
     """
     in_range("target", target, 0.005, TRAVEL, "m", "Lengths are in metres: 80 mm is 0.08.")
     in_range("speed", speed, 1e-4, FASTEST, "m/s", "Speeds are in m/s: 1.27 cm/s is 0.0127.")

@@ -1,8 +1,8 @@
-"""Handle and hand in the plane around the cut line, by pymunk: what is drawn of them.
+"""Handle and hand in the plane around the cut line, simulated by pymunk for the picture.
 
-The cut itself runs on the hand of :mod:`cutenv.cutting.drive`, which moves along the line alone. Here the same spring
-and damper pull a rigid handle that can also turn: it slides in a groove along the line, a spring holds it at the angle
-that is asked for, between 45 and 90 degrees, and the force of the tissue on the blade below the surface tips it.
+The cut itself uses the hand of :mod:`cutenv.cutting.drive`, which moves along the line alone. Here the same spring and
+damper pull a rigid handle that can also turn: it slides in a groove along the line, a spring holds it at the demanded
+angle, between 45 and 90 degrees, and the force of the tissue on the blade below the surface tips it.
 """
 
 from __future__ import annotations
@@ -16,14 +16,15 @@ from cutenv.play.hand import PLAYED_HAND
 from cutenv.tissue.specimen import LENGTH
 
 MOMENT = 4e-4
-"""Of inertia about the point on the line [kg m2]: a handle of 0.15 kg, half of it 7 cm away (assumed)."""
+"""Moment of inertia about the point on the line [kg m2]: a handle of 0.15 kg, half of it 7 cm away (assumed)."""
 GRIP_STIFFNESS, GRIP_DAMPING = 2.0, 0.03
-"""Of the fingers against tipping [N m/rad], [N m s/rad]: 5 N, 1 cm below the line, tip it by 1.4 degrees (assumed)."""
+"""Stiffness and damping of the grip against tipping [N m/rad], [N m s/rad]: 5 N, 1 cm below the line, tip it by 1.4
+degrees (assumed)."""
 _REST_LENGTH = 0.10  # between the spring's anchors [m]: pymunk pulls along their line, which needs a length
 
 
 class Pose(NamedTuple):
-    """Where the handle meets the line [m], how fast it goes along it [m/s], and its angle [rad]; pi/2 is upright."""
+    """Position of the handle on the line [m], its speed along it [m/s], and its angle [rad]; pi/2 is upright."""
 
     position: float
     speed: float
@@ -31,14 +32,14 @@ class Pose(NamedTuple):
 
 
 class Handle:
-    """A rigid handle in a groove along the cut line, held by a hand.
+    """Rigid handle in a groove along the cut line, held by a hand.
 
     Parameters
     ----------
     hand : Hand
         Mass, stiffness and damping of the coupling.
     angle : float
-        At the start [rad].
+        Angle at the start [rad].
 
     Raises
     ------
@@ -50,7 +51,7 @@ class Handle:
         import pymunk  # an extra
 
         self._space: Any = pymunk.Space()  # without gravity: a hand carries the handle
-        # Pymunk turns anticlockwise from the line; the blade leans forward, so its angle is the body's.
+        # Pymunk's angles count anticlockwise from the line, as those of the blade, which leans forward.
         self._handle: Any = pymunk.Body(hand.mass, MOMENT)
         self._handle.angle = angle
         self._hand: Any = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
@@ -67,24 +68,24 @@ class Handle:
 
     @property
     def pose(self) -> Pose:
-        """Where it is."""
+        """Present pose."""
         return Pose(float(self._handle.position.x), float(self._handle.velocity.x), float(self._handle.angle))
 
     def step(self, *, hand: float, hand_speed: float, angle: float, force: float, depth: float) -> None:
-        """A millisecond.
+        """Advance by a millisecond.
 
         Parameters
         ----------
         hand, hand_speed : float
-            Where the hand is [m], and how fast it goes [m/s].
+            Position [m] and speed [m/s] of the hand.
         angle : float
-            Asked for [rad].
+            Demanded angle [rad].
         force : float
-            Of the tissue on the blade, against forward motion [N]; it acts in the middle of the depth.
+            Force of the tissue on the blade, against forward motion [N]; it acts at half the depth.
         depth : float
-            Of the cut at the blade [m].
+            Depth of the cut at the blade [m].
         """
-        # Pymunk moves first and finds forces then: the hand is put to where it was before this millisecond.
+        # Pymunk moves first and computes forces then: set the hand to its position before this millisecond.
         self._hand.position = (hand - hand_speed * TICK, 0.0)
         self._hand.velocity = (hand_speed, 0.0)
         self._fingers.angle = angle

@@ -1,8 +1,8 @@
-"""Devices that a hand holds: place in, force out, and a coupling that cannot give back more energy than it got.
+"""Haptic devices: position in, force out, and a coupling that cannot return more energy than it received.
 
-A driver has the five parts of :class:`HapticDevice` and may live in your own code: ``Session(device)`` and
-``PlayWindow(session)`` take it as it is. None of these was at hand when this was written: the table says which calls
-belong where, the tests run the protocol with a scripted device.
+A driver implements the five parts of :class:`HapticDevice` and may be in your own code: pass it to ``Session(device)``
+and ``PlayWindow(session)``. None of these devices was available for testing: the table shows the calls for each part,
+and the tests run the protocol with a scripted device.
 
 ============= =========================== =============================== ==============================
 part          Force Dimension (DHD;       Haply Inverse3                  3D Systems (OpenHaptics HDAPI)
@@ -23,9 +23,9 @@ part          Force Dimension (DHD;       Haply Inverse3                  3D Sys
               data sheet, or measured
 ============= =========================== =============================== ==============================
 
-Take one axis of the device along the cut line, count it from where it is held when the cut begins, and put it to
-SI. DHD works in the calling thread; OpenHaptics calls back at 1 kHz in a thread of its own: there, keep the newest
-place and send the newest force, and let ``read`` and ``push`` pass them on. A mouse or a gamepad pushes nothing.
+Take one axis of the device along the cut line, measure it from its position when the cut begins, and convert it to SI.
+DHD works in the calling thread; OpenHaptics calls back at 1 kHz in a thread of its own: there, keep the newest position
+and send the newest force, and let ``read`` and ``push`` pass them on. A mouse or a gamepad cannot push.
 :class:`~cutenv.play.servo.Servo` runs a session in a thread, a millisecond at a time.
 """
 
@@ -43,16 +43,16 @@ from cutenv.validation import in_range
 
 
 class Stylus(NamedTuple):
-    """What a person does at one instant.
+    """Input of a person at one instant.
 
     Attributes
     ----------
     position : float
-        Where the hand is meant to be, from the clamp [m].
+        Wanted position of the hand, from the clamp [m].
     angle : float
-        Where the blade is meant to be turned [rad]; pi/2 is upright.
+        Wanted angle of the blade [rad]; pi/2 is upright.
     buttons : frozenset of str
-        Those held down, among "next", "repeat".
+        Buttons held down, among "next" and "repeat".
     """
 
     position: float
@@ -62,36 +62,36 @@ class Stylus(NamedTuple):
 
 @runtime_checkable
 class HapticDevice(Protocol):
-    """Something that a hand holds; read and pushed once a millisecond."""
+    """Device held in the hand; read and pushed once a millisecond."""
 
     @property
     def coupling(self) -> VirtualCoupling | None:
-        """How its force is made safe; None for a device that cannot push."""
+        """Coupling that makes its force safe; None for a device that cannot push."""
         ...
 
     def open(self) -> None:
-        """Connect, if that is not done; the hand is at the clamp now. Called at the start and for every cut."""
+        """Connect if necessary; the hand is now at the clamp. Called at the start and for every cut."""
         ...
 
     def read(self) -> Stylus:
-        """What the person does now; never waits."""
+        """Return the person's present input, without waiting."""
         ...
 
     def push(self, force: float) -> None:
-        """Let the person feel ``force`` [N], positive against forward motion, until the next call; never waits."""
+        """Apply ``force`` [N], positive against forward motion, until the next call, without waiting."""
         ...
 
     def close(self) -> None:
-        """Push no more and let go; a second time does nothing."""
+        """End the force and release the device; further calls do nothing."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class VirtualCoupling:
-    """Spring and damper between a device and the blade, no stiffer than the device's own damping can answer for.
+    """Spring and damper between a device and the blade, limited in stiffness by the device's own damping.
 
-    A force that is held for a period T makes energy: a spring K that is left by d during T gives back K d^2/2 more
-    than it took. The device's friction b takes at least b d^2/T in that time. Hence
+    A force that is held for a period T generates energy: a spring K that is displaced by d during T returns K d^2/2
+    more than it received. The device's friction b dissipates at least b d^2/T in that time. Hence
 
         K T/2 + B <= b        (Colgate and Schenkel 1997)
 
@@ -102,27 +102,26 @@ class VirtualCoupling:
     stiffness : float
         K [N/m].
     damping : float
-        B, of the virtual damper [N s/m].
+        B, damping of the virtual damper [N s/m].
     device_damping : float
-        b, physical, of the device alone, without the hand [N s/m].
+        b, physical damping of the device alone, without the hand [N s/m].
     device_mass : float
         Moving mass [kg].
     period : float
-        T: the longest time for which a force is held [s]. A millisecond takes a real-time thread; Python's is
-        better believed at 5 ms, which allows a fifth of the stiffness.
+        T: the longest time for which a force is held [s]. A millisecond needs a real-time thread; for Python assume 5
+        ms, which allows a fifth of the stiffness.
     force_limit : float
-        No more is pushed [N].
+        Greatest force that is applied [N].
 
     Raises
     ------
     ValueError
-        If a value is out of range, or the bound is broken; says which stiffness would do.
+        If a value is out of range, or the bound is violated; the message gives the stiffness that would be allowed.
 
     Notes
     -----
-    J. E. Colgate and G. G. Schenkel, Passivity of a class of sampled-data systems: application to haptic
-    interfaces, J. Robotic Systems 14 (1997) 37-47. The defaults are those of a light desktop device: assumed, not
-    measured.
+    J. E. Colgate and G. G. Schenkel, Passivity of a class of sampled-data systems: application to haptic interfaces, J.
+    Robotic Systems 14 (1997) 37-47. The defaults are typical of a light desktop device: assumed, not measured.
     """
 
     stiffness: float = parameter(
@@ -154,17 +153,18 @@ class VirtualCoupling:
 
     @property
     def growth(self) -> float:
-        """How much a motion of the device in nobody's hand grows from one period to the next [1]; below 1: stable.
+        """Return the growth of a free device's motion from one period to the next [1]; below 1: stable.
 
-        The largest eigenvalue of the device (mass and damping, its force held for a period) under spring and damper.
+        It is the largest eigenvalue of the device (mass and damping, its force held for a period) under spring and
+        damper.
         """
         m, b, T = self.device_mass, self.device_damping, self.period
         left = math.exp(-b * T / m)
-        slide = m / b * (1.0 - left)  # way on for a speed of 1
-        fall = (T - slide) / b  # way for a force of 1
+        slide = m / b * (1.0 - left)  # remaining travel for a speed of 1
+        fall = (T - slide) / b  # travel for a force of 1
         gain = (1.0 - left) / b  # speed for a force of 1
         K, B = self.stiffness, self.damping / T
-        # Place, speed, and the place before, for the damper takes differences of places.
+        # Position, speed, and the position before, because the damper takes differences of positions.
         step = np.array(
             [
                 [1.0 - fall * (K + B), slide, fall * B],
@@ -175,51 +175,51 @@ class VirtualCoupling:
         return float(np.abs(np.linalg.eigvals(step)).max())
 
     def felt(self) -> FeltForce:
-        """The coupling at work, at rest."""
+        """Return the coupling's force at work, starting at rest."""
         return FeltForce(self)
 
 
 class FeltForce:
-    """A virtual coupling between device and blade, and the account that keeps it passive.
+    """Force of a virtual coupling between device and blade, limited by an energy account that keeps it passive.
 
-    The bound holds for a blade that stands. One that the simulation moves could still put energy into the hand; so an
-    account is kept of what the person put in, and the force stays within what can be paid, whatever happens:
+    The bound holds for a blade at rest. One that the simulation moves could still put energy into the hand; therefore
+    an account is kept of the energy from the person, and the force is limited to what the account covers, in all cases:
 
         E + F d + (b/T) d^2 >= 0 for every d        if and only if        |F| <= 2 sqrt(b E/T).
 
-    For a spring within the bound, below its largest force, and a blade that stands, this never acts. The account holds
-    no more than such a spring at that force: work that went into the tissue is not saved up.
+    For a spring within the bound, below its largest force, and a blade at rest, the limit never acts. The account holds
+    no more than such a spring at that force: work that went into the tissue is not saved.
 
     Parameters
     ----------
     coupling : VirtualCoupling
-        Its values.
+        Coupling with its values.
     """
 
     def __init__(self, coupling: VirtualCoupling) -> None:
         self.coupling = coupling
         self.force = 0.0
-        """Held now, against forward motion [N]."""
+        """Force held now, against forward motion [N]."""
         self.energy = 0.0
-        """The account: what can be paid back [J]."""
+        """Energy account: energy that can be returned [J]."""
         self._position: float | None = None
         self._lead = 0.0
-        # What the spring holds at the largest force: by the bound, no less than that force must have behind it.
+        # Energy of the spring at the largest force: by the bound, at least what that force needs.
         softest = max(coupling.stiffness, 1e-3 * coupling.device_damping / coupling.period)
         self._full = 0.5 * coupling.force_limit**2 / softest
 
     def update(self, position: float, blade: float) -> float:
-        """The force to hold for the next period [N].
+        """Return the force to hold for the next period [N].
 
         Parameters
         ----------
         position, blade : float
-            Where device and blade are, from the clamp [m]; -1 to 1.
+            Positions of device and blade, from the clamp [m]; -1 to 1.
 
         Raises
         ------
         ValueError
-            If a place is not finite, or is none of a desktop's.
+            If a position is not finite, or out of a desktop's range.
         """
         for name, place in (("position", position), ("blade", blade)):
             if not -1.0 <= place <= 1.0:

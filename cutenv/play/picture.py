@@ -1,4 +1,4 @@
-"""The picture of a cut by a person: tissue from above, handle from the side, force as colour, bar and trace."""
+"""Picture of a cut by a person: tissue from above, handle from the side, force as colour, bar and trace."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ HELP = "space: next   r: again   c: class   p: practice   esc: end        mouse:
 
 _SMALL, _NORMAL = 16, 19
 _MARGIN = 16
-_SIDE_TOP = 358.0  # of the view from the side [px]
-_GRIP = 0.058  # height of the fingers above the blade's lower end [m]
+_SIDE_TOP = 358.0  # [px] top of the side view
+_GRIP = 0.058  # [m] height of the fingers above the blade's lower end
 _HANDLE_LENGTH, _HANDLE_WIDTH = 0.11, 0.011  # [m]
-_RECENT = 6.0  # of the trace over time [s]
+_RECENT = 6.0  # [s] of the trace over time
 _HAND = (0, 158, 115)
 _CALM, _WARM, _HOT = palette.STEEL, palette.COST, palette.LIMIT
 
 
 def force_colour(force: float, allowed: float, limit: float) -> Colour:
-    """Steel without force, amber where it begins to cost, vermilion at the limit; all in the force's unit."""
+    """Return steel without force, amber where it begins to cost, vermilion at the limit; all in the force's unit."""
     stops = (0.0, allowed, limit)
     red, green, blue = (
         round(float(np.interp(abs(force), stops, channel))) for channel in zip(_CALM, _WARM, _HOT, strict=True)
@@ -45,9 +45,9 @@ def force_colour(force: float, allowed: float, limit: float) -> Colour:
 
 
 class PlayPicture:
-    """Draws what is to be seen of a session; needs no display.
+    """Painter of a session's picture; needs no display.
 
-    Without practice the tip is nowhere marked: it is seen as a surgeon would see it, by how the tissue moves.
+    Without practice the tip is not marked: as for a surgeon, only the motion of the tissue shows it.
     """
 
     def __init__(self) -> None:
@@ -60,7 +60,7 @@ class PlayPicture:
         self._standing: Canvas
 
     def draw(self, sight: Sight) -> Canvas:
-        """The picture of this moment; the canvas is drawn anew at the next call."""
+        """Return the picture of this moment; the canvas is drawn again at the next call."""
         moment, canvas, layout = sight.moment, self._canvas, self.layout
         self._keep_up(sight)
         canvas.paste(self._standing)
@@ -91,7 +91,7 @@ class PlayPicture:
         return canvas
 
     def _keep_up(self, sight: Sight) -> None:
-        """What stands still during a cut, to which the force is added as it comes."""
+        """Draw what does not change during a cut, when a new one begins; add the new part of the force trace."""
         fresh = sight.serial != self._serial
         if fresh:
             self._serial, self._drawn = sight.serial, 0
@@ -135,7 +135,7 @@ def _draw_header(canvas: Canvas, layout: Layout, sight: Sight) -> None:
 
 
 def _draw_aim(canvas: Canvas, layout: Layout, sight: Sight) -> None:
-    """Where the hand is meant to be, on the cut line from above."""
+    """Draw the wanted position of the hand on the cut line, from above."""
     at = layout.from_above(np.array([0.0, sight.stylus.position]))
     for side in (-1.0, 1.0):
         outline = at + side * np.array([[0.0, 9.0], [-6.0, 20.0], [6.0, 20.0]])
@@ -143,7 +143,7 @@ def _draw_aim(canvas: Canvas, layout: Layout, sight: Sight) -> None:
 
 
 def _draw_side(canvas: Canvas, layout: Layout, sight: Sight, depth: float, tint: Colour) -> None:
-    """Blade and handle at their angle, the hand that leads them; in practice the front of the cut and the lag."""
+    """Draw blade and handle at their angle and the hand that leads them; in practice also the crack tip and its lag."""
     moment = sight.moment
     canvas.clip(0, _SIDE_TOP, layout.column - 16, layout.blade_end + 1)
     views.draw_target(canvas, layout, moment, layout.blade_end - 84, layout.blade_end)
@@ -155,7 +155,7 @@ def _draw_side(canvas: Canvas, layout: Layout, sight: Sight, depth: float, tint:
     blade = blade_from_the_side(moment.blade, angle, depth)
     canvas.area(layout.from_the_side(blade), tint, palette.INK)
     canvas.area(layout.from_the_side(outline), palette.HEADER, palette.INK)
-    # The spring at the height of the fingers: from where the hand is to where the handle is.
+    # The spring at the height of the fingers: from the hand to the handle.
     reach = (_GRIP - depth) / math.tan(angle)
     handle = layout.from_the_side(np.array([moment.blade + reach - 0.0035, _GRIP]))
     hand = layout.from_the_side(np.array([sight.hand + reach - 0.0035, _GRIP]))
@@ -174,7 +174,7 @@ def _draw_side(canvas: Canvas, layout: Layout, sight: Sight, depth: float, tint:
 
 
 def _handle_from_the_side(blade: float, angle: float, depth: float) -> Points:
-    """Outline of the handle above the blade, (along, height) [m], shape (5, 2)."""
+    """Return the outline of the handle above the blade, (along, height) [m], shape (5, 2)."""
     edge = np.array([math.cos(angle), math.sin(angle)])
     back = np.array([-math.sin(angle), math.cos(angle)])
     lower_end = np.array([blade - depth / math.tan(angle), 0.0])
@@ -188,7 +188,7 @@ def _handle_from_the_side(blade: float, angle: float, depth: float) -> Points:
 
 
 def _zigzag(start: Points, end: Points) -> Points:
-    """A spring between two points [px], shape (n, 2)."""
+    """Return the line of a spring between two points [px], shape (n, 2)."""
     t = np.linspace(0.0, 1.0, 12)[:, None]
     points = start + t * (end - start)
     points[1:-1:2, 1] -= 4.0
@@ -197,7 +197,7 @@ def _zigzag(start: Points, end: Points) -> Points:
 
 
 def _draw_force(canvas: Canvas, layout: Layout, sight: Sight, allowed: float, limit: float, tint: Colour) -> None:
-    """The force as a number and as a bar whose colour says how much it is of what is allowed here."""
+    """Draw the force as a number, and as a bar coloured by its share of the force allowed here."""
     left, right = layout.column, layout.width - _MARGIN
     force = sight.moment.force
     title = f"{sight.specimen_class}, number {sight.number + 1}"
@@ -225,7 +225,7 @@ def _upright(x: float, top: float, bottom: float) -> Points:
 
 
 def _draw_recent(canvas: Canvas, layout: Layout, sight: Sight, highest: float) -> None:
-    """The force over the last seconds, up to ``highest`` [N]."""
+    """Draw the force over the last seconds, up to ``highest`` [N]."""
     left, right, top, bottom = layout.column + 16.0, float(layout.width - _MARGIN), 190.0, 272.0
     canvas.text(f"force [N], last {_RECENT:.0f} s", (left, top - 10), size=14, colour=palette.QUIET)
     canvas.bar(left, top, right, bottom, palette.PANEL)
@@ -268,10 +268,10 @@ def _draw_numbers(canvas: Canvas, layout: Layout, sight: Sight) -> None:
 
 
 def _draw_hidden(canvas: Canvas, layout: Layout, sight: Sight) -> None:
-    """What nobody can measure while cutting."""
+    """Draw quantities that cannot be measured during a cut."""
     truth, moment = sight.truth, sight.moment
     top = 440.0
-    canvas.text("practice: what is hidden otherwise", (layout.column, top), size=_NORMAL, colour=palette.FAILURE)
+    canvas.text("practice: hidden quantities", (layout.column, top), size=_NORMAL, colour=palette.FAILURE)
     rows: list[tuple[str, str, Colour]] = [
         ("tip", f"{moment.tip * 1e3:.1f} mm", palette.INK),
         ("tip behind the blade", f"{moment.lag * 1e3:.1f} mm", palette.INK),
@@ -286,7 +286,7 @@ def _draw_hidden(canvas: Canvas, layout: Layout, sight: Sight) -> None:
 
 
 def _draw_advice(canvas: Canvas, layout: Layout) -> None:
-    """How it is done, in the place of what is hidden."""
+    """Draw instructions, in the place of the hidden quantities."""
     lines = (
         "The green marks are your hand: the blade hangs on it",
         "by a spring. The tip of the cut is behind the blade;",

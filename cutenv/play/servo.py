@@ -1,4 +1,4 @@
-"""A session at 1 kHz in a thread of its own, for devices that push: pictures must not make them wait."""
+"""Servo that runs a session at 1 kHz in a thread of its own, so that devices that push do not wait for pictures."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from cutenv.play.session import Session
 
 
 class Servo:
-    """Advances a session every millisecond until it is stopped.
+    """Thread that advances a session every millisecond until it is stopped.
 
-    Python keeps no promise of time: another thread may hold it up for some 5 ms. ``VirtualCoupling(period=0.005)``
-    counts on that; the session makes up for the milliseconds that were missed.
+    Python's timing is not guaranteed: another thread may delay it by some 5 ms. ``VirtualCoupling(period=0.005)``
+    allows for that; the session makes up for the missed milliseconds.
 
     Parameters
     ----------
     session : Session
-        To be touched under `lock` only, from now on.
+        Session, to be used under ``lock`` only from now on.
     clock : callable
-        [s].
+        Clock in seconds.
 
     Attributes
     ----------
     lock : threading.Lock
-        Held while the session advances.
+        Lock that is held while the session advances.
     longest : float
-        Longest time between two advances so far [s]: what the coupling's period must cover.
+        Longest time between two advances so far [s]; the coupling's period must cover it.
     error : Exception or None
-        What ended it before its time; :meth:`stop` raises it.
+        Error that ended the thread early; :meth:`stop` raises it.
     """
 
     def __init__(self, session: Session, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -50,13 +50,13 @@ class Servo:
                 with self.lock:
                     self._session.advance(now)
                 self.longest, last = max(self.longest, now - last), now
-        except Exception as error:  # told where somebody can see it
+        except Exception as error:  # stop() raises it
             self.error = error
         finally:
-            self._session.device.push(0.0)  # whatever went wrong, nothing pushes on
+            self._session.device.push(0.0)  # in any case the force ends
 
     def stop(self) -> None:
-        """Stop, and wait until it has; raises what went wrong in the thread, if anything did."""
+        """Stop the thread and wait for its end; raise its error, if there was one."""
         self._stopped.set()
         self._thread.join()
         if self.error is not None:

@@ -1,4 +1,4 @@
-"""A session of cuts by one person, without a window: specimens, countdown, 1 kHz by a given clock, record and score."""
+"""Session of cuts by one person, without a window: specimens, countdown, 1 kHz by a given clock, record and score."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from cutenv.viewer.scene import Moment
 Phase = Literal["ready", "countdown", "cutting", "ended"]
 
 COUNTDOWN = 3.0
-"""Before every cut [s]."""
+"""Duration of the countdown before every cut [s]."""
 LONGEST_STALL = 0.25
-"""Time that is made up for at once [s]; what a stall takes beyond is lost to the cut, and the record says so."""
+"""Longest stall that is made up for [s]; time beyond it is lost to the cut, and the record states it."""
 GIVEN_UP = "given up"
-"""The end of a cut that the person left: repeated, or the window closed."""
+"""End of a cut that the person abandoned: repeated, or the window closed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sight:
-    """What is to be seen of a session at one moment; nothing in it changes any more."""
+    """State of a session to be drawn at one moment; nothing in it changes afterwards."""
 
     phase: Phase
     countdown: float
@@ -62,36 +62,36 @@ class Sight:
 
 
 class Session:
-    """Cuts one after the other, each recorded.
+    """Session of cuts one after the other, each recorded.
 
     Parameters
     ----------
     device : HapticDevice
-        What the person holds.
+        Device that the person holds.
     specimen_class : str
-        Of the first specimens; see :meth:`choose_class`.
+        Class of the first specimens; see :meth:`choose_class`.
     seed : int
-        Of the session; specimen number i is episode i of it.
+        Seed of the session; specimen number i is its episode i.
     folder : Path, optional
-        Where records go, a CSV for each cut; it is made. Default: nothing is written.
+        Folder for records, a CSV for each cut; it is created. Default: nothing is written.
     operator : str, optional
         Anonymous code, see :class:`cutenv.recording.Provenance`.
     practice : bool
-        Whether hidden quantities are shown.
+        True to show hidden quantities.
     cuts : int, optional
-        How many there are to be; default as many as the person likes.
+        Number of cuts; unlimited by default.
     target_length : float, optional
-        Of every cut [m]; default drawn from 0.060 to 0.100.
+        Target length of every cut [m]; drawn from 0.060 to 0.100 by default.
     countdown : float
-        Before every cut [s].
+        Duration of the countdown before every cut [s].
     deadline : float
-        For a cut [s].
+        Time for a cut [s].
     hand : Hand
-        What joins the person to the blade.
+        Coupling between the person and the blade.
     handle : bool
-        Whether a handle is led along for the picture (needs pymunk).
+        True to simulate a handle for the picture (needs pymunk).
     now : callable
-        Date and time of day, for the records.
+        Returns date and time of day, for the records.
 
     Raises
     ------
@@ -128,9 +128,9 @@ class Session:
         self._countdown = in_range("countdown", countdown, 0.0, 60.0, "s", "Give seconds.")
         self._hand, self._with_handle, self._now = hand, handle, now
         self.number = 0
-        """Of the present specimen, counted from 0."""
+        """Number of the present specimen, counted from 0."""
         self.finished = 0
-        """Cuts that came to one of the task's ends."""
+        """Number of cuts that came to one of the task's ends."""
         self.records: list[Path] = []
         """Files written, in order."""
         self._attempts = 0
@@ -140,28 +140,28 @@ class Session:
         self._ticks = 0
         self.phase: Phase = "ready"
         self.card: ScoreCard | None = None
-        """Of the cut that has ended."""
+        """Score of the cut that has ended."""
         self.saved: Path | None = None
-        """Its record, if there is a folder."""
+        """Record of that cut, if there is a folder."""
         self._felt: FeltForce | None = None
         self._prepare()
-        # Compiled now, on a cut that is thrown away, and not when the clock of the first one runs.
+        # Compile now, on a cut that is discarded, rather than while the clock of the first one runs.
         self.cut.tick(self._stylus)
         self._prepare()
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
         device.open()
 
-    # What a person asks for
+    # Requests of the person
 
     def begin(self) -> None:
-        """Start the countdown of the specimen that lies there; nothing while a cut goes on."""
+        """Start the countdown for the present specimen; do nothing during a cut."""
         if self.phase == "ready":
             self._countdown_ticks = round(self._countdown * UPDATES_HZ)
             self.phase = "countdown"
 
     def go_on(self) -> None:
-        """Begin, or after a cut the next specimen; nothing while a cut goes on, or when all cuts are done."""
+        """Begin, or after a cut prepare the next specimen; do nothing during a cut, or when all cuts are done."""
         if self.phase == "ended" and not self.done:
             self.number += 1
             self._attempts = 0
@@ -169,7 +169,7 @@ class Session:
         self.begin()
 
     def repeat(self) -> None:
-        """The same specimen again; a cut under way is given up, and recorded as such."""
+        """Cut the same specimen again; a cut in progress is abandoned, and recorded as such."""
         if self.phase == "ready":
             return
         self._give_up()
@@ -177,36 +177,36 @@ class Session:
         self.begin()
 
     def choose_class(self, specimen_class: str | None = None) -> None:
-        """The class of the next specimen, by default the one after the present choice; at once if no cut has begun."""
+        """Choose the class of the next specimen, by default the following one; at once if no cut has begun."""
         after = CLASSES[(CLASSES.index(self.chosen_class) + 1) % len(CLASSES)]
         self.chosen_class = one_of("specimen_class", specimen_class or after, CLASSES)
         if self.phase == "ready":
             self._prepare()
 
     def show_hidden(self, practice: bool | None = None) -> None:
-        """Practice on or off, by default the other; a cut in which it ever was on is marked."""
+        """Switch practice on or off, by default to the other; a cut in which it was ever on is marked."""
         self.practice = not self.practice if practice is None else practice
         self._practised |= self.practice and self.phase in ("countdown", "cutting")
 
     def close(self) -> None:
-        """End the session: a cut under way is given up and recorded, the device let go; a second time does nothing."""
+        """End the session: abandon and record a cut in progress, and release the device; further calls do nothing."""
         self._give_up()
         self.device.close()
 
     @property
     def done(self) -> bool:
-        """Whether as many cuts were finished as there were to be."""
+        """True when the requested number of cuts is finished."""
         return self.count is not None and self.finished >= self.count
 
     # Time
 
     def advance(self, clock: float) -> int:
-        """Catch up with a clock: a millisecond after the other; return how many.
+        """Advance to the time of a clock, millisecond by millisecond; return their number.
 
         Parameters
         ----------
         clock : float
-            [s], of any origin, never going back; the first call sets the start.
+            Time [s] from any origin, never decreasing; the first call sets the start.
         """
         if self._clock is None:
             self._clock = clock
@@ -241,7 +241,7 @@ class Session:
         return self.device.read().buttons if self._felt is not None else frozenset()
 
     def _press(self, buttons: frozenset[str]) -> None:
-        """A button counts when it goes down."""
+        """Act on buttons at the moment they are pressed."""
         pressed, self._held = buttons - self._held, buttons
         if "next" in pressed:
             self.go_on()
@@ -251,7 +251,7 @@ class Session:
     # One cut
 
     def _prepare(self, specimen_class: str | None = None) -> None:
-        """Lay the present specimen there, of the class chosen or, to be repeated, of the one it had."""
+        """Prepare the present specimen, of the chosen class or, for a repetition, of the class it had."""
         self.cut = PlayedCut(
             specimen_class=specimen_class or self.chosen_class,
             seed=self.seed,
@@ -284,7 +284,7 @@ class Session:
             self._finish(GIVEN_UP)
 
     def _finish(self, end: str) -> None:
-        """Let go, record and score."""
+        """Release the device, then record and score the cut."""
         self.phase = "ended"
         if self._felt is not None:
             self.device.push(0.0)
@@ -318,7 +318,7 @@ class Session:
         self.card = self.cut.card(trace)
 
     def sight(self) -> Sight:
-        """What is to be seen now."""
+        """Return the state to be drawn now."""
         return Sight(
             phase=self.phase,
             countdown=self._countdown_ticks * TICK,
@@ -344,7 +344,7 @@ class Session:
 
 
 def _unused(folder: Path, name: str) -> Path:
-    """A file of that name that is not there yet."""
+    """Return a path for that name at which no file exists yet."""
     path, k = folder / f"{name}.csv", 2
     while path.exists():
         path, k = folder / f"{name}.{k}.csv", k + 1

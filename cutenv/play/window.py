@@ -1,4 +1,4 @@
-"""The window in which a person cuts: keys, mouse and gamepad in, pictures out, physics by the clock in between."""
+"""Window in which a person cuts: keys, mouse and gamepad in, pictures out, physics by the clock in between."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from cutenv.viewer.canvas import import_pygame
 from cutenv.viewer.window import Window
 
 FPS = 60.0
-_FULL_STICK, _FULL_TRIGGER = 32768.0, 32767.0  # as SDL counts the axes of a game controller
+_FULL_STICK, _FULL_TRIGGER = 32768.0, 32767.0  # SDL's ranges for the axes of a game controller
 
 
 class PlayWindow:
-    """A session in a window.
+    """Window of a session.
 
     Parameters
     ----------
     session : Session
-        Mouse and gamepad take its device's place when they begin a cut, if that is a :class:`MouseDevice`; any other
+        Session; if its device is a :class:`MouseDevice`, mouse and gamepad replace it when they begin a cut. Any other
         device stays.
     scripted : bool
-        Whether a simple hand cuts instead of a person, by a clock of its own: a sixtieth of a second a picture,
+        True to let a scripted hand cut instead of a person, by its own clock: a sixtieth of a second for each picture,
         however long that takes.
     clock : callable
-        [s].
+        Clock in seconds.
 
     Raises
     ------
@@ -58,7 +58,7 @@ class PlayWindow:
             self._open_gamepads()
 
     def run(self) -> None:
-        """Until the window is closed or all cuts are done; a cut under way is recorded even so."""
+        """Run until the window is closed or all cuts are done; a cut in progress is still recorded."""
         servo = Servo(self.session, self._clock) if self.session.device.coupling is not None else None
         try:
             while self._window.open and (servo is None or servo.error is None):
@@ -80,7 +80,7 @@ class PlayWindow:
                 self._window.close()
 
     def show_next(self) -> None:
-        """One picture: what happened, the milliseconds since, what is to be seen."""
+        """Show one picture: take events, advance the time, draw."""
         self.take_events()
         if self.scripted:
             self._lead_by_script()
@@ -92,15 +92,15 @@ class PlayWindow:
         """Write the last picture as PNG."""
         self._pygame.image.save(self._picture.draw(self.session.sight()).surface, str(file))
 
-    # What happens
+    # Events
 
     def take_events(self) -> None:
-        """Let keys, mouse and gamepad do what they stand for."""
+        """Handle the events of keys, mouse and gamepad."""
         for event in self._window.take_events():
             self._take(event)
         if self._window.open:
             busy = self.session.phase in ("countdown", "cutting") and self._own_device and not self.scripted
-            # A caught mouse moves on beyond the edge of the screen, and its pointer does not hide the cut.
+            # A captured mouse moves on beyond the edge of the screen, and its pointer does not hide the cut.
             self._pygame.event.set_grab(busy)
             self._pygame.mouse.set_visible(not busy)
 
@@ -137,7 +137,7 @@ class PlayWindow:
             self._window.close()
 
     def _go_on(self, device: HapticDevice) -> None:
-        """The next cut, led by whatever asked for it."""
+        """Begin the next cut, led by the device that asked for it."""
         if self.session.phase == "ended" and self.session.done:
             self._window.close()
             return
@@ -153,8 +153,8 @@ class PlayWindow:
         self.gamepad.hold(self._stick, self._trigger)
 
     def _open_gamepads(self) -> None:
-        """Listen to every game controller that there is."""
-        from pygame._sdl2 import controller  # its axes have the same meaning on every pad, those of a joystick do not
+        """Open every game controller that is connected."""
+        from pygame._sdl2 import controller  # its axes mean the same on every pad, unlike a joystick's
 
         controller.init()
         self._pads = [controller.Controller(i) for i in range(controller.get_count()) if controller.is_controller(i)]

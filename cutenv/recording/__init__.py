@@ -41,7 +41,7 @@ __all__ = [
     "save",
 ]
 
-# These judge what they read, by measurement and with it the tissue's model; who loads a record does not wait for that.
+# These judge records and need the measurement code, with the tissue's model; loading alone does not wait for that.
 _WHEN_USED = {
     "ColumnMap": "mapping",
     "CutSearch": "cuts",

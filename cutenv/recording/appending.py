@@ -1,4 +1,4 @@
-"""A record on disk that grows while the cut goes on, and is worth something whatever happens to the process."""
+"""Record on disk that grows during the cut, and stays readable whatever happens to the process."""
 
 from __future__ import annotations
 
@@ -20,52 +20,50 @@ from cutenv.trace import Reading, limits
 from cutenv.validation import in_range, one_of
 
 SYNCED_EVERY = 0.8
-"""Time between two flushes to the disk [s]: with a flush's own time, a second."""
-_PATIENCE = 5.0  # [s] with a disk that does not answer
+"""Time between two flushes to the disk [s]: with the duration of a flush, a second."""
+_PATIENCE = 5.0  # [s] with a disk that does not respond
 
 
 class RecordingFailed(OSError):
-    """The disk takes no more of the record: full, gone or silent; what it has of it can be read."""
+    """Error for a disk that accepts no more of the record: full, gone or unresponsive; the part on it can be read."""
 
 
 class AppendingRecord:
-    """One cut as a CSV file that :func:`cutenv.recording.load` reads at any time.
+    """One cut as a CSV file that :func:`cutenv.recording.load` can read at any time.
 
-    Rows are with the operating system when :meth:`append` returns, so that no end of this process loses any, and a
-    thread sees to it that they are on the disk after a second at the latest, so that a power cut loses no more; the
-    caller never waits for the disk.  :meth:`close` puts the number of rows and the last metadata on top: then the
-    file is an ordinary record.  Until then, and if it never comes to that, loading gives all whole lines, with
-    ``truncated: true`` in the metadata.
+    Rows are with the operating system when :meth:`append` returns, so that an end of this process loses none, and a
+    thread flushes them to the disk within a second, so that a power cut loses no more; the caller never waits for the
+    disk. :meth:`close` writes the number of rows and the last metadata at the top: then the file is an ordinary record.
+    Until then, and if that never happens, loading gives all complete lines, with ``truncated: true`` in the metadata.
 
     Parameters
     ----------
     path : path
-        Must end in ``.csv``, and not be there yet.
+        Must end in ``.csv``, and not exist yet.
     metadata : mapping, optional
-        What is known at the beginning and JSON can hold.
+        Metadata known at the beginning, in JSON's types.
     fields : sequence of str
-        Of a :class:`cutenv.trace.Reading`, time and force among them; every reading must hold them all.
+        Fields of a :class:`cutenv.trace.Reading`, including time and force; every reading must hold them all.
     force_unit : {"N", "1"}
-        As of a :class:`cutenv.trace.Trace`.
+        Unit of the force, as in a :class:`cutenv.trace.Trace`.
 
     Attributes
     ----------
     rows : int
-        Appended so far.
+        Number of rows appended so far.
     failed : str or None
-        Why the disk takes no more; set by the thread too, and raised by the next :meth:`append`.
+        Reason why the disk accepts no more, or None; also set by the thread, and raised by the next :meth:`append`.
 
     Raises
     ------
     RecordError
-        If the suffix is another one.
+        If the suffix is not ``.csv``.
     TypeError, ValueError
-        If the metadata are not what JSON can hold, name an operator who is not anonymous, or fields are unknown or
-        missing.
+        If JSON cannot hold the metadata, they name an operator who is not anonymous, or fields are unknown or missing.
     FileExistsError
-        If there is such a file already.
+        If such a file exists already.
     OSError
-        If it cannot be written.
+        If the file cannot be written.
 
     Examples
     --------
@@ -122,11 +120,12 @@ class AppendingRecord:
 
         Raises
         ------
-        TypeError, ValueError
+        If a reading lacks a field, leaves the range of a :class:`cutenv.trace.Trace`, or is not after the one before:
+        the file could not be loaded any more. The record goes on without these readings.
             If a reading lacks a field, leaves the range of a :class:`cutenv.trace.Trace`, or is not after the one
             before: the file could not be loaded any more.  The record goes on without these readings.
         RecordingFailed
-            If the disk takes no more, now or since the last time; it is not tried again.
+            If the disk accepts no more, now or since the last call; it is not tried again.
         """
         if self._closed:
             raise ValueError(f"{self.path} is closed. Begin another record.")
@@ -141,7 +140,7 @@ class AppendingRecord:
                 fits = all(low <= value <= high for value, (low, high) in zip(row, self._limits, strict=True))
             except TypeError:
                 fits = False
-            if not (fits and last < reading.time):  # of NaN, neither is true
+            if not (fits and last < reading.time):  # false for NaN
                 self._refuse(reading, last)
             last = reading.time
             lines.append(",".join(map(repr, map(float, row))) + "\n")
@@ -150,22 +149,22 @@ class AppendingRecord:
         self.rows += len(lines)
 
     def close(self, metadata: Mapping[str, Any] | None = None) -> None:
-        """Finish the record: put the number of rows and more metadata on top.  Once closed, nothing happens any more.
+        """Finish the record: write the number of rows and more metadata at the top. Further calls do nothing.
 
-        Nor does it in a fork of the process that has begun it.
-        The file is replaced whole or not at all, so that a finish that fails leaves what was appended.
+        Does nothing in a fork of the process that has begun it. The file is replaced as a whole or not at all, so that
+        a failed finish leaves what was appended.
 
         Parameters
         ----------
         metadata : mapping, optional
-            Added to those of the beginning, or in place of them: how the cut ended, say.
+            Metadata that extend or replace those of the beginning, such as the cause of the end.
 
         Raises
         ------
         TypeError, ValueError
-            If the metadata are not what JSON can hold or name an operator who is not anonymous; the record stays open.
+            If JSON cannot hold the metadata or they name an operator who is not anonymous; the record stays open.
         RecordingFailed
-            If the disk took or takes not all of it; the file stays as it is, truncated.
+            If the disk did not accept all of it; the file stays as it is, truncated.
         """
         if self._closed or os.getpid() != self._process:
             return
@@ -220,7 +219,7 @@ class AppendingRecord:
             ) from None
 
     def _refuse(self, reading: Reading, last: float) -> NoReturn:
-        """Say what is wrong with a reading."""
+        """Raise an error that says what is wrong with a reading."""
         for name, value, (low, high) in zip(self._names, self._picked(reading), self._limits, strict=True):
             in_range(name, value, low, high, "1", "The reading was not recorded.")
         raise ValueError(f"time goes from {last!r} s to {reading.time!r} s; a reading must be after the one before.")
@@ -228,7 +227,7 @@ class AppendingRecord:
     def _write(self, data: bytes) -> None:
         left = memoryview(data)
         try:
-            while left:  # a disk that is nearly full takes a part
+            while left:  # a disk that is nearly full accepts a part
                 left = left[self._file.write(left) :]
         except OSError as error:
             self._fail(error)
@@ -236,7 +235,7 @@ class AppendingRecord:
         self._unsynced = True
 
     def _keep_synced(self) -> None:
-        """Work of the thread: what was written, to the disk."""
+        """Run the thread that flushes written rows to the disk."""
         while not self._stop.wait(SYNCED_EVERY) and self.failed is None:
             if not self._unsynced:
                 continue
@@ -261,7 +260,7 @@ class AppendingRecord:
             )
 
     def _there(self) -> bool:
-        """Whether the file that is being written still has its name."""
+        """Return whether the file being written still has its name."""
         try:
             return os.path.samestat(os.fstat(self._file.fileno()), self.path.stat())
         except (OSError, ValueError):  # ValueError: it is closed

@@ -1,4 +1,4 @@
-"""Columns of a record: quantity and unit stand in the header (``force_N``, ``position_cm``), SI comes out."""
+"""Columns of a record: headers name quantity and unit (``force_N``, ``position_cm``), values are converted to SI."""
 
 from __future__ import annotations
 
@@ -32,34 +32,34 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         "speed": {
             f"{length}{per}s": _LENGTHS[length]
             for length in ("m", "cm", "mm", "in")
-            for per in ("_", "/")  # the stroke is how people write it, the underscore what a header can be
+            for per in ("_", "/")  # the slash is what people write, the underscore what a header can contain
         },
         "angle": {"rad": 1.0, "deg": math.pi / 180.0},
         "depth": _LENGTHS,
     }
 )
-"""Field of a :class:`cutenv.trace.Trace` -> spelling of a unit -> how many SI units one of it is."""
+"""Size in SI units of each unit's spelling, by field of a :class:`cutenv.trace.Trace`."""
 
 AXES = ("x", "y", "z")
-"""Of a force that was measured in three directions: ``force_x_N``, ``force_y_N``, ``force_z_N``."""
+"""Directions of a force that was measured in components: ``force_x_N``, ``force_y_N``, ``force_z_N``."""
 
 _SI = {"time": "s", "position": "m", "speed": "m_s", "angle": "rad", "depth": "m"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """What a header says of its column.
+    """Content of a column according to its header.
 
     Attributes
     ----------
     field : str
-        Of the trace: a key of :data:`UNITS`.
+        Field of the trace: a key of :data:`UNITS`.
     axis : {"x", "y", "z"} or None
         Direction of a component of force; None for anything else.
     unit : str
         A key of ``UNITS[field]``.
     factor : float
-        How many SI units one of `unit` is.
+        Number of SI units in one of `unit`.
     """
 
     field: str
@@ -69,16 +69,16 @@ class Column:
 
     @property
     def force_unit(self) -> str | None:
-        """``force_unit`` of a trace with this force, "N" or "1"; None if the column is no force."""
+        """Value of a trace's ``force_unit`` for this force, "N" or "1"; None if the column is not a force."""
         if self.field != "force":
             return None
         return "1" if self.unit == "1" else "N"
 
     def to_si(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Values in SI, of the same shape; the same array if they are in SI already.
+        """Return values in SI, of the same shape; the same array if they are in SI already.
 
-        Where the unit is a whole part of the SI unit, they are divided by the number of parts: 2.54 cm give
-        0.0254 m to the last bit, which 2.54 times the rounded 0.01 does not.
+        If the unit is a whole fraction of the SI unit, they are divided by the number of parts: 2.54 cm give 0.0254 m
+        to the last bit, which 2.54 times the rounded 0.01 does not.
         """
         if self.factor == 1.0:
             return values
@@ -97,7 +97,7 @@ def parse_header(name: str) -> Column:
     Raises
     ------
     ValueError
-        If the quantity or the unit is not known or missing; names the nearest that is known.
+        If the quantity or the unit is unknown or missing; the message names the nearest known one.
     """
     field, _, unit = name.strip().partition("_")
     if field not in UNITS:
@@ -123,14 +123,14 @@ def parse_header(name: str) -> Column:
 
 
 def header_of(field: str, force_unit: str = "N") -> str:
-    """Name of the column in which a field of a trace is written: in SI, so that nothing is lost.
+    """Return the name of the column for a field of a trace: in SI, so that nothing is lost.
 
     Parameters
     ----------
     field : str
         A key of :data:`UNITS`.
     force_unit : {"N", "1"}
-        Of the trace.
+        Unit of the trace's force.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def header_of(field: str, force_unit: str = "N") -> str:
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:
-    """The most alike of the known names, or nothing; upper and lower case count as alike."""
+    """Return the most similar of the known names, or ""; upper and lower case count as equal."""
     by_lower = {key.lower(): key for key in known}
     found = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.5)
     return by_lower[found[0]] if found else ""

@@ -17,19 +17,19 @@ from cutenv.recording.schema import SCHEMA, as_names, check_schema, from_json, m
 from cutenv.recording.table import CUT, Table, parsed_headers, table_of
 from cutenv.trace import Trace
 
-_ENCODING = "utf-8-sig"  # spreadsheets put a byte order mark in front
+_ENCODING = "utf-8-sig"  # spreadsheets write a byte order mark in front
 _SCHEMA_LINE = re.compile(r"#\s*(cutenv-record\b.*)")
 _FACT_LINE = re.compile(r"#\s*(?P<what>(?P<kind>metadata|columns|rows)(?: of cut (?P<cut>[0-9]{1,9}))?):(?P<json>.*)")
 
 _ROWS = ("rows", None)
 
 TRUNCATED = "truncated"
-"""Of the metadata: true if the record was not finished, and holds what had been written by then."""
+"""Key in the metadata: true if the record was not finished, and holds only what was written by then."""
 
 
 @dataclass
 class _Head:
-    """What stands above the first row of numbers, and how many lines it takes."""
+    """Lines above the first row of numbers, and their count."""
 
     names: list[str] = field(default_factory=list)
     lines: int = 0
@@ -37,7 +37,7 @@ class _Head:
     facts: dict[tuple[str, int | None], Any] = field(default_factory=dict)
 
     def of_cuts(self, kind: str) -> dict[int, Any]:
-        """Facts of that kind by the number of the cut."""
+        """Return facts of that kind by the number of the cut."""
         return {cut: fact for (which, cut), fact in self.facts.items() if which == kind and cut is not None}
 
 
@@ -58,9 +58,9 @@ def write(traces: Sequence[Trace], path: Path) -> None:
 
 
 def head_text(names: Sequence[str], rows: int | None, facts: Mapping[str, object]) -> str:
-    """What stands above the rows of a file of ours: schema, number of rows, facts by their kind, names of columns.
+    """Return the text above the rows of a file of ours: schema, number of rows, facts by kind, names of columns.
 
-    Without the number (None) the record is still growing, or never was finished: what is whole of it is read.
+    Without a number (None) the record is still growing, or was never finished: its complete lines are read.
     """
     said = {"rows": rows, **facts}
     comments = "".join(f"# {kind}: {to_json(fact)}\n" for kind, fact in said.items())
@@ -73,7 +73,7 @@ def read(path: Path) -> list[Table]:
     Raises
     ------
     ValueError
-        If it is not such a file; says which line.
+        If it is not such a file; the message names the line.
     """
     try:
         with path.open(encoding=_ENCODING) as file:
@@ -131,7 +131,7 @@ def _head(file: TextIO) -> _Head:
 
 
 def _take_comment(head: _Head, text: str) -> None:
-    """Keep what a comment says of the record; any other comment is the reader's own."""
+    """Store what a comment states about the record; ignore any other comment."""
     if found := _SCHEMA_LINE.fullmatch(text):
         check_schema(found[1])
         head.native = True
@@ -152,15 +152,15 @@ def _take_comment(head: _Head, text: str) -> None:
 
 
 def _whole_lines(file: TextIO) -> list[str]:
-    """The lines that were written to their end; zeros are what a disk makes of lines that it lost with its power."""
+    """Return the complete lines; zero bytes replace lines that a disk lost in a power cut."""
     whole, _, _ = file.read().partition("\0")[0].rpartition("\n")
     return whole.splitlines()
 
 
 def _numbers(file: Iterable[str]) -> NDArray[np.float64] | None:
-    """The rows below the headers, shape (n, columns); None if one of them is not to be read."""
+    """Return the rows below the headers, shape (n, columns); None if one of them cannot be read."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that there are none is said in other words
+        warnings.simplefilter("ignore")  # an empty file is reported in other words
         try:
             return np.loadtxt(file, delimiter=",", comments=None, ndmin=2)
         except UnicodeDecodeError:
@@ -170,7 +170,7 @@ def _numbers(file: Iterable[str]) -> NDArray[np.float64] | None:
 
 
 def _check_whole(path: Path, announced: object, found: int) -> None:
-    """Refuse a file that lost its end: the rows that are left would look like a shorter cut."""
+    """Raise an error for a file that lost its end: the remaining rows would look like a shorter cut."""
     with path.open("rb") as file:
         file.seek(-1, 2)
         ended = file.read(1) in b"\r\n"
@@ -183,7 +183,7 @@ def _check_whole(path: Path, announced: object, found: int) -> None:
 
 
 def _line_of(path: Path, head: _Head) -> Callable[[int], str]:
-    """From a row of numbers to the line in which it stands."""
+    """Return a function from the number of a row to the line that holds it."""
 
     def place(row: int) -> str:
         with path.open(encoding=_ENCODING) as file:
@@ -194,7 +194,7 @@ def _line_of(path: Path, head: _Head) -> Callable[[int], str]:
 
 
 def _fault_of_numbers(path: Path, head: _Head) -> str:
-    """The first row that is no row of numbers: line, column, text and cure."""
+    """Describe the first row that is not a row of numbers: line, column, text and cure."""
     n = len(head.names)
     with path.open(encoding=_ENCODING) as file:
         for number, line in enumerate(file, 1):
@@ -229,7 +229,7 @@ def _cure_of_cell(cell: str) -> str:
 
 
 def _fault_of_text(path: Path) -> str:
-    """The first line that is not UTF-8."""
+    """Describe the first line that is not UTF-8."""
     with path.open("rb") as file:
         for number, line in enumerate(file, 1):
             try:
@@ -241,7 +241,7 @@ def _fault_of_text(path: Path) -> str:
 
 
 def _is_number(cell: str) -> bool:
-    """Whether NumPy's reader takes it: Python's takes 1_000 and other scripts' digits too."""
+    """Return whether NumPy can read a cell; Python also accepts 1_000 and the digits of other scripts."""
     try:
         float(cell)
     except ValueError:

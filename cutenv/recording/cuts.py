@@ -1,4 +1,4 @@
-"""Where in a long record the cuts are: the sensor's zero, the first contact, the end, the pauses between."""
+"""Search for the cuts in a long record: the sensor's zero, the first contact, the end, the pauses between."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from cutenv.trace import Trace
 
 Array = NDArray[np.float64]
 
-_SMOOTHED = 0.010  # [s] over which force is averaged: noise of 0.05 N at 1 kHz falls to 0.016 N
-_STEADY = 0.1  # [s] over which position is averaged: a potentiometer's 0.1 mm fall to 0.01 mm
+_SMOOTHED = 0.010  # [s] over which force is averaged: noise of 0.05 N at 1 kHz decreases to 0.016 N
+_STEADY = 0.1  # [s] over which position is averaged: a potentiometer's 0.1 mm decrease to 0.01 mm
 _STANDSTILL = 0.5e-3  # [m/s], as in cutenv.measurement
-_ABOVE_NOISE = 5.0  # standard deviations: a false contact in 3 million
-_SHARE = 0.02  # of the largest force, that counts as contact in a record without newtons
-_LEVEL = 0.2  # of the contact force: by more the two halves of a quiet start do not differ
-_FEWEST = 10  # readings that tell a zero
-_SHORTEST = 0.1  # [s] under force: a knock on the table is no cut
-_CALMEST = 0.95  # share of the changes between readings that count as noise, the others as drops
+_ABOVE_NOISE = 5.0  # standard deviations: one false contact in 3 million
+_SHARE = 0.02  # share of the largest force that counts as contact in a record without newtons
+_LEVEL = 0.2  # share of the contact force by which the two halves of a quiet start may differ
+_FEWEST = 10  # least number of readings for a zero
+_SHORTEST = 0.1  # [s] under force: a knock on the table is not a cut
+_CALMEST = 0.95  # share of the changes between readings that counts as noise, the others as drops
 _CALMEST_SD = 0.871  # standard deviation of the calmest 95 % of normal numbers
 
 
 @dataclass(frozen=True, kw_only=True)
 class CutSearch:
-    """How cuts are told from what is between them."""
+    """Criteria that separate cuts from what is between them."""
 
     contact: float = parameter(
         0.1, unit="N", low=1e-4, high=100.0, provenance="assumed",
@@ -50,7 +50,7 @@ class CutSearch:
 
 @dataclass(frozen=True, kw_only=True)
 class Tare:
-    """What the sensor showed in instants ``0 .. stop - 1``, before contact: mean, and its standard error."""
+    """Mean reading of the sensor in instants ``0 .. stop - 1``, before contact, and its standard error."""
 
     offset: float
     standard_error: float
@@ -59,30 +59,30 @@ class Tare:
 
 @dataclass(frozen=True, kw_only=True)
 class FoundCut:
-    """A cut in a record: its instants are ``start`` to ``stop - 1``."""
+    """Cut in a record: its instants are ``start`` to ``stop - 1``."""
 
     start: int
     stop: int
 
     @property
     def samples(self) -> slice:
-        """The instants as a slice."""
+        """Instants of the cut as a slice."""
         return slice(self.start, self.stop)
 
 
 STANDARD = CutSearch()
-"""The search with its defaults."""
+"""Search with the default criteria."""
 
 
 def noise_level(force: Array) -> float:
-    """Standard deviation of a record's noise, from the calmest 95 % of its changes from reading to reading."""
+    """Return the standard deviation of a record's noise, from the calmest 95 % of its changes between readings."""
     change = np.sort(np.abs(np.diff(force)))
     calmest = change[: max(1, math.ceil(_CALMEST * len(change)))]
     return float(np.sqrt(np.mean(calmest**2) / 2.0)) / _CALMEST_SD
 
 
 def contact_level(trace: Trace, search: CutSearch) -> float:
-    """Least smoothed force that is more than noise, in the trace's force unit."""
+    """Return the least smoothed force that exceeds noise, in the trace's force unit."""
     floor = search.contact if trace.force_unit == "N" else _SHARE * float(np.ptp(trace.force))
     smoothed = _readings(trace, _SMOOTHED)
     return max(floor, _ABOVE_NOISE * noise_level(trace.force) / math.sqrt(smoothed))
@@ -94,16 +94,16 @@ def find_tare(trace: Trace, search: CutSearch | None = None) -> Tare | None:
     Parameters
     ----------
     trace : Trace
-        As recorded.
+        Trace as recorded.
     search : CutSearch, optional
-        Its `contact` and `quiet`.
+        Criteria, of which `contact` and `quiet` are used.
 
     Returns
     -------
     Tare or None
-        The mean without outliers; None if the start is not quiet: shorter than `quiet` or 10 readings, moving
-        (where position is known), or rising. A standing blade that presses with a constant force from the first
-        instant on cannot be told from an offset.
+        The mean without outliers; None if the start is not quiet: shorter than `quiet` or 10 readings, moving (where
+        position is known), or rising. A blade at rest that presses with a constant force from the first instant on
+        cannot be distinguished from an offset.
     """
     search = search or CutSearch()
     least = max(_FEWEST, _readings(trace, search.quiet))
@@ -116,7 +116,7 @@ def find_tare(trace: Trace, search: CutSearch | None = None) -> Tare | None:
     if trace.position is not None:
         away |= moving(trace)
     stop = int(np.argmax(away)) if away.any() else len(trace)
-    # The force begins to rise before it is known to; where it never does, the sensor felt nothing at all.
+    # The force begins to rise before it is detected; if it never is, the sensor measured nothing at all.
     stop -= _readings(trace, 0.5 * search.quiet) if stop < len(trace) else 0
     if stop < least:
         return None
@@ -132,22 +132,22 @@ def find_tare(trace: Trace, search: CutSearch | None = None) -> Tare | None:
 def find_cuts(trace: Trace, search: CutSearch | None = None) -> list[FoundCut]:
     """Find start and end of every cut in a record whose force has been tared.
 
-    Cuts are parted where the blade is unloaded for `search.pause`, and stands, if its position is known. A cut
-    begins where the force first rises, and ends with the last force or, if position is known, the last motion,
-    so that a way back belongs to it. A stretch in which the blade only comes back, under friction, belongs to the
-    cut before; motion without force is none.
+    Cuts are separated where the blade is unloaded for `search.pause`, and at rest, if its position is known. A cut
+    begins where the force first rises, and ends with the last force or, if position is known, the last motion, so that
+    it includes the way back. A stretch in which the blade only returns, under friction, belongs to the cut before;
+    motion without force is not a cut.
 
     Parameters
     ----------
     trace : Trace
-        Without the sensor's offset.
+        Trace without the sensor's offset.
     search : CutSearch, optional
-        What counts as contact and as a pause.
+        Criteria for contact and pauses.
 
     Returns
     -------
     list of FoundCut
-        In order of time; may be empty.
+        Cuts in order of time; may be empty.
     """
     search = search or CutSearch()
     contact = contact_level(trace, search)
@@ -161,7 +161,7 @@ def find_cuts(trace: Trace, search: CutSearch | None = None) -> list[FoundCut]:
     instants = np.flatnonzero(active)
     if not len(instants):
         return []
-    # A pause is made of readings that show it; a gap in the record with force on both sides is none.
+    # A pause needs readings that show it; a gap in the record with force on both sides is not one.
     parted = (np.diff(trace.time[instants]) >= search.pause) & (np.diff(instants) > 1)
     found: list[FoundCut] = []
     for stretch in np.split(instants, np.flatnonzero(parted) + 1):
@@ -182,12 +182,12 @@ def find_cuts(trace: Trace, search: CutSearch | None = None) -> list[FoundCut]:
 
 
 def moving(trace: Trace) -> NDArray[np.bool_]:
-    """Where the blade moves, shape (n,); to within 0.1 s."""
+    """Return where the blade moves, shape (n,); to within 0.1 s."""
     return np.abs(steady_speed(trace)) > _STANDSTILL
 
 
 def steady_speed(trace: Trace) -> Array:
-    """Speed [m/s] between means over 0.1 s, shape (n,): nothing for a stroke's shape, but proof against noise."""
+    """Return the speed [m/s] between means over 0.1 s, shape (n,): too coarse for a stroke, but without noise."""
     time, (position,) = trace.time, trace.require("position", by="finding cuts")
     window = _readings(trace, _STEADY)
     if len(time) < 3 * window:
@@ -200,7 +200,7 @@ def steady_speed(trace: Trace) -> Array:
 
 
 def _rise(smooth: Array, loaded: int, before: int, level: float) -> int:
-    """From where the force is known back to where it began to rise."""
+    """Return the instant at which the force began to rise, searching back from where it is detected."""
     calm = np.flatnonzero(smooth[before : loaded + 1] <= level)
     return before + int(calm[-1]) if len(calm) else before
 
@@ -210,7 +210,7 @@ def _readings(trace: Trace, seconds: float) -> int:
 
 
 def _smooth(values: Array, window: int) -> Array:
-    """Centred means of ``window`` readings, of fewer at the ends; shape (n,)."""
+    """Return centred means of ``window`` readings, fewer at the ends; shape (n,)."""
     sums = np.concatenate(([0.0], np.cumsum(values)))
     i = np.arange(len(values))
     first = np.maximum(i - window // 2, 0)

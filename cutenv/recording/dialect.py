@@ -1,4 +1,4 @@
-"""Tables of numbers as programs write them: found are encoding, separator, decimal sign, header and units."""
+"""Tables of numbers from any program: encoding, separator, decimal sign, header and units are detected."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from cutenv.recording.mapping import known_unit
 
 Array = NDArray[np.float64]
 
-# Separator and decimal sign, in order of preference where two explain the lines alike. A space as separator stands for
-# any number of blanks; commas of both kinds are told apart by quotation marks.
+# Separator and decimal sign, in order of preference if two explain the lines equally well. A space as separator stands
+# for any number of blanks; quotation marks distinguish commas of both kinds.
 _DIALECTS = (("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), (" ", "."), (" ", ","), (",", ","))
 _NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "blanks"}
-_SAMPLE = 400  # lines by which the separator is chosen
-_NO_ROW = frozenset(("", "#", "%", "/"))  # how a line begins that is blank or a comment
+_SAMPLE = 400  # lines from which the separator is chosen
+_NO_ROW = frozenset(("", "#", "%", "/"))  # beginnings of lines that are blank or comments
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _NUMBER_COMMA = re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?")
 _POINT, _COMMA = re.compile(r"\d\.\d"), re.compile(r"\d,\d")
@@ -42,26 +42,26 @@ _OTHER_PROGRAMS = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TextTable:
-    """Rows of a text file, and what its header says of them.
+    """Rows of a text file, with the content of its header.
 
     Attributes
     ----------
     path : Path
-        Of the file.
+        Path of the file.
     headers : tuple of str
-        A column each, as the file has them; empty where it has none.
+        Headers of the columns, as in the file; empty if it has none.
     units_row : tuple of str
         Units below the headers, empty if there is no such row.
     separator, decimal : str
-        Between cells (a space: any number of blanks), and between whole and parts.
+        Separator of cells (a space: any number of blanks), and decimal sign.
     rows : list of str
-        The lines that hold numbers.
+        Lines that hold numbers.
     lines : ndarray of int, shape (n,)
         Their numbers in the file, from 1.
     n_columns : int
-        Cells in a row.
+        Number of cells in a row.
     above : str
-        What stands above the numbers instead of a header, for messages.
+        Text above the numbers in place of a header, for messages.
     """
 
     path: Path
@@ -79,12 +79,12 @@ class TextTable:
         return f"{self.n_columns} columns, separator {_NAMES[self.separator]}, decimal {decimal}, {len(self.rows)} rows"
 
     def index(self, name: str) -> int:
-        """Which column has this name, with or without its unit, or this place (``#2``).
+        """Return the index of the column with this name, with or without its unit, or at this place (``#2``).
 
         Raises
         ------
         RecordError
-            If none has, or several have; names the nearest.
+            If none or several match; the message names the nearest.
         """
         if (place := re.fullmatch(r"#(\d{1,9})", name)) is not None:
             if not 1 <= int(place[1]) <= self.n_columns:
@@ -110,12 +110,12 @@ class TextTable:
         raise RecordError(self.path, f"there is no column {name!r}; there are {', '.join(names.values())}.{hint}")
 
     def unit(self, index: int, field: str) -> str | None:
-        """The unit that the header gives a column as a field of a trace; None if it says none.
+        """Return the unit that the header gives a column as a field of a trace; None if it gives none.
 
         Raises
         ------
         RecordError
-            If it says one that is not known.
+            If it gives an unknown one.
         """
         if index >= len(self.headers):
             return None
@@ -138,12 +138,12 @@ class TextTable:
             ) from None
 
     def numbers(self, indices: list[int]) -> Array:
-        """Some columns as numbers, shape (n, len(indices)), all of them finite.
+        """Return some columns as numbers, shape (n, len(indices)), all of them finite.
 
         Raises
         ------
         RecordError
-            If a cell is none; names its line.
+            If a cell is not a number; the message names its line.
         """
         rows, separator = self.rows, self.separator
         if self.decimal == separator == ",":
@@ -168,12 +168,12 @@ class TextTable:
         return values
 
     def texts(self, indices: list[int]) -> list[tuple[str, ...]]:
-        """Some columns as text, a tuple for each row.
+        """Return some columns as text, a tuple for each row.
 
         Raises
         ------
         RecordError
-            If a row is too short; names its line.
+            If a row is too short; the message names its line.
         """
         found = []
         for row, line in zip(self.rows, self.lines, strict=True):
@@ -199,7 +199,7 @@ class TextTable:
         )
 
     def _bad_cell(self, indices: list[int], reason: str) -> RecordError:
-        """Say where; only a file that could not be read is gone through cell by cell."""
+        """Return an error that names the bad cell; only an unreadable file is searched cell by cell."""
         number = _NUMBER_COMMA if self.decimal == "," else _NUMBER
         for row, line in zip(self.rows, self.lines, strict=True):
             cells = split_row(row, self.separator)
@@ -221,7 +221,7 @@ class TextTable:
 
 
 def read_table(path: Path) -> TextTable:
-    """Read a text file and find out how it is written.
+    """Read a text file, and detect its format.
 
     Raises
     ------
@@ -240,16 +240,16 @@ def read_table(path: Path) -> TextTable:
     if ranked[0][0] == 0.0:
         raise RecordError(path, "it holds no rows of numbers, parted by commas, semicolons, tabs or blanks.")
     tables = [_table(path, lines, written, sample, *dialect) for dialect in best]
-    # A sample of whole numbers does not tell the decimal sign; the other rows do.
+    # A sample of whole numbers does not show the decimal sign; the other rows do.
     tables = [table for table in tables if table.decimal == _decimal_sign(table.rows, table.separator)] or tables
-    # "0,15" is one number or two; where both explain the lines, the header tells.
+    # "0,15" is one number or two; if both explain the lines, the header decides.
     several = [table for table in tables if table.n_columns > 1]
     named = [table for table in several + tables if len(table.headers) == table.n_columns]
     return [*named, *several, *tables][0]
 
 
 def bare_name(header: str) -> str:
-    """A header without the unit in brackets."""
+    """Return a header without the unit in brackets."""
     found = _BRACKETS.fullmatch(header.strip())
     return (found[1] if found else header).strip()
 
@@ -259,9 +259,9 @@ def _stem(header: str) -> str:
 
 
 def _without_ending(header: str) -> tuple[str, str]:
-    """A header such as ``force_N``, ``force / N`` or ``force in N`` as name and unit.
+    """Split a header such as ``force_N``, ``force / N`` or ``force in N`` into name and unit.
 
-    Only a unit that is known makes an ending a unit: ``F_1`` is a channel, ``a / b`` a ratio.
+    Only a known unit makes an ending a unit: ``F_1`` is a channel, ``a / b`` a ratio.
     """
     parts = re.split(r"\s*/\s*|\s+in\s+", header.strip(), maxsplit=1)
     if len(parts) == 2 and any(_is_unit(field, parts[1]) for field in UNITS):
@@ -274,7 +274,7 @@ def _without_ending(header: str) -> tuple[str, str]:
 
 
 def split_row(row: str, separator: str) -> list[str]:
-    """The cells of a line; in quotation marks they may hold the separator."""
+    """Return the cells of a line; cells in quotation marks may contain the separator."""
     if '"' in row:
         try:
             (cells,) = csv.reader([row.strip(" ")], delimiter=separator, skipinitialspace=True)
@@ -307,7 +307,7 @@ def _decimal_sign(rows: list[str], separator: str) -> str:
 
 
 def _explained(sample: list[str], separator: str, decimal: str) -> float:
-    """Which share of what is written are numbers, in rows of the most frequent length [1]."""
+    """Return the share of the characters that belongs to numbers, in rows of the most frequent length [1]."""
     rows = [split_row(line, separator) for line in sample]
     length, _ = Counter(len(row) for row in rows).most_common(1)[0]
     number = _NUMBER_COMMA if decimal == "," else _NUMBER
@@ -353,7 +353,7 @@ def _table(
 
 
 def _header(above: list[str], separator: str, length: int) -> tuple[tuple[str, ...], tuple[str, ...], str]:
-    """Names and units from the last lines above the numbers, and what stands there in their place."""
+    """Return names and units from the last lines above the numbers, and a description if there are none."""
     filled = [line.strip().lstrip("#%/").strip(" ") for line in above]
     filled = [line for line in filled if line.strip()]
     if not filled:

@@ -1,4 +1,4 @@
-"""The one kind of error in which the reading of a bad record ends."""
+"""Error that every reader of records raises for a bad file."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from pathlib import Path
 
 
 class RecordError(ValueError):
-    """A file that is no record, or a record that is not to be trusted: which file, where in it, why, and the cure.
+    """Error for a file that is not a record, or is damaged: it names the file, the place, the reason and the cure.
 
     Parameters
     ----------
     path : path
-        Of the file.
+        Path of the file.
     reason : str
-        Where, what and the cure, in the reader's words.
+        Place, reason and cure, in the reader's words.
 
     Attributes
     ----------
     path : Path
-        Of the file.
+        Path of the file.
     reason : str
-        As given.
+        Reason as given.
     """
 
     def __init__(self, path: str | os.PathLike[str], reason: str) -> None:
@@ -30,4 +30,4 @@ class RecordError(ValueError):
         self.reason = reason
 
     def __reduce__(self) -> tuple[type[RecordError], tuple[Path, str]]:
-        return type(self), (self.path, self.reason)  # by its own arguments, so that it crosses processes
+        return type(self), (self.path, self.reason)  # by its own arguments, so that it can be pickled between processes

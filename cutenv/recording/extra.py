@@ -1,4 +1,4 @@
-"""The libraries behind Parquet and HDF5, which come with the extra ``data`` and are loaded when they are used."""
+"""Libraries for Parquet and HDF5, which the extra ``data`` installs and which are loaded when used."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def library(name: str, package: str, format_name: str) -> Any:
     Raises
     ------
     ModuleNotFoundError
-        If `package` is not installed; names the pip command that brings it.
+        If `package` is not installed; the message gives the pip command.
     """
     try:
         return import_module(name)

@@ -1,4 +1,4 @@
-"""Save traces and load them; the suffix says in which format."""
+"""Functions that save and load traces, in the format that the suffix names."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cutenv.validation import one_of
 
 @dataclass(frozen=True, kw_only=True)
 class _Format:
-    """How a kind of file is written and read."""
+    """Writer and reader of a kind of file."""
 
     name: str
     write: Callable[[Sequence[Trace], Path], None]
@@ -39,13 +39,13 @@ _BEGINNINGS = {
     b"\xff\xfe": "text in UTF-16",
     b"\xfe\xff": "text in UTF-16",
 }
-"""First bytes by which other kinds of file are known."""
+"""First bytes of other kinds of file."""
 
 
 def save(traces: Trace | Iterable[Trace], path: str | os.PathLike[str]) -> None:
-    """Write one cut or several to one file, so that :func:`load` gives them back to the last bit.
+    """Write one cut or several to one file, so that :func:`load` restores them to the last bit.
 
-    The file is there whole or not at all: an interruption leaves what was there before.
+    The file is written as a whole or not at all: an interruption leaves the earlier file.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def save(traces: Trace | Iterable[Trace], path: str | os.PathLike[str]) -> None:
     Raises
     ------
     TypeError
-        If something else than traces is given.
+        If anything but traces is given.
     ValueError
         If there is no trace, or its metadata name an operator who is not anonymous
         (:class:`cutenv.recording.Provenance`).
@@ -85,47 +85,44 @@ def save(traces: Trace | Iterable[Trace], path: str | os.PathLike[str]) -> None:
 def load(path: str | os.PathLike[str], *, force: str | None = None) -> list[Trace]:
     """Read every cut of a file.
 
-    Units stand in the headers (:data:`cutenv.recording.UNITS`) and are converted to SI. A file from another
-    hand needs no more than its row of headers; a column ``cut`` tells several cuts apart, and its number is
-    kept in the metadata.
+    Units are in the headers (:data:`cutenv.recording.UNITS`) and are converted to SI. A file from another program needs
+    only its row of headers; a column ``cut`` separates several cuts, and its number is kept in the metadata.
 
     Parameters
     ----------
     path : path
         Its suffix is the format: ``.csv``, ``.parquet``, ``.h5`` or ``.hdf5``.
     force : {"norm", "x", "y", "z", "-x", "-y", "-z"}, optional
-        How the force along the cut is had from components (``force_x_N``, ...). It is positive against
-        forward motion: choose the axis along the cut, and the minus if the sensor counts the other way. By
-        default what the metadata ``force_along_cut`` say, else the norm; a norm has no sign, so that
-        friction on the way back looks like cutting, and nothing that needs a return stroke can be had from
-        it. A force without an axis is taken as it is.
+        Computation of the force along the cut from components (``force_x_N``, ...). It is positive against forward
+        motion: choose the axis along the cut, and the minus if the sensor's sign is reversed. By default the metadata's
+        ``force_along_cut``, else the norm; a norm has no sign, so that friction on the way back looks like cutting, and
+        nothing that needs a return stroke can be computed from it. A force without an axis is used as it is.
 
     Returns
     -------
     list of Trace
-        In the order of the file. Where the force is from components, the metadata ``force_along_cut`` tell how;
-        of a record that was cut off while it was made (:class:`cutenv.recording.AppendingRecord`), ``truncated`` is
-        true, and all whole lines are there.
+        Cuts in the order of the file. If the force is from components, the metadata ``force_along_cut`` state how. For
+        a record that was interrupted (:class:`cutenv.recording.AppendingRecord`), ``truncated`` is true, and all
+        complete lines are there.
 
     Raises
     ------
     RecordError
-        If the file is no record, or a record that is not to be trusted: damaged, not whole, columns missing
-        or unknown, no number, NaN, time that does not increase, values out of range. Names the line, or the
-        row, and the cure.
+        If the file is not a record, or is damaged: incomplete, columns missing or unknown, a cell that is not a number,
+        NaN, time that does not increase, values out of range. Names the line, or the row, and the cure.
     FileNotFoundError, PermissionError, IsADirectoryError
-        If there is no file to read.
+        If there is no file that can be read.
     ModuleNotFoundError
         If the format's library is not installed; names the pip command.
     ValueError
-        If `force` is none of those above.
+        If `force` is not one of those above.
 
     Notes
     -----
-    Saved files carry checksums in Parquet and HDF5, and the number of rows in CSV: there, a digit that was
-    changed to another is not noticed. Most damage of HDF5 files of other programs is noticed too, but these
-    have no checksums, and the library may stand still or crash in one of them: open what you do not trust
-    in a process of its own, and save it again.
+    Saved files carry checksums in Parquet and HDF5, but only the number of rows in CSV: there, a digit changed into
+    another is not noticed. Most damage of HDF5 files from other programs is noticed too, but these have no checksums,
+    and the library may hang or crash on one of them: open a file that you do not trust in a separate process, and save
+    it again.
     """
     if force is not None:
         one_of("force", force, ALONG_CUT)
@@ -148,7 +145,7 @@ def load(path: str | os.PathLike[str], *, force: str | None = None) -> list[Trac
 
 
 def load_one(path: str | os.PathLike[str], *, force: str | None = None) -> Trace:
-    """Read the cut of a file that holds one; parameters and errors as :func:`load`.
+    """Read the cut of a file that holds one; parameters and errors as in :func:`load`.
 
     Raises
     ------
@@ -169,7 +166,7 @@ def _format_of(path: Path) -> _Format:
 
 
 def _check_beginning(path: Path, name: str) -> None:
-    """Refuse an empty file, and one that is something else than its suffix says."""
+    """Raise an error for an empty file, or one whose content is not what its suffix promises."""
     with path.open("rb") as file:
         beginning = file.read(max(map(len, _BEGINNINGS)))
     if not beginning:

@@ -24,27 +24,28 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Imported:
-    """What was found in a file.
+    """Content of a file, and what was found in it.
 
     Attributes
     ----------
     path : Path
-        Of the file.
+        Path of the file.
     mapping : ColumnMap or None
-        Through which it was read; ``imported.mapping.save(folder)`` keeps it for the next file. None: it needs none.
+        Mapping through which it was read; ``imported.mapping.save(folder)`` keeps it for the next file. None: not
+        needed.
     records : tuple of Trace
-        Every record whole and as it was, without tare.
+        Every record, complete and unchanged, without tare.
     tared : tuple of Trace
-        The same without the sensor's offset, where a quiet start tells it.
+        The same without the sensor's offset, if a quiet start shows it.
     cuts : tuple of tuple of FoundCut
-        For each record, where its cuts are.
+        Position of the cuts in each record.
     traces : tuple of Trace
-        The cuts of all records, tared; a record in which none is found, whole. ``metadata`` tells the file, its
-        lines, the tare and the mapping.
+        Cuts of all records, tared; a record without a cut is one trace. ``metadata`` has the file, its lines, the tare
+        and the mapping.
     flaws : tuple of tuple of Flaw
-        For each of `traces` what is wrong with it; rows are instants of that trace, the message tells the lines.
+        Flaws of each of `traces`; rows are instants of that trace, the message names the lines.
     notes : tuple of str
-        What was taken for granted or taken off, in words, to be shown to the reader.
+        Assumptions and corrections, in words, to be shown to the reader.
     """
 
     path: Path
@@ -58,7 +59,7 @@ class Imported:
 
     @property
     def sound(self) -> tuple[Trace, ...]:
-        """The cuts without a flaw that refuses them."""
+        """Cuts without a flaw that excludes them."""
         return tuple(
             trace
             for trace, found in zip(self.traces, self.flaws, strict=True)
@@ -66,7 +67,7 @@ class Imported:
         )
 
     def picture(self, record: int) -> dict[str, Any]:
-        """What :func:`cutenv.report.draw_record` draws of a record, counted from 0, as its arguments by name."""
+        """Return the arguments of :func:`cutenv.report.draw_record` for a record, counted from 0, by name."""
         first = sum(max(1, len(found)) for found in self.cuts[:record])
         cuts = self.cuts[record]
         quiet = self.tared[record].metadata.get("tare_instants")
@@ -84,18 +85,18 @@ def load_foreign(
 ) -> Imported:
     """Read the cuts in a table that another program wrote.
 
-    Encoding, separator, decimal comma, lines above the header and units in it or below it are found out. The
-    sensor's offset is taken off where the record has a quiet start, for a norm from each component; then the
-    cuts in it are found. A record that `mapping.split_by` parts from the others is one cut.
+    Encoding, separator, decimal comma, lines above the header and units in it or below it are detected. The sensor's
+    offset is subtracted if the record has a quiet start, for a norm from each component; then the cuts in it are found.
+    A record that `mapping.split_by` separates from the others is one cut.
 
     Parameters
     ----------
     path : path
-        Of a text file (.csv, .txt, .dat, .lvm, ...).
+        Path of a text file (.csv, .txt, .dat, .lvm, ...).
     mapping : ColumnMap, optional
-        By default the one that was saved beside the file.
+        Mapping of its columns; by default the one saved beside the file.
     search : CutSearch or None
-        How cuts are found. None: neither tare nor split, each record is one trace.
+        Criteria for cuts. None: neither tare nor split, each record is one trace.
 
     Returns
     -------
@@ -104,7 +105,7 @@ def load_foreign(
     Raises
     ------
     RecordError
-        If the file or a record in it is not to be read: which line, why, and the cure.
+        If the file or a record in it cannot be read: names line, reason and cure.
     OSError
         If the file cannot be opened.
     """
@@ -122,7 +123,7 @@ def load_foreign(
         name = f"record {' '.join(group.values())}: " if group else ""
         plain = whole if tare is None else readings.trace(group, rows, tare)
         found = [] if search is None else find_cuts(plain, search)
-        if group and found:  # what one cut is, the file says; where it starts and ends is found
+        if group and found:  # the file defines one cut, the search its start and end
             found = [FoundCut(start=found[0].start, stop=found[-1].stop)]
         if search is not None:
             notes += [name + note for note in _told(readings, whole, plain, tare, found, search)]
@@ -156,7 +157,7 @@ def _saved_mapping(path: Path, table: TextTable) -> ColumnMap:
 
 
 def _records_of(table: TextTable, mapping: ColumnMap) -> list[tuple[dict[str, str], NDArray[np.intp]]]:
-    """The rows of each record, and the values by which they were parted."""
+    """Return the rows of each record, and the values that separate it from others."""
     if not mapping.split_by:
         return [({}, np.arange(len(table.rows)))]
     keys = table.texts([table.index(name) for name in mapping.split_by])
@@ -170,7 +171,7 @@ def _records_of(table: TextTable, mapping: ColumnMap) -> list[tuple[dict[str, st
 def _tare(
     readings: MappedReadings, whole: Trace, rows: NDArray[np.intp], search: CutSearch
 ) -> tuple[Array, int] | None:
-    """The components' offsets [force unit] in the quiet start that they share, and its length; None without one."""
+    """Return the components' offsets [force unit] in their common quiet start, and its length; None without one."""
     if not readings.expression.is_norm:
         tare = find_tare(whole, search)
         return None if tare is None else (np.array([tare.offset]), tare.stop)
@@ -189,7 +190,7 @@ def _told(
     found: list[FoundCut],
     search: CutSearch,
 ) -> list[str]:
-    """What the reader should know about tare and cuts."""
+    """Return notes for the reader on tare and cuts."""
     unit = readings.force_unit if readings.force_unit == "N" else "(normalised)"
     told = []
     if tare is None:
@@ -219,7 +220,7 @@ def _told(
 
 
 def _cut(trace: Trace, cut: FoundCut, lines: NDArray[np.intp]) -> tuple[Trace, tuple[Flaw, ...]]:
-    """A cut of a record with its own place in the metadata, and its flaws with their lines of the file."""
+    """Return a cut of a record, with its place in the metadata, and its flaws with their lines in the file."""
     part = trace.select(cut.samples)
     lines = lines[cut.samples]
     where = {"lines": [int(lines[0]), int(lines[-1])], "instants": [cut.start, cut.stop - 1]}

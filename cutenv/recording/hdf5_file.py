@@ -21,15 +21,15 @@ from cutenv.trace import Trace
 
 Array = NDArray[np.float64]
 
-_VERSIONS = ("v110", "v110")  # of HDF5 that can read the file: 1.10, of 2016, and later
-_MOST_PACKED = 2000  # times that compression may make a record smaller: gzip's best is 1032, with shuffling
+_VERSIONS = ("v110", "v110")  # oldest HDF5 that can read the file: 1.10, of 2016
+_MOST_PACKED = 2000  # greatest ratio of compression: gzip's best is 1032, with shuffling
 
 
 def write(traces: Sequence[Trace], path: Path) -> None:
-    """Write a new file in which everything carries a checksum: numbers, names and the tables that find them.
+    """Write a new file in which everything carries a checksum: numbers, names and the tables that locate them.
 
-    In files of HDF5 before 1.10, h5py's default, the tables carry none, and the library runs in circles when
-    they are damaged. Text is of fixed length, because text of any length is kept without a checksum.
+    In files of HDF5 before 1.10, h5py's default, the tables have no checksum, and the library loops for ever if they
+    are damaged. Text is of fixed length, because text of variable length is stored without a checksum.
     """
     h5py = library("h5py", "h5py", "HDF5")
     with h5py.File(path, "w", libver=_VERSIONS) as file:
@@ -48,12 +48,12 @@ def write(traces: Sequence[Trace], path: Path) -> None:
 def read(path: Path) -> list[Table]:
     """Read a file as a table for each cut.
 
-    A file by another hand may name its groups as it likes, or have one cut's datasets at its root; a dataset
-    without the attribute ``unit`` has the unit in its name.
+    A file from another program may use any names of groups, or have one cut's datasets at its root; a dataset without
+    the attribute ``unit`` has the unit in its name.
 
     Raises
     ------
-    ValueError
+    If it is not such a file; the message names group and dataset.
         If it is not such a file; says which group and dataset.
     """
     h5py = library("h5py", "h5py", "HDF5")
@@ -64,7 +64,7 @@ def read(path: Path) -> list[Table]:
             schema, announced = file.attrs.get("schema"), file.attrs.get("cuts")
     except RecordError:
         raise
-    except Exception as error:  # a damaged file makes HDF5 raise errors of any kind
+    except Exception as error:  # HDF5 raises errors of any kind for a damaged file
         reason = shown(str(error) or type(error).__name__)
         raise ValueError(f"it is no HDF5 file, or a damaged one ({reason}). Take the file again.") from None
     if schema is not None:
@@ -78,7 +78,7 @@ def read(path: Path) -> list[Table]:
 
 @dataclass
 class _Cut:
-    """What a group holds, before it is judged."""
+    """Content of a group, before it is checked."""
 
     name: str
     metadata: Any
@@ -87,13 +87,13 @@ class _Cut:
 
 @dataclass(frozen=True)
 class _Reader:
-    """Takes arrays of numbers out of an open file; whatever else it meets is refused."""
+    """Reader that takes arrays of numbers out of an open file, and refuses anything else."""
 
     h5py: Any
     path: Path
 
     def cuts(self, file: Any) -> list[_Cut]:
-        """Content of every group, or of the root if the datasets are there; ``cut_10`` comes after ``cut_9``."""
+        """Return the content of every group, or of the root if the datasets are there; ``cut_10`` follows ``cut_9``."""
         groups = [name for name in file if isinstance(self._member(file, name), self.h5py.Group)]
         if not groups:
             return [self._cut(file, "")]
@@ -121,7 +121,7 @@ class _Reader:
         name = shown(dataset.name)
         if not isinstance(dataset, self.h5py.Dataset):
             raise self._refusal(f"{name} is no dataset. A group of a cut holds datasets only.")
-        if dataset.dtype.kind not in "fiu":  # text, references, objects: nothing that would have to be unpacked
+        if dataset.dtype.kind not in "fiu":  # text, references, objects: never unpack them
             raise self._refusal(f"{name} holds {dataset.dtype}, no numbers. Write it as float64.")
         if dataset.ndim != 1:
             raise self._refusal(f"{name} has shape {dataset.shape}. Give one value per instant.")
@@ -136,7 +136,7 @@ class _Reader:
 
 
 def _table(cut: _Cut, *, native: bool) -> Table:
-    """One cut as a table; says which group if there is anything wrong."""
+    """Return one cut as a table; errors name the group."""
     place = f"{cut.name}: " if cut.name else ""
     lengths = {header: len(values) for header, values in cut.columns.items()}
     if len(set(lengths.values())) > 1:
@@ -162,11 +162,11 @@ def _table(cut: _Cut, *, native: bool) -> Table:
 
 
 def _text(attribute: object) -> str:
-    """An attribute as text: HDF5 has several ways to hold it."""
+    """Return an attribute as text: HDF5 has several ways to store it."""
     return attribute.decode("utf-8", "replace") if isinstance(attribute, bytes) else str(attribute)
 
 
 def _natural(name: str) -> list[tuple[int, str]]:
-    """Sorting key by which numbers count as numbers."""
+    """Return a sorting key by which numbers count as numbers."""
     parts = re.split(r"([0-9]+)", name)
     return [(int(part), "") if place % 2 else (-1, part) for place, part in enumerate(parts)]

@@ -1,4 +1,4 @@
-"""A look at an HDF5 file's heaps of text before the library walks through them: it runs in circles in a damaged one."""
+"""Check of an HDF5 file's global heaps before libhdf5 reads them: it loops for ever in a damaged one."""
 
 from __future__ import annotations
 
@@ -6,15 +6,14 @@ import mmap
 from pathlib import Path
 
 _SIGNATURE = b"GCOL\x01\x00\x00\x00"  # a global heap collection, version 1
-_HEADER = 16  # bytes of a collection's header, and of each object's
+_HEADER = 16  # bytes in the header of a collection, and of each object
 
 
 def check_heaps(path: Path) -> None:
-    """Refuse a file in which an object of a heap leads nowhere, or to itself.
+    """Raise an error for a file with a heap in which an object points outside, or to itself.
 
-    Text of any length, which other programs use for attributes, lies in heaps without a checksum. A length of
-    zero makes the library read the same place for ever. The files of :func:`cutenv.recording.save`
-    have no heaps.
+    Text of variable length, which other programs use for attributes, is stored in heaps without a checksum. A length of
+    zero makes the library read the same place for ever. The files of :func:`cutenv.recording.save` have no heaps.
 
     Raises
     ------
@@ -23,8 +22,8 @@ def check_heaps(path: Path) -> None:
 
     Notes
     -----
-    HDF5 File Format Specification 3.0, section III.E: each object is an index (0 for what is free), a count,
-    4 bytes reserved, the length of what follows, filled up to a multiple of 8; free space counts its header.
+    HDF5 File Format Specification 3.0, section III.E: each object is an index (0 for free space), a count, 4 reserved
+    bytes, and the length of the data that follows, padded to a multiple of 8; free space includes its header.
     """
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         start = content.find(_SIGNATURE)

@@ -1,4 +1,4 @@
-"""The mapped columns of a foreign table, in SI."""
+"""Mapped columns of a foreign table, in SI."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ Array = NDArray[np.float64]
 
 _SI = {"time": "s", "position": "m", "speed": "m/s", "angle": "rad", "depth": "m"}
 _EXAMPLES = {"time": "ms", "position": "mm", "speed": "mm/s", "angle": "deg", "depth": "mm"}
-_LARGEST = 1e12  # beyond it nothing is a reading, in whatever unit
+_LARGEST = 1e12  # a greater value is not a reading, in any unit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MappedReadings:
-    """The mapped columns of a table in SI, all its rows; force still in components."""
+    """Mapped columns of a table in SI, all its rows, with the force still in components."""
 
     table: TextTable
     mapping: ColumnMap
@@ -34,7 +34,7 @@ class MappedReadings:
 
     @classmethod
     def of(cls, table: TextTable, mapping: ColumnMap, notes: list[str]) -> MappedReadings:
-        """Those of a table; what is taken for granted goes to ``notes``. RecordError for numbers of no sensor."""
+        """Make those of a table, adding assumptions to ``notes``; raises RecordError for impossible readings."""
         expressions = {field: mapping.expression(field) for field in mapping.fields}
         places = {field: [table.index(name) for name in e.columns] for field, e in expressions.items()}
         needed = sorted({place for group in places.values() for place in group})
@@ -70,7 +70,7 @@ class MappedReadings:
 
     @property
     def expression(self) -> Expression:
-        """What the force is made of."""
+        """Expression of the force."""
         return self.mapping.expression("force")
 
     @property
@@ -79,7 +79,7 @@ class MappedReadings:
         return self.table.lines
 
     def times(self, rows: NDArray[np.intp]) -> Array:
-        """Time of a record's readings [s], refused where it does not increase."""
+        """Return the times of a record's readings [s]; raises RecordError if they do not increase."""
         if self.time is None:
             assert self.mapping.rate is not None
             return np.arange(len(rows)) / self.mapping.rate
@@ -96,7 +96,7 @@ class MappedReadings:
         return time
 
     def trace(self, group: dict[str, str], rows: NDArray[np.intp], tare: tuple[Array, int] | None) -> Trace:
-        """A record as a trace, without the components' offsets [force unit] if a tare is given."""
+        """Return a record as a trace, without the components' offsets [force unit] if a tare is given."""
         offsets, quiet = (None, 0) if tare is None else tare
         components = self.force[rows] if offsets is None else self.force[rows] - offsets
         force = self.expression.sign * _norm(components) if self.expression.is_norm else components[:, 0]
@@ -109,7 +109,7 @@ class MappedReadings:
         if group:
             metadata["group"] = group
         if offsets is not None:
-            # By column: a norm's offset is that of its components.
+            # By column: the offset of a norm is that of its components.
             names = (bare_name(name) for name in self.expression.columns)
             metadata["tare_instants"] = [0, quiet - 1]
             metadata[f"tare_{self.force_unit}"] = dict(zip(names, offsets.tolist(), strict=True))
@@ -127,7 +127,7 @@ class MappedReadings:
             raise RecordError(self.table.path, f"lines {first} to {last}: {error}{self._units_taken()}") from None
 
     def _units_taken(self) -> str:
-        """Which fields were taken for SI because nobody said their unit: a likely cause of numbers out of range."""
+        """Return a hint at fields assumed to be in SI for want of a unit: a likely cause of values out of range."""
         silent = [
             field
             for field in self.mapping.fields
@@ -145,7 +145,7 @@ class MappedReadings:
         return f" Nobody said the unit of {', '.join(silent)}: taken for SI. Say it behind the column, as in {example}."
 
     def component(self, rows: NDArray[np.intp], k: int) -> Trace:
-        """One component of force as a trace of its own."""
+        """Return one component of force as a trace."""
         position = self.sensed.get("position")
         return Trace(
             time=self.times(rows),
@@ -156,7 +156,7 @@ class MappedReadings:
 
 
 def _unit_of(table: TextTable, field: str, expression: Expression, places: list[int], notes: list[str]) -> str:
-    """The unit that the mapping or else the header gives a field; SI where neither does, but never for force."""
+    """Return the unit of a field from the mapping or the header; SI if neither gives one, but never for force."""
     header = {unit for place in places if (unit := _header_unit(table, place, field, expression)) is not None}
     if len(header) > 1:
         raise RecordError(
@@ -183,7 +183,7 @@ def _unit_of(table: TextTable, field: str, expression: Expression, places: list[
 
 
 def _header_unit(table: TextTable, place: int, field: str, expression: Expression) -> str | None:
-    """What the header says; something that is no unit does not matter where the mapping says one."""
+    """Return the unit in the header; an invalid one is ignored if the mapping gives one."""
     try:
         return table.unit(place, field)
     except RecordError:

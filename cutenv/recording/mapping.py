@@ -1,4 +1,4 @@
-"""Which column of somebody else's file is which field of a trace, as the person who knows the file says it."""
+"""Mapping from the columns of another program's file to the fields of a trace, given by a person."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from cutenv.validation import in_range, one_of
 SCHEMA = "cutenv-columns/1"
 
 MAP_FILE = "cutenv-columns.json"
-"""Name under which a mapping lies beside the files that it is for."""
+"""Name of a mapping's file, beside the files that it is for."""
 
-_SET_BY_HAND = ("speed", "angle", "depth")  # what may be one number for the whole record
+_SET_BY_HAND = ("speed", "angle", "depth")  # fields that may be one number for the whole record
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _SPELLINGS = {
     "sec": "s", "second": "s", "seconds": "s", "msec": "ms", "\u00b5s": "us", "\u03bcs": "us",
@@ -33,20 +33,20 @@ _SPELLINGS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Expression:
-    """What a field is made of: a column, its opposite, the norm of several, or one number set by hand.
+    """Source of a field: a column, its opposite, the norm of several, or one number set by hand.
 
     Attributes
     ----------
     columns : tuple of str
         Names in the file, or places such as ``#2``; empty if the field is a number.
     is_norm : bool
-        Whether the field is the root of the sum of the columns' squares.
+        True if the field is the root of the sum of the columns' squares.
     sign : {1.0, -1.0}
-        By which it is multiplied.
+        Factor of the field.
     value : float or None
-        The number set by hand, in `unit`.
+        Number set by hand, in `unit`.
     unit : str or None
-        As given, a key of ``UNITS[field]``; None where the file's header is to say it.
+        Unit as given, a key of ``UNITS[field]``; None to use the one in the file's header.
     """
 
     columns: tuple[str, ...] = ()
@@ -58,33 +58,33 @@ class Expression:
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnMap:
-    """From the columns of a file to the fields of a trace.
+    """Mapping from the columns of a file to the fields of a trace.
 
-    Each field is an expression in text: a column's name (``Kraft``), its opposite (``-Fx``), the norm of
-    components (``norm(Fx,Fy,Fz)``), or what was set by hand (``90deg``, ``20mm``; speed, angle and depth only).
-    A column may be named by its place (``#2`` is the second), and in quotation marks if it holds a comma, a
-    bracket or a leading minus. The unit stands behind in brackets (``t[ms]``); left out, the file's header says it.
+    Each field is an expression in text: a column's name (``Kraft``), its opposite (``-Fx``), the norm of components
+    (``norm(Fx,Fy,Fz)``), or a value set by hand (``90deg``, ``20mm``; speed, angle and depth only). A column may be
+    named by its place (``#2`` is the second), and in quotation marks if its name contains a comma, a bracket or a
+    leading minus. The unit follows in brackets (``t[ms]``); without it, the one in the file's header is used.
 
     Parameters
     ----------
     time : str, optional
         Needed, unless `rate` is given.
     force : str
-        Along the cut, positive against forward motion. A norm has no sign: on a way back friction would
-        count as resistance.
+        Force along the cut, positive against forward motion. A norm has no sign: on a way back friction would count as
+        resistance.
     position, speed, angle, depth : str, optional
         As in :class:`cutenv.trace.Trace`.
     unit : str, optional
-        Of the force: "N", "mN", "kN", "gf", "kgf", "lbf", or "1" for a normalised one.
+        Unit of the force: "N", "mN", "kN", "gf", "kgf", "lbf", or "1" for a normalised one.
     rate : float, optional
         Readings a second [Hz], 1 to 1e6, for a file without time.
     split_by : tuple of str
-        Columns (``trial``, ``cut``) whose values part the rows into records.
+        Columns (``trial``, ``cut``) whose values separate the rows into records.
 
     Raises
     ------
     ValueError
-        If an expression is none, a unit is not known, or both or neither of `time` and `rate` are given.
+        If an expression is invalid, a unit is unknown, or both or neither of `time` and `rate` are given.
 
     Examples
     --------
@@ -120,16 +120,16 @@ class ColumnMap:
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """Names of the fields of a trace that are mapped."""
+        """Names of the mapped fields of a trace."""
         return tuple(field for field in UNITS if getattr(self, field) is not None)
 
     def expression(self, field: str) -> Expression:
-        """What a field is made of.
+        """Return the expression of a field.
 
         Raises
         ------
         ValueError
-            If it is not mapped.
+            If the field is not mapped.
         """
         text = getattr(self, one_of("field", field, UNITS))
         if text is None:
@@ -141,19 +141,19 @@ class ColumnMap:
 
     @classmethod
     def parse(cls, items: Iterable[str], *, unit: str | None = None) -> ColumnMap:
-        """Read what the command line was given.
+        """Parse a mapping from the command line.
 
         Parameters
         ----------
         items : iterable of str
-            ``field=expression`` each; besides ``rate=1000Hz`` (or kHz) and ``split_by=trial,cut``.
+            ``field=expression`` each; also ``rate=1000Hz`` (or kHz) and ``split_by=trial,cut``.
         unit : str, optional
-            Of the force.
+            Unit of the force.
 
         Raises
         ------
         ValueError
-            If an item is none, names no field or one twice, or as in :class:`ColumnMap`.
+            If an item is invalid, names no field or a field twice, or as in :class:`ColumnMap`.
         """
         given: dict[str, str] = {}
         for item in items:
@@ -171,12 +171,12 @@ class ColumnMap:
         return cls(**given, unit=unit, rate=rate, split_by=split_by)
 
     def to_json(self) -> str:
-        """JSON text, read back exactly by :meth:`from_json`."""
+        """Return JSON text, from which :meth:`from_json` restores the mapping exactly."""
         return json.dumps({"schema": SCHEMA, **dataclasses.asdict(self)}, indent=1) + "\n"
 
     @classmethod
     def from_json(cls, text: str) -> ColumnMap:
-        """Read :meth:`to_json`'s text.
+        """Parse the text of :meth:`to_json`.
 
         Raises
         ------
@@ -191,7 +191,7 @@ class ColumnMap:
         return cls(**content | {"split_by": tuple(content["split_by"])})
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write it for the next file, into a JSON file, or as :data:`MAP_FILE` into a folder; returns the path."""
+        """Write the mapping into a JSON file, or as :data:`MAP_FILE` into a folder; return the path."""
         path = Path(path)
         path = path / MAP_FILE if path.is_dir() else path
         with replacing(path) as part:
@@ -200,47 +200,47 @@ class ColumnMap:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> ColumnMap:
-        """Read a mapping that was saved, from its file or from the folder that holds it.
+        """Read a saved mapping, from its file or from the folder that holds it.
 
         Raises
         ------
         FileNotFoundError
-            If there is none.
+            If the file does not exist.
         RecordError
-            If it is not what :meth:`save` writes.
+            If it was not written by :meth:`save`.
         """
         path = Path(path)
         path = path / MAP_FILE if path.is_dir() else path
         try:
             return cls.from_json(path.read_text(encoding="utf-8"))
-        except (ValueError, RecursionError) as error:  # bytes that are no UTF-8 among them
+        except (ValueError, RecursionError) as error:  # including bytes that are not UTF-8
             raise RecordError(path, f"no mapping of columns: {error}") from None
 
 
 def known_unit(field: str, unit: str) -> str:
-    """The spelling in ``UNITS[field]`` of a unit as people write it.
+    """Return the spelling in ``UNITS[field]`` of a unit as people write it.
 
     Raises
     ------
     ValueError
-        If it is not known; names the nearest.
+        If the unit is unknown; the message names the nearest.
     """
     spelt = unit.strip()
     return one_of(f"unit of {field}", _SPELLINGS.get(spelt, spelt), UNITS[field])
 
 
 def column_of(field: str, unit: str) -> Column:
-    """A field in a unit, which knows the way to SI."""
+    """Return the column of a field in a unit, which converts to SI."""
     return Column(field=field, axis=None, unit=unit, factor=UNITS[field][unit])
 
 
 def parse_expression(field: str, text: str) -> Expression:
-    """Read one expression of a :class:`ColumnMap`.
+    """Parse one expression of a :class:`ColumnMap`.
 
     Raises
     ------
     ValueError
-        If it is none, or its unit is not known.
+        If it is not an expression, or its unit is unknown.
     """
     if not isinstance(text, str) or not text.strip():
         raise ValueError(f"{field} = {text!r} is no expression. Write a column's name.")
@@ -284,7 +284,7 @@ def _usual(field: str) -> str:
 
 
 def _names(text: str) -> tuple[str, ...]:
-    """Names between commas; in quotation marks they may hold commas."""
+    """Return the names between commas; names in quotation marks may contain commas."""
     if not text.strip():
         return ()
     (cells,) = csv.reader([text.replace("\n", " ").replace("\r", " ")], skipinitialspace=True)

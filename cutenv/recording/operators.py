@@ -1,4 +1,4 @@
-"""The table of a study: which record is whose cut, from which group, in which session, in which order."""
+"""Table of a study: operator, group, session and order of each record."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ _CURE = f"Give {' and '.join(NEEDED)}, and where the study has them {', '.join(O
 
 @dataclass(frozen=True, kw_only=True)
 class OperatorRow:
-    """One row: whose cut a record is.
+    """Row of the table: the operator of a record.
 
     Attributes
     ----------
     record : str
-        Name of the file, with its suffix or without; a file of several cuts is one row, or a row for each as
-        ``name 1``, ``name 2``.
+        Name of the file, with or without its suffix; a file of several cuts is one row, or a row for each as ``name
+        1``, ``name 2``.
     operator : str
         Anonymous code, such as "P07".
     group, session : str
-        "" where the table has no such column.
+        Group and session; "" if the table has no such column.
     order : float
-        Of the cut among all of its operator's, over all sessions; the row's place where the table has no such column.
+        Number of the cut among all of its operator's, over all sessions; the row's place if the table has no such
+        column.
     line : int
-        In the file, from 1.
+        Line in the file, from 1.
     """
 
     record: str
@@ -49,19 +50,19 @@ def load_operators(path: str | os.PathLike[str]) -> list[OperatorRow]:
     Parameters
     ----------
     path : path
-        With the columns ``record`` and ``operator``, and where the study has them ``group``, ``session``, ``order``
+        File with the columns ``record`` and ``operator``, and if the study has them ``group``, ``session``, ``order``
         (a number).
 
     Returns
     -------
     list of OperatorRow
-        In the order of the file.
+        Rows in the order of the file.
 
     Raises
     ------
     RecordError
-        If columns are missing, unknown or twice there, a cell is empty or no code, or a record or an
-        operator's order stands there twice; names line and cure.
+        If columns are missing, unknown or repeated, a cell is empty or not a code, or a record or an operator's order
+        is repeated; names line and cure.
     FileNotFoundError
         If there is no such file.
     """
@@ -69,7 +70,7 @@ def load_operators(path: str | os.PathLike[str]) -> list[OperatorRow]:
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             first = file.readline()
-            # A spreadsheet whose decimal sign is the comma parts cells by semicolons.
+            # A spreadsheet whose decimal sign is the comma separates cells by semicolons.
             separator = ";" if ";" in first and "," not in first else ","
             file.seek(0)
             reader = csv.reader(file, delimiter=separator)

@@ -15,7 +15,7 @@ from cutenv.recording.table import CUT, Table, parsed_headers, row_from_0, table
 from cutenv.trace import Trace
 
 _SCHEMA_KEY, _FACTS_KEY = b"cutenv_schema", b"cutenv_cuts"
-_LONGEST = 1 << 26  # bytes of names and metadata, so that a damaged length does not ask for all memory
+_LONGEST = 1 << 26  # bytes of names and metadata, so that a damaged length does not request all memory
 
 
 def write(traces: Sequence[Trace], path: Path) -> None:
@@ -26,7 +26,7 @@ def write(traces: Sequence[Trace], path: Path) -> None:
     if table.cut is not None:
         columns[CUT] = arrow.array(table.cut.astype(np.int64))
     for header, values in zip(table.headers, table.values, strict=True):
-        columns[header] = arrow.array(values, from_pandas=True)  # NaN, where a cut does not hold it, becomes null
+        columns[header] = arrow.array(values, from_pandas=True)  # NaN, where a cut lacks a column, becomes null
     facts = {"metadata": table.shared, "metadata_of_cut": table.own, "columns_of_cut": table.held}
     noted = {_SCHEMA_KEY: SCHEMA, _FACTS_KEY: to_json(facts)}
     parquet.write_table(arrow.table(columns).replace_schema_metadata(noted), path, write_page_checksum=True)
@@ -38,7 +38,7 @@ def read(path: Path) -> list[Table]:
     Raises
     ------
     ValueError
-        If it is not such a file; says which column.
+        If it is not such a file; the message names the column.
     """
     arrow, parquet = _libraries()
     try:
@@ -55,10 +55,10 @@ def read(path: Path) -> list[Table]:
                 for name, kind in zip(names, schema.types, strict=True)
                 if not (arrow.types.is_floating(kind) or arrow.types.is_integer(kind))
             ]
-            # Numbers only: nothing else is unpacked, and no extension type gets to run.
+            # Numbers only: nothing else is unpacked, and no code of an extension type runs.
             read = None if strange else file.read(use_threads=False)
             values = [] if read is None else [_numbers(column) for column in read.columns]
-    except Exception as error:  # a damaged file makes Arrow raise errors of any kind
+    except Exception as error:  # Arrow raises errors of any kind for a damaged file
         raise ValueError(
             f"it is no Parquet file, or a damaged one ({str(error).partition(chr(10))[0] or type(error).__name__}). "
             "Take the file again."
@@ -84,7 +84,7 @@ def read(path: Path) -> list[Table]:
 
 
 def _facts(notes: dict[bytes, bytes]) -> Any:
-    """What stands beside the table of its cuts."""
+    """Return the facts stored beside the table of cuts."""
     if _SCHEMA_KEY in notes:
         check_schema(notes[_SCHEMA_KEY].decode("utf-8", "replace"))
     name = _FACTS_KEY.decode()
@@ -92,7 +92,7 @@ def _facts(notes: dict[bytes, bytes]) -> Any:
 
 
 def _by_cut(facts: Any, name: str, checked: Any) -> dict[int, Any]:
-    """Facts of single cuts by their number."""
+    """Return facts of single cuts by their number."""
     found = {}
     for number, fact in as_mapping(name, facts.get(name, {})).items():
         if not (number.isascii() and number.isdigit() and len(number) < 10):
@@ -102,7 +102,7 @@ def _by_cut(facts: Any, name: str, checked: Any) -> dict[int, Any]:
 
 
 def _numbers(column: Any) -> NDArray[np.float64]:
-    """A column as float64, NaN where it holds nothing."""
+    """Return a column as float64, with NaN for null."""
     return np.asarray(column.to_numpy(), dtype=np.float64)
 
 

@@ -1,4 +1,4 @@
-"""Where a record comes from: rig, sensor, blade, specimen, day, operator, consent, calibration."""
+"""Provenance of a record: rig, sensor, blade, specimen, day, operator, consent, calibration."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cutenv.recording.schema import to_json
 _TEXTS = ("rig", "sensor", "blade", "specimen")
 _LONGEST = 500  # characters
 _ROLES = "operator|participant|subject|surgeon|student|trainee|resident|novice|expert|person|user"
-# Few letters and a number, a role and a number, or the beginning of a hash: no room for a name.
+# A few letters and a number, a role and a number, or the beginning of a hash: too short for a name.
 _CODE = re.compile(
     rf"[a-z]{{0,3}}[-_]?[0-9]{{1,6}}[a-z]?|(?:{_ROLES})[-_]?[0-9]{{1,6}}|(?=.*[0-9])(?=.*[a-f])[0-9a-f]{{8,64}}",
     re.IGNORECASE,
@@ -23,7 +23,7 @@ _CODE = re.compile(
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance:
-    """Where a record comes from; what is not known is None.
+    """Provenance of a record; unknown parts are None.
 
     Parameters
     ----------
@@ -32,18 +32,18 @@ class Provenance:
     date : str, optional
         ISO 8601, such as ``2026-03-01`` or ``2026-03-01T14:05:00+01:00``.
     operator : str, optional
-        Code that does not tell who it is: up to three letters or a role, and a number, such as ``P07``.
+        Anonymous code: up to three letters or a role, and a number, such as ``P07``.
     consent : bool, optional
-        Whether the operator agreed to the record's use.
+        True if the operator agreed to the record's use.
     calibration : mapping, optional
-        Of the sensor, what JSON can hold: ``{"gain_N_per_V": 4.98, "offset_N": 0.02}``.
+        Calibration of the sensor, in JSON's types: ``{"gain_N_per_V": 4.98, "offset_N": 0.02}``.
 
     Raises
     ------
     TypeError
-        If a value is of another kind.
+        If a value has a wrong type.
     ValueError
-        If a text is empty, the date is none, or the operator's code looks like a name.
+        If a text is empty, the date is invalid, or the operator's code looks like a name.
 
     Examples
     --------
@@ -77,13 +77,13 @@ class Provenance:
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """What is known, as the metadata of a :class:`cutenv.trace.Trace`."""
+        """Known parts, as metadata of a :class:`cutenv.trace.Trace`."""
         known = {part.name: getattr(self, part.name) for part in fields(self)}
         return {name: value for name, value in known.items() if value is not None}
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, Any]) -> Provenance:
-        """Take what belongs to it from the metadata of a trace, and leave the rest.
+        """Make the provenance from the parts of a trace's metadata that belong to it.
 
         Raises
         ------
@@ -97,12 +97,12 @@ class Provenance:
 
 
 def check_operator(code: object) -> None:
-    """Refuse a code that may tell who the operator is.
+    """Raise an error for a code that may reveal who the operator is.
 
     Raises
     ------
     TypeError
-        If it is no text.
+        If it is not text.
     ValueError
         If it looks like a name, a mail address, a telephone number or a date of birth.
     """
@@ -134,7 +134,7 @@ def _check_date(value: object) -> None:
 
 
 def _json_copy(calibration: object) -> Mapping[str, Any]:
-    """What will come back from a file."""
+    """Return the mapping as it would come back from a file."""
     if not isinstance(calibration, Mapping):
         raise TypeError(f'calibration must map names to values ({{"gain_N_per_V": 5.0}}), got {calibration!r}.')
     try:

@@ -1,4 +1,4 @@
-"""Any record, native or foreign, and what is wrong with it: one function for whatever takes records."""
+"""Reading of any record, native or foreign, with its flaws: one function for every consumer of records."""
 
 from __future__ import annotations
 
@@ -12,40 +12,40 @@ from cutenv.recording.files import load
 from cutenv.recording.foreign import Imported, load_foreign
 from cutenv.recording.mapping import MAP_FILE, ColumnMap
 
-_NAMED_INSIDE = (".parquet", ".h5", ".hdf5")  # formats that no mapping is for
+_NAMED_INSIDE = (".parquet", ".h5", ".hdf5")  # formats that need no mapping
 
 
 def read_record(
     path: str | os.PathLike[str], mapping: ColumnMap | None = None, *, search: CutSearch | None = STANDARD
 ) -> Imported:
-    """Read the cuts of a file that this package or another program wrote, and judge them.
+    """Read the cuts of a file that this package or another program wrote, and check them.
 
-    A file whose headers say quantity and unit (:func:`cutenv.recording.load`) needs no mapping; its cuts are
-    taken as they are. Any other text file is read by :func:`cutenv.recording.foreign.load_foreign`, through
-    `mapping` or the one that was saved beside it.
+    A file whose headers name quantity and unit (:func:`cutenv.recording.load`) needs no mapping; its cuts are used as
+    they are. Any other text file is read by :func:`cutenv.recording.foreign.load_foreign`, through `mapping` or the one
+    saved beside it.
 
     Parameters
     ----------
     path : path
-        Of the record.
+        Path of the record.
     mapping : ColumnMap, optional
-        Of its columns.
+        Mapping of its columns.
     search : CutSearch or None
-        How cuts are found in a foreign record. None: neither tare nor split.
+        Criteria for cuts in a foreign record. None: neither tare nor split.
 
     Returns
     -------
     Imported
-        Its `sound` are the cuts to calculate with.
+        Its `sound` holds the cuts to calculate with.
 
     Raises
     ------
     RecordError
-        If the file is not to be read: where, why, and the cure.
+        If the file cannot be read: names place, reason and cure.
     OSError
         If the file cannot be opened.
     ModuleNotFoundError
-        If the format's library is not installed; names the pip command.
+        If the format's library is not installed; the message gives the pip command.
     """
     path = Path(path)
     named_inside = path.suffix.lower() in _NAMED_INSIDE
@@ -61,7 +61,7 @@ def read_record(
         if (path.parent / MAP_FILE).is_file():
             return load_foreign(path, search=search)
         if "no quantity" not in error.reason and "no header" not in error.reason:
-            raise  # its headers are ours: it is a record of this package that is damaged
+            raise  # its headers are ours: it is a damaged record of this package
         cure = "If another program wrote it, say what its columns are: --map time=... force=... --unit N."
         raise RecordError(path, f"{error.reason} {cure}") from None
     return Imported(

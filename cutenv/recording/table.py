@@ -1,4 +1,4 @@
-"""The columns of a file: what every format is read into, and what the traces are made from."""
+"""Columns of a file: the common form into which every format is read, and from which traces are made."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from cutenv.trace import Trace, limits
 Array = NDArray[np.float64]
 
 CUT = "cut"
-"""Name of the column that holds the number of the cut."""
+"""Name of the column with the number of the cut."""
 
 ALONG = "force_along_cut"
-"""Of the metadata: how a force along the cut was had from its components, one of :data:`ALONG_CUT`."""
+"""Key in the metadata: computation of the force along the cut from its components, one of :data:`ALONG_CUT`."""
 
 ALONG_CUT = ("norm", "x", "y", "z", "-x", "-y", "-z")
 
@@ -32,23 +32,23 @@ class Table:
     Attributes
     ----------
     headers : tuple of str
-        Of the columns, the cut's left out.
+        Headers of the columns, except the cut's.
     values : tuple of ndarray, each of shape (n,)
-        In the units that the headers name.
+        Values in the units that the headers name.
     cut : ndarray of shape (n,), or None
-        Number of the cut of each row; None if there is one cut only.
+        Number of the cut of each row; None if there is only one cut.
     place : callable
-        From a row to where it is in the file, such as "line 17".
+        Maps a row to its place in the file, such as "line 17".
     native : bool
-        Whether cutenv wrote the file, as its schema says; then cuts count from 0.
+        True if cutenv wrote the file, as its schema shows; cuts are then counted from 0.
     shared : mapping
         Metadata of all cuts.
     own : mapping
         Metadata by the number of the cut.
     held : mapping
-        Headers of the columns that a cut holds, by its number; NaN in its others. All if it is not there.
+        Headers of the columns that a cut holds, by its number; its others are NaN. All columns if it is missing.
     name : str
-        In front of every message about it, such as "cut_3: ", where a file holds several tables.
+        Text in front of every message about it, such as "cut_3: ", if a file holds several tables.
     """
 
     headers: tuple[str, ...]
@@ -63,12 +63,12 @@ class Table:
 
 
 def row_from_0(row: int) -> str:
-    """Place of a row where there are no lines."""
+    """Return the place of a row in a file without lines."""
     return f"row {row} (the first is 0)"
 
 
 def table_of(traces: Sequence[Trace]) -> Table:
-    """One table of some traces: the columns that any of them holds, NaN where one of them does not."""
+    """Make one table of some traces, with the columns that any of them holds, NaN where one of them does not."""
     headers_of = [tuple(header_of(name, trace.force_unit) for name in trace.known) for trace in traces]
     any_of = dict.fromkeys(itertools.chain.from_iterable(headers_of))
     headers = tuple(
@@ -101,12 +101,12 @@ def table_of(traces: Sequence[Trace]) -> Table:
 
 
 def parsed_headers(names: Sequence[str]) -> list[Column | None]:
-    """Quantity and unit of each column, None for the number of the cut.
+    """Parse the quantity and unit of each column, None for the number of the cut.
 
     Raises
     ------
     ValueError
-        If a name is unknown or comes twice, or time or force is missing.
+        If a name is unknown or repeated, or time or force is missing.
     """
     columns = [None if name == CUT else parse_header(name) for name in names]
     for said, count in Counter(map(_said, columns)).items():
@@ -126,19 +126,19 @@ def traces_of(table: Table, force: str | None = None) -> list[Trace]:
     Parameters
     ----------
     table : Table
-        As read.
+        Table as read.
     force : {"norm", "x", "y", "z", "-x", "-y", "-z"}, optional
         As in :func:`cutenv.recording.load`.
 
     Returns
     -------
     list of Trace
-        In the order of the table.
+        Traces in the order of the table.
 
     Raises
     ------
     ValueError
-        If there is anything wrong with it: where, what and the cure.
+        If there is anything wrong with it: names place, reason and cure.
     """
     columns = [column for column in parsed_headers(table.headers) if column is not None]
     if not table.values[0].size:
@@ -174,7 +174,7 @@ def traces_of(table: Table, force: str | None = None) -> list[Trace]:
 
 @dataclass(frozen=True)
 class _Where:
-    """From an instant of a cut to its place in the file."""
+    """Map from an instant of a cut to its place in the file."""
 
     table: Table
     rows: slice
@@ -185,7 +185,7 @@ class _Where:
 
 
 def _blocks(table: Table) -> list[tuple[int, slice]]:
-    """Number and rows of each cut."""
+    """Return number and rows of each cut."""
     n = len(table.values[0])
     if table.cut is None:
         return [(0, slice(0, n))]
@@ -215,12 +215,12 @@ def _blocks(table: Table) -> list[tuple[int, slice]]:
 def _trace(
     parts: Mapping[str, tuple[Column, Array]], metadata: dict[str, Any], force: str | None, where: _Where
 ) -> Trace:
-    """A trace of the rows of one cut."""
+    """Make a trace of the rows of one cut."""
     fields: dict[str, Array] = {}
     components: dict[str, Array] = {}
     for header, (column, values) in parts.items():
         _check_finite(header, values, where)
-        with np.errstate(over="ignore", under="ignore"):  # what is infinite now is refused as out of range
+        with np.errstate(over="ignore", under="ignore"):  # infinite values are refused as out of range below
             si = column.to_si(values)
         if column.axis:
             components[column.axis] = si
@@ -249,7 +249,7 @@ def _trace(
 
 
 def _along_cut(components: Mapping[str, Array], chosen: object) -> Array:
-    """The force along the cut from components, as chosen."""
+    """Return the force along the cut from components, as chosen."""
     axes = [axis for axis in AXES if axis in components]
     if chosen not in ALONG_CUT:
         raise ValueError(f"{ALONG} is {chosen!r}; it must be one of {', '.join(ALONG_CUT)}.")
@@ -286,5 +286,5 @@ def _check_time(time: Array, where: _Where) -> None:
 
 
 def _said(column: Column | None) -> tuple[str | None, ...]:
-    """What a column tells, in whatever unit."""
+    """Return the quantity of a column, in whatever unit, for comparison."""
     return (column.field, column.axis, column.force_unit) if column else (CUT,)

@@ -1,4 +1,4 @@
-"""Pictures and pages of what happened."""
+"""Figures and pages of results."""
 
 from cutenv.report.cut_figure import draw_cut
 from cutenv.report.record_figure import draw_record

@@ -1,4 +1,4 @@
-"""The validation card of a calibrated tissue: what was found, what it rests on, and how well it predicts."""
+"""Validation card of a calibrated tissue: its values, the data behind them, and how well it predicts."""
 
 from __future__ import annotations
 
@@ -36,21 +36,21 @@ from cutenv.tissue.evidence import Calibration
 SCHEMA = "cutenv-calibration-card/1"
 _OVERLAID = 4  # cuts whose prediction is drawn
 _DISPLAYED = {"Pa": (1e-3, "kPa"), "Pa s/m": (1e-5, "kPa s/cm"), "m": (1e3, "mm"), "m/s": (1e2, "cm/s")}
-"""From SI to what a reader finds handy."""
+"""Factor and unit for display, by SI unit."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class ValidationCard:
-    """A calibrated tissue, and the cuts that it was made of.
+    """Calibrated tissue, with the cuts from which it was calibrated.
 
     Parameters
     ----------
     tissue : TissueDescription
-        With its ``calibration``.
+        Tissue with its ``calibration``.
     model : CutModel
-        To which the moduli belong.
+        Finite-element model that the moduli belong to.
     cuts : sequence of MeasuredCut
-        Of :func:`~cutenv.measurement.measure_cuts`.
+        Cuts from :func:`~cutenv.measurement.measure_cuts`.
 
     Raises
     ------
@@ -71,12 +71,12 @@ class ValidationCard:
 
     @property
     def calibration(self) -> Calibration:
-        """What the tissue rests on."""
+        """Data and methods behind the tissue."""
         assert self.tissue.calibration is not None, "refused above"
         return self.tissue.calibration
 
     def median_error(self, source: str) -> tuple[float, float] | None:
-        """Median over the cuts of ``own_rmse``, ``same_rmse`` or ``other_rmse`` [N], and in percent of the peak."""
+        """Return the cuts' median ``own_rmse``, ``same_rmse`` or ``other_rmse`` [N], and in percent of the peak."""
         pairs = [
             (rmse, each.percent_of_peak(rmse)) for each in self.left_out if (rmse := getattr(each, source)) is not None
         ]
@@ -86,7 +86,7 @@ class ValidationCard:
         return float(newtons), float(percent)
 
     def to_json(self) -> str:
-        """The card's content as JSON text; units in the names."""
+        """Return the card's content as JSON text; units are in the names."""
         errors = {source: self.median_error(source) for source in ("own_rmse", "same_rmse", "other_rmse")}
         content: dict[str, Any] = {
             "schema": SCHEMA,
@@ -122,7 +122,7 @@ class ValidationCard:
         }
 
     def shown(self) -> list[tuple[MeasuredCut, LeftOutCut]]:
-        """Cuts to draw: from the one predicted best to the one predicted worst, evenly between."""
+        """Return the cuts to draw: from the best predicted to the worst, evenly spaced."""
         by_name = {cut.name: cut for cut in self.cuts}
 
         def error(each: LeftOutCut) -> float:
@@ -137,24 +137,24 @@ class ValidationCard:
 
 
 def write_validation_card(path: Path, card: ValidationCard) -> Path:
-    """Write the card as one page that fetches nothing, and its content as JSON beside it.
+    """Write the card as one self-contained page, and its content as JSON beside it.
 
     Parameters
     ----------
     path : Path
-        Of the page (.html), in a folder that exists.
+        Path of the page (.html), in a folder that exists.
     card : ValidationCard
-        What is shown.
+        Card to write.
 
     Returns
     -------
     Path
-        Of the JSON: the page's with the suffix ``.json``.
+        Path of the JSON: the page's with the suffix ``.json``.
 
     Raises
     ------
     ImportError
-        If matplotlib is not installed; names the command that installs it.
+        If matplotlib is not installed; the message gives the command that installs it.
     """
     sections = [
         Section("tissue", "The tissue in numbers", _numbers(card)),
@@ -176,7 +176,7 @@ def write_validation_card(path: Path, card: ValidationCard) -> Path:
 
 
 def headline(card: ValidationCard) -> str:
-    """How well cuts are predicted that were left out, in one sentence or two."""
+    """Return a sentence or two on how well cuts are predicted that were left out."""
     same, other, own = (card.median_error(source) for source in ("same_rmse", "other_rmse", "own_rmse"))
     parts = []
     if same is not None:
@@ -237,11 +237,11 @@ def _numbers(card: ValidationCard) -> Html:
             )
         )
     heads = [escaped(text) for text in ("", "value", "unit", "95 % interval", "provenance", "how")]
-    return table("Values, their bootstrap intervals over cuts, and what they rest on", heads, rows)
+    return table("Values, their bootstrap intervals over cuts, and their sources", heads, rows)
 
 
 def _shown(value: float) -> str:
-    """Four significant digits as print sets them."""
+    """Return a number with four significant digits, in print typography."""
     if value == 0.0:
         return "0"
     return number(value, max(0, 3 - math.floor(math.log10(abs(value)))))
@@ -332,7 +332,7 @@ def _notes(card: ValidationCard) -> Html:
 
 
 def _without_depth(cut: MeasuredCut, model: CutModel) -> float | None:
-    """Mean modulus as if the cut were everywhere as deep as the model is thick, as in Tables 5.1 to 5.5 [Pa]."""
+    """Return the mean modulus as if the depth of cut were the model's thickness, as in Tables 5.1 to 5.5 [Pa]."""
     found = estimate_local_effective_moduli(
         cut.trace, model, depth_normalised=False, friction_per_depth=0.0, loading_ratio=0.0
     )

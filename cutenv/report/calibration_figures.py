@@ -1,4 +1,4 @@
-"""The drawings of a validation card: moduli against speed, resistance against length, predicted and measured force."""
+"""Figures of a validation card: modulus against speed, resistance against length, predicted and measured force."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 _STEEP, _FLAT = "#0072b2", "#d55e00"
 _MEASURED, _SAME, _OTHER = "0.65", "#0072b2", "#d55e00"
-_PHONE = 6.0  # width below which a picture is drawn for a phone [in]
-_LETTERS = 24  # of a name in a title: a longer one would leave no room for the drawing on a phone
-_POINTS = 2500  # of a line: more than a picture is wide
+_PHONE = 6.0  # [in] width below which a figure is drawn for a phone
+_LETTERS = 24  # letters of a name in a title: a longer one would leave no room for the drawing on a phone
+_POINTS = 2500  # points of a line: more than a figure has pixels
 
 
 def speed_figure(tissue: TissueDescription, cuts: Sequence[MeasuredCut], width: float) -> Figure:
-    """Mean modulus of every cut with the spread of its segments, against speed, and the fitted lines."""
+    """Draw the mean modulus of every cut with the spread of its segments against speed, and the fitted lines."""
     figure = new_figure(width, 3.6)
     axes = figure.subplots()
     v = np.linspace(tissue.speed_min, tissue.speed_max, 2)
@@ -35,7 +35,7 @@ def speed_figure(tissue: TissueDescription, cuts: Sequence[MeasuredCut], width: 
         (False, _FLAT, "s", math.pi / 4, "45°"),
     ):
         own = [cut for cut in cuts if len(cut.moduli) and (cut.angle >= BETWEEN) is steep]
-        # Cuts of one speed stand side by side, in their order.
+        # Cuts of one speed are side by side, in their order.
         shift = 0.004 * (tissue.speed_max - tissue.speed_min) * (1.0 if steep else -1.0)
         places = [100.0 * (cut.speed + shift * (1 + i % 5)) for i, cut in enumerate(own)]
         means, sds = ([getattr(cut.moduli, what) / 1e3 for cut in own] for what in ("mean", "sd"))
@@ -61,7 +61,7 @@ def speed_figure(tissue: TissueDescription, cuts: Sequence[MeasuredCut], width: 
 
 
 def resistance_figure(cuts: Sequence[MeasuredCut], width: float) -> Figure:
-    """Fracture resistance of every cut against its length: work over area, and the thesis's formula."""
+    """Draw the fracture resistance of every cut against its length: work over area, and the thesis's formula."""
     figure = new_figure(width, 3.4)
     axes = figure.subplots()
     length = [100.0 * cut.fracture.cut_length for cut in cuts]
@@ -79,7 +79,7 @@ def resistance_figure(cuts: Sequence[MeasuredCut], width: float) -> Figure:
 
 
 def overlay_figure(shown: Sequence[tuple[MeasuredCut, LeftOutCut]], model: CutModel, width: float) -> Figure:
-    """Measured force of some cuts, and their ramps as other cuts predict them."""
+    """Draw the measured force of some cuts, and their ramps as predicted from other cuts."""
     figure = new_figure(width, 0.4 + 2.5 * len(shown))
     panels = np.atleast_1d(figure.subplots(len(shown), 1))
     for axes, (cut, left_out) in zip(panels, shown, strict=True):
@@ -113,7 +113,7 @@ def overlay_figure(shown: Sequence[tuple[MeasuredCut, LeftOutCut]], model: CutMo
 
 
 def _shortened(text: str, letters: int) -> str:
-    """Text of so many letters at the most; what is left out is an ellipsis."""
+    """Return text shortened to so many letters; an ellipsis marks the omission."""
     return text if len(text) <= letters else f"{text[: letters - 1]}…"
 
 

@@ -1,4 +1,4 @@
-"""One cut above its force trace, as a picture."""
+"""Figure of one cut above its force trace."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 
 _TISSUE, _RUN, _FORCE, _TARGET, _ANGLE = "#f2d3c9", "#d55e00", "#0072b2", "#009e73", "#8a3ffc"
 _TOLERANCE_MM = 3.0
-_POINTS = 3000  # of a line: more than a picture is wide, and 30 s at 1 kHz would be megabytes of vector drawing
-_WIDE, _PHONE = 9.0, 6.0  # width as a file; below this one the picture is drawn for a phone [in]
+_POINTS = 3000  # points of a line: more than a figure has pixels; 30 s at 1 kHz would be megabytes of vector drawing
+_WIDE, _PHONE = 9.0, 6.0  # [in] width as a file; below the second one the figure is drawn for a phone
 
 
 def draw_cut(
@@ -40,22 +40,22 @@ def draw_cut(
     Parameters
     ----------
     path : Path
-        Of the picture; its suffix says which kind (.png).
+        Path of the picture; its suffix gives the format (.png).
     readings : Records
         The whole cut at 1 kHz, :data:`cutenv.cutting.records.READING`, shape (n,); hidden tip included.
     depth : array, shape (301,)
         Depth of cut along the line [m].
     target_length : float
-        [m]
+        Target length [m].
     force_limit_per_depth : float
-        [N/m]
+        Force limit over depth of cut [N/m].
     title : str
-        Above the picture.
+        Text above the picture.
 
     Raises
     ------
     ImportError
-        If matplotlib is not installed; names the command that installs it.
+        If matplotlib is not installed; the message gives the command that installs it.
     """
     figure = cut_figure(
         readings, depth, target_length=target_length, force_limit_per_depth=force_limit_per_depth, title=title
@@ -74,14 +74,14 @@ def cut_figure(
     width: float = _WIDE,
     beside: Sequence[Records] = (),
 ) -> Figure:
-    """One cut above its force trace, speed and angle; parameters as :func:`draw_cut`, and two more.
+    """Draw one cut above its force trace, speed and angle; parameters as :func:`draw_cut`, and two more.
 
     Parameters
     ----------
     width : float
-        [in]; a picture for a phone has its key in fewer columns.
+        Width [in]; a figure for a phone has its legend in fewer columns.
     beside : sequence of Records
-        Readings of the cuts that this one is compared with: the axes hold them too, so that all have one scale.
+        Readings of the cuts to compare with: the axes cover them too, so that all have the same scales.
     """
     phone = width < _PHONE
     figure = new_figure(width, 6.4 if phone else 6.5)
@@ -104,7 +104,7 @@ def cut_figure(
 
 
 def thinned(x: Array, y: Array, points: int = _POINTS) -> tuple[Array, Array]:
-    """Two of every few points of a line, shapes (n,): the lowest and the highest, so that no peak is lost."""
+    """Return two of every few points of a line, shapes (n,): the lowest and the highest, so that no peak is lost."""
     stride = -(-2 * len(y) // points)  # rounded up
     if stride <= 2:
         return x, y
@@ -117,22 +117,22 @@ def thinned(x: Array, y: Array, points: int = _POINTS) -> tuple[Array, Array]:
 
 
 def _set_scales(trace: Axes, motion: Axes, cuts: Sequence[Records], target_mm: float) -> None:
-    """Let the axes hold all of the cuts."""
+    """Set the axes to cover all of the cuts."""
     low, high = _extremes(cuts, "force")
     trace.set_ylim(min(-0.5, 1.1 * low), 1.25 * high + 0.2)
     low, high = (100.0 * value for value in _extremes(cuts, "speed"))
-    margin = max(0.05 * (high - low), 0.05)  # a blade may keep one speed, or none
+    margin = max(0.05 * (high - low), 0.05)  # the speed may be constant, or zero
     motion.set_ylim(low - margin, high + margin)
     motion.set_xlim(-2.0, max(target_mm, 1e3 * _extremes(cuts, "position")[1]) + 8.0)
 
 
 def _extremes(cuts: Sequence[Records], name: str) -> tuple[float, float]:
-    """Least and largest reading of a field over some cuts."""
+    """Return the least and greatest reading of a field over some cuts."""
     return min(float(cut[name].min()) for cut in cuts), max(float(cut[name].max()) for cut in cuts)
 
 
 def _draw_force(axes: Axes, readings: Records, depth: Array, force_limit_per_depth: float) -> None:
-    """Force over the blade's place, below the force at which the cut would be ended."""
+    """Draw the force over the blade's position, below the force at which the cut would be ended."""
     axes.plot(
         *thinned(1e3 * readings["position"], readings["force"]), color=_FORCE, linewidth=0.8, label="measured force"
     )
@@ -143,7 +143,7 @@ def _draw_force(axes: Axes, readings: Records, depth: Array, force_limit_per_dep
 
 
 def _draw_motion(axes: Axes, readings: Records) -> None:
-    """Speed and angle over the blade's place."""
+    """Draw speed and angle over the blade's position."""
     blade_mm = 1e3 * readings["position"]
     axes.plot(*thinned(blade_mm, 100.0 * readings["speed"]), color="black", linewidth=0.8)
     axes.set_ylabel("speed [cm/s]")
@@ -154,7 +154,7 @@ def _draw_motion(axes: Axes, readings: Records) -> None:
 
 
 def _draw_side(axes: Axes, readings: Records, depth: Array) -> None:
-    """The slab from the side: what is cut, what of it ran away, where the blade ended."""
+    """Draw the slab from the side: the cut, its uncontrolled parts, and the end position of the blade."""
     along_mm = 1e3 * np.arange(len(depth)) * SPACING
     depth_mm = 1e3 * depth
     tip_mm = 1e3 * float(readings["tip"][-1])

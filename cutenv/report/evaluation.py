@@ -1,4 +1,4 @@
-"""A policy on a rig beside the simulator, as text and as JSON: verdict, differences, control clock."""
+"""Evaluation of a policy on a rig beside the simulator, as text and JSON: verdict, differences, control clock."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ LEADING = (
     "return", "success", "end_agreement", "force_rmse", "force_offset", "position_rmse", "peak_force", "duration",
     "tip_error", "mean_lag",
 )  # fmt: skip
-"""Measures that the short table always shows; the others only where they do not agree."""
-_MOST_ROWS = 20  # of the short table: a screen
+"""Measures that the short table always shows; others only if they do not agree."""
+_MOST_ROWS = 20  # rows of the short table: a screen
 _ROUNDING = 1e-6  # in any unit that is shown
-_BARS = 6  # of the histogram as text
+_BARS = 6  # bars of the histogram as text
 _LONGEST_BAR = 40  # characters
 UNPAIRED = (
-    "No program draws the specimens of this rig, so the two sides are different specimens: unpaired differences, which "
-    "hold the spread between specimens. Ends and curves cannot be compared cut by cut."
+    "This rig's specimens are laid by hand, so the two sides cut different specimens: unpaired differences, which "
+    "include the spread between specimens. Ends and curves cannot be compared cut by cut."
 )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluation:
-    """What is told of an evaluation.
+    """Content of an evaluation's report.
 
     Attributes
     ----------
     policy, rig, specimen_class : str
-        Names.
+        Names of policy, rig and class.
     seed : int
-        Of the specimens.
+        Seed of the specimens.
     agreement : Agreement
-        Of the cuts.
+        Agreement of the cuts.
     clock : ClockKept
-        The rig's.
+        Timing of the rig's control clock.
     given : mapping of str to float
-        Constants that were measured of the rig and given to the simulator, in SI.
+        Constants identified on the rig and given to the simulator, in SI.
     changed : mapping of str to float
         Constants of an emulated or fake rig that were changed, in SI.
     notes : tuple of str
-        What the reader should know besides.
+        Further notes for the reader.
     """
 
     policy: str
@@ -63,12 +63,12 @@ class Evaluation:
 
     @property
     def title(self) -> str:
-        """Of the page."""
+        """Title of the page."""
         return f"{self.policy} on {self.rig} and in the simulator"
 
     @property
     def subtitle(self) -> str:
-        """What was cut."""
+        """Number and kind of the cuts, in words."""
         agreement = self.agreement
         draws = len(agreement.simulator[0])
         return (
@@ -78,25 +78,25 @@ class Evaluation:
 
     @property
     def remarks(self) -> list[str]:
-        """Notes, and what follows from the numbers themselves."""
+        """Notes, and remarks that follow from the numbers."""
         said = list(self.notes)
         if not self.agreement.paired:
             said.append(UNPAIRED)
         if self.agreement.too_few:
             said.append(
-                f"{len(self.agreement.rig)} specimens are too few to call any difference one, among so many measures; "
+                f"{len(self.agreement.rig)} specimens are too few to establish any difference among so many measures; "
                 "take a dozen or more."
             )
         if self.clock.overruns:
             said.append(
-                f"{self.clock.overruns} of {len(self.clock.periods)} commands came more than 2 ms late and cost "
-                f"{self.clock.skipped:.2f} s: differences may be this computer's."
+                f"{self.clock.overruns} of {len(self.clock.periods)} commands were more than 2 ms late and cost "
+                f"{self.clock.skipped:.2f} s: differences may come from this computer."
             )
         said += [f"{name} is not compared: {reason}." for name, reason in self.agreement.untold.items()]
         return said
 
     def to_json(self) -> str:
-        """JSON text; units in the names or beside the numbers."""
+        """Return JSON text; units are in the names or beside the numbers."""
         verdict = self.agreement.verdict
         content: dict[str, Any] = {
             "schema": SCHEMA,
@@ -132,7 +132,7 @@ class Evaluation:
         return json.dumps(content, indent=1, allow_nan=False)
 
     def lines(self) -> list[str]:
-        """What fits on a screen."""
+        """Return the lines of a summary that fits on a screen."""
         agreement = self.agreement
         answers = [each.answer for each in agreement.findings]
         counted = ", ".join(f"{answers.count(each)} {each}" for each in ("agree", "differ", "undecided"))
@@ -165,17 +165,17 @@ def _line(each: Finding) -> str:
 
 
 def shown_unit(each: Finding) -> tuple[str, float]:
-    """Unit that people read, and its number in one of SI: millimetres for metres; seconds stay."""
+    """Return the unit for display and its number in one SI unit: millimetres for metres; seconds stay."""
     return ("mm", 1e3) if each.measure.unit == "m" else (each.measure.unit, 1.0)
 
 
 def shown(value: float) -> str:
-    """Three digits; what is rounding is zero."""
+    """Return a number with three digits; a rounding error counts as zero."""
     return three_digits(0.0 if abs(value) < _ROUNDING else value)
 
 
 def interval(value: float, low: float, high: float, scale: float = 1.0) -> str:
-    """A value with its interval, all to the digits of the largest."""
+    """Return a value with its interval, all to the digits of the largest."""
     largest = scale * max(abs(value), abs(low), abs(high))
     digits = 3 if largest == 0.0 else max(0, 2 - int(np.floor(np.log10(largest))))
     digits = min(digits, 6)
@@ -183,9 +183,9 @@ def interval(value: float, low: float, high: float, scale: float = 1.0) -> str:
 
 
 def clock_lines(clock: ClockKept) -> list[str]:
-    """The control clock: a histogram of its periods, quantiles, latency."""
+    """Return lines on the control clock: a histogram of its periods, quantiles, latency."""
     if not len(clock.periods):
-        return ["control clock: not a single period"]
+        return ["control clock: no period was measured"]
     lines = [
         f"control clock: {len(clock.periods)} periods of {1e3 * clock.nominal:g} ms, jitter SD "
         f"{1e3 * clock.jitter:.3f} ms, overruns {clock.overruns}, skipped {clock.skipped:.2f} s",
@@ -205,7 +205,7 @@ def _quantiles(spread: Mapping[str, float]) -> str:
 
 
 def bars(clock: ClockKept, most: int = _BARS) -> Sequence[tuple[float, float, int]]:
-    """Histogram of the control periods: from [s], to [s], how many; bins no finer than a microsecond."""
+    """Return the histogram of the control periods: from [s], to [s], count; bins no finer than a microsecond."""
     if not len(clock.periods):
         return []
     low, high = float(clock.periods.min()), float(clock.periods.max())

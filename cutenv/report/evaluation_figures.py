@@ -1,4 +1,4 @@
-"""The drawings of an evaluation's page: differences over margins, force along the way, the control clock."""
+"""Figures of an evaluation's page: differences over margins, force along the way, the control clock."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 COLOURS = {"agree": "#0072b2", "differ": "#d55e00", "undecided": "#6b6b6b"}
 _MARKERS = {"agree": "o", "differ": "D", "undecided": "s"}
 _RIG, _SIMULATOR = "#d55e00", "#0072b2"
-_PHONE = 6.0  # width below which a picture is drawn for a phone [in]
-_FARTHEST = 4.0  # margins, beyond which a difference is drawn at the edge
+_PHONE = 6.0  # [in] width below which a figure is drawn for a phone
+_FARTHEST = 4.0  # margins beyond which a difference is drawn at the edge
 
 
 def differences_figure(findings: Sequence[Finding], width: float) -> Figure:
-    """Every measure's difference with its interval, in margins: the band from -1 to 1 is no difference."""
+    """Draw every measure's difference with its interval, in margins: the band from -1 to 1 is no difference."""
     phone = width < _PHONE
     figure = new_figure(width, 1.2 + (0.34 if phone else 0.26) * len(findings))
     axes = figure.subplots()
@@ -52,7 +52,7 @@ def differences_figure(findings: Sequence[Finding], width: float) -> Figure:
 
 
 def typical_pair(agreement: Agreement) -> tuple[int, ComparedCut, list[ComparedCut]] | None:
-    """The specimen at which the force differs as it mostly does: its number, and the cuts; None if none is common."""
+    """Return the specimen with the median difference of force: its number, and the cuts; None if none is common."""
     found = [
         (rmse, place)
         for place, (cut, simulated) in enumerate(zip(agreement.rig, agreement.simulator, strict=True))
@@ -65,7 +65,7 @@ def typical_pair(agreement: Agreement) -> tuple[int, ComparedCut, list[ComparedC
 
 
 def force_figure(cut: ComparedCut, simulated: Sequence[ComparedCut], width: float) -> Figure:
-    """Force along the way on both sides, and below what they differ by; the simulator beside itself, too."""
+    """Draw the force along the way on both sides, and below their difference and that of two simulated cuts."""
     phone = width < _PHONE
     figure = new_figure(width, 5.2 if phone else 4.8)
     panels = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
@@ -93,7 +93,7 @@ def force_figure(cut: ComparedCut, simulated: Sequence[ComparedCut], width: floa
 
 
 def clock_figure(clock: ClockKept, width: float) -> Figure:
-    """Histograms of control periods and of the latency from force to command; counts on a logarithmic axis."""
+    """Draw histograms of control periods and of the latency from force to command; counts on a logarithmic axis."""
     phone = width < _PHONE
     figure = new_figure(width, 4.8 if phone else 2.9)
     panels = figure.subplots(2, 1) if phone else figure.subplots(1, 2)
@@ -114,12 +114,12 @@ def clock_figure(clock: ClockKept, width: float) -> Figure:
 
 
 def spoken(each: Finding) -> str:
-    """A measure's name as people say it."""
+    """Return a measure's name in plain words."""
     return label(each.measure.name.replace("_", " "))
 
 
 def _plain(axes: Axes, grid: str) -> None:
-    """No box around the drawing, and faint lines across the axis that is read."""
+    """Remove the box around the drawing, and add faint grid lines across the axis that is read."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis=grid, color="0.9", linewidth=0.8)  # type: ignore[arg-type]
     axes.set_axisbelow(True)

@@ -1,4 +1,4 @@
-"""The page of an evaluation: whether a rig and the simulator agree, by how much, along the way, and in time."""
+"""Page of an evaluation: agreement of a rig and the simulator, by measure, along the way, and in time."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ from cutenv.report.page import (
 from cutenv.report.study_figures import typeset
 from cutenv.report.study_table import three_digits
 
-_NAMED = 8  # measures, in a sentence
+_NAMED = 8  # measures named in a sentence
 _KINDS = {"agree": ("good", "They agree"), "differ": ("bad", "They differ"), "undecided": ("open", "Undecided")}
 
 
 def write_evaluation(path: Path, evaluation: Evaluation) -> None:
-    """Write an evaluation as one page that fetches nothing.
+    """Write an evaluation as one self-contained page.
 
     Parameters
     ----------
     path : Path
-        Of the page (.html), in a folder that exists.
+        Path of the page (.html), in a folder that exists.
     evaluation : Evaluation
-        What is shown.
+        Evaluation to write.
 
     Raises
     ------
     ImportError
-        If matplotlib is not installed; names the command that installs it.
+        If matplotlib is not installed; the message gives the command that installs it.
     """
     sections = [Section("differences", "Rig minus simulator", _differences(evaluation))]
     if evaluation.agreement.paired:
@@ -56,7 +56,7 @@ def write_evaluation(path: Path, evaluation: Evaluation) -> None:
 
 
 def headline(evaluation: Evaluation) -> str:
-    """The verdict in a sentence."""
+    """Return the verdict as a sentence."""
     agreement = evaluation.agreement
     verdict, measures = agreement.verdict, len(agreement.findings)
     if verdict.answer == "agree":
@@ -106,7 +106,7 @@ def _differences(evaluation: Evaluation) -> Html:
         picture(
             partial(differences_figure, findings),
             "Difference of every measure in margins, with its 95 % interval",
-            escaped("The grey band is the margin; what is farther than four of them is drawn at the edge."),
+            escaped("The grey band is the margin; differences beyond four margins are drawn at the edge."),
         ),
         table("Rig minus simulator, 95 % intervals", [escaped(head) for head in heads], rows),
     )
@@ -119,7 +119,7 @@ def _force(evaluation: Evaluation) -> Html:
     place, cut, simulated = pair
     return joined(
         paragraph(
-            "A crack runs by itself when the force is high enough, and where it does hangs on little: one run that "
+            "A crack runs by itself when the force is high enough, and small causes decide where: one run that "
             "comes a little later changes the force by newtons for a while. So the rig's difference has to be seen "
             "beside that of two simulated cuts with other noise."
         ),
@@ -147,7 +147,7 @@ def _specimens(evaluation: Evaluation) -> Html:
 def _clock(evaluation: Evaluation) -> Html:
     clock = evaluation.clock
     if not len(clock.periods) or not len(clock.latencies):
-        return paragraph("Not a single control period was measured.")
+        return paragraph("No control period was measured.")
     rows = [
         Row([escaped(name), *(escaped(f"{1e3 * value:.3f}") for value in clock.spread(of).values())])
         for name, of in (("control period [ms]", "periods"), ("from force to command [ms]", "latencies"))
@@ -158,7 +158,7 @@ def _clock(evaluation: Evaluation) -> Html:
         paragraph(
             f"{len(clock.periods)} control periods of {1e3 * clock.nominal:g} ms: jitter (standard deviation) "
             f"{1e3 * clock.jitter:.3f} ms; {clock.overruns} commands more than 2 ms late, which cost "
-            f"{clock.skipped:.2f} s; {clock.garbled} packets that were no readings."
+            f"{clock.skipped:.2f} s; {clock.garbled} packets that were not readings."
         ),
         picture(
             partial(clock_figure, clock),

@@ -1,4 +1,4 @@
-"""What the numbers of a page mean, for people who did not write the task."""
+"""Glossary for a page's readers who did not write the task."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TERMS = {
     "stored": "left loaded",
     "safety": "ended for safety",
 }
-"""Costs of :data:`cutenv.task.records.TERMS` in few words."""
+"""Short names for the costs of :data:`cutenv.task.records.TERMS`."""
 
 MEANINGS = (
     (
@@ -56,15 +56,15 @@ MEANINGS = (
     ),
     (
         "Upper bound",
-        "A planner that is told the hidden tip and the tissue. No agent can know as much, so it is no competitor: it "
+        "A planner that knows the hidden tip and the tissue. No agent can know as much, so it is not a competitor: it "
         "shows how much there is to gain.",
     ),
 )
-"""Terms with what they mean, for a reader who did not write the task."""
+"""Terms with their meanings, for a reader who did not write the task."""
 
 LIMITS = (
     "The tissue is simulated. Its stiffness and its resistance to cutting are drawn from measured values of pig liver; "
     "friction, drive and sensor are partly assumed. Nothing here has been validated for assessing or credentialing "
     "people, for other tissue or for an operation, and one training run does not tell how another would turn out."
 )
-"""What no number of the page says."""
+"""Limits of the page's numbers."""

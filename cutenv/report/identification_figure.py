@@ -1,4 +1,4 @@
-"""How an axis answered steps and sines, over the model that was fitted to it."""
+"""Figure of an axis's responses to steps and sines, over the fitted model."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Answer = tuple[str, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-"""Name, time [s], measured and modelled position [m], each of shape (n,)."""
+"""Response of an axis: name, time [s], measured and modelled position [m], each of shape (n,)."""
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#8a3ffc", "#e69f00")
 _SIZE = (11.0, 8.5)  # [in]
-_HEIGHT = 0.85  # of an answer, over the distance to the next
+_HEIGHT = 0.85  # height of a response over the distance to the next
 _LEAST = 1e-6  # [m]
 
 
 def draw_identification(path: Path, steps: Sequence[Answer], sines: Sequence[Answer], *, title: str = "") -> None:
-    """Write a picture: above, measured answers as dots over the model's lines; below, what the model leaves.
+    """Write a figure: above, measured responses as dots over the model's lines; below, the model's errors.
 
     Parameters
     ----------
     path : Path
-        Of the picture; its suffix says which kind (.png).
+        Path of the picture; its suffix gives the format (.png).
     steps, sines : sequence of Answer
-        Times count from the first command.
+        Responses; times count from the first command.
     title : str
-        Above the picture.
+        Text above the picture.
 
     Raises
     ------
     ImportError
-        If matplotlib is not installed; names the command that installs it.
+        If matplotlib is not installed; the message gives the command that installs it.
     """
     figure = new_figure(*_SIZE)
     rows = figure.subplots(2, 2, sharex="col", height_ratios=(2.2, 1.0))

@@ -1,4 +1,4 @@
-"""Building blocks of a page that is one file: it fetches nothing, so it opens anywhere and stays what it was."""
+"""Building blocks of a self-contained page: one file that loads nothing else and opens anywhere."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Html = NewType("Html", str)
-"""Markup. Data becomes markup through :func:`escaped` only; the types keep the two apart."""
+"""Markup. Data becomes markup through :func:`escaped` only; the type keeps the two apart."""
 
 WIDE, NARROW = 9.0, 3.8
-"""Widths for which pictures are drawn [in]: a desk's screen and a phone's, at 96 px an inch."""
+"""Widths for which figures are drawn [in]: for a desktop screen and a phone, at 96 px an inch."""
 
 _NARROW_SCREEN = "(max-width: 700px)"
 
 
 @dataclass(frozen=True)
 class Section:
-    """One section of a page: the name that links to it, its heading and what stands below."""
+    """Section of a page: the name for links to it, its heading and its content."""
 
     key: str
     heading: str
@@ -35,35 +35,35 @@ class Section:
 
 @dataclass(frozen=True)
 class Row:
-    """One row of a table: its cells, the first of which heads it, and a class of the style sheet to mark it."""
+    """Row of a table: its cells, the first of which is its heading, and a class of the style sheet to mark it."""
 
     cells: Sequence[Html]
     mark: str = ""
 
 
 def escaped(text: object) -> Html:
-    """Text as markup that shows just that text, in an attribute's quotes too."""
+    """Return text as markup that shows exactly that text, also within an attribute's quotes."""
     return Html(html.escape(str(text), quote=True))
 
 
 def joined(*parts: Html) -> Html:
-    """Markup one after the other."""
+    """Join pieces of markup."""
     return Html("\n".join(parts))
 
 
 def element(name: str, content: Html, kind: str = "") -> Html:
-    """One element around markup, with a class if ``kind`` is given."""
+    """Return an element around markup, with a class if ``kind`` is given."""
     attribute = f' class="{kind}"' if kind else ""
     return Html(f"<{name}{attribute}>{content}</{name}>")
 
 
 def paragraph(text: str, kind: str = "") -> Html:
-    """A paragraph of plain text."""
+    """Return a paragraph of plain text."""
     return element("p", escaped(text), kind)
 
 
 def number(value: float, digits: int) -> str:
-    """A number as print sets it: a true minus sign, and none before a zero."""
+    """Return a number in print typography: a true minus sign, and none before a zero."""
     shown = f"{value:.{digits}f}"
     if float(shown) == 0.0:
         shown = shown.removeprefix("-")
@@ -71,22 +71,22 @@ def number(value: float, digits: int) -> str:
 
 
 def estimate(mean: float, low: float, high: float, digits: int) -> Html:
-    """A mean with its interval in small type."""
+    """Return a mean with its interval in small type."""
     interval = f"[{number(low, digits)}, {number(high, digits)}]"
     return Html(f'{number(mean, digits)} <span class="interval">{interval}</span>')
 
 
 def table(caption: str, headings: Sequence[Html], rows: Sequence[Row], kind: str = "") -> Html:
-    """A table that scrolls sideways where the screen is too narrow for it.
+    """Return a table that scrolls sideways if the screen is too narrow for it.
 
     Parameters
     ----------
     caption : str
-        What the table shows; stands above it and names it to a screen reader.
+        Content of the table; shown above it and read by screen readers.
     headings : sequence of Html
-        Of the columns.
+        Headings of the columns.
     rows : sequence of Row
-        As many cells each as there are headings.
+        Rows with as many cells as there are headings.
     kind : str
         Class of the style sheet.
 
@@ -116,27 +116,27 @@ def _table_row(row: Row) -> str:
 
 
 def definitions(entries: Sequence[tuple[str, str]], kind: str = "") -> Html:
-    """Terms with what they mean, plain text both."""
+    """Return a list of terms with their meanings, both plain text."""
     items = "\n".join(f"<div><dt>{escaped(term)}</dt><dd>{escaped(meaning)}</dd></div>" for term, meaning in entries)
     return Html(f'<dl class="{kind}">\n{items}\n</dl>')
 
 
 def folded(summary: str, content: Html) -> Html:
-    """Content that a reader unfolds."""
+    """Return content that a reader can unfold."""
     return Html(f"<details><summary>{escaped(summary)}</summary>\n{content}\n</details>")
 
 
 def picture(draw: Callable[[float], Figure], alt: str, caption: Html) -> Html:
-    """A drawing in the page itself, once for wide screens and once for narrow ones: shrunk letters are not read.
+    """Return an embedded figure, drawn twice: on a narrow screen the wide one's letters would be too small.
 
     Parameters
     ----------
     draw : callable
-        From a width [in] to a matplotlib figure; see :func:`new_figure`.
+        Maps a width [in] to a matplotlib figure; see :func:`new_figure`.
     alt : str
-        What the picture shows, for those who do not see it.
+        Description of the figure, for those who do not see it.
     caption : Html
-        Below the picture.
+        Text below the figure.
     """
     wide, narrow = draw(WIDE), draw(NARROW)
     return Html(
@@ -148,12 +148,12 @@ def picture(draw: Callable[[float], Figure], alt: str, caption: Html) -> Html:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of a size [in].
+    """Return an empty figure of a size [in].
 
     Raises
     ------
     ImportError
-        If matplotlib is not installed; names the command that installs it.
+        If matplotlib is not installed; the message gives the command that installs it.
     """
     try:
         from matplotlib.figure import Figure  # an extra, and slow to import
@@ -164,7 +164,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def label(text: str) -> str:
-    """Text that matplotlib shows as it is: a dollar sign is no formula."""
+    """Return text that matplotlib shows unchanged: a dollar sign starts no formula."""
     return text.replace("$", r"\$")
 
 
@@ -180,16 +180,16 @@ def _size(figure: Figure) -> str:
 
 
 def page(title: str, subtitle: str, lead: Html, sections: Sequence[Section]) -> Html:
-    """A whole document; the browser itself is told to fetch nothing.
+    """Return a whole document, which forbids the browser to load anything else.
 
     Parameters
     ----------
     title, subtitle : str
-        At the head; the title names the window too.
+        Title, also of the window, and subtitle.
     lead : Html
-        What a reader should know who reads nothing else.
+        Summary for a reader who reads nothing else.
     sections : sequence of Section
-        In the order of reading.
+        Sections in the order of reading.
     """
     links = "".join(f'<li><a href="#{escaped(part.key)}">{escaped(part.heading)}</a></li>' for part in sections)
     body = "\n".join(
@@ -210,7 +210,7 @@ def page(title: str, subtitle: str, lead: Html, sections: Sequence[Section]) -> 
 
 
 def write_page(path: Path, document: Html) -> None:
-    """Write a document, all at once: never half a page under the final name."""
+    """Write a document as a whole or not at all."""
     with replacing(path) as part:
         part.write_text(document, encoding="utf-8", newline="\n")
 

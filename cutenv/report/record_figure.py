@@ -1,4 +1,4 @@
-"""A whole record with what was found in it, as a picture to confirm: tare, cuts, flaws."""
+"""Figure of a whole record with what was found in it, for confirmation: tare, cuts, flaws."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 _RAW, _FORCE, _QUIET, _CUT, _REFUSED, _DOUBTFUL = "0.65", "#0072b2", "#8a3ffc", "#009e73", "#d55e00", "#e69f00"
 _WIDTH = 10.0  # [in]
-_CROWDED = 8  # cuts, beyond which there is room for their numbers only
-_NARROWEST = 0.004  # of the record, as which even a flaw of two readings is seen
+_CROWDED = 8  # number of cuts beyond which there is room for their numbers only
+_NARROWEST = 0.004  # share of the record at which even a flaw of two readings is drawn
 
 
 def draw_record(
@@ -39,26 +39,26 @@ def draw_record(
     Parameters
     ----------
     path : Path
-        Of the picture; its suffix says which kind (.png).
+        Path of the picture; its suffix gives the format (.png).
     record : Trace
-        As it was.
+        Record, unchanged.
     tared : Trace, optional
         The same record without the sensor's offset.
     quiet : slice, optional
-        Its instants that told the offset.
+        Instants of the record from which the offset was computed.
     cuts : sequence of slice
-        Instants of the record that are a cut each, in order of time.
+        Instants of each cut, in order of time.
     flaws : sequence of sequences of Flaw
-        For each cut, or for the whole record if there is no cut; their rows are counted from where the cut starts.
+        Flaws of each cut, or of the whole record if there is no cut; their rows are counted from the start of the cut.
     title : str
-        Above the picture.
+        Text above the picture.
 
     Raises
     ------
     ValueError
-        If the flaws are not as many as the cuts, or `tared` is another record.
+        If there are not as many lists of flaws as cuts, or `tared` is another record.
     ImportError
-        If matplotlib is not installed; names the command that installs it.
+        If matplotlib is not installed; the message gives the command that installs it.
     """
     figure = record_figure(record, tared=tared, quiet=quiet, cuts=cuts, flaws=flaws, title=title)
     with replacing(path) as part:
@@ -74,7 +74,7 @@ def record_figure(
     flaws: Sequence[Sequence[Flaw]] = (),
     title: str = "",
 ) -> Figure:
-    """The figure of :func:`draw_record`: force over time, and position below it where that is known."""
+    """Draw the figure of :func:`draw_record`: force over time, and position below it if known."""
     parts = list(cuts) or [slice(0, len(record))]
     if flaws and len(flaws) != len(parts):
         raise ValueError(f"flaws of {len(flaws)} cuts do not fit {len(parts)}. Give the flaws of each, or none.")
@@ -164,7 +164,7 @@ def _mark_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[Flaw]) -
 
 
 def _name_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[Flaw]) -> None:
-    """Kinds at the foot of the picture, one above the other where they would overlap."""
+    """Label kinds of flaws at the foot of the picture, one above the other where they would overlap."""
     for number, flaw in enumerate(found):
         first, last = (float(record.time[part][row]) for row in flaw.rows)
         axes.text(
@@ -179,7 +179,7 @@ def _name_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[Flaw]) -
 
 
 def _legend(axes: Axes) -> None:
-    """One entry for each kind, above the picture."""
+    """Add a legend with one entry for each kind, above the picture."""
     handles, names = axes.get_legend_handles_labels()
     kinds = dict(zip(names, handles, strict=True))
     axes.legend(

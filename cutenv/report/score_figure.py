@@ -1,4 +1,4 @@
-"""A scored cut as a picture: force with its ramps, limit, target and faults; speed and angle below."""
+"""Figure of a scored cut: force with its ramps, limit, target and faults; speed and angle below."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ Array = NDArray[np.float64]
 _FORCE, _RAMP, _FAULT, _LIMIT, _TARGET, _SPEED, _ANGLE = (
     "0.55", "#0072b2", "#d55e00", "#b00020", "#009e73", "#0072b2", "#8a3ffc",
 )  # fmt: skip
-_POINTS = 3000  # of a line: more than a picture is wide
-_PHONE = 6.0  # width below which a picture is drawn for a phone [in]
+_POINTS = 3000  # points of a line: more than a figure has pixels
+_PHONE = 6.0  # [in] width below which a figure is drawn for a phone
 
 
 def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, width: float) -> Figure:
-    """Draw one cut with what its card says of it, against position, or against time where that is not known.
+    """Draw one cut with the content of its card, against position, or against time if that is not known.
 
     Parameters
     ----------
     trace : Trace
-        The record.
+        Record of the cut.
     card : ScoreCard
-        Of it.
+        Score card of the cut.
     target_length : float or None
-        Aimed at [m].
+        Target length [m].
     width : float
-        [in]
+        Width [in].
     """
     along = trace.position is not None
     rows = 1 + along + (trace.angle is not None)
@@ -74,12 +74,12 @@ def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, wid
 
 
 def _places(trace: Trace) -> Array:
-    """Where the force is drawn: blade [cm], or time [s]."""
+    """Return the abscissa of the force: position of the blade [cm], or time [s]."""
     return trace.time if trace.position is None else 100.0 * trace.position
 
 
 def _draw_ramps(axes: Axes, trace: Trace, x: Array) -> None:
-    """Loading segments; a drop hangs on the end of each."""
+    """Draw loading segments; a drop is at the end of each."""
     try:
         segments = loading_segments(trace)
     except ValueError:  # a record too short or too coarse for segments is still drawn
@@ -100,7 +100,7 @@ def _draw_ramps(axes: Axes, trace: Trace, x: Array) -> None:
 def _draw_limits(axes: Axes, trace: Trace, x: Array, target_length: float | None) -> None:
     if trace.depth is not None and trace.force_unit == "N":
         limit = FORCE_LIMIT_PER_DEPTH * trace.depth
-        if trace.force.max() > 0.5 * float(limit.max()):  # one that is far away would flatten the drawing
+        if trace.force.max() > 0.5 * float(limit.max()):  # a distant one would flatten the drawing
             order = np.argsort(x)[:: max(1, len(x) // _POINTS)]
             axes.plot(x[order], limit[order], color=_LIMIT, linewidth=1.0, linestyle="--", label="limit")
     if target_length is not None and trace.position is not None:

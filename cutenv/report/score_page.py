@@ -1,4 +1,4 @@
-"""The page of a scored cut, and the summary of many: one file each that fetches nothing."""
+"""Pages of a scored cut and of a summary of many, each a self-contained file."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from cutenv.scoring.card import DISCLAIMER
 from cutenv.trace import Trace
 
 _HANDY = {"m": (1e3, "mm")}
-"""From SI to what a reader finds handy."""
+"""Factor and unit for display, by SI unit."""
 _SPOILS = {"short", "overshoot", "force"}
-"""Kinds of faults that no score makes good: a target missed, a force above the limit."""
+"""Kinds of faults that no score compensates: a target missed, a force above the limit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScoredRecord:
-    """A record with its card."""
+    """Record with its score card."""
 
     trace: Trace
     card: ScoreCard
@@ -49,19 +49,19 @@ def write_score_page(path: Path, scored: ScoredRecord) -> Path:
     Parameters
     ----------
     path : Path
-        Of the page (.html), in a folder that exists.
+        Path of the page (.html), in a folder that exists.
     scored : ScoredRecord
-        What is shown.
+        Record and card to write.
 
     Returns
     -------
     Path
-        Of the JSON: the page's with the suffix ``.json``.
+        Path of the JSON: the page's with the suffix ``.json``.
 
     Raises
     ------
     ImportError
-        If matplotlib is not installed; names the command that installs it.
+        If matplotlib is not installed; the message gives the command that installs it.
     """
     card = scored.card
     sections = [
@@ -72,7 +72,7 @@ def write_score_page(path: Path, scored: ScoredRecord) -> Path:
     ]
     kind = "open" if card.overall_score is None else ("good" if card.overall_score >= 50.0 else "bad")
     if kind == "good" and _SPOILS & {fault.kind for fault in card.faults}:
-        kind = "open"  # whatever else was gentle, this is nothing to be green about
+        kind = "open"  # not shown in green, however gentle the rest was
     lead = Html(
         f'<div class="verdict {kind}">\n{paragraph("Score", "word")}\n{paragraph(_sentence(card), "headline")}\n'
         f"{paragraph(' '.join(note[0].upper() + note[1:] + '.' for note in card.notes))}\n{paragraph(DISCLAIMER)}</div>"
@@ -84,7 +84,7 @@ def write_score_page(path: Path, scored: ScoredRecord) -> Path:
 
 
 def write_summary(folder: Path, records: Sequence[tuple[ScoredRecord, str]]) -> tuple[Path, Path]:
-    """Write ``scores.csv`` and ``summary.html`` of several cuts into a folder; ``records`` with their pages' names.
+    """Write ``scores.csv`` and ``summary.html`` of several cuts, each with its page's name, into a folder.
 
     Returns
     -------
@@ -160,7 +160,7 @@ def _drawing(scored: ScoredRecord) -> Html:
 
 def _advice(card: ScoreCard) -> Html:
     if not card.faults:
-        return paragraph("Nothing was found that a plain sentence would mend; look at the percentiles below.")
+        return paragraph("No fault was found to correct; look at the percentiles below.")
     return definitions([(fault.says, fault.try_next + ".") for fault in card.faults])
 
 
@@ -212,7 +212,7 @@ def _meaning(card: ScoreCard) -> Html:
 
 
 def _digits(value: float) -> str:
-    """Three significant digits, as print sets them; a number that is zero but for rounding is zero."""
+    """Return three significant digits in print typography; a number that is zero up to rounding is zero."""
     if abs(value) < 1e-9:
         return "0"
     whole = abs(value) >= 100.0

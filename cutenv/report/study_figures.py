@@ -1,4 +1,4 @@
-"""The drawings of a study's page: metric and cumulative sums by cut, people by group, reliability."""
+"""Figures of a study's page: metric and cumulative sums by cut, people by group, reliability."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 _MARKERS = ("o", "s", "D", "^", "v", "P")
 _TARGET = "#6b6b6b"
-_PHONE = 6.0  # width below which a picture is drawn for a phone [in]
+_PHONE = 6.0  # [in] width below which a figure is drawn for a phone
 
 
 def learning_figure(study: Study, found: Findings, width: float) -> Figure:
-    """A metric by the number of the cut, a line for each operator; below, the learning curve CUSUM of each."""
+    """Draw a metric by the number of the cut, a line for each operator; below, each one's learning curve CUSUM."""
     phone = width < _PHONE
     summed = isinstance(found.cusums, Mapping)
     figure = new_figure(width, (5.4 if phone else 5.0) if summed else 3.0)
@@ -71,7 +71,7 @@ def learning_figure(study: Study, found: Findings, width: float) -> Figure:
 
 
 def groups_figure(study: Study, width: float) -> Figure:
-    """Means of people by group, a panel for each metric, with the probability of superiority."""
+    """Draw the means of people by group, a panel for each metric, with the probability of superiority."""
     phone = width < _PHONE
     across = 2 if phone else 3
     findings = study.findings
@@ -102,7 +102,7 @@ def groups_figure(study: Study, width: float) -> Figure:
 
 
 def reliability_figure(study: Study, width: float) -> Figure:
-    """Reliability of single cuts, of means and of sessions, with intervals, a row for each metric."""
+    """Draw the reliability of single cuts, of means and of sessions, with intervals, a row for each metric."""
     phone = width < _PHONE
     findings = [found for found in study.findings if _estimates(found)]
     tall = 0.62 if phone else 0.5
@@ -113,7 +113,7 @@ def reliability_figure(study: Study, width: float) -> Figure:
         estimates = _estimates(found)
         for k, (name, colour, marker, each) in enumerate(estimates):
             place = -row - 0.22 * (k - 0.5 * (len(estimates) - 1)) - 0.12 * phone
-            low = max(each.low, -1.0)  # the lower end of a mean's interval has no bound
+            low = max(each.low, -1.0)  # the lower end of a mean's interval is unbounded
             axes.plot([low, each.high], [place, place], color=colour, linewidth=2.2, solid_capstyle="butt")
             axes.plot(
                 max(each.value, -1.0), place, marker, color=colour, markersize=6,
@@ -157,12 +157,12 @@ def _quantity(found: Findings) -> str:
 
 
 def typeset(unit: str) -> str:
-    """A unit as print sets it."""
+    """Return a unit in print typography."""
     return unit.replace("s2", "s²")
 
 
 def _plain(axes: Axes, grid: str) -> None:
-    """No box around the drawing, and faint lines across the axis that is read."""
+    """Remove the box around the drawing, and add faint grid lines across the axis that is read."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis=grid, color="0.9", linewidth=0.8)  # type: ignore[arg-type]
     axes.set_axisbelow(True)

@@ -1,4 +1,4 @@
-"""The page of a study of people: who differs from whom, how reliably, and how metrics change from cut to cut."""
+"""Page of a study of people: separation of groups, reliability of metrics, and their change from cut to cut."""
 
 from __future__ import annotations
 
@@ -43,24 +43,24 @@ _BETTER = {"lower": "less is better", "higher": "more is better", "none": "neith
 
 
 def write_study(path: Path, study: Study) -> Path:
-    """Write a study as one page that fetches nothing, and every card as a row of a CSV beside it.
+    """Write a study as one self-contained page, and every card as a row of a CSV beside it.
 
     Parameters
     ----------
     path : Path
-        Of the page (.html), in a folder that exists.
+        Path of the page (.html), in a folder that exists.
     study : Study
-        What is shown.
+        Study to write.
 
     Returns
     -------
     Path
-        Of the CSV: the page's with the suffix ``.csv``; a unit stands in the name of each column that has one.
+        Path of the CSV: the page's with the suffix ``.csv``; the unit is in the name of each column that has one.
 
     Raises
     ------
     ImportError
-        If matplotlib is not installed; names the command that installs it.
+        If matplotlib is not installed; the message gives the command that installs it.
     """
     sections = [Section("metrics", f"Metrics of these {study.who}s", _metrics(study))]
     if study.groups is not None:
@@ -81,7 +81,7 @@ def write_study(path: Path, study: Study) -> Path:
 
 
 def headline(study: Study) -> str:
-    """What these metrics tell of these people, in a sentence or two; what is open is said to be open."""
+    """Return the result for these people in a sentence or two, including what is open."""
     said = []
     separated = [each for each in study.findings if isinstance(each.separation, Separation)]
     if separated and study.groups is not None:
@@ -152,7 +152,7 @@ def _groups(study: Study) -> Html:
         paragraph(
             f"Each {study.who} is one value, the mean of the cuts: cuts of one {study.who} are alike, and intervals "
             f"over cuts would be too narrow. P is the probability that one of group {first} has a larger mean than one "
-            f"of group {second}: 0.5 is none, 0 and 1 are full ones. In marked rows the interval is without 0.5."
+            f"of group {second}: 0.5 is no separation, 0 and 1 are full. In marked rows the interval excludes 0.5."
         ),
         table(f"{first} against {second}, 95 % intervals", heads, rows),
         picture(
@@ -183,8 +183,8 @@ def _reliability(study: Study) -> Html:
     parts = [
         paragraph(
             f"Share of the variance that is between {study.who}s, by one-way analysis of variance: of one cut, and of "
-            f"{_an(study.who)}'s mean. 1 is a metric that always says the same of the same {study.who}, 0 one that "
-            "says nothing; below 0 is chance. Beside it the number of cuts whose mean would reach 0.8."
+            f"{_an(study.who)}'s mean. 1 is a metric that is always the same for the same {study.who}, 0 one that "
+            "does not distinguish them; below 0 is chance. Beside it the number of cuts whose mean would reach 0.8."
             + " Groups that differ add to it: within one group it is less."
             * (study.groups is not None)
         ),
@@ -295,7 +295,7 @@ def _holds(told: Separation | Untold, value: float) -> bool:
 
 
 def _larger(apart: list[Findings], group: str, is_first: bool) -> str:
-    """Which of the metrics are larger in a group, as a sentence; nothing if none is."""
+    """Return a sentence that names the metrics that are larger in a group; "" if there are none."""
     names = [
         _spoken(each.metric)
         for each in apart

@@ -1,4 +1,4 @@
-"""A study's numbers as text, and its cards as a file."""
+"""Study's numbers as text, and its cards as a file."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from cutenv.report.page import number
 from cutenv.scoring.card import DISCLAIMER
 from cutenv.scoring.study import Estimate, Findings, Intraclass, OneWay, Separation, Study, Untold, numbered
 
-_LONGEST = 1e4  # number of cuts beyond which "how many" is no answer
+_LONGEST = 1e4  # number of cuts beyond which "how many" is meaningless
 
 
 def table_lines(study: Study) -> list[str]:
-    """The study's numbers as aligned text: metrics by person, reliability, separation, notes."""
+    """Return the study's numbers as aligned text: metrics by person, reliability, separation, notes."""
     lines = [
         f"{study.name}: {len(study.cuts)} cuts of {len(study.operators)} {study.who}s",
         "",
@@ -47,7 +47,7 @@ def table_lines(study: Study) -> list[str]:
 
 
 def write_cards(path: Path, study: Study) -> None:
-    """A row for each cut: who made it, and every metric; empty where a cut has none."""
+    """Write a row for each cut: its operator, and every metric; empty where a cut has none."""
     names = list(study.cuts[0].card.metrics)
     units = {name: study.cuts[0].card.unit(name) for name in names}
     heads = [name if unit == "1" else f"{name}_{_suffix(unit)}" for name, unit in units.items()]
@@ -64,12 +64,12 @@ def write_cards(path: Path, study: Study) -> None:
 
 
 def _suffix(unit: str) -> str:
-    """A unit as a part of a name: N/s is N_per_s, which N s is not."""
+    """Return a unit as a part of a name: N/s is N_per_s, in distinction to N s."""
     return unit.removeprefix("1").replace("/", "_per_").replace(" ", "_").strip("_")
 
 
 def spread(found: Findings) -> tuple[float, str, str]:
-    """Mean over people, and standard deviations between and within them as text, "" where not known."""
+    """Return the mean over people, and standard deviations between and within them as text, "" if not known."""
     means = [float(values.mean()) for values in found.series.values()]
     if isinstance(found.reliability, OneWay):
         return (
@@ -81,13 +81,13 @@ def spread(found: Findings) -> tuple[float, str, str]:
 
 
 def cuts_needed(told: OneWay) -> str:
-    """Cuts whose mean would reach a reliability of 0.8, in words where none would."""
+    """Return the number of cuts whose mean would reach a reliability of 0.8, in words if none would."""
     cuts = told.cuts_for(0.8)
     return "none will do" if math.isinf(cuts) or cuts > _LONGEST else str(max(1, math.ceil(cuts)))
 
 
 def _both(told: Separation | Intraclass | Untold, first: str, second: str) -> str:
-    """Two estimates beside each other, or why there are none."""
+    """Return two estimates beside each other, or the reason why there are none."""
     if isinstance(told, Untold):
         return told.reason
     shown = _correlation if isinstance(told, Intraclass) else _plain_interval
@@ -95,7 +95,7 @@ def _both(told: Separation | Intraclass | Untold, first: str, second: str) -> st
 
 
 def correlation(value: float) -> str:
-    """A correlation; those of means have no lower bound, and how far below -1 tells nothing."""
+    """Return a correlation as text; those of means have no lower bound, and values below -1 have no meaning."""
     return f"< {number(-1.0, 0)}" if value < -1.0 else number(value, 2)
 
 
@@ -108,7 +108,7 @@ def _plain_interval(each: Estimate) -> str:
 
 
 def three_digits(value: float) -> str:
-    """Three significant digits as print sets them."""
+    """Return three significant digits in print typography."""
     if value == 0.0:
         return "0"
     return number(value, max(0, 2 - math.floor(math.log10(abs(value)))))

@@ -1,4 +1,4 @@
-"""The drawings of a training run's page: returns, costs, the grid of constant feeds, the learning curve."""
+"""Figures of a training run's page: returns, costs, the grid of constant feeds, the learning curve."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROLES = ("agent", "script", "bound", "other")
-"""What a policy is on the page: the learned one, the best script, the upper bound, another."""
+"""Roles of a policy on the page: the learned one, the best script, the upper bound, another."""
 
 _COLOURS = {"agent": "#0072b2", "script": "#e69f00", "bound": "#009e73", "other": "#6b6b6b"}
 _MARKERS = {"agent": "o", "script": "s", "bound": "D", "other": "o"}
 _RETURN, _VALIDATION, _KEPT = "#56b4e9", "#d55e00", "#009e73"
-_PALE, _DEEP = (0xF1, 0xF6, 0xFA), (0x00, 0x5A, 0x94)  # ends of the heat map
-_PHONE = 6.0  # width below which a picture is drawn for a phone [in]
+_PALE, _DEEP = (0xF1, 0xF6, 0xFA), (0x00, 0x5A, 0x94)  # ends of the heat map's colours
+_PHONE = 6.0  # [in] width below which a figure is drawn for a phone
 
 
 @dataclass(frozen=True)
 class Bar:
-    """A mean of a policy with its 95 % interval."""
+    """Mean of a policy with its 95 % interval."""
 
     policy: str
     role: str
@@ -38,7 +38,7 @@ class Bar:
 
 
 def returns_figure(bars: Sequence[Bar], width: float) -> Figure:
-    """Dot and interval of every policy's return, in the order given from above, for a width [in]."""
+    """Draw dot and interval of every policy's return, in the order given from above, for a width [in]."""
     phone = width < _PHONE
     figure = new_figure(width, 0.75 + (0.5 if phone else 0.36) * len(bars))
     axes = figure.subplots()
@@ -64,16 +64,16 @@ def returns_figure(bars: Sequence[Bar], width: float) -> Figure:
 
 
 def costs_figure(terms: Sequence[str], policies: Sequence[Sequence[Bar]], width: float) -> Figure:
-    """Costs side by side, a group of bars for each term.
+    """Draw costs side by side, a group of bars for each term.
 
     Parameters
     ----------
     terms : sequence of str
-        In the reader's words, from above.
+        Terms in the reader's words, from above.
     policies : sequence of sequence of Bar
-        For each policy, as many costs as there are terms.
+        Costs of each policy, one for each term.
     width : float
-        [in]
+        Width [in].
     """
     phone = width < _PHONE
     figure = new_figure(width, 1.0 + len(terms) * (0.12 + 0.14 * len(policies)) + (0.2 * len(policies) * phone))
@@ -95,7 +95,7 @@ def costs_figure(terms: Sequence[str], policies: Sequence[Sequence[Bar]], width:
 
 
 def curve_figure(curve: Sequence[Mapping[str, float]], chosen_at: int | None, width: float) -> Figure:
-    """Return and success over the decisions trained for, and where the kept checkpoint was taken."""
+    """Draw return and success over the training decisions, and mark the checkpoint that was kept."""
     from matplotlib.ticker import EngFormatter
 
     phone = width < _PHONE
@@ -121,13 +121,13 @@ def curve_figure(curve: Sequence[Mapping[str, float]], chosen_at: int | None, wi
 
 
 def _column(curve: Sequence[Mapping[str, float]], name: str) -> tuple[list[float], list[float]]:
-    """Decisions and values of a column where it has any."""
+    """Return decisions and values of a column where it has any."""
     rows = [row for row in curve if math.isfinite(row.get(name, math.nan))]
     return [row["decisions"] for row in rows], [row[name] for row in rows]
 
 
 def _plain(axes: Axes, grid: Any) -> None:
-    """No box around the drawing, and faint lines across the axis that is read."""
+    """Remove the box around the drawing, and add faint grid lines across the axis that is read."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis=grid, color="0.9", linewidth=0.8)
     axes.set_axisbelow(True)
@@ -136,7 +136,7 @@ def _plain(axes: Axes, grid: Any) -> None:
 
 
 def heat_map(grid: Sequence[Mapping[str, Any]]) -> Html:
-    """Return at every speed and angle as a table whose cells are shaded by it; it reads aloud and needs no picture."""
+    """Return a table of the return at every speed and angle, with shaded cells; screen readers can read it."""
     cells = {(row["speed_cm_s"], row["angle_deg"]): row for row in grid}
     speeds, angles = (sorted({row[name] for row in grid}) for name in ("speed_cm_s", "angle_deg"))
     means = [row["mean"] for row in grid]
@@ -163,6 +163,6 @@ def _heat_cell(row: Mapping[str, Any], lowest: float, best: float) -> Html:
 
 
 def _luminance(colour: Sequence[int]) -> float:
-    """Relative luminance of an sRGB colour, as WCAG 2 defines it."""
+    """Return the relative luminance of an sRGB colour, as defined by WCAG 2."""
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (v / 255.0 for v in colour)]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

@@ -1,4 +1,4 @@
-"""The page of a training run: what the agent learned, beside scripts, on specimens that it has never seen."""
+"""Page of a training run: the agent's results beside scripts, on specimens that it has never seen."""
 
 from __future__ import annotations
 
@@ -43,19 +43,19 @@ _SHOWN_COST = 5e-4  # a smaller one is a bar without length
 
 
 def write_training_page(path: Path, result: TrainingResult) -> None:
-    """Write the page of a training run: one file that fetches nothing.
+    """Write the page of a training run as one self-contained file.
 
     Parameters
     ----------
     path : Path
-        Of the page (.html), in a folder that exists; an older one is replaced all at once.
+        Path of the page (.html), in a folder that exists; an older one is replaced as a whole.
     result : TrainingResult
-        What is shown.
+        Result to write.
 
     Raises
     ------
     ImportError
-        If matplotlib is not installed; names the command that installs it.
+        If matplotlib is not installed; the message gives the command that installs it.
     """
     sections = [
         Section("comparison", "Agent and scripts", _comparison(result)),
@@ -71,9 +71,9 @@ def write_training_page(path: Path, result: TrainingResult) -> None:
 
 
 def headline(result: TrainingResult) -> tuple[str, str, str]:
-    """Whether the agent beats the best script: a class (good, bad, open), a few words, and the sentences that say it.
+    """Return whether the agent beats the best script: a class (good, bad, open), a few words, and sentences.
 
-    The paired difference of return decides, and only where its 95 % interval does not hold 0.
+    The paired difference of return decides, and only if its 95 % interval excludes 0.
     """
     difference = result.difference(result.best_script, "return")
     assert difference is not None, "a TrainingResult refuses to be without"
@@ -95,20 +95,20 @@ def headline(result: TrainingResult) -> tuple[str, str, str]:
 
 
 def _interval(mean: float, low: float, high: float) -> str:
-    """A paired difference in words, with as many digits as keep the interval's ends apart from 0."""
+    """Return a paired difference in words, with as many digits as keep the interval's ends apart from 0."""
     digits = next((n for n in range(2, 7) if all(round(end, n) for end in (low, high) if end)), 7)
     return f"{number(mean, digits)} (95\u00a0% interval {number(low, digits)} to {number(high, digits)})"
 
 
 def _left(result: TrainingResult) -> str:
-    """What is left to the bound, as a sentence; nothing without a bound."""
+    """Return a sentence on the gap to the bound; "" without a bound."""
     if result.bound is None:
         return ""
     own, most = (float(result.score(policy, "return")["mean"]) for policy in (result.agent, result.bound))
     if own >= most:
         return f" Nothing is left to the upper bound ({result.bound}), which gets {number(most, 2)}."
     gap = f"{number(own, 2)} against {number(most, 2)}"
-    return f" What is left to the upper bound ({result.bound}) is {number(most - own, 2)}: {gap}."
+    return f" The gap to the upper bound ({result.bound}) is {number(most - own, 2)}: {gap}."
 
 
 def _lead(result: TrainingResult) -> Html:
@@ -120,7 +120,7 @@ def _lead(result: TrainingResult) -> Html:
 
 
 def _stronger_scripts(result: TrainingResult) -> Html:
-    """What the headline would hide: another policy that got more than the script it names."""
+    """Return a note on other policies that got more than the script named in the headline."""
     others = [policy for policy in result.policies if result.role(policy) == "other"]
     least = result.score(result.best_script, "return")["mean"]
     above = [policy for policy in others if result.score(policy, "return")["mean"] > least]
@@ -130,7 +130,7 @@ def _stronger_scripts(result: TrainingResult) -> Html:
 
 
 def _named(result: TrainingResult, policy: str) -> Html:
-    """A policy's name with what it is."""
+    """Return a policy's name with its role."""
     chips = {"agent": "learned", "script": "best script", "bound": "upper bound: sees hidden state"}
     role = result.role(policy)
     chip = f' <span class="chip">{chips[role]}</span>' if role in chips else ""
@@ -144,7 +144,7 @@ def _heading(column: Score) -> Html:
 
 def _shown(row: Mapping[str, Any], column: Score) -> Html:
     mean, low, high = (column.factor * row[name] for name in ("mean", "low_95", "high_95"))
-    if column.unit == "%":  # a normal interval of a share may reach beyond what a share can be
+    if column.unit == "%":  # a normal interval of a share may reach beyond 0 or 100 %
         low, high = max(low, 0.0), min(high, 100.0)
     return estimate(mean, low, high, column.digits)
 
@@ -233,7 +233,7 @@ def _costs(result: TrainingResult) -> Html:
 
 
 def _cost_table(result: TrainingResult, policies: Sequence[str], costs: Sequence[str]) -> Html:
-    """What was earned and paid, to the last term, so that it adds up to the return."""
+    """Return a table of all terms, which add up to the return."""
     earned = [term for term in result.terms() if term == "progress"]
     column = Score("", "", "", 1.0, 3)
     rows = [
@@ -264,7 +264,7 @@ def _cuts(result: TrainingResult) -> Html:
     return joined(
         paragraph(
             "The tissue from the side, cut as far as the crack tip came; below it force, speed and angle of the blade, "
-            "over its place. All cuts have the same scales. Where the force drops at once, the crack ran ahead."
+            "over its position. All cuts have the same scales. Where the force drops at once, the crack ran ahead."
         ),
         *(_cut(result, cut, beside) for cut in result.cuts),
     )

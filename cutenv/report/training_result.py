@@ -1,4 +1,4 @@
-"""What a training run came to, as plain data: checked at the door, so that the page cannot be wrong about it."""
+"""Result of a training run as plain data, checked on construction, so that the page can rely on it."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from cutenv.validation import array_in_range, in_range, one_of
 Rows = Sequence[Mapping[str, Any]]
 
 SPECIMEN_CLASS = "specimen class"
-"""The fact that the headline needs."""
+"""Name of the fact that the headline needs."""
 
-_LARGEST = 1e12  # no score is beyond; NaN and infinity are refused with it
+_LARGEST = 1e12  # no score is beyond it; NaN and infinity are refused with it
 _SHARE = "It is a share of the cuts, not a percentage."
 _ROUNDING = 1e-9
 _CURE = "An interval needs two specimens or more; look for a NaN in the scores."
@@ -26,7 +26,7 @@ _CURE = "An interval needs two specimens or more; look for a NaN in the scores."
 
 @dataclass(frozen=True)
 class Score:
-    """A score as a column: its name in the data, its heading, unit, factor to that unit and digits shown."""
+    """Score as a column: its name in the data, its heading, unit, factor to that unit and digits shown."""
 
     name: str
     heading: str
@@ -55,27 +55,27 @@ DIFFERENCES = (
 
 @dataclass(frozen=True, kw_only=True)
 class CutPicture:
-    """One cut to be drawn.
+    """Cut to be drawn.
 
     Parameters
     ----------
     policy : str
-        Whose cut.
+        Name of the policy.
     caption : str
-        Below the picture: which specimen, how it ended.
+        Text below the picture: the specimen, and the end.
     readings : Records
         The whole cut at 1 kHz, :data:`cutenv.cutting.records.READING`, shape (n,); hidden tip included.
     depth : array, shape (301,)
         Depth of cut along the line [m].
     target_length : float
-        [m]
+        Target length [m].
     force_limit_per_depth : float
-        [N/m]
+        Force limit over depth of cut [N/m].
 
     Raises
     ------
     TypeError, ValueError
-        For readings that are empty, lack a field or hold NaN, and for lengths that are none.
+        For readings that are empty, lack a field or hold NaN, and for lengths out of range.
     """
 
     policy: str
@@ -102,14 +102,14 @@ class CutPicture:
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingResult:
-    """What a training run came to, as plain data.
+    """Result of a training run as plain data.
 
     Parameters
     ----------
     title, subtitle : str
-        At the head of the page.
+        Title and subtitle of the page.
     facts : mapping of str to str
-        What the run depends on: seed, decisions, versions, commit; ``"specimen class"`` must be among them.
+        Facts that identify the run: seed, decisions, versions, commit; ``"specimen class"`` must be among them.
     summary : sequence of mappings
         Rows ``policy, score, mean, low_95, high_95, cuts``: every score of ``COLUMNS`` for every policy, and the terms
         ``reward_...`` for agent, best script and bound.  All policies met the same held-out specimens.
@@ -117,24 +117,24 @@ class TrainingResult:
         Rows ``policy, baseline, score, mean, low_95, high_95, cuts``: agent minus baseline, paired by specimen; score
         ``return`` for the best script at least, ``success`` where known.
     agent, best_script : str
-        The learned policy, and the script that it has to beat.
+        Learned policy, and the script to compare it with.
     bound : str or None
-        A planner that knows the hidden state: an upper bound, no competitor.
+        Planner that knows the hidden state: an upper bound, not a competitor.
     grid : sequence of mappings
         Rows ``speed_cm_s, angle_deg, mean, low_95, high_95, success``: return of constant feed, one row for every pair
         of a speed and an angle.
     cuts : sequence of CutPicture
-        The agent's and the best script's on one specimen.
+        Cuts of the agent and the best script on one specimen.
     curve : sequence of mappings
         Rows ``decisions, return, success`` and, where validated, ``validation_return, validation_success`` (otherwise
         absent or NaN).
     chosen_at : int or None
-        Decisions after which the kept checkpoint was taken.
+        Decisions before the kept checkpoint.
 
     Raises
     ------
     TypeError, ValueError
-        For a missing policy, score or cell, and for a number that is none; names the row and the field.
+        For a missing policy, score or cell, and for an invalid number; names the row and the field.
     """
 
     title: str
@@ -215,7 +215,7 @@ class TrainingResult:
         return float(self.score(policy, "return")["mean"])
 
     def score(self, policy: str, name: str) -> Mapping[str, Any]:
-        """The row of the summary for a policy and a score."""
+        """Return the row of the summary for a policy and a score."""
         found = (row for row in self.summary if (row["policy"], row["score"]) == (policy, name))
         row = next(found, None)
         if row is None:
@@ -223,32 +223,32 @@ class TrainingResult:
         return row
 
     def difference(self, baseline: str, name: str) -> Mapping[str, Any] | None:
-        """The row of the differences for a baseline and a score, if there is one."""
+        """Return the row of the differences for a baseline and a score, or None."""
         found = (row for row in self.differences if (row["baseline"], row["score"]) == (baseline, name))
         return next(found, None)
 
     def role(self, policy: str) -> str:
-        """What a policy is on the page; see :data:`cutenv.report.training_figures.ROLES`."""
+        """Return the role of a policy; see :data:`cutenv.report.training_figures.ROLES`."""
         return {self.bound: "bound", self.best_script: "script", self.agent: "agent"}.get(policy, "other")
 
     def bar(self, policy: str, name: str, sign: float = 1.0) -> Bar:
-        """A score with its interval as the figures take it; ``sign`` -1 turns a reward's term into a cost."""
+        """Return a score with its interval for the figures; ``sign`` -1 turns a reward's term into a cost."""
         row = self.score(policy, name)
         low, high = sorted((sign * row["low_95"], sign * row["high_95"]))
         return Bar(policy, self.role(policy), sign * row["mean"], low, high)
 
     def terms(self) -> list[str]:
-        """The reward's terms, in the order of the agent's rows."""
+        """Return the reward's terms, in the order of the agent's rows."""
         names = [row["score"] for row in self.summary if row["policy"] == self.agent]
         return [name.removeprefix("reward_") for name in names if name.startswith("reward_")]
 
     def compared(self) -> list[str]:
-        """The agent, the best script and, if there is one, the bound."""
+        """Return the agent, the best script and, if there is one, the bound."""
         return [policy for policy in (self.agent, self.best_script, self.bound) if policy is not None]
 
 
 def _check_rows(name: str, rows: Rows, words: Sequence[str], numbers: Sequence[str]) -> None:
-    """Refuse no rows, a row twice, a field that lacks or is no number, and a mean outside of its own interval."""
+    """Raise an error for no rows, a repeated row, a missing or invalid field, or a mean outside its interval."""
     if not rows:
         raise ValueError(f"{name} is empty; give its rows.")
     seen = set()
@@ -271,7 +271,7 @@ def _check_rows(name: str, rows: Rows, words: Sequence[str], numbers: Sequence[s
 
 
 def _check_whole(grid: Rows) -> None:
-    """Refuse a grid in which a pair of speed and angle is missing or comes twice."""
+    """Raise an error for a grid in which a pair of speed and angle is missing or repeated."""
     pairs = [(row["speed_cm_s"], row["angle_deg"]) for row in grid]
     for speed in dict.fromkeys(speed for speed, _ in pairs):
         for angle in dict.fromkeys(angle for _, angle in pairs):

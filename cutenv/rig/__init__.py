@@ -1,1 +1,1 @@
-"""The real rig: a motor and a force sensor that a policy meets through the simulator's interface, and that stop."""
+"""Real rig: a motor and a force sensor behind the simulator's interface, with the safety layer that stops them."""

@@ -1,4 +1,4 @@
-"""A bench with nothing on it: the blade of a fake rig moves in air."""
+"""Bench with nothing on it, for a fake rig whose blade moves in air."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.rig.identified import drive_of
 from cutenv.rig.settings import RigSettings
 
-_MIDDLE = 0.5  # of the way between the ends of travel, where the blade stands at first
-_FAR = 100.0  # [m] of the model's own end stops
+_MIDDLE = 0.5  # [1] share of the way between the ends of travel at which the blade starts
+_FAR = 100.0  # [m] to the model's own end stops
 
 
 class AirBench:
-    """The simulator's drive and sensor, and no specimen; a bench of :class:`cutenv.rig.fake.FakeRig`.
+    """Bench of :class:`cutenv.rig.fake.FakeRig` with the simulator's drive and sensor, and no specimen.
 
     Parameters
     ----------
     settings : RigSettings
-        Where the travel is, and the angle at the start.
+        Settings with the travel, and the angle at the start.
     drive : Rig, optional
-        Of the blade; default as the settings tell it.
+        Drive of the blade; by default the one that the settings describe.
     sensor : SensorParameters, optional
-        Of the force.
+        Parameters of the force sensor.
     start : float, optional
-        Where the blade stands at first [m]; default the middle of its travel.
+        Position of the blade at the start [m]; by default the middle of its travel.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class AirBench:
         self._force = self._sensor.measure(0.0)
 
     def step(self, speed: float, turn: float, stopping: bool) -> None:
-        """A millisecond; a quick stop brakes at its own rate, without the velocity loop's lag."""
+        """Advance by a millisecond; a quick stop brakes at its own rate, without the velocity loop's lag."""
         drive, state = self._records[0], self._states[0]
         drive.acceleration = self._quick_stop if stopping else self._drive.acceleration
         drive.lag = TICK if stopping else self._drive.motor_lag
@@ -60,7 +60,7 @@ class AirBench:
         self._force = self._sensor.measure(0.0)
 
     def block(self) -> None:
-        """A millisecond in which nothing can move."""
+        """Advance by a millisecond in which nothing can move."""
         self._states["hand_speed"] = 0.0
         self._force = self._sensor.measure(0.0)
 
@@ -72,5 +72,5 @@ class AirBench:
 
     @property
     def force(self) -> float:
-        """As the sensor has it [N]."""
+        """Force as measured by the sensor [N]."""
         return self._force

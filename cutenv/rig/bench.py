@@ -1,4 +1,4 @@
-"""What a fake rig's blade and sensor are about: a specimen under the cutting law, or a recorded cut."""
+"""Bench of a fake rig, on which its blade and sensor work: a specimen under the cutting law, or a recorded cut."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from cutenv.trace import Trace
 
 
 class Bench(Protocol):
-    """What blade and sensor are about."""
+    """Load that a fake rig's blade and sensor work on."""
 
     def step(self, speed: float, turn: float, stopping: bool) -> None:
-        """A millisecond under a commanded speed [m/s] and rate of turn [rad/s]."""
+        """Advance by a millisecond under a commanded speed [m/s] and rate of turn [rad/s]."""
         ...
 
     def block(self) -> None:
-        """A millisecond in which nothing can move."""
+        """Advance by a millisecond in which nothing can move."""
         ...
 
     @property
@@ -35,12 +35,12 @@ class Bench(Protocol):
 
     @property
     def force(self) -> float:
-        """As the sensor has it [N]."""
+        """Force as measured by the sensor [N]."""
         ...
 
 
 class CutBench:
-    """A specimen under the cutting law, with the simulator's own drive and sensor."""
+    """Specimen under the cutting law, with the simulator's own drive and sensor."""
 
     def __init__(
         self, specimen: Specimen, settings: RigSettings, *, drive: Rig | None = None,
@@ -55,7 +55,7 @@ class CutBench:
         self._reading = self.plant.advance(0.0, self._angle, 1)
 
     def step(self, speed: float, turn: float, stopping: bool) -> None:
-        """A millisecond; a quick stop brakes at its own rate, without the velocity loop's lag."""
+        """Advance by a millisecond; a quick stop brakes at its own rate, without the velocity loop's lag."""
         self._angle += turn * TICK
         speed = 0.0 if stopping else speed
         self.plant.cuts["drive"]["acceleration"] = self._quick_stop if stopping else self._drive.acceleration
@@ -64,11 +64,11 @@ class CutBench:
 
     @property
     def _measured_angle(self) -> float:
-        """The part of the hinge's travel for which the law was measured."""
+        """Angle, limited to the range for which the law was measured [rad]."""
         return min(max(self._angle, ANGLE_RANGE[0]), ANGLE_RANGE[1])
 
     def block(self) -> None:
-        """A millisecond in which nothing can move."""
+        """Advance by a millisecond in which nothing can move."""
         self.plant.cuts["state"]["hand_speed"] = 0.0
         self._reading = self.plant.advance(0.0, self._measured_angle, 1)
 
@@ -80,12 +80,12 @@ class CutBench:
 
     @property
     def force(self) -> float:
-        """As the sensor has it [N]."""
+        """Force as measured by the sensor [N]."""
         return float(self._reading[0]["force"])
 
 
 class ReplayBench:
-    """A recorded cut, millisecond by millisecond, whatever is commanded; at its end the blade rests."""
+    """Recorded cut, replayed millisecond by millisecond, whatever is commanded; at its end the blade rests."""
 
     def __init__(self, trace: Trace) -> None:
         self._tape = ReplayPlant(trace)
@@ -93,13 +93,13 @@ class ReplayBench:
         self._holding = True
 
     def step(self, speed: float, turn: float, stopping: bool) -> None:
-        """The next millisecond; a quick stop holds the record."""
+        """Advance by a millisecond; a quick stop holds the record."""
         self._holding = stopping or self._tape.left == 0
         if not self._holding:
             self._reading = self._tape.advance(speed, math.pi / 2, 1)[0]
 
     def block(self) -> None:
-        """The record is held."""
+        """Hold the record."""
         self._holding = True
 
     @property
@@ -110,5 +110,5 @@ class ReplayBench:
 
     @property
     def force(self) -> float:
-        """As the sensor had it [N]."""
+        """Force as recorded from the sensor [N]."""
         return float(self._reading["force"])

@@ -1,22 +1,22 @@
-"""Whether an axis's samples come once with every SYNC, or more often: doubled on the bus, or asked for by another."""
+"""Check that an axis's samples come once with every SYNC, not doubled by the bus or requested by another master."""
 
 from __future__ import annotations
 
 import math
 
 SURPLUS = 4.0
-"""Samples more than there were SYNCs, from which they are no jitter."""
-_STALLED = 0.25  # [s] of samples that may come at once, after a computer has stalled
+"""Surplus of samples over SYNCs from which it is no jitter."""
+_STALLED = 0.25  # [s] of samples that may come at once, after this computer has stalled
 _MEMORY = 20.0  # SYNCs after which a surplus or a lack is forgotten
 
 
 class Cadence:
-    """Counts the samples of one axis against the time.
+    """Counter of the samples of one axis against the time.
 
     Parameters
     ----------
     sync : float
-        Between samples [s].
+        Time between samples [s].
     """
 
     def __init__(self, sync: float) -> None:
@@ -24,10 +24,10 @@ class Cadence:
         self._last: float | None = None
         self.surplus = 0.0
 
-        """Samples more than SYNCs; negative after some were lost or are late."""
+        """Surplus of samples over SYNCs; negative if some were lost or are late."""
 
     def count(self, time: float) -> None:
-        """Take a sample at ``time`` [s]."""
+        """Count a sample at ``time`` [s]."""
         last, self._last = self._last, time
         if last is not None:
             syncs = max(time - last, 0.0) / self._sync

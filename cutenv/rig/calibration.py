@@ -1,4 +1,4 @@
-"""Whether the force sensor's last check still counts."""
+"""Validity of the force sensor's last check."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from cutenv.rig.settings import Calibration
 
 
 def day_of(text: str) -> date:
-    """The day of an ISO 8601 text, such as ``2026-03-01`` or ``2026-03-01T14:05:00``.
+    """Return the day of an ISO 8601 text, such as ``2026-03-01`` or ``2026-03-01T14:05:00``.
 
     Raises
     ------
     ValueError
-        If it is none.
+        If the text is not a date.
     """
     try:
         return datetime.fromisoformat(text).date()
     except ValueError:
-        raise ValueError(f"{text!r} is no date. Write it as 2026-03-01.") from None
+        raise ValueError(f"{text!r} is not a date. Write it as 2026-03-01.") from None
 
 
 def expired(calibration: Calibration, today: date) -> str | None:
-    """Why the calibration does not count on that day: never, in the future, too long ago; None if it does."""
+    """Return the reason why the calibration is not valid on that day (never, in the future, too old), or None."""
     cure = "Hang known weights on the sensor, and write the day as calibration.date into the rig's file."
     if not calibration.date:
         return f"the force sensor was never checked. {cure}"

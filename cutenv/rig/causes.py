@@ -1,4 +1,4 @@
-"""Why the blade is stopped, how fast that is found out, and what is told of a stop."""
+"""Causes of a stop, the longest time to detect each, and the report of a stop."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cutenv.rig.settings import Limits
 
 
 class Cause(StrEnum):
-    """Why the blade is stopped."""
+    """Cause of a stop."""
 
     FORCE = "force limit"
     FORCE_RISE = "force rise"
@@ -44,29 +44,29 @@ class Cause(StrEnum):
 
 
 class Breach(NamedTuple):
-    """A cause to stop, and what was found."""
+    """Cause of a stop, with a description of what was found."""
 
     cause: Cause
     detail: str
 
 
 BY_PEOPLE = (Cause.INTERRUPTED, Cause.OPERATOR, Cause.ORPHANED)
-"""Stops that mean the end of the work, not of one cut."""
+"""Causes that end the whole session, not only one cut."""
 WATCH = 0.002
-"""Period of the watchdog that finds out what is missing [s]."""
+"""Period at which the watchdog looks for overdue signals [s]."""
 STUCK_AFTER = 0.060
-"""Time that a blade told to move may stand before its encoder counts as stuck [s]."""
+"""Time that a blade commanded to move may stand before its encoder counts as stuck [s]."""
 
 STILL = 0.200
-"""Time that one axis of force may stand at a count while the blade moves, where its own noise is not identified [s]."""
+"""Time that a force axis may stay at one count while the blade moves, if its own noise is not identified [s]."""
 
 
 def detection_times(limits: Limits, *, packet: float = 0.001, sync: float = 0.005) -> dict[Cause, float]:
-    """Longest time from the moment that something is wrong to the decision to stop [s], for each cause.
+    """Return the longest time from the moment of a fault to the decision to stop [s], for each cause.
 
-    ``packet`` is the period of the force readings [s], ``sync`` that of the samples of motion [s].  Of what grows (a
-    following error, the share of lost readings), the time counts from the crossing of its limit.  Of one frozen axis of
-    force it is that of a rig that is not identified.
+    ``packet`` is the period of the force readings [s], ``sync`` that of the motion samples [s]. For a quantity that
+    grows (a following error, the share of lost readings) the time counts from the crossing of its limit. The time for
+    one frozen force axis applies to a rig that is not identified.
     """
     return {
         Cause.FORCE: packet,
@@ -100,35 +100,35 @@ def detection_times(limits: Limits, *, packet: float = 0.001, sync: float = 0.00
 
 @dataclass(kw_only=True)
 class StopReport:
-    """What is told of a stop; times of the rig's clock [s], None for what has not happened yet."""
+    """Report of a stop; times on the rig's clock [s], None for what has not happened yet."""
 
     cause: Cause
     detail: str
     detected: float
     commanded: float | None = None
-    """When the quick stop was put on the bus."""
+    """Time at which the quick stop was put on the bus [s]."""
     standstill: float | None = None
     position: float | None = None
-    """Of the blade when it was detected [m]."""
+    """Position of the blade at detection [m]."""
     rest_position: float | None = None
-    """Where it stands [m]."""
+    """Position of the blade at rest [m]."""
     peak_force: float = 0.0
-    """Greatest norm from then on [N]."""
+    """Greatest norm of the force since detection [N]."""
 
     @property
     def time_to_standstill(self) -> float | None:
-        """From detection [s]."""
+        """Time from detection to standstill [s]."""
         return None if self.standstill is None else self.standstill - self.detected
 
     @property
     def distance_to_standstill(self) -> float | None:
-        """From detection [m]."""
+        """Distance from detection to standstill [m]."""
         if self.rest_position is None or self.position is None:
             return None
         return abs(self.rest_position - self.position)
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON holds it; units in the names."""
+        """Return a dictionary for JSON; units are in the names."""
         return {
             "cause": self.cause.value,
             "detail": self.detail,
@@ -147,14 +147,14 @@ class StopReport:
 
 
 class RigStopped(RigError):
-    """The blade was stopped, and stays so until the operator resets it.
+    """Error for a blade that was stopped, and stays so until the operator resets it.
 
     Attributes
     ----------
     report : StopReport
-        Why, and how long it took.
+        Cause of the stop, and how long it took.
     readings : Records
-        What was felt since the last command, until the blade stood.
+        Readings since the last command, until the blade was at rest.
     """
 
     def __init__(self, report: StopReport, readings: Records) -> None:

@@ -1,4 +1,4 @@
-"""Time as an argument: the machine's own clock with threads, or one that tests move by hand without any."""
+"""Clock as an argument: the machine's own, with threads, or a fake one that tests move by hand, without threads."""
 
 from __future__ import annotations
 
@@ -9,35 +9,35 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-_FINE = 0.0005  # [s] before the moment, from which waiting is done in short steps
-_STEP = 0.001  # [s] by which a clock is moved that waits for something
+_FINE = 0.0005  # [s] before the end, from which waiting goes on in short steps
+_STEP = 0.001  # [s] step by which a fake clock moves while it waits
 
 
 class Repeating(Protocol):
-    """Something that is done every so often."""
+    """Handle of an action that is repeated at a fixed period."""
 
     def stop(self) -> None:
-        """Not again; returns when it is no longer running, may be called twice and from itself."""
+        """End the repetition; return once the action no longer runs. May be called twice, and by the action itself."""
         ...
 
 
 class Clock(Protocol):
-    """Tells the time, waits, and does things every so often."""
+    """Source of time that can wait, and repeat actions."""
 
     def now(self) -> float:
-        """Seconds from some beginning; never goes back."""
+        """Return the time since some origin [s]; it never goes back."""
         ...
 
     def sleep_until(self, moment: float) -> float:
-        """Wait for ``moment`` [s]; return the time it has become, which may be later."""
+        """Wait until ``moment`` [s]; return the time reached, which may be later."""
         ...
 
     def wait_for(self, come: Callable[[], bool], limit: float, changed: threading.Condition) -> bool:
-        """Wait at most ``limit`` [s] for what another thread brings, who notifies ``changed``; whether it has come."""
+        """Wait at most ``limit`` [s] until ``come()`` is true, which ``changed`` notifies; return whether it is."""
         ...
 
     def every(self, period: float, action: Callable[[float], None], name: str) -> Repeating:
-        """Call ``action(now)`` every ``period`` [s] from one period on; what is late is not made up for."""
+        """Call ``action(now)`` every ``period`` [s], first after one period; missed calls are not made up."""
         ...
 
 
@@ -45,17 +45,17 @@ class SystemClock:
     """The machine's monotonic clock, the same in all its processes."""
 
     def now(self) -> float:
-        """Seconds since the machine was started."""
+        """Return the time since the machine was started [s]."""
         return time.monotonic()
 
     def sleep_until(self, moment: float) -> float:
-        """Wait; the last half millisecond in short steps, for an operating system likes to oversleep."""
+        """Wait until ``moment`` [s], the last half millisecond in short steps: operating systems oversleep."""
         while (left := moment - time.monotonic()) > 0.0:
             time.sleep(left - _FINE if left > 2 * _FINE else min(left, 5e-5))
         return time.monotonic()
 
     def wait_for(self, come: Callable[[], bool], limit: float, changed: threading.Condition) -> bool:
-        """Wait until it has come, or the time is up."""
+        """Wait until ``come()`` is true, or ``limit`` [s] has passed."""
         with changed:
             return changed.wait_for(come, timeout=limit)
 
@@ -84,7 +84,7 @@ class _Thread:
 
 
 class FakeClock:
-    """Time that passes only while somebody waits: what is due then is done in order, in the waiting thread."""
+    """Clock that moves only while somebody waits: due actions then run in order, in the waiting thread."""
 
     def __init__(self, start: float = 100.0) -> None:
         self._now = start
@@ -92,11 +92,11 @@ class FakeClock:
         self._order = itertools.count()
 
     def now(self) -> float:
-        """Seconds, as far as it has been moved."""
+        """Return the time to which it has been moved [s]."""
         return self._now
 
     def sleep_until(self, moment: float) -> float:
-        """Move on to ``moment`` [s], and do on the way what is due."""
+        """Move on to ``moment`` [s], running due actions on the way."""
         while self._due and self._due[0][0] <= moment:
             due, _, turn = heapq.heappop(self._due)
             if turn.stopped:
@@ -108,24 +108,24 @@ class FakeClock:
         return self._now
 
     def wait_for(self, come: Callable[[], bool], limit: float, changed: threading.Condition) -> bool:
-        """Move on until it has come; what brings it is done on the way, as there is no other thread."""
+        """Move on until ``come()`` is true or ``limit`` [s] has passed; due actions run on the way, in this thread."""
         ends = self._now + limit
         while not come() and self._now < ends:
             self.sleep_until(min(self._now + _STEP, ends))
         return come()
 
     def every(self, period: float, action: Callable[[float], None], name: str) -> Repeating:
-        """Call ``action`` while somebody waits."""
+        """Call ``action`` every ``period`` [s] while somebody waits."""
         turn = _Turn(period, action)
         heapq.heappush(self._due, (self._now + period, next(self._order), turn))
         return turn
 
 
 class PacedClock(FakeClock):
-    """A fake clock whose time passes no faster than the machine's: for a person who watches."""
+    """Fake clock that runs no faster than the machine's, for a person who watches."""
 
     def sleep_until(self, moment: float) -> float:
-        """Really wait for so long, then do what is due."""
+        """Wait for that time on the machine's clock, then run due actions."""
         time.sleep(max(moment - self.now(), 0.0))
         return super().sleep_until(moment)
 

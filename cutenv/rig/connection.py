@@ -1,4 +1,4 @@
-"""A rig by its name, connected to and guarded, with nothing on its bench: for what a lab does before it cuts."""
+"""Connection to a rig by its name, guarded and with nothing on its bench: for work in a lab before any cut."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from cutenv.rig.settings import RigSettings
 from cutenv.rig.toml_file import read
 
 FAKE, EMULATOR = "fake", "emulator"
-"""Names that are no files: a rig in memory on a clock of its own, and an emulated one in a process of its own."""
+"""Names that are not files: a rig in memory on its own clock, and an emulated one in its own process."""
 
 
 class Connection(NamedTuple):
-    """A rig that is connected to; nothing has moved, and the drives have no power."""
+    """Connected rig; nothing has moved, and the drives have no power."""
 
     settings: RigSettings
     plant: RigPlant
@@ -31,21 +31,21 @@ class Connection(NamedTuple):
 
 @contextmanager
 def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connection]:
-    """Connect to a rig, and be ready to stop it whatever happens; it is left at the end.
+    """Connect to a rig, with every stop installed; it is closed at the end of the block.
 
     Parameters
     ----------
     rig : str
         A rig's TOML file, "emulator" or "fake"; the latter two have the blade in free air.
     clock : FakeClock, optional
-        Of a fake rig.
+        Clock of a fake rig.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If the file is missing or says what cannot be.
+        If the file is missing or not valid.
     RigError
-        If the rig is not there, or not what its file says.
+        If the rig is not there, or differs from its file.
     """
     with ExitStack() as stack:
         if rig == FAKE:
@@ -68,7 +68,7 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
 
 
 def operator_of(settings: RigSettings) -> Operator:
-    """Whom to ask before a rig moves: a person at the terminal; nobody for an emulated or fake one.
+    """Return the operator of a rig: a person at the terminal; for an emulated or fake rig an automatic one.
 
     Raises
     ------
@@ -79,11 +79,11 @@ def operator_of(settings: RigSettings) -> Operator:
 
 
 def settings_of(rig: str) -> RigSettings:
-    """What is known of a rig before it is connected to.
+    """Return the settings of a rig without connecting to it.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If its file is missing or says what cannot be.
+        If its file is missing or not valid.
     """
     return fake_settings(name=rig) if rig in (FAKE, EMULATOR) else read(rig)

@@ -1,6 +1,6 @@
-"""What cannot be true of one rig at the same time: keys of its file that are each in range and contradict each other.
+"""Contradictions in a rig's file: keys that are each in range but cannot be true at the same time.
 
-A rig that is accepted here can be cut with: no limit is crossed by what the rig does when all is well.
+A rig that is accepted here can be used for cuts: in normal operation it crosses no limit.
 """
 
 from __future__ import annotations
@@ -21,34 +21,34 @@ from cutenv.rig.settings import Axis, RigSettings
 from cutenv.validation import one_of
 
 AHEAD = 0.010
-"""By which the blade is ahead of the tip in tissue [m]."""
+"""Distance by which the blade is ahead of the tip in tissue [m]."""
 SHORTEST_TRAVEL = 0.015 + AHEAD
 """Far end of travel that the shortest cut needs [m]."""
-_CLAMP_ROOM = 5e-4  # [m] before the clamp: a blade that returns to it passes it by less
-_UPRIGHT_ROOM = math.radians(0.5)  # beyond 90 degrees, likewise
-_STOP_WITHIN = 0.25  # [s] of a quick stop from the axis's top speed
-_TURNING_WITHIN = 0.25  # [s] from rest to the rate that a cut asks of a hinge
-_SETTLING = 6.0  # lags of the velocity loop until the blade counts as standing
-_COARSEST = 2e-5  # [m] of an increment: beyond, a blade that creeps would not be seen to move
-_FULL = 0.8  # of a bus, beyond which frames come late
-_SYNC_BITS, _AXIS_BITS = 55, 365  # a SYNC, and an axis's command and two answers to it, with all stuffing
-_TISSUE_RISE = 15.0 / 0.0254  # [N/m]: force over way in tissue
-_NOISE, _RESOLUTION = 0.02, 0.05  # [N] of a sensor that was not identified
+_CLAMP_ROOM = 5e-4  # [m] before the clamp: a blade that returns to it overshoots by less
+_UPRIGHT_ROOM = math.radians(0.5)  # [rad] beyond 90 degrees, for the same reason
+_STOP_WITHIN = 0.25  # [s] allowed for a quick stop from the axis's top speed
+_TURNING_WITHIN = 0.25  # [s] from rest to the rate that a cut demands of a hinge
+_SETTLING = 6.0  # lags of the velocity loop until the blade counts as at rest
+_COARSEST = 2e-5  # [m] coarsest increment: with a larger one, creeping motion would not be seen
+_FULL = 0.8  # [1] greatest load of a bus: beyond it frames come late
+_SYNC_BITS, _AXIS_BITS = 55, 365  # bits of a SYNC, and of an axis's command and two answers, with all stuffing
+_TISSUE_RISE = 15.0 / 0.0254  # [N/m] rise of the force along the cut in tissue
+_NOISE, _RESOLUTION = 0.02, 0.05  # [N] of a sensor that is not identified
 _NOISY = 6.0  # standard deviations that noise alone may reach
-_MEASURED_AS_TOLD = 2.0  # ratio of an acceleration that was identified to the one that the drive is told
+_MEASURED_AS_TOLD = 2.0  # [1] greatest ratio of the identified acceleration to the one set in the drive
 
 Found = Iterator["Contradiction"]
 
 
 class Contradiction(NamedTuple):
-    """Keys that cannot both be true.
+    """Keys that cannot be true together.
 
     Attributes
     ----------
     keys : tuple of str
-        Section and field of each, such as ``"limits.high"``.
+        Section and field of each key, such as ``"limits.high"``.
     why : str
-        What would come of them, and the cure.
+        Consequence, and cure.
     """
 
     keys: tuple[str, ...]
@@ -56,12 +56,12 @@ class Contradiction(NamedTuple):
 
 
 def refuse_contradictions(settings: RigSettings) -> None:
-    """Refuse a rig whose keys contradict each other.
+    """Raise an error for a rig whose keys contradict each other.
 
     Raises
     ------
     ValueError
-        Names every contradiction, with the keys and values as the file has them.
+        If keys contradict each other; names every contradiction, with keys and values as in the file.
     """
     found = [
         f"{' and '.join(shown(settings, key) for key in each.keys)}: {each.why}" for each in contradictions(settings)
@@ -71,7 +71,7 @@ def refuse_contradictions(settings: RigSettings) -> None:
 
 
 def contradictions(settings: RigSettings) -> Found:
-    """Everything in a rig's settings that contradicts something else in them."""
+    """Yield every contradiction among a rig's settings."""
     yield from _names(settings)
     yield from _nodes(settings)
     yield from _bus(settings)
@@ -115,7 +115,7 @@ def _bus(settings: RigSettings) -> Found:
         yield Contradiction(("bus.interface", "bus.channel"), f"{error}")
     if 2.0 * bus.heartbeat > DRIVE_PATIENCE:
         yield Contradiction(
-            ("bus.heartbeat",), f"a drive stops after {1e3 * DRIVE_PATIENCE:g} ms without; two must fit into that."
+            ("bus.heartbeat",), f"a drive stops after {1e3 * DRIVE_PATIENCE:g} ms without one; two must fit into that."
         )
     if 1.5 * PRODUCER_PERIOD > limits.heartbeat:
         yield Contradiction(
@@ -154,7 +154,7 @@ def _travel(settings: RigSettings) -> Found:
     if limits.following < limits.speed * settings.bus.sync:
         yield Contradiction(
             ("limits.following", "limits.speed", "bus.sync"),
-            "the blade goes further from one sample to the next. Allow more.",
+            "the blade moves further than that between two samples. Allow more.",
         )
 
 
@@ -188,7 +188,7 @@ def _brakes(settings: RigSettings) -> Found:
         if axis.speed > _STOP_WITHIN * axis.quick_stop:
             yield Contradiction(
                 (f"{name}.quick_stop", f"{name}.speed"),
-                f"from its top speed it takes {axis.speed / axis.quick_stop:.2g} s to rest, and may take "
+                f"from its top speed it takes {axis.speed / axis.quick_stop:.2g} s to stop, and may take "
                 f"{_STOP_WITHIN:g}. Raise the one, or lower the other.",
             )
     blade, lag = settings.blade, settings.identified.motor_lag or 0.0
@@ -224,7 +224,7 @@ def _forces(settings: RigSettings) -> Found:
             ("limits.force_rise", "limits.speed"),
             f"in tissue, force rises by {_TISSUE_RISE * limits.speed:.3g} N/s at that speed. Allow more, or go slower.",
         )
-    rise = math.sqrt(2.0) * noisy / RISE_OVER  # of a difference of two readings
+    rise = math.sqrt(2.0) * noisy / RISE_OVER  # noise of a difference of two readings
     if limits.force_rise < rise:
         yield Contradiction(
             ("limits.force_rise", *sources), f"the sensor's noise alone rises by up to {rise:.3g} N/s. Allow more."
@@ -238,7 +238,7 @@ def _turns(settings: RigSettings) -> Found:
     if hinge is None:
         if not limits.angle_low <= settings.fixed_angle <= limits.angle_high:
             yield Contradiction(
-                ("fixed_angle", "limits.angle_low", "limits.angle_high"), "the blade is set outside of its limits."
+                ("fixed_angle", "limits.angle_low", "limits.angle_high"), "the fixed angle is outside its limits."
             )
         return
     if not limits.angle_low + 4.0 * _UPRIGHT_ROOM <= math.pi / 2 <= limits.angle_high - _UPRIGHT_ROOM:
@@ -269,12 +269,12 @@ def _measured(settings: RigSettings) -> Found:
     if measured and not 1.0 / _MEASURED_AS_TOLD <= measured / told <= _MEASURED_AS_TOLD:
         yield Contradiction(
             ("identified.acceleration", "blade.acceleration"),
-            "the axis was measured at another one than the drive is told. Identify the rig anew.",
+            "it was measured with another setting of the drive. Identify the rig again.",
         )
 
 
 def _counts(name: str, axis: Axis) -> Found:
-    """Whether some drive can count in increments and units of speed what the axis does."""
+    """Yield contradictions if no drive can express this axis in increments and units of speed."""
     mechanics = (f"{name}.pulses", f"{name}.gear", f"{name}.lead")
     refusals = []
     for steps in (1000, 1):  # newer drives know milli-rpm, older ones whole rpm
@@ -291,6 +291,6 @@ def _counts(name: str, axis: Axis) -> Found:
     elif name == "blade" and units.position(1) * axis.direction > _COARSEST:
         yield Contradiction(
             mechanics,
-            f"an increment of the encoder is {1e3 * abs(units.position(1)):.2g} mm, and a blade that creeps goes "
-            f"{1e3 * _COARSEST:g} mm between looks.",
+            f"an increment of the encoder is {1e3 * abs(units.position(1)):.2g} mm, and a creeping blade moves "
+            f"{1e3 * _COARSEST:g} mm between two checks.",
         )

@@ -1,4 +1,4 @@
-"""The depth of cut along a specimen, as a lab measures it by caliper before the cut."""
+"""Depth of cut along a specimen, as a lab measures it by caliper before the cut."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.validation import array_in_range
 
 SHALLOWEST, DEEPEST = 0.001, 0.060
-"""Depths of cut that a profile may hold [m]."""
-_FIRST = 0.001  # [m] from the clamp, within which a profile begins
+"""Range of depths of cut allowed in a profile [m]."""
+_FIRST = 0.001  # [m] from the clamp, within which a profile has to begin
 _CURE = "Measure the specimen by caliper: depth_profile = [[position_mm, depth_mm], ...], from the clamp on."
 
 
 def check_depth_profile(profile: Sequence[tuple[float, float]], reach: float) -> None:
-    """Refuse a profile that does not tell the depth of a whole cut.
+    """Raise an error for a profile that does not give the depth along a whole cut.
 
     Parameters
     ----------
     profile : sequence of (position, depth)
-        From the clamp on [m].
+        Points from the clamp on [m].
     reach : float
-        How far it must tell [m].
+        Distance from the clamp that it has to cover [m].
 
     Raises
     ------
@@ -53,21 +53,21 @@ def check_depth_profile(profile: Sequence[tuple[float, float]], reach: float) ->
 
 
 def depth_along(settings: RigSettings, target: float | None = None) -> NDArray[np.float64]:
-    """The measured depth of cut every 0.5 mm from the clamp on, shape (301,) [m].
+    """Return the measured depth of cut every 0.5 mm from the clamp on, shape (301,) [m].
 
     Linear between the points of the profile, constant beyond its ends.
 
     Parameters
     ----------
     settings : RigSettings
-        With the profile.
+        Settings with the profile.
     target : float, optional
         Length of the cut [m], which the profile must cover; by default the shortest that the task draws.
 
     Raises
     ------
     ValueError
-        If the profile does not tell the depth of the whole cut: see :func:`check_depth_profile`.
+        If the profile does not cover the whole cut: see :func:`check_depth_profile`.
     """
     check_depth_profile(settings.depth_profile, reach_of(settings) if target is None else target)
     position, depth = np.asarray(settings.depth_profile, dtype=np.float64).T
@@ -76,5 +76,5 @@ def depth_along(settings: RigSettings, target: float | None = None) -> NDArray[n
 
 
 def reach_of(settings: RigSettings) -> float:
-    """How far any profile of this rig must tell [m]: the shortest cut, or the end of travel if that comes before."""
+    """Return the distance that any profile has to cover [m]: the shortest cut, or the end of travel if less."""
     return min(SHORTEST, settings.limits.high)

@@ -1,4 +1,4 @@
-"""The joints to hardware: an axis that moves, a sensor that feels, and who is told about it."""
+"""Interfaces to the hardware: an axis that moves, a sensor that measures, and the listeners that they report to."""
 
 from __future__ import annotations
 
@@ -11,133 +11,133 @@ if TYPE_CHECKING:
 
 
 class RigError(Exception):
-    """The rig cannot do what is asked: not there, not what was expected, or not willing; the message says the cure."""
+    """Error for a rig that is missing, not as expected, or unable to do what is asked; the message gives the cure."""
 
 
 class MotionListener(Protocol):
-    """Who is told what an axis does; called from the driver's threads, and never waits."""
+    """Receiver of an axis's reports; called from the driver's threads, and must never wait."""
 
     def motion(self, axis: str, sample: MotionSample) -> None:
-        """A sample of position, speed and state has arrived."""
+        """Take a sample of position, speed and state that has arrived."""
         ...
 
     def alive(self, axis: str, time: float) -> None:
-        """The drive's heartbeat has arrived, at ``time`` [s]."""
+        """Take the drive's heartbeat, which arrived at ``time`` [s]."""
         ...
 
     def emergency(self, axis: str, code: int, meaning: str, time: float) -> None:
-        """The drive reports an error (CiA 402 code, such as 0x8611), at ``time`` [s]."""
+        """Take an error that the drive reported (CiA 402 code, such as 0x8611) at ``time`` [s]."""
         ...
 
     def foreign(self, axis: str, what: str, time: float) -> None:
-        """Somebody else commands the drive: ``what`` was seen on the bus at ``time`` [s]."""
+        """Take the report that another master commands the drive: ``what`` was seen on the bus at ``time`` [s]."""
         ...
 
     def broken(self, axis: str, why: str, time: float) -> None:
-        """The way to the drive is broken (bus off, connection lost), at ``time`` [s]."""
+        """Take the report that the drive cannot be reached (bus off, connection lost) since ``time`` [s]."""
         ...
 
 
 class ForceListener(Protocol):
-    """Who is told what the sensor feels; called from the driver's thread for every packet, and never waits."""
+    """Receiver of a sensor's readings; called from the driver's thread for every packet, and must never wait."""
 
     def force(self, sample: ForceSample) -> None:
-        """A reading has arrived, in order of its sequence."""
+        """Take a reading that has arrived, in order of its sequence."""
         ...
 
     def garbled(self, why: str, time: float) -> None:
-        """Something has arrived that is no reading, at ``time`` [s]."""
+        """Take the report of a packet that is not a valid reading, at ``time`` [s]."""
         ...
 
 
 class Witness(Protocol):
-    """Who is told along with the supervisor; in the drivers' threads, so it never waits."""
+    """Receiver of the same reports as the supervisor; called in the drivers' threads, and must never wait."""
 
     def force(self, sample: ForceSample) -> None:
-        """A reading has arrived."""
+        """Take a reading that has arrived."""
         ...
 
     def motion(self, axis: str, sample: MotionSample) -> None:
-        """A sample of an axis has arrived."""
+        """Take a sample of an axis that has arrived."""
         ...
 
     def alive(self, axis: str, time: float) -> None:
-        """A drive's heartbeat has arrived, at ``time`` [s]."""
+        """Take a drive's heartbeat, which arrived at ``time`` [s]."""
         ...
 
 
 class MotionDriver(Protocol):
     """One axis under velocity control: the carriage of the blade, or its angle.
 
-    SI and radians; the driver knows gear, lead and encoder.  Every method raises :class:`RigError` where the axis does
-    not answer in time.
+    SI and radians; the driver knows gear, lead and encoder. Every method raises :class:`RigError` if the axis does not
+    answer in time.
     """
 
     name: str
-    """"blade" or "angle"."""
+    """Name of the axis, "blade" or "angle"."""
     latch: Latch
-    """Whether it may move: while it is closed, nothing is sent that could give the drive power or speed."""
+    """Latch of the rig: while it is closed, nothing is sent that could give the drive power or speed."""
 
     def open(self, listener: MotionListener) -> None:
-        """Connect, check who answers, write the set-up and read it back; samples arrive from now on, nothing moves."""
+        """Connect, check the drive's identity, write and verify the set-up; samples then arrive, nothing moves."""
         ...
 
     def enable(self) -> None:
-        """Power on, at speed zero.  Clears no fault: see :meth:`clear`."""
+        """Switch the power on, at zero speed. Clears no fault: see :meth:`clear`."""
         ...
 
     def command(self, speed: float) -> None:
-        """Put a target speed [m/s or rad/s] on the bus; does not wait for an answer."""
+        """Put a target speed [m/s or rad/s] on the bus, without waiting for an answer."""
         ...
 
     def quick_stop(self, *, for_good: bool = False) -> None:
         """Put a quick stop on the bus and close the latch: at once, from any thread, without waiting.
 
-        After one ``for_good`` the drive takes no command before it rests, and has no power then.
+        After one with ``for_good`` the drive takes no command before it is at rest, and then has no power.
         """
         ...
 
     def abandon(self, why: str) -> None:
-        """End what the drive knows us to be alive by: it does not obey, and has to stop by its own watch."""
+        """Stop our heartbeat, so that a drive that ignores commands is stopped by its own heartbeat watchdog."""
         ...
 
     def disable(self) -> None:
-        """Take the power off a blade at rest."""
+        """Switch off the power of an axis at rest."""
         ...
 
     def clear(self) -> None:
-        """Leave quick stop or fault for a powerless rest, within the latch's reset."""
+        """Leave quick stop or fault for rest without power, within the latch's reset."""
         ...
 
     def limits(self) -> dict[str, float]:
-        """Read back from the drive: "low", "high" (software limits), "speed", "acceleration", "quick_stop"."""
+        """Return the drive's own "low", "high" (software limits), "speed", "acceleration" and "quick_stop"."""
         ...
 
     def about(self) -> dict[str, float | str]:
-        """What the open drive tells of itself, by name; a number's name ends with its unit."""
+        """Return the data that the open drive reports about itself; a number's name ends with its unit."""
         ...
 
     def close(self) -> None:
-        """Leave the axis at rest without power, and the bus; never raises, and may be called twice."""
+        """Leave the axis at rest without power, and leave the bus; never raises, and may be called twice."""
         ...
 
 
 class ForceDriver(Protocol):
-    """A force sensor that streams."""
+    """Force sensor that streams readings."""
 
     rate: float
-    """Readings a second [Hz]."""
+    """Rate of the readings [Hz]."""
 
     def open(self, listener: ForceListener) -> None:
-        """Connect, read scales and units from the sensor itself, start streaming."""
+        """Connect, read scales and units from the sensor itself, and start streaming."""
         ...
 
     def tare(self, samples: int = 200) -> tuple[float, float, float]:
-        """Take the mean of so many readings as zero; return what was subtracted since the start [N]."""
+        """Take the mean of so many readings as zero; return the total subtracted since the start [N]."""
         ...
 
     def about(self) -> dict[str, float | str]:
-        """What the open sensor tells of itself, by name; a number's name ends with its unit."""
+        """Return the data that the open sensor reports about itself; a number's name ends with its unit."""
         ...
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""What would be sent: every command of a fake rig as the frame that a drive would get."""
+"""Dry run: every command of a fake rig, shown as the frame that a drive would receive."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ _STEPS = 1000  # milli-rpm, which the axis asks its drive for
 
 
 class Transcript:
-    """Writes commands down, one a line: time, axis, speed, CAN frame.  What repeats the last one is counted only.
+    """Listing of commands, one a line: time, axis, speed, CAN frame. Repetitions are only counted.
 
     Parameters
     ----------
     settings : RigSettings
         Gear, lead, encoder and node of each axis.
     start : float
-        Time that counts as zero [s].
+        Time shown as zero [s].
     write : callable
-        Takes a line.
+        Called with each line.
     """
 
     def __init__(self, settings: RigSettings, start: float, write: Callable[[str], None]) -> None:
@@ -32,7 +32,7 @@ class Transcript:
         self._last: dict[str, tuple[float, int]] = {}
 
     def heard(self, time: float, axis: str, speed: float) -> None:
-        """A command at ``time`` [s] to an axis, speed in m/s or rad/s."""
+        """Take a command at ``time`` [s] to an axis, speed in m/s or rad/s."""
         last, count = self._last.get(axis, (math.nan, 0))
         if speed == last:
             self._last[axis] = last, count + 1
@@ -44,5 +44,5 @@ class Transcript:
         self._write(f"{time - self._start:8.3f} s  {axis:<6}{shown}  {number:03X}#{data.hex(' ').upper()}{again}")
 
     def note(self, text: str) -> None:
-        """A line of its own."""
+        """Write a line of text."""
         self._write(f"-- {text}")

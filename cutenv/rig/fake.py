@@ -1,7 +1,7 @@
-"""A rig without hardware, on a fake clock: the whole of the rig's own code runs over a specimen or a recorded cut.
+"""Fake rig without hardware, on a fake clock: all of the rig's own code runs over a specimen or a recorded cut.
 
-What is faked is what the drivers would tell: samples of an axis at every SYNC, readings of force at 1 kHz, heartbeats.
-Every fault that the rig has to survive can be made to happen, at any instant.
+Only the drivers' reports are faked: samples of an axis at every SYNC, force readings at 1 kHz, heartbeats. Every fault
+that the rig has to survive can be caused at any instant.
 """
 
 from __future__ import annotations
@@ -30,54 +30,54 @@ from cutenv.rig.settings import Axis, Calibration, RigSettings
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace
 
-_COUNTS = 1e6  # of the fake sensor for a newton
-_PRIME = 7919  # the other axes' counts flicker by it
+_COUNTS = 1e6  # counts of the fake sensor for one newton
+_PRIME = 7919  # makes the other axes' counts flicker
 _BACK = 4294967296  # sequences are modulo 2**32
 _HEARTBEAT = 0.050  # [s]
 
 
 @dataclass
 class Faults:
-    """What is wrong with a fake rig; all of it can be changed at any instant."""
+    """Faults of a fake rig; each can be changed at any instant."""
 
     extra_force: float = 0.0
-    """Added along the cut [N]."""
+    """Force added along the cut [N]."""
     side_force: float = 0.0
-    """Across it [N]."""
+    """Force added across the cut [N]."""
     ramp: float = 0.0
-    """Added along the cut at this rate [N/s]."""
+    """Rate of a growing force added along the cut [N/s]."""
     force_nan: bool = False
     force_status: int = 0
     force_frozen: bool = False
     axis_frozen: int | None = None
-    """This force alone stands at its count: 0, 1 or 2."""
+    """Index of the one force that stays at its count: 0, 1 or 2."""
     force_silent: bool = False
     force_late: float = 0.0
-    """Every reading comes so much later [s]."""
+    """Delay of every reading [s]."""
     lose_every: int = 0
-    """Every so many-th reading does arrive; 0: all of them."""
+    """Interval between readings that arrive, the others being lost; 0: all arrive."""
     motion_silent: bool = False
     motion_doubled: bool = False
-    """Every sample of an axis comes twice."""
+    """True to send every sample of an axis twice."""
     heartbeat_silent: bool = False
     stuck: bool = False
-    """The encoder shows one position; the blade moves on."""
+    """True if the encoder shows one position while the blade moves on."""
     blocked: bool = False
-    """The blade stands, and so does its encoder."""
+    """True if the blade stands, and its encoder shows it."""
     slip: float = 0.0
-    """The blade is this much slower than it is told [m/s]."""
+    """Difference by which the blade is slower than commanded [m/s]."""
     runaway: float = 0.0
-    """The blade moves at this speed whatever it is told [m/s]; a quick stop does stop it."""
+    """Speed of the blade, whatever is commanded [m/s]; a quick stop does stop it."""
     quick_stops_lost: int = 0
-    """So many quick stops do not reach the blade's drive."""
+    """Number of quick stops that do not reach the blade's drive."""
     turn_stuck: bool = False
-    """The hinge's encoder shows one angle."""
+    """True if the hinge's encoder shows one angle."""
     power_lost: bool = False
     bus_off: bool = False
 
 
 class FakeDrive:
-    """An axis that does at once what a drive would: a :class:`~cutenv.rig.drivers.MotionDriver`."""
+    """Axis that reacts as a drive would, but at once: a :class:`~cutenv.rig.drivers.MotionDriver`."""
 
     def __init__(self, name: str, rig: FakeRig) -> None:
         self.name = name
@@ -86,27 +86,27 @@ class FakeDrive:
         self.state = DriveState.DISABLED
         self.target = 0.0
         self.sent: list[tuple[float, str]] = []
-        """What was done to stop it, with the times [s]."""
+        """Actions that were to stop the axis, with their times [s]."""
 
     def open(self, listener: MotionListener) -> None:
-        """Samples arrive from now on."""
+        """Send samples to the listener from now on."""
         self._rig.listen(self.name, listener)
 
     def enable(self) -> None:
-        """Power on."""
+        """Switch the power on; raises RigError in a fault or after a quick stop."""
         if self.latch.closed or self.state in (DriveState.FAULT, DriveState.QUICK_STOP):
             raise RigError(f'the {self.name} drive is in "{self.state.value}": clear it first.')
         self.state, self.target = DriveState.ENABLED, 0.0
 
     def command(self, speed: float) -> None:
-        """A new target speed, unless the bus is off."""
+        """Set a new target speed [m/s or rad/s]; raises RigError if the bus is off."""
         self._rig.reach(self.name)
         self._rig.heard(self._rig.clock.now(), self.name, speed)
         if self.state is DriveState.ENABLED:
             self.target = speed
 
     def quick_stop(self, *, for_good: bool = False) -> None:
-        """At once, unless the bus is off."""
+        """Stop at once; raises RigError if the bus is off."""
         self.latch.happens(Event.STOP)
         self._rig.reach(self.name)
         self.sent.append((self._rig.clock.now(), "quick stop"))
@@ -116,35 +116,35 @@ class FakeDrive:
             self.state = DriveState.QUICK_STOP
 
     def abandon(self, why: str) -> None:
-        """The drive misses the heartbeat, and stops."""
+        """End the heartbeat: the drive misses it and goes into fault."""
         self.sent.append((self._rig.clock.now(), "abandoned"))
         self.state = DriveState.FAULT
 
     def disable(self) -> None:
-        """Power off."""
+        """Switch the power off."""
         self.state, self.target = DriveState.DISABLED, 0.0
 
     def clear(self) -> None:
-        """Out of quick stop or fault."""
+        """Leave quick stop or fault, without power; raises RigError if the bus is off."""
         self._rig.reach(self.name)
         self.state, self.target = DriveState.DISABLED, 0.0
 
     def limits(self) -> dict[str, float]:
-        """As they would have been written."""
+        """Return the limits as they would have been written."""
         return drive_limits(self._rig.settings.blade if self.name == "blade" else self._rig.settings.angle or Axis())
 
     def about(self) -> dict[str, float | str]:
-        """That it is none."""
+        """Return that this is a fake drive."""
         return {"kind": "fake drive"}
 
     def close(self) -> None:
-        """Nothing arrives any more."""
+        """Stop sending samples, and switch the power off."""
         self._rig.listen(self.name, None)
         self.disable()
 
 
 def drive_limits(axis: Axis) -> dict[str, float]:
-    """What a drive that was set up with an axis's settings answers for its limits."""
+    """Return the limits that a drive set up with an axis's settings would report."""
     return {
         "low": axis.low,
         "high": axis.high,
@@ -155,7 +155,7 @@ def drive_limits(axis: Axis) -> dict[str, float]:
 
 
 class FakeSensor:
-    """A force sensor that reads what the bench has: a :class:`~cutenv.rig.drivers.ForceDriver`."""
+    """Force sensor that reads the force on the bench: a :class:`~cutenv.rig.drivers.ForceDriver`."""
 
     rate = 1000.0
 
@@ -166,43 +166,43 @@ class FakeSensor:
         self.last: deque[float] = deque(maxlen=200)
 
     def open(self, listener: ForceListener) -> None:
-        """Readings arrive from now on."""
+        """Send readings to the listener from now on."""
         self.listener = listener
 
     def tare(self, samples: int = 200) -> tuple[float, float, float]:
-        """Take the mean of the last readings for zero."""
+        """Take the mean of the last readings as zero; return it [N]."""
         self.zero += float(np.mean(list(self.last)[-samples:]))
         return (self.zero, 0.0, 0.0)
 
     def about(self) -> dict[str, float | str]:
-        """That it is none."""
+        """Return that this is a fake sensor."""
         return {"kind": "fake sensor", "rate_Hz": self.rate}
 
     def close(self) -> None:
-        """Nothing arrives any more."""
+        """Stop sending readings."""
         self.listener = None
 
 
 class FakeRig:
-    """Drives and sensor on a bench, moved by a fake clock, and the plant over them.
+    """Drives and sensor on a bench, moved by a fake clock, with the plant that uses them.
 
     Parameters
     ----------
     bench : callable
-        Makes the bench from the settings, anew for every specimen.
+        Makes the bench from the settings, once for every specimen.
     settings : RigSettings, optional
         Default: a rig whose angle is free, calibrated today.
     follows : bool
-        Whether the blade does what it is told; a replayed one does not.
+        True if the blade follows commands; False for a replayed cut.
 
     Attributes
     ----------
     plant : RigPlant
-        To be opened.
+        Plant, still to be opened.
     heard : callable
-        Told every command: time [s], axis, speed [m/s or rad/s].
+        Called with every command: time [s], axis, speed [m/s or rad/s].
     faults : Faults
-        To be changed at any instant.
+        Faults, which may be changed at any instant.
     """
 
     def __init__(
@@ -247,32 +247,32 @@ class FakeRig:
         self.sensor.last.clear()
 
     def listen(self, axis: str, listener: MotionListener | None) -> None:
-        """Who hears an axis."""
+        """Set the listener of an axis."""
         self._listeners[axis] = listener
 
     def reach(self, axis: str) -> None:
-        """Whether a frame gets to a drive; RigError where the bus is off."""
+        """Raise RigError if a frame cannot reach a drive because the bus is off."""
         if self.faults.bus_off:
             raise RigError(f"{axis}: the bus is off; check cable, termination and power.")
 
     def felt(self) -> float:
-        """Force along the cut in the sensor, before its zero [N]."""
+        """Return the force along the cut in the sensor, before its zero [N]."""
         return self.bench.force + self.faults.extra_force + self._ramped
 
     def report_emergency(self, code: int, meaning: str) -> None:
-        """The blade's drive reports an error and stops by itself."""
+        """Let the blade's drive report an error and stop by itself."""
         self.blade.state = DriveState.FAULT
         if (listener := self._listeners.get("blade")) is not None:
             listener.emergency("blade", code, meaning, self.clock.now())
 
     def intrude(self, speed: float) -> None:
-        """Somebody else gives the blade's drive its power, and a target speed [m/s]."""
+        """Let another master switch on the blade's drive, with a target speed [m/s]."""
         self.blade.state, self.blade.target = DriveState.ENABLED, speed
         if (listener := self._listeners.get("blade")) is not None:
             listener.foreign("blade", "RPDO1", self.clock.now())
 
     def break_bus(self) -> None:
-        """The bus goes off, and the driver notices; the drive's own watch stops it."""
+        """Let the bus go off, as the driver notices; the drive's own heartbeat watchdog stops it."""
         self.faults.bus_off = True
         self.blade.state = DriveState.QUICK_STOP
         if (listener := self._listeners.get("blade")) is not None:
@@ -281,7 +281,7 @@ class FakeRig:
     def _tick(self, now: float) -> None:
         faults, drive = self.faults, self.blade
         stopping = drive.state is not DriveState.ENABLED or faults.power_lost
-        stopping |= not self._follows and self.plant.supervisor.phase == "unready"  # a tape waits to be played
+        stopping |= not self._follows and self.plant.supervisor.phase == "unready"  # a replayed cut waits to begin
         speed = 0.0 if stopping else drive.target
         if not stopping:
             speed = faults.runaway or speed - math.copysign(faults.slip, speed)
@@ -330,7 +330,7 @@ class FakeRig:
             self._tell(now)
 
     def _tell(self, now: float) -> None:
-        """A sample of every axis."""
+        """Send a sample of every axis."""
         position, speed, angle = self.bench.motion
         if self.faults.stuck:
             position, speed = self._stuck_at, 0.0
@@ -352,7 +352,7 @@ class FakeRig:
 
 
 def fake_settings(**changes: object) -> RigSettings:
-    """A rig that needs no hardware: angle free, calibrated today, armed."""
+    """Return settings of a rig that needs no hardware: angle free, calibrated today, armed."""
     hinge = Axis(
         node=2, gear=100.0, lead=2.0 * math.pi, low=math.radians(44.0), high=math.radians(91.0),
         speed=math.radians(90.0), acceleration=100.0, quick_stop=100.0, following_error=0.1,
@@ -368,7 +368,7 @@ def fake_rig(
     specimen: Specimen, settings: RigSettings | None = None, *, drive: Rig | None = None,
     sensor: SensorParameters | None = None, seed: int = 0, episode: int = 0,
 ) -> FakeRig:  # fmt: skip
-    """A fake rig with a specimen on its bench, cut by the simulator's drive and felt by its sensor."""
+    """Make a fake rig with a specimen on its bench, cut by the simulator's drive and measured by its sensor."""
     return FakeRig(
         lambda settings: CutBench(specimen, settings, drive=drive, sensor=sensor, seed=seed, episode=episode),
         settings,
@@ -377,5 +377,5 @@ def fake_rig(
 
 
 def replayed_rig(trace: Trace, settings: RigSettings | None = None) -> FakeRig:
-    """A fake rig on which a recorded cut happens again, whatever is commanded."""
+    """Make a fake rig on which a recorded cut is replayed, whatever is commanded."""
     return FakeRig(lambda settings: ReplayBench(trace), settings, follows=False, depth=ReplayPlant(trace).depth)

@@ -1,4 +1,4 @@
-"""What stands in a rig's file: one table of sections and keys, from which it is read, written and explained."""
+"""Keys of a rig's file: one table of sections and keys, from which the file is read, written and explained."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cutenv.rig.settings import Axis, Bus, Calibration, Identified, Limits, RigS
 
 
 class Unit(NamedTuple):
-    """How many SI units (or radians) one of it is, and how it is written beside a number."""
+    """Unit of a key: its size in SI units (or radians), and its sign beside a number."""
 
     factor: float
     sign: str
@@ -41,7 +41,7 @@ UNITS: Mapping[str, Unit] = MappingProxyType(
         "periods": Unit(1.0, "periods"),
     }
 )
-"""Ending of a name in the file -> unit; a count, a ratio or a text has none."""
+"""Unit for each ending of a name in the file; a count, a ratio or a text has none."""
 
 
 class Key(NamedTuple):
@@ -50,13 +50,13 @@ class Key(NamedTuple):
     Attributes
     ----------
     field : str
-        Of the dataclass, in SI.
+        Field of the dataclass, in SI.
     unit : str
         A key of :data:`UNITS`.
     meaning : str
-        For the comment above the line.
+        Explanation for the comment above the line.
     example : str
-        A likely value, where the true one must be said by a person: then there is no default.
+        Plausible value of a key that a person has to supply and that has no default.
     """
 
     field: str
@@ -66,19 +66,19 @@ class Key(NamedTuple):
 
     @property
     def name(self) -> str:
-        """In the file: field and unit."""
+        """Name in the file: field and unit."""
         if self.field.endswith(self.unit) or self.field == "depth_profile":  # valid_days; a list of pairs, both mm
             return self.field
         return f"{self.field}_{self.unit}"
 
     def to_si(self, number: float) -> float:
-        """From the file's unit; divided by the number of parts where it is one, so that 3.81 cm are 0.0381 m."""
+        """Convert from the file's unit to SI, exactly where possible: 3.81 cm are 0.0381 m."""
         factor = UNITS[self.unit].factor
         parts = round(1.0 / factor)
         return number / parts if factor == 1.0 / parts else number * factor
 
     def from_si(self, value: float) -> float:
-        """Into the file's unit: in few digits if they give it back, in any case in no more than 15."""
+        """Convert from SI to the file's unit, in as few digits as restore the value exactly, and 15 at most."""
         number = value / UNITS[self.unit].factor
         shorter = (float(f"{number:.{digits}g}") for digits in (6, 12))
         return next((short for short in shorter if self.to_si(short) == value), float(f"{number:.15g}"))
@@ -90,7 +90,7 @@ _HINTS = {
 
 
 class Section(NamedTuple):
-    """One table of the file; the one without a name stands on top."""
+    """One table of the file; the one without a name is at the top."""
 
     name: str
     about: str
@@ -98,20 +98,20 @@ class Section(NamedTuple):
     keys: tuple[Key, ...]
 
     def where(self, key: Key) -> str:
-        """How a key is called where the section is not plain, such as ``limits.force_N``."""
+        """Return the full name of a key, such as ``limits.force_N``."""
         return f"{self.name}.{key.name}" if self.name else key.name
 
     def limits(self, key: Key) -> tuple[float, float] | None:
-        """Least and greatest value in the file's unit; None where the dataclass documents none."""
+        """Return least and greatest value in the file's unit; None if the dataclass documents none."""
         about = self._field(key).metadata
         return (key.from_si(about["low"]), key.from_si(about["high"])) if "low" in about else None
 
     def default(self, key: Key) -> Any:
-        """Of the dataclass, in SI."""
+        """Return the dataclass's default, in SI."""
         return self._field(key).default
 
     def kind(self, key: Key) -> type[Any]:
-        """Type of the value: bool, int, float, str or tuple; of the ``None`` of what was not measured, the other."""
+        """Return the type of the value: bool, int, float, str or tuple; for an optional one, its type if given."""
         hint = _HINTS[self.of][key.field]
         inner = [each for each in typing.get_args(hint) if each is not type(None)]
         if self.choices(key):
@@ -123,7 +123,7 @@ class Section(NamedTuple):
         return kind
 
     def choices(self, key: Key) -> tuple[str, ...]:
-        """Of a text that is one of several."""
+        """Return the texts allowed for a key; empty if any is."""
         hint = _HINTS[self.of][key.field]
         return typing.get_args(hint) if typing.get_origin(hint) is typing.Literal else ()
 
@@ -264,11 +264,11 @@ SECTIONS = (
 )  # fmt: skip
 
 IDENTIFIED = SECTIONS[-1]
-"""The section that the program itself writes."""
+"""Section that the program itself writes."""
 
 
 def shown(settings: RigSettings, field: str) -> str:
-    """A setting as the file has it, such as ``limits.high_mm = 148`` for the field ``"limits.high"``."""
+    """Return a setting as in the file, such as ``limits.high_mm = 148`` for the field ``"limits.high"``."""
     of, _, name = field.rpartition(".")
     section = next(section for section in SECTIONS if section.name == of)
     key = next(key for key in section.keys if key.field == name)

@@ -1,4 +1,4 @@
-"""Where an axis should be for what it was told: one that stands, slips or runs away is found out."""
+"""Expected motion of an axis under its commands, to detect one that stands still, slips or runs away."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ import math
 from cutenv.rig.causes import STUCK_AFTER
 from cutenv.rig.samples import MotionSample
 
-_MEMORY = 0.5  # [s] after which a difference is forgotten: lag and acceleration are not known to the last digit
+_MEMORY = 0.5  # [s] time constant with which a difference is forgotten: lag and acceleration are not known exactly
 NOMINAL_LAG = 0.040
-"""Of a velocity loop where none has been identified [s]."""
+"""Lag of a velocity loop that has not been identified [s]."""
 
 
 class Following:
-    """Follows an axis with a model of its velocity loop (lag and acceleration limit), sample by sample.
+    """Model of an axis's velocity loop (lag and acceleration limit), compared with its samples one by one.
 
     Parameters
     ----------
     lag, acceleration : float
-        Of the axis [s], [m/s2 or rad/s2].
+        Lag [s] and acceleration limit [m/s2 or rad/s2] of the axis.
     sync : float
-        Between samples [s].
+        Time between samples [s].
     slow : float
-        Speed, expected, below which a standing axis is no wonder [m/s or rad/s].
+        Expected speed below which an axis may stand still [m/s or rad/s].
     unmoved : float
-        Way within which it counts as standing [m or rad].
+        Distance within which it counts as standing [m or rad].
     """
 
     def __init__(self, *, lag: float, acceleration: float, sync: float, slow: float, unmoved: float) -> None:
@@ -33,7 +33,7 @@ class Following:
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew with the next sample."""
+        """Start again with the next sample."""
         self._last: MotionSample | None = None
         self._expected = 0.0
         self._off = 0.0
@@ -41,12 +41,13 @@ class Following:
         self._moving = 0.0
 
     def watch(self, sample: MotionSample, command: float) -> tuple[bool, float]:
-        """Compare a sample with what the ``command`` [m/s or rad/s] lets expect.
+        """Compare a sample with the motion expected from ``command`` [m/s or rad/s].
 
         Returns
         -------
         tuple of bool, float
-            Whether the encoder is stuck, and how far the axis is from where it should be, positive: too far.
+            Whether the encoder is stuck, and the distance of the axis from where it should be [m or rad], positive: too
+            far.
         """
         last, self._last = self._last, sample
         if last is None:
@@ -60,7 +61,7 @@ class Following:
         should = 0.5 * (before + self._expected) * dt
         self._off = (self._off + sample.position - last.position - should) * math.exp(-dt / _MEMORY)
 
-        should_move = min(abs(command), abs(self._expected)) > self._slow  # told to rest, it may rest sooner
+        should_move = min(abs(command), abs(self._expected)) > self._slow  # commanded to rest, it may rest sooner
         if abs(sample.position - self._stood_at) > self._unmoved or not should_move:
             self._stood_at, self._moving = sample.position, 0.0
         else:

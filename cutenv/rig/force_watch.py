@@ -1,4 +1,4 @@
-"""What is wrong with a force, seen from each packet and the few before it."""
+"""Checks of the force, from each packet and the few before it."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from cutenv.rig.settings import Identified, Limits
 
 _SEQUENCES = 2**32
 RISE_OVER = 0.010
-"""Over which a rise of force is measured: noise is not one [s]."""
-_LOSS_OVER = 0.100  # [s], over which the share of lost readings is taken
+"""Window over which a rise of force is measured, longer than noise lasts [s]."""
+_LOSS_OVER = 0.100  # [s] window for the share of lost readings
 
 
 class ForceWatch:
-    """Checks every reading of the force against the limits.
+    """Monitor that checks every force reading against the limits.
 
     Parameters
     ----------
     limits : Limits
-        Of force, its rise, losses, lateness.
+        Limits of force, rise, losses and delay.
     rate : float
-        Readings a second [Hz].
+        Rate of the readings [Hz].
     identified : Identified, optional
-        How long each axis stands at one count by its own noise.
+        Identified properties of the rig: the time that each force axis stays at one count through its own noise.
 
     Attributes
     ----------
     newest : ForceSample or None
-        The last reading.
+        Last reading; None before the first.
     """
 
     def __init__(self, limits: Limits, rate: float, identified: Identified | None = None) -> None:
@@ -44,23 +44,23 @@ class ForceWatch:
         self.restart()
 
     def restart(self) -> None:
-        """Forget what came before, but for the newest reading."""
+        """Clear the history, except for the newest reading."""
         self._norms: deque[float] = deque(maxlen=max(round(RISE_OVER * self._rate), 1) + 1)
         self._losses: deque[int] = deque(maxlen=max(round(_LOSS_OVER * self._rate), 2))
         self._lost = 0
-        self._equal = 0  # readings in a row with the count of the one before
-        self._stood = [0, 0, 0]  # the same of each axis of force, while the blade moves
+        self._equal = 0  # consecutive readings equal to the one before
+        self._stood = [0, 0, 0]  # the same for each force axis, while the blade moves
         self._arrivals = SampleClock(self._rate)
 
     def felt(self, sample: ForceSample, *, moving: bool = False) -> Breach | None:
-        """Take a reading, of a blade that is told to move or to rest; what is wrong with it, if anything."""
+        """Check a reading of a blade that is commanded to move or to rest; return the breach found, or None."""
         last, self.newest = self.newest, sample
         norm = math.hypot(*sample.force)
         self._norms.append(norm)
         self._equal = self._equal + 1 if last is not None and last.counts == sample.counts else 0
         for axis in range(3):
             same = last is not None and last.counts[axis] == sample.counts[axis]
-            self._stood[axis] = self._stood[axis] + moving if same else 0  # a rest in between hides nothing
+            self._stood[axis] = self._stood[axis] + moving if same else 0  # a pause of the blade does not reset it
         if len(self._losses) == self._losses.maxlen:
             self._lost -= self._losses[0]
         self._losses.append(sample.lost)
@@ -68,8 +68,10 @@ class ForceWatch:
         lateness = self._arrivals.sensed(sample.sequence, sample.time)[1]
 
         limits = self._limits
-        rise = norm - self._norms[0] if len(self._norms) == self._norms.maxlen else 0.0  # a fall is a crack that runs
-        share = self._lost / max(self._lost + len(self._losses), _LOSS_OVER * self._rate)  # of the first few is none
+        # A fall of the force is no breach: it falls when a crack runs.
+        rise = norm - self._norms[0] if len(self._norms) == self._norms.maxlen else 0.0
+        # One loss among the first few readings is not a large share.
+        share = self._lost / max(self._lost + len(self._losses), _LOSS_OVER * self._rate)
         if not math.isfinite(norm):
             return Breach(Cause.NOT_A_NUMBER, f"the sensor reads {sample.force} N")
         if sample.status:
@@ -82,24 +84,27 @@ class ForceWatch:
         if norm > limits.force_norm:
             return Breach(Cause.FORCE, f"{norm:.2f} N in all, beyond {limits.force_norm:g} N")
         if rise > limits.force_rise * RISE_OVER:
-            return Breach(Cause.FORCE_RISE, f"{rise:.2f} N more within {1e3 * RISE_OVER:g} ms")
+            return Breach(Cause.FORCE_RISE, f"the force rose by {rise:.2f} N within {1e3 * RISE_OVER:g} ms")
         if self._equal >= limits.frozen_force * self._rate:
-            return Breach(Cause.FORCE_FROZEN, f"{self._equal + 1} readings are equal to the last count")
+            return Breach(Cause.FORCE_FROZEN, f"{self._equal + 1} consecutive readings have the same counts")
         for axis, still in enumerate(self._still):
             if self._stood[axis] >= still * self._rate:
                 return Breach(Cause.FORCE_AXIS, self._stands(axis))
         if share > limits.lost_force:
-            return Breach(Cause.FORCE_LOST, f"{share:.0%} of the last readings are lost")
+            return Breach(Cause.FORCE_LOST, f"{share:.0%} of the last readings were lost")
         if lateness > limits.late_force:
-            return Breach(Cause.FORCE_LATE, f"readings come {1e3 * lateness:.0f} ms later than they did")
+            return Breach(Cause.FORCE_LATE, f"readings arrive {1e3 * lateness:.0f} ms later than before")
         return None
 
     def _stands(self, axis: int) -> str:
-        """Describe an axis that stands; a quiet sensor that was not identified may do so and be well."""
-        text = f"the {'xyz'[axis]} force stands at one count for {1e3 * self._still[axis]:.0f} ms while the blade moves"
+        """Describe an axis that stays at one count; a quiet sensor may do so if its noise was never identified."""
+        text = f"the {'xyz'[axis]} force stays at one count for {1e3 * self._still[axis]:.0f} ms while the blade moves"
         if self._identified[axis]:
             return text
-        return text + "; if the sensor is well, measure how long its noise may stand: cutenv rig identify --write"
+        return (
+            text
+            + "; if the sensor works, measure how long its noise may stay at one count: cutenv rig identify --write"
+        )
 
 
 def _newtons(sample: ForceSample) -> str:

@@ -1,4 +1,4 @@
-"""Stops the blade when the program itself ends badly: an exception, Ctrl-C, SIGTERM, or the death of its parent."""
+"""Stop of the blade when the program ends by an exception, Ctrl-C, SIGTERM, or the death of its parent."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from cutenv.rig.owner import Owner
 from cutenv.rig.supervisor import Supervisor
 
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
-_PARENT_EVERY = 0.002  # [s] between looks at who the parent is
+_PARENT_EVERY = 0.002  # [s] between checks of the parent process
 
 
 @contextmanager
 def guarded(supervisor: Supervisor, clock: Clock) -> Iterator[None]:
-    """Within the block, whatever ends it badly stops the blade first.
+    """Stop the blade if the block is ended by an exception, a signal, or the death of the parent process.
 
-    Left by another thread, which may not set handlers, it leaves its own in place; they do then, and in a forked child,
-    what those before would have done.
+    If the block is left in another thread, which may not set signal handlers, the handlers stay installed; they then
+    do, as in a forked child, what the earlier handlers would have done.
 
-    The first signal while the rig is released stops the blade, from a thread of its own: a handler interrupts whatever
-    runs, perhaps in the middle of a frame.  The program then meets :class:`~cutenv.rig.causes.RigStopped` at its next
-    command.  A signal while nothing may move raises :class:`KeyboardInterrupt` at once.  Signals can be handled in the
-    main thread only; elsewhere they are left as they are.  After ``kill -9`` the drive stops by itself, for our
+    The first signal while the rig is released stops the blade, from a separate thread: a handler may interrupt any
+    code, even in the middle of a frame. The program then gets :class:`~cutenv.rig.causes.RigStopped` at its next
+    command. A signal while nothing may move raises :class:`KeyboardInterrupt` at once. Signals can be handled in the
+    main thread only; elsewhere they are left as they are. After ``kill -9`` the drive stops by itself, because our
     heartbeat is missing.
     """
 
@@ -69,21 +69,21 @@ def guarded(supervisor: Supervisor, clock: Clock) -> Iterator[None]:
 
 
 def interrupt(supervisor: Supervisor, cause: Cause, detail: str, number: int = signal.SIGINT) -> None:
-    """Stop the blade for a handler of a signal, which has interrupted whatever ran, perhaps under a lock.
+    """Stop the blade from a signal handler, which may have interrupted any code, even under a lock.
 
-    While the rig is released it is stopped from a thread of its own.
+    While the rig is released, the stop runs in a thread of its own.
 
     Raises
     ------
     KeyboardInterrupt
-        If nothing may move: the program ends what it does.
+        If nothing may move, so that the program ends.
     """
     if supervisor.phase != "ready":
         raise KeyboardInterrupt(detail)
 
     def stop() -> None:
         supervisor.trip(cause, detail)
-        if supervisor.phase != "stopped":  # locked this very moment: the program would meet no stop
+        if supervisor.phase != "stopped":  # locked at this moment: no command would raise the stop
             _thread.interrupt_main(signal.Signals(number))
 
     threading.Thread(target=stop, name="rig stop", daemon=True).start()

@@ -1,4 +1,4 @@
-"""A rig made of its file: drives on CANopen and a Net F/T sensor."""
+"""Rig made from its file: drives on CANopen and a Net F/T sensor."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cutenv.rig.settings import RigSettings
 
 
 def rig_plant(settings: RigSettings, clock: Clock | None = None) -> RigPlant:
-    """The plant of a rig, real or emulated, not yet opened; nothing is connected to before."""
+    """Make the plant of a rig, real or emulated, without connecting to it."""
     clock = clock or SystemClock()
     network = CanNetwork(settings.bus, clock)
     angle = None if settings.angle is None else CanopenAxis(network, settings.angle, clock, name="angle")

@@ -1,4 +1,4 @@
-"""What was measured of a rig, as the simulator takes it."""
+"""Identified properties of a rig, as the simulator uses them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ drive does not yield to it, and the sensor sits behind it."""
 
 
 def environment_arguments(identified: Identified) -> dict[str, float]:
-    """Keyword arguments for ``gymnasium.make("cutenv/GentleCut-v1", ...)`` in SI: only what was measured.
+    """Return the measured values as keyword arguments for ``gymnasium.make("cutenv/GentleCut-v1", ...)``, in SI.
 
     Examples
     --------
@@ -27,7 +27,7 @@ def environment_arguments(identified: Identified) -> dict[str, float]:
 
 
 def drive_of(settings: RigSettings) -> Rig:
-    """The simulated drive that behaves as a rig's blade is told to, and as it was measured to."""
+    """Return the simulated drive with a rig's settings and measured properties."""
     ranges = {field.name: (field.metadata["low"], field.metadata["high"]) for field in dataclasses.fields(Rig)}
 
     def within(name: str, value: float) -> float:

@@ -1,4 +1,4 @@
-"""What an open rig tells while it stands still and without power: every check, and what the devices say."""
+"""Inspection of an open rig at rest and without power: every check, and what the devices report."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from cutenv.rig.samples import DriveState
 from cutenv.rig.settings import RigSettings
 
 LISTEN = 2.0
-"""Time for which the streams are listened to [s]."""
-_SAME_RATE = 0.02  # relative
-_LOST = 0.1  # of the share at which the blade stops
+"""Time for which readings, samples and heartbeats are observed [s]."""
+_SAME_RATE = 0.02  # relative difference allowed between measured and set rate
+_LOST = 0.1  # share of the loss limit at which this check fails
 _PER = {"low": "", "high": "", "speed": "_s", "acceleration": "_s2", "quick_stop": "_s2"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Inspection:
-    """What was looked at.
+    """Result of an inspection.
 
     Attributes
     ----------
     checks : tuple of Check
-        In order.
+        Checks, in order.
     told : dict
-        What each device tells of itself, and what was measured of it; units in the names.
+        Data that each device reports, and measurements of it; units are in the names.
     """
 
     checks: tuple[Check, ...]
@@ -39,14 +39,14 @@ class Inspection:
 
     @property
     def passed(self) -> bool:
-        """Whether all is well."""
+        """True if every check has passed."""
         return all(check.passed for check in self.checks)
 
 
 def inspect(plant: RigPlant, today: date) -> Inspection:
-    """Look at an open rig for some seconds; nothing moves, and no drive is powered.
+    """Inspect an open rig for some seconds; nothing moves, and no drive is powered.
 
-    The sensor's zero is taken for as long as the connection lasts: nothing may touch the blade.
+    The sensor is tared, until the connection ends: nothing may touch the blade.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def _check(name: str, passed: bool, found: str, cure: str) -> Check:
 def _forces(settings: RigSettings, recorder: Recorder, start: float, end: float) -> _Found:
     readings, limits = recorder.forces(start, end), settings.limits
     if len(readings) < 2:
-        cure = "is the sensor powered, and does it stream to nobody else?"
+        cure = "switch the sensor on, and close other programs that read it"
         return "sensor", [_check("force rate", False, "no readings", cure)], {}
     times = np.array([each.time for each in readings])
     lost = sum(each.lost for each in readings[1:])
@@ -114,13 +114,13 @@ def _forces(settings: RigSettings, recorder: Recorder, start: float, end: float)
             "force packets late",
             gap <= limits.stale_force,
             f"longest gap {1e3 * gap:.1f} ms, the blade stops at {1e3 * limits.stale_force:g} ms",
-            "close other programs, or let this one come first (real-time priority)",
+            "close other programs, or give this one real-time priority",
         ),
         _check(
             "force changes",
             len({each.counts for each in readings}) > 1,
             f"SD ({', '.join(f'{sd:.4f}' for sd in noise)}) N in x, y, z",
-            "readings that never change are none: switch the sensor off and on",
+            "readings that never change are not real: switch the sensor off and on",
         ),
     ]
     measured = {"measured_rate_Hz": float(sent), "lost_share": share, "longest_gap_ms": 1e3 * gap}
@@ -134,7 +134,7 @@ def _motion(plant: RigPlant, name: str, recorder: Recorder, start: float, end: f
     checks, about = [], {}
     if sample is not None:
         well = sample.state is not DriveState.FAULT
-        cure = "remove its cause and switch the drive off and on; a stop is cleared by the operator"
+        cure = "remove the cause and switch the drive off and on; a stop is cleared by the operator"
         checks.append(_check(f"{name} drive", well, f'"{sample.state.value}"', cure))
         about["position_mm" if name == "blade" else "position_deg"] = (
             1e3 * sample.position if name == "blade" else float(np.degrees(sample.position))

@@ -1,4 +1,4 @@
-"""Moving the blade by held keys: what is commanded at each instant, and the loop that commands it."""
+"""Jogging, which moves the blade while a key is held: the command at each instant, and the loop that sends it."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from cutenv.rig.plant import RigPlant
 from cutenv.validation import in_range
 
 SPEED = 0.002
-"""Of the blade unless another is chosen [m/s]."""
+"""Default speed of the blade [m/s]."""
 TOP_SPEED = 0.010
-"""That may be chosen at most [m/s]."""
+"""Greatest speed that may be chosen [m/s]."""
 TURN_RATE = math.radians(5.0)
-"""Of the blade's angle [rad/s]."""
+"""Rate of turn of the blade [rad/s]."""
 HELD = 0.150
 """Time after its last repeat for which a key counts as held [s].
 
@@ -26,18 +26,18 @@ to 100 ms; when the repeats stay away, the key was released.  So a key that is t
 that is held moves it once, pauses, and moves on with the first repeat.
 """
 PERIOD = 20
-"""Between two commands [ms]."""
+"""Period of the commands [ms]."""
 STOPS_WITHIN = HELD + 2 * PERIOD * TICK
 """Time from a key's last repeat to the command to rest, at most [s]: 0.4 mm at 2 mm/s, and the axis's own ramp.
 
 A line that delivers keys late, such as a remote shell's, adds its delay: jog beside the rig.
 """
-_LEAD = math.radians(0.5)  # of the commanded angle before the blade's
+_LEAD = math.radians(0.5)  # [rad] lead of the commanded angle over the blade's
 _SHOWN_EVERY = 5  # periods
 
 
 class Key(Enum):
-    """What a person presses."""
+    """Key that a person can press."""
 
     FORWARD = "right"
     BACK = "left"
@@ -51,13 +51,13 @@ _ARROWS = {b"A": Key.UPRIGHT, b"B": Key.SLANT, b"C": Key.FORWARD, b"D": Key.BACK
 
 
 class KeyDecoder:
-    """Bytes of a terminal to keys; an arrow is three bytes, which may come one by one."""
+    """Decoder from a terminal's bytes to keys; an arrow is three bytes, which may come one by one."""
 
     def __init__(self) -> None:
         self._begun = b""
 
     def feed(self, data: bytes) -> list[Key]:
-        """The keys that are complete now."""
+        """Take bytes, and return the keys that are complete."""
         keys = []
         for byte in (data[k : k + 1] for k in range(len(data))):
             if self._begun and self._begun != b"\x1b":  # ESC [ or ESC O
@@ -74,16 +74,16 @@ class KeyDecoder:
 
 
 class Jog:
-    """Keys in, commands out; it knows no terminal and no rig.
+    """Controller of the blade by keys, independent of terminal and rig.
 
-    Any other key than the one that is held, and any key besides the arrows, ends the motion at once.
+    Pressing any key other than the held arrow ends the motion at once.
 
     Parameters
     ----------
     speed : float
-        While an arrow is held [m/s], up to :data:`TOP_SPEED`.
+        Speed while an arrow is held [m/s], up to :data:`TOP_SPEED`.
     turns : bool
-        Whether the blade has a hinge.
+        True if the blade has a hinge.
 
     Raises
     ------
@@ -97,17 +97,17 @@ class Jog:
         self._held: Key | None = None
         self._until = -math.inf
         self.quit = False
-        """Whether it is to end."""
+        """True once the person has asked to quit."""
 
     def press(self, keys: Iterable[Key], time: float) -> None:
-        """Take keys that were read at ``time`` [s], in order; the last one counts."""
+        """Take keys that were read at ``time`` [s], in order; the last one decides."""
         for key in keys:
             self.quit |= key is Key.QUIT
             self._held = None if self.quit or key is Key.OTHER else key
             self._until = time + HELD
 
     def command(self, time: float) -> tuple[float, float]:
-        """Speed [m/s] and rate of turn [rad/s] at ``time`` [s]."""
+        """Return speed [m/s] and rate of turn [rad/s] at ``time`` [s]."""
         if time >= self._until:
             self._held = None
         speed = {Key.FORWARD: self.speed, Key.BACK: -self.speed}.get(self._held or Key.OTHER, 0.0)
@@ -116,26 +116,26 @@ class Jog:
 
 
 class Keyboard(Protocol):
-    """Where keys come from."""
+    """Source of keys."""
 
     def read(self) -> list[Key]:
-        """What was pressed since the last time; does not wait."""
+        """Return the keys pressed since the last call, without waiting."""
         ...
 
 
 def jog(plant: RigPlant, keyboard: Keyboard, controls: Jog, show: Callable[[str], None]) -> None:
-    """Move a released blade by keys until they say quit; then it rests, and the rig is locked.
+    """Move a released blade by keys until they ask to quit; the blade then rests, and the rig is locked.
 
     Parameters
     ----------
     plant : RigPlant
-        Prepared and released; the supervisor watches all along.
+        Plant, prepared and released; the supervisor watches all the time.
     keyboard : Keyboard
-        Read every :data:`PERIOD`.
+        Source of the keys, read every :data:`PERIOD`.
     controls : Jog
-        Of speed and angle.
+        Controller that turns keys into speed and angle.
     show : callable
-        Told a line about the rig several times a second.
+        Called with a status line several times a second.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def jog(plant: RigPlant, keyboard: Keyboard, controls: Jog, show: Callable[[str]
 
 
 def status(plant: RigPlant) -> str:
-    """Position, angle, force and state in one line."""
+    """Return position, angle, force and state of the rig in one line."""
     supervisor, settings = plant.supervisor, plant.settings
     force, blade = supervisor.newest_force, supervisor.blade
     along = "no force"

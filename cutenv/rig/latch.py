@@ -1,4 +1,4 @@
-"""The state machine that a rig's supervisor and its axes share: whether the rig may move, and what changes that."""
+"""State machine that a rig's supervisor and its axes share: the states, and the events that change them."""
 
 from __future__ import annotations
 
@@ -12,49 +12,49 @@ from cutenv.rig.drivers import RigError
 
 
 class Phase(StrEnum):
-    """Whether a rig may move."""
+    """State of a rig, which decides whether it may move."""
 
     UNREADY = "unready"
-    """Locked: drives may be switched on and off at speed zero."""
+    """Locked: drives may be switched on and off at zero speed."""
     READY = "ready"
-    """Commands go to the drives."""
+    """Released: commands go to the drives."""
     STOPPED = "stopped"
-    """Nothing but quick stops goes to the drives, until the operator agrees to a reset."""
+    """Stopped: only quick stops go to the drives, until the operator agrees to a reset."""
     RESETTING = "resetting"
-    """The operator has agreed, and the drives are being brought to a powerless rest."""
+    """Being reset: the operator has agreed, and the drives are brought to rest without power."""
 
 
 class Event(Enum):
-    """What changes it."""
+    """Event that can change the phase."""
 
-    STOP = "a quick stop, by whomever"
+    STOP = "a quick stop from any source"
     AGREE = "the operator agrees to a reset"
-    CLEARED = "every drive rests without power"
-    FAILED = "a drive does not"
-    RELEASE = "everything is there and within limits"
-    LOCK = "the blade rests, and is to stay"
+    CLEARED = "every drive is at rest without power"
+    FAILED = "a drive cannot be cleared"
+    RELEASE = "every signal is present and within its limits"
+    LOCK = "the blade is at rest and has to stay so"
 
 
 NEXT: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
     {
         (Phase.UNREADY, Event.STOP): Phase.STOPPED,
         (Phase.READY, Event.STOP): Phase.STOPPED,
-        (Phase.RESETTING, Event.STOP): Phase.STOPPED,  # another one: the operator has agreed to the end of the first
+        (Phase.RESETTING, Event.STOP): Phase.STOPPED,  # a new stop: the operator agreed to end the earlier one
         (Phase.STOPPED, Event.AGREE): Phase.RESETTING,
-        (Phase.UNREADY, Event.AGREE): Phase.RESETTING,  # a drive that has stopped by itself
+        (Phase.UNREADY, Event.AGREE): Phase.RESETTING,  # a drive has stopped by itself
         (Phase.RESETTING, Event.CLEARED): Phase.UNREADY,
         (Phase.RESETTING, Event.FAILED): Phase.STOPPED,
         (Phase.UNREADY, Event.RELEASE): Phase.READY,
         (Phase.READY, Event.LOCK): Phase.UNREADY,
     }
 )
-"""Every way from one phase to another; any other event leaves it as it is."""
+"""Next phase for each pair of phase and event; every other event changes nothing."""
 
 
 class Latch:
-    """The phase of one rig; may be asked and changed from any thread.
+    """Phase of one rig; may be read and changed from any thread.
 
-    An axis alone has one of its own; a supervisor gives all its axes the same.
+    An axis without a supervisor has its own; a supervisor shares one with all its axes.
     """
 
     def __init__(self) -> None:
@@ -63,16 +63,16 @@ class Latch:
 
     @property
     def phase(self) -> Phase:
-        """Present one."""
+        """Present phase."""
         return self._phase
 
     @property
     def closed(self) -> bool:
-        """Whether nothing that could give a drive power or speed may be sent."""
+        """True while nothing may be sent that could give a drive power or speed."""
         return self._phase in (Phase.STOPPED, Phase.RESETTING)
 
     def happens(self, event: Event) -> bool:
-        """Go where :data:`NEXT` says; whether that is another phase."""
+        """Change the phase as :data:`NEXT` defines; return whether it has an entry for this event."""
         with self._changing:
             after = NEXT.get((self._phase, event))
             self._phase = after or self._phase
@@ -80,12 +80,12 @@ class Latch:
 
     @contextmanager
     def resetting(self) -> Iterator[None]:
-        """Within the block, after the operator has agreed, the drives are cleared; at its end the rig is unready.
+        """Enter the resetting phase for the block, which clears the drives; the rig is locked at its end.
 
         Raises
         ------
         RigError
-            If another stop came meanwhile; the rig is stopped then, as after any error in the block.
+            If another stop happened meanwhile; the rig is then stopped, as after any error in the block.
         """
         self.happens(Event.AGREE)
         try:
@@ -94,4 +94,4 @@ class Latch:
             self.happens(Event.FAILED)
             raise
         if not self.happens(Event.CLEARED):
-            raise RigError("stopped again while it was being reset; see why, and reset it once more.")
+            raise RigError("the rig was stopped again during the reset; look for the cause, and reset it again.")

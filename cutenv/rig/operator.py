@@ -1,4 +1,4 @@
-"""The person beside the rig: asked before anything moves, at a terminal, with a time limit."""
+"""Person beside the rig, who is asked before anything moves: at a terminal, and with a time limit."""
 
 from __future__ import annotations
 
@@ -16,38 +16,37 @@ _YES = ("y", "yes")
 
 
 class Operator(Protocol):
-    """Whoever answers for the rig.  No answer in time is a no."""
+    """Person who answers for the rig. No answer in time means no."""
 
     def tell(self, message: str) -> None:
-        """Say what happens."""
+        """Show a message."""
         ...
 
     def confirm(self, question: str, *, expected: str | None = None) -> bool:
-        """Ask; whether the answer is yes, or just `expected`, letter for letter."""
+        """Ask a question; return whether the answer is yes or, if given, exactly ``expected``."""
         ...
 
     def ask_ready(self, what: str) -> bool:
-        """Ask for something to be done by hand, such as "specimen clamped, hands off"; whether it is done."""
+        """Ask for manual work, such as "specimen clamped, hands off"; return whether it is done."""
         ...
 
 
 class TerminalOperator:
-    """A person at a terminal.
+    """Operator at a terminal.
 
-    What was typed before a question was asked is no answer to it.  Ctrl-C, the end of the input (Ctrl-D) and silence
-    are a no.
+    Text typed before a question appears does not answer it. Ctrl-C, the end of the input (Ctrl-D) and silence mean no.
 
     Parameters
     ----------
     patience : float
-        How long an answer may take [s], 1 to 3600.
+        Time allowed for an answer [s], 1 to 3600.
     source, sink : text file, optional
-        A terminal to read from, and where to write; standard input and output by default.
+        Terminal to read from, and where to write; standard input and output by default.
 
     Raises
     ------
     RigError
-        If the source is no terminal: then nobody is there to answer.
+        If the source is not a terminal: then nobody is there to answer.
     ValueError
         If the patience is out of range.
     """
@@ -61,11 +60,11 @@ class TerminalOperator:
         if not self._source.isatty():
             raise RigError(
                 "questions to the operator need a terminal, and standard input is none. Run the command in a terminal, "
-                "without a pipe; only an emulated rig (emulated = true) does without an operator."
+                "without a pipe; only an emulated rig (emulated = true) runs without an operator."
             )
 
     def tell(self, message: str) -> None:
-        """Print."""
+        """Print a message."""
         print(message, file=self._sink, flush=True)
 
     def confirm(self, question: str, *, expected: str | None = None) -> bool:
@@ -75,7 +74,7 @@ class TerminalOperator:
         return self._asked(f'{question}\nType "{expected}" to confirm: ', lambda typed: typed == expected)
 
     def ask_ready(self, what: str) -> bool:
-        """Ask for Enter; anything else is a no."""
+        """Ask for Enter; any other input means no."""
         return self._asked(f"{what}: press Enter when ready, anything else stops. ", lambda typed: not typed.strip())
 
     def _asked(self, prompt: str, accepted: Callable[[str], bool]) -> bool:
@@ -92,7 +91,7 @@ class TerminalOperator:
         return True
 
     def _line(self, prompt: str) -> str | None:
-        """What is typed after the prompt, without the end of its line; None if nothing is in time, or at the end."""
+        """Return the line typed after the prompt, or None if none comes in time or the input ends."""
         import select
         import termios
 
@@ -115,12 +114,12 @@ class TerminalOperator:
 
 
 class AutomaticOperator:
-    """Says yes to everything: for emulated rigs, and for nothing else.
+    """Operator that answers yes to everything; for emulated rigs only.
 
     Attributes
     ----------
     asked, told : list of str
-        Questions and messages, in order.
+        Questions and messages so far, in order.
 
     Raises
     ------
@@ -131,41 +130,41 @@ class AutomaticOperator:
     def __init__(self, settings: RigSettings) -> None:
         if not settings.emulated:
             raise ValueError(
-                f"rig {settings.name!r} is not emulated: it moves beside people, and one of them must answer. Run it "
+                f"rig {settings.name!r} is not emulated: it moves beside people, so a person has to confirm. Run it "
                 "from a terminal."
             )
         self.asked: list[str] = []
         self.told: list[str] = []
 
     def tell(self, message: str) -> None:
-        """Keep it."""
+        """Store the message."""
         self.told.append(message)
 
     def confirm(self, question: str, *, expected: str | None = None) -> bool:
-        """Yes."""
+        """Store the question and return True."""
         self.asked.append(question)
         return True
 
     def ask_ready(self, what: str) -> bool:
-        """Yes."""
+        """Store the request and return True."""
         self.asked.append(what)
         return True
 
 
 class ScriptedOperator:
-    """Answers known beforehand, for tests.
+    """Operator with answers given beforehand, for tests.
 
     Parameters
     ----------
     answers : sequence of (question, answer)
-        In the order of the questions: a part of the text that is asked, and yes or no, or what is typed.
+        Pairs in the order of the questions: part of the question's text, and True, False or the typed text.
 
     Attributes
     ----------
     told : list of str
-        Messages.
+        Messages so far.
     unasked : list of (question, answer)
-        What has not been asked yet.
+        Pairs not used yet.
     """
 
     def __init__(self, answers: Sequence[tuple[str, bool | str]] = ()) -> None:
@@ -173,18 +172,18 @@ class ScriptedOperator:
         self.unasked = list(answers)
 
     def tell(self, message: str) -> None:
-        """Keep it."""
+        """Store the message."""
         self.told.append(message)
 
     def confirm(self, question: str, *, expected: str | None = None) -> bool:
-        """Answer as scripted; raises LookupError for another question than the next one."""
+        """Answer as scripted; raise LookupError if this is not the next question of the script."""
         answer = self._next(question)
         if isinstance(answer, bool):
             return answer
         return answer == expected if expected is not None else answer.lower() in _YES
 
     def ask_ready(self, what: str) -> bool:
-        """Answer as scripted; raises LookupError for another question than the next one."""
+        """Answer as scripted; raise LookupError if this is not the next question of the script."""
         answer = self._next(what)
         return answer if isinstance(answer, bool) else not answer
 

@@ -1,4 +1,4 @@
-"""The process that has a rig: a forked child has its memory and its sockets too, and must not speak for it."""
+"""Process that owns a rig: a forked child inherits memory and sockets, and must not use them."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from cutenv.rig.drivers import RigError
 
 
 class Owner:
-    """The process in which it is made."""
+    """Process in which this object is made."""
 
     def __init__(self) -> None:
         self._process = os.getpid()
 
     @property
     def here(self) -> bool:
-        """Whether this is that process, and no fork of it."""
+        """True in that process, False in a fork of it."""
         return os.getpid() == self._process
 
     def check(self) -> None:
-        """Refuse whatever a fork asks for.
+        """Raise an error in a fork.
 
         Raises
         ------
@@ -28,6 +28,6 @@ class Owner:
         """
         if not self.here:
             raise RigError(
-                f"this process is a fork of the one that has the rig ({self._process}), which alone may speak for it. "
+                f"this process is a fork of the one that has the rig ({self._process}), which alone may use it. "
                 "Start the policy's workers before the rig is opened, and let them decide, not move."
             )

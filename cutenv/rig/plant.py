@@ -1,4 +1,4 @@
-"""The rig as a plant: the policy's commands go out on a fixed-rate clock, what was felt comes back at 1 kHz."""
+"""Rig as a plant: it sends the policy's commands at a fixed rate, and returns the measurements at 1 kHz."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from cutenv.rig.timing import Timing
 from cutenv.tissue.specimen import N_POINTS
 from cutenv.validation import array_in_range, in_range
 
-_LATE = 0.002  # [s] beyond the end of a period, from which a command counts as an overrun
-_TURN_GAIN = 16.0  # [1/s] of the angle's loop, closed at every SYNC
-_TURN_LAG = 0.040  # [s] of the hinge's own loop, which this one looks ahead by: no overshoot
+_LATE = 0.002  # [s] after the end of a period, from which a command counts as an overrun
+_TURN_GAIN = 16.0  # [1/s] gain of the angle's position loop, closed at every SYNC
+_TURN_LAG = 0.040  # [s] lag of the hinge's own loop; this one looks ahead by it, to avoid overshoot
 TURN_RATE = math.radians(90.0)
-"""Greatest rate of turn in a cut, as the simulated rig's [rad/s]."""
+"""Greatest rate of turn during a cut, equal to the simulated rig's [rad/s]."""
 SLOW_TURN = math.radians(10.0)
-"""Rate of turn outside of a cut [rad/s]."""
-_SAME_RATE = 0.02  # relative difference of the sensor's rate to the file's
-_AIMED = math.radians(0.05)  # [rad], closer than which it rests
-_ARRIVED = 2e-5  # [m]
+"""Rate of turn outside a cut [rad/s]."""
+_SAME_RATE = 0.02  # relative difference allowed between the sensor's rate and the file's
+_AIMED = math.radians(0.05)  # [rad] error below which the hinge is not moved
+_ARRIVED = 2e-5  # [m] distance at which the blade has arrived
 _SLICE = 0.02  # [s] of waiting at a time
-_OLDEST = 0.05  # [s] before a period, from which samples may still count
-_KEPT = 4.0  # [s] of samples that are kept for the grid of readings
+_OLDEST = 0.05  # [s] before a period, from which samples are still used
+_KEPT = 4.0  # [s] of samples kept for the 1 kHz grid of readings
 _UNKNOWN = ("true_force", "elastic_force", "tip", "jump")
 REST_WITHIN = 2.0
-"""Time that a blade may take to come to rest after a stop [s]."""
+"""Time allowed for a blade to come to rest after a stop [s]."""
 
 
 class RigPlant:
@@ -47,34 +47,34 @@ class RigPlant:
     Parameters
     ----------
     settings : RigSettings
-        Of the rig.
+        Settings of the rig.
     clock : Clock
-        Time.
+        Clock of the rig.
     blade : MotionDriver
-        Moves the blade.
+        Driver that moves the blade.
     sensor : ForceDriver
-        Feels.
+        Driver of the force sensor.
     angle : MotionDriver, optional
-        Turns the blade; None: it is set by hand, and commands of the angle are ignored.
+        Driver that turns the blade; None if the angle is set by hand, and angle commands are ignored.
     depth : array of shape (301,), optional
         Depth of cut as measured beforehand, one value every 0.5 mm [m].
     follows : bool
-        Whether the blade does what it is told, as any does but a replayed one.
+        True if the blade follows commands; False for a replayed cut only.
 
     Attributes
     ----------
     supervisor : Supervisor
-        Safety; whoever wants motion has to have it released.
+        Safety monitor; it has to be released before any motion.
     keep : callable
-        Told all readings as they are made, for a record on disk.
+        Called with all readings as they are made, to store them on disk.
     witness : Witness or None
-        Told samples, readings and heartbeats after the supervisor, for measurements of the rig itself.
+        Receiver of samples, readings and heartbeats after the supervisor, for measurements of the rig itself.
     timing : Timing
-        Of the control clock.
+        Timing of the control clock.
     owner : Owner
-        The process that has opened it, which alone may move it.
+        Process that has opened the rig; no other may move it.
     zero : tuple of 3 float
-        Of the last tare [N], from the sensor's own zero.
+        Force at the last tare [N], relative to the sensor's own zero.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class RigPlant:
         }
         self._due: float | None = None
         self._grid = self._newest_known = 0.0
-        self._cutting = False  # else there is no beginning that readings could be counted from
+        self._cutting = False  # outside a cut, readings have no start time
         self._commanded: float | None = None
         self._ticks = 0
 
@@ -126,12 +126,13 @@ class RigPlant:
     def open(self) -> None:
         """Connect to drives and sensor; nothing moves.
 
-        The drives come first: another program that has the rig is met on their bus, before its sensor is taken away.
+        The drives come first: another program that uses the rig is noticed on their bus before its sensor is taken
+        away.
 
         Raises
         ------
         RigError
-            If one of them is not there or not what it should be; none stays open.
+            If a device is missing or not as expected; none stays open.
         """
         self.owner, self._left = Owner(), False
         try:
@@ -142,22 +143,22 @@ class RigPlant:
         except BaseException:
             self.close()
             raise
-        self._timers = [  # two: a bus that hangs holds up the second
+        self._timers = [  # two, because a bus that hangs blocks the second
             self.clock.every(WATCH, self.supervisor.watch, "rig watchdog"),
             self.clock.every(AGAIN, self.supervisor.insist, "rig quick stops"),
         ]
 
     def _check_rate(self) -> None:
-        """Limits of force count in readings: one that comes at another rate than expected would change them."""
+        """Raise RigError for a sensor at another rate than in the file: force limits count readings."""
         rate, wanted = self._sensor.rate, self.settings.sensor.rate
         if abs(rate / wanted - 1.0) > _SAME_RATE:
             raise RigError(
-                f"the force sensor sends {rate:g} readings a second, and the rig's file says {wanted:g}. Set the RDT "
+                f"the force sensor sends {rate:g} readings a second, but the rig's file has {wanted:g}. Set the RDT "
                 "output rate on the sensor's page, or rate under [sensor] in the file."
             )
 
     def close(self) -> None:
-        """Stop what moves, and leave sensor and drives; never raises for a rig that is gone.  Nothing in a fork."""
+        """Stop any motion and close drives and sensor; never raises for a rig that is gone; no effect in a fork."""
         if not self.owner.here:
             return
         if not self.supervisor.standing:
@@ -171,30 +172,30 @@ class RigPlant:
         self._left = True
 
     def power(self) -> None:
-        """Switch the drives on, at rest; :meth:`Supervisor.release` then lets commands through."""
+        """Switch the drives on, at rest; :meth:`Supervisor.release` then allows commands."""
         for axis in self._axes:
             axis.enable()
 
     def switch_off(self) -> None:
-        """Take the power off drives at rest; the samples go on."""
+        """Switch off the power of drives at rest; their samples continue."""
         self.supervisor.lock()
         for axis in self._axes:
             axis.disable()
 
     def drive_limits(self) -> dict[str, dict[str, float]]:
-        """What each drive answers for its own limits, by axis."""
+        """Return the limits that each drive reports, by axis."""
         return {axis.name: axis.limits() for axis in self._axes}
 
     def about(self) -> dict[str, dict[str, float | str]]:
-        """What drives and sensor tell of themselves, by name."""
+        """Return the data that drives and sensor report about themselves, by name."""
         return {axis.name: axis.about() for axis in self._axes} | {"sensor": self._sensor.about()}
 
     def tare(self) -> tuple[float, float, float]:
-        """Take the present force for :attr:`zero`; see :meth:`ForceDriver.tare`."""
+        """Take the present force as :attr:`zero` [N]; see :meth:`ForceDriver.tare`."""
         self.zero = self._sensor.tare()
         return self.zero
 
-    # What the drivers tell goes to the supervisor first.
+    # Reports of the drivers go to the supervisor first.
 
     def force(self, sample: ForceSample) -> None:
         """Take a reading of the force sensor."""
@@ -207,7 +208,7 @@ class RigPlant:
             self.witness.force(sample)
 
     def garbled(self, why: str, time: float) -> None:
-        """Count what is no reading."""
+        """Count a packet that is not a valid reading."""
         self.timing.garbled += 1
 
     def motion(self, axis: str, sample: MotionSample) -> None:
@@ -218,7 +219,7 @@ class RigPlant:
             self.witness.motion(axis, sample)
 
     def alive(self, axis: str, time: float) -> None:
-        """Take a heartbeat."""
+        """Take a heartbeat of a drive."""
         self.supervisor.alive(axis, time)
         if self.witness is not None:
             self.witness.alive(axis, time)
@@ -228,11 +229,11 @@ class RigPlant:
         self.supervisor.emergency(axis, code, meaning, time)
 
     def foreign(self, axis: str, what: str, time: float) -> None:
-        """Take the command of somebody else to a drive."""
+        """Take the report that another master commands a drive."""
         self.supervisor.foreign(axis, what, time)
 
     def broken(self, axis: str, why: str, time: float) -> None:
-        """Take the loss of the way to a drive."""
+        """Take the report that a drive can no longer be reached."""
         self.supervisor.broken(axis, why, time)
 
     # A cut
@@ -252,7 +253,7 @@ class RigPlant:
         RigError
             If the rig is not released.
         RigStopped
-            If the blade was stopped; it stands by then, and the error holds the readings until then.
+            If the blade was stopped; it is then at rest, and the error holds the readings until that moment.
         """
         if in_range("ticks", ticks, 1, 10**7, "1", "Give a whole number of milliseconds.") % 1.0:
             raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
@@ -264,11 +265,11 @@ class RigPlant:
         self.timing.lateness.append(max(now - start, 0.0))
         if now - start > _LATE:
             self.timing.overruns += 1
-            if now - start > period:  # whole periods are lost: the clock begins anew
+            if now - start > period:  # whole periods are lost: restart the clock
                 self.timing.skipped += now - start
                 self._grid += now - start
                 start = now
-        self._raise_if_stopped()  # it may have been since the last command
+        self._raise_if_stopped()  # perhaps since the last command
         turned = self._drive(speed, angle, hold=start + period - now)
         self._note_timing()
         self._due = start + period
@@ -286,22 +287,22 @@ class RigPlant:
                     self.supervisor.drive(0.0, self._angle_now(), hold=_SLICE)
                     if self._angle is not None:
                         self.supervisor.turn(0.0)
-                except RigError:  # stopped this very moment: it comes to rest all the same
+                except RigError:  # stopped at this moment: it comes to rest anyway
                     break
                 self.clock.sleep_until(self.clock.now() + _SLICE)
             if self.supervisor.phase == "ready" and not self.supervisor.standing:
-                self.supervisor.trip(Cause.FOLLOWING, "told to rest, the blade moves on")
+                self.supervisor.trip(Cause.FOLLOWING, "the blade goes on moving though commanded to rest")
         self.supervisor.lock()
 
     def travel(self, position: float, *, speed: float, angle: float | None = None) -> None:
-        """Go to ``position`` [m] at no more than ``speed`` [m/s], outside of a cut; turn slowly to ``angle`` [rad].
+        """Move to ``position`` [m] at no more than ``speed`` [m/s], outside a cut; turn slowly to ``angle`` [rad].
 
-        The blade turns where it arrives: on its way it may still stand in tissue.
+        The blade turns only on arrival, because on its way it may still be in tissue.
 
         Raises
         ------
         RigError, RigStopped
-            If the rig is not released, or the blade was stopped or does not arrive.
+            If the rig is not released, or the blade was stopped or does not arrive in time.
         """
         held = self._angle_now()
         wanted = held if angle is None else angle
@@ -324,15 +325,15 @@ class RigPlant:
 
     @property
     def position(self) -> float:
-        """Of the blade, as last heard [m]."""
+        """Last reported position of the blade [m]; raises RigError before the first sample."""
         blade = self.supervisor.blade
         if blade is None:
-            raise RigError("the blade's axis has told nothing yet: open the rig first.")
+            raise RigError("the blade's axis has reported no position yet: open the rig first.")
         return blade.position
 
     @property
     def angle(self) -> float:
-        """Of the blade [rad]: as last heard, or as it is set by hand."""
+        """Last reported angle of the blade, or the angle set by hand [rad]."""
         return self._angle_now()
 
     def _note_timing(self) -> None:
@@ -344,7 +345,7 @@ class RigPlant:
         self._commanded = now
 
     def _wait(self, moment: float, angle: float, *, fastest: float = TURN_RATE) -> None:
-        """Wait, closing the angle's loop at every SYNC, until ``moment`` [s] or a stop."""
+        """Wait until ``moment`` [s] or a stop, closing the angle's loop at every SYNC."""
         now = self.clock.now()
         while now < moment and self.supervisor.phase == "ready":
             if self._angle is not None:
@@ -368,7 +369,7 @@ class RigPlant:
         return self.settings.fixed_angle if sample is None else sample.position
 
     def _drive(self, speed: float, angle: float, *, hold: float) -> float:
-        """Put a command on the bus; raise :class:`RigStopped` if a thread has stopped the blade this very moment."""
+        """Send a command; raise :class:`RigStopped` if a thread has stopped the blade at this moment."""
         self.owner.check()
         try:
             return self.supervisor.drive(speed, angle, hold)
@@ -381,9 +382,9 @@ class RigPlant:
             raise RigStopped(self.supervisor.report, self._come_to_rest(self.supervisor.report))
 
     def _come_to_rest(self, report: StopReport) -> Records:
-        """Wait for the blade to stand, and return the readings of the cut until then; none between cuts.
+        """Wait until the blade is at rest; return the readings of the cut until then, none outside a cut.
 
-        A rig that another thread has left tells no more.
+        A rig that another thread has closed reports no more, and is not waited for.
         """
         deadline = self.clock.now() + REST_WITHIN
         while report.standstill is None and self.clock.now() < deadline and not self._left:
@@ -393,7 +394,7 @@ class RigPlant:
         return self._collect(max(math.floor((self.clock.now() - self._grid) / TICK) - self._ticks, 1))
 
     def _collect(self, ticks: int) -> Records:
-        """The next ``ticks`` readings: the force that was newest, the motion between its samples."""
+        """Return the next ``ticks`` readings: the newest force at each, the motion interpolated between samples."""
         readings = np.zeros(ticks, READING)
         for name in _UNKNOWN:
             readings[name] = np.nan

@@ -1,4 +1,4 @@
-"""What has to be true before anything moves: calibration, self-test, and a person who says so."""
+"""Conditions for any motion: calibration, self-test, and a person's confirmation."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from cutenv.rig.plant import RigPlant
 from cutenv.rig.settings import Axis, RigSettings
 
 SETTLE = 0.3
-"""Time after switching on, before anything is judged [s]."""
+"""Time after switching on, before anything is checked [s]."""
 ZERO_FORCE = 0.2
-"""Greatest force of a blade in air, after tare [N]."""
-_NUDGE = 0.001  # [m] that the blade is moved and brought back
+"""Greatest force allowed on a blade in air, after tare [N]."""
+_NUDGE = 0.001  # [m] by which the blade is moved and brought back
 _NUDGE_SPEED = 0.002  # [m/s]
-_NUDGE_SHARE = 0.8  # of it that the encoder has to show
-_INSIDE = 5e-4  # [m] from an end of travel, to which a blade from beyond it returns
-_TURN = math.radians(1.0)  # that the blade is turned and back
-_SAME = 0.02  # relative difference of a limit to what was written: whole increments
+_NUDGE_SHARE = 0.8  # [1] share of it that the encoder has to show
+_INSIDE = 5e-4  # [m] inside an end of travel, where a blade that returns stops
+_TURN = math.radians(1.0)  # [rad] by which the blade is turned and back
+_SAME = 0.02  # relative difference allowed between a drive's limit and the file: whole increments
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was looked at: whether it is well, and what was found."""
+    """Result of one check: its name, whether it passed, and what was found."""
 
     name: str
     passed: bool
@@ -38,17 +38,17 @@ class Check:
 
 
 def may_move(settings: RigSettings, today: date) -> list[Check]:
-    """What the file says: calibration and who answers for the rig; nothing is asked of hardware."""
+    """Check the file alone, without hardware: the calibration, and the person who answers for the rig."""
     why = expired(settings.calibration, today)
     armed = settings.armed_by.strip()
     return [
         Check("calibration", why is None, why or f"of {settings.calibration.date}"),
-        Check("armed_by", bool(armed), armed or 'empty; who answers for this rig has to stand under "armed_by"'),
+        Check("armed_by", bool(armed), armed or 'empty; write under "armed_by" who answers for this rig'),
     ]
 
 
 def still_checks(plant: RigPlant, *, in_air: bool = True) -> list[Check]:
-    """What an open rig tells without moving: readings, zero force in air, samples, and limits as they were written."""
+    """Check an open rig at rest: readings, zero force in air, samples, and the drives' limits against the file."""
     supervisor, settings = plant.supervisor, plant.settings
     checks = []
     sample = supervisor.newest_force
@@ -78,7 +78,7 @@ def _limit(name: str, axis: Axis, what: str, answered: float) -> Check:
 
 
 def moving_checks(plant: RigPlant) -> list[Check]:
-    """Move the released blade by a millimetre and back, turn it by a degree: whether the encoders show it."""
+    """Move the released blade by a millimetre and back, and turn it by a degree; check that the encoders show it."""
     start = plant.position
     way = _NUDGE if start + _NUDGE < plant.settings.limits.high else -_NUDGE
     plant.travel(start + way, speed=_NUDGE_SPEED)
@@ -87,7 +87,7 @@ def moving_checks(plant: RigPlant) -> list[Check]:
     back = plant.position - start
     well = there / way > _NUDGE_SHARE and abs(back) < (1.0 - _NUDGE_SHARE) * _NUDGE
     checks = [
-        Check("encoder", well, f"told {1e3 * way:+.2f} mm: {1e3 * there:+.3f} mm, and back to {1e3 * back:+.3f} mm")
+        Check("encoder", well, f"moved {1e3 * there:+.3f} of {1e3 * way:+.2f} mm, and back to {1e3 * back:+.3f} mm")
     ]
     if plant.settings.angle is not None:
         begun = plant.angle
@@ -95,13 +95,13 @@ def moving_checks(plant: RigPlant) -> list[Check]:
         plant.travel(plant.position, speed=_NUDGE_SPEED, angle=begun + turn)
         turned = plant.angle - begun
         plant.travel(plant.position, speed=_NUDGE_SPEED, angle=begun)
-        found = f"told {math.degrees(turn):+.1f} degrees: {math.degrees(turned):+.2f}"
+        found = f"turned {math.degrees(turned):+.2f} of {math.degrees(turn):+.1f} degrees"
         checks.append(Check("hinge", turned / turn > _NUDGE_SHARE, found))
     return checks
 
 
 def return_inside(plant: RigPlant) -> None:
-    """Let a blade beyond an end of its travel creep back, and release it there; the operator has agreed to that.
+    """Move a blade from beyond an end of its travel back inside, at creep speed; the operator has agreed to that.
 
     Raises
     ------
@@ -115,36 +115,36 @@ def return_inside(plant: RigPlant) -> None:
 
 
 def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = True) -> list[Check]:
-    """Everything that stands before the first motion, in order; the rig is released at the end.
+    """Run every check that has to precede the first motion, in order; the rig is released at the end.
 
-    Calibration and ``armed_by``; switching on; tare and self-test at rest; the operator's typed word; for a blade
-    beyond an end of its travel, its creeping back, if the operator agrees to that too; a millimetre to and fro.
+    Calibration and ``armed_by``; switching on; tare and self-test at rest; the operator's typed confirmation; for a
+    blade beyond an end of its travel, its slow return, if the operator agrees to that too; a millimetre to and fro.
 
     Parameters
     ----------
     plant : RigPlant
-        Open.
+        Rig, already open.
     operator : Operator
-        Asked.
+        Person who is asked to confirm.
     today : date
-        For the calibration.
+        Today's date, for the age of the calibration.
     in_air : bool
-        Whether the blade touches nothing, so that its force can be taken for zero.  After a stop it may stand in
-        tissue: then the zero stays as it was, for another would hide what pulls.
+        True if the blade touches nothing, so that its force can be taken as zero. After a stop it may stand in tissue:
+        the old zero is then kept, because a new one would hide the force on the blade.
 
     Returns
     -------
     list of Check
-        All of them passed.
+        All checks; each has passed.
 
     Raises
     ------
     RigError
-        If a check fails, or the operator does not agree; the drives are without power then.
+        If a check fails, or the operator does not agree; the drives are then without power.
     """
     checks = _passed(may_move(plant.settings, today))
-    place = "blade in air" if in_air else "wherever it stands"
-    operator.tell(f"The drives are switched on now; the blade holds still. Keep clear of it, {place}.")
+    place = "it has to be in air" if in_air else "wherever it stands"
+    operator.tell(f"The drives are switched on now; the blade holds still. Keep clear of it; {place}.")
     plant.power()
     try:
         plant.clock.sleep_until(plant.clock.now() + SETTLE)
@@ -155,7 +155,7 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
         if not operator.confirm(_question(plant, in_air), expected=plant.settings.name):
             raise RigError("the operator has not confirmed: nothing moves.")
         if (beyond := plant.supervisor.beyond) is not None:
-            way = f"The {beyond}. May it creep back inside at {1e3 * CREEP:g} mm/s, and is the way free?"
+            way = f"The {beyond}. May it creep back inside at {1e3 * CREEP:g} mm/s, and is its way clear?"
             if not operator.confirm(way):
                 raise RigError(f"{beyond}, and the operator has not agreed to its return: nothing moves.")
             return_inside(plant)
@@ -165,23 +165,23 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
         plant.halt()
         try:
             plant.switch_off()
-        except RigError as worse:  # the first error is the one to mend
+        except RigError as worse:  # report the first error
             error.add_note(f"Besides: {worse}")
         raise
     return checks
 
 
 def _question(plant: RigPlant, in_air: bool) -> str:
-    """A tare and a drive's zero are right by definition: a person has to see them."""
+    """Return the question to the operator: only a person can see whether a tare and a drive's zero are right."""
     sample = plant.supervisor.newest_force
     if in_air:
-        felt = f", and in air the sensor reads {_newtons(plant.zero)}, taken for zero. Is that so, is it free"
+        felt = f", and in air the sensor reads {_newtons(plant.zero)}, taken as zero. Is that so, is it free"
     elif sample is not None:
-        felt = f", and the sensor reads {_newtons(sample.force)} from its zero in air. May it"
+        felt = f", and the sensor reads {_newtons(sample.force)} relative to its zero in air. May it move"
     else:
-        felt = ". May it"
-    where = f"By its drive it stands {1e3 * plant.position:.1f} mm from the clamp"
-    return f"The blade of {plant.settings.name} will move. {where}{felt}, and is the stop button in reach?"
+        felt = ". May it move"
+    where = f"According to its drive it stands {1e3 * plant.position:.1f} mm from the clamp"
+    return f"The blade of {plant.settings.name} will move. {where}{felt}, and is the stop button within reach?"
 
 
 def _newtons(force: tuple[float, float, float]) -> str:

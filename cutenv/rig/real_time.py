@@ -1,4 +1,4 @@
-"""Ask the operating system to run the rig's threads before others, so that a busy computer stops no cut."""
+"""Real-time priority for the rig's threads, so that a busy computer stops no cut."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 PRIORITY = 10
-"""Of 1 to 99: before everything ordinary, behind the kernel's own."""
-_SWITCH = 0.0005  # [s] after which Python lets another thread run; 5 ms by default, five readings of the force
+"""Priority from 1 to 99: above every ordinary process, below the kernel's own threads."""
+_SWITCH = 0.0005  # [s] after which Python lets another thread run; the default of 5 ms is five force readings
 
 
 def prefer() -> bool:
-    """Give this thread, and those that it starts from now on, real-time priority; whether that was allowed.
+    """Give this thread, and those that it starts later, real-time priority; return whether that was allowed.
 
-    Linux allows it to root and to whom ``/etc/security/limits.d`` gives ``rtprio``.
+    Linux allows it to root, and to users with ``rtprio`` in ``/etc/security/limits.d``.
     """
     if not hasattr(os, "sched_setscheduler"):
         return False
@@ -28,18 +28,17 @@ def prefer() -> bool:
 
 
 def tidy() -> None:
-    """Search what is new in memory for garbage, at a moment when a few milliseconds do not matter."""
+    """Collect garbage, at a moment when a few milliseconds do not matter."""
     gc.collect()
-    gc.freeze()  # what is left now is not searched again
+    gc.freeze()  # objects that survive are not searched again
 
 
 @contextmanager
 def preferred() -> Iterator[bool]:
-    """Within the block, run before others, and switch between threads more often; whether the former was allowed.
+    """Run the block with real-time priority and faster thread switching; yield whether the priority was allowed.
 
-    Memory is not searched for garbage meanwhile: among all that numba and scipy load, or a minute of readings, that
-    takes up to a tenth of a second in which no thread runs, and a drive takes it for the end of this computer.  See
-    :func:`tidy`.
+    Garbage collection is off meanwhile: with all that numba and scipy load, or a minute of readings, it takes up to a
+    tenth of a second in which no thread runs, and the drives would miss this computer's heartbeat. See :func:`tidy`.
     """
     switch = sys.getswitchinterval()
     before = (os.sched_getscheduler(0), os.sched_getparam(0)) if hasattr(os, "sched_getscheduler") else None

@@ -1,4 +1,4 @@
-"""What the drivers tell: one sample of an axis, one of the force sensor; SI and radians, in the clock's time."""
+"""Samples that the drivers report: one of an axis, one of the force sensor; SI and radians, in the clock's time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 
 class DriveState(Enum):
-    """State of a CiA 402 drive, as its statusword tells it."""
+    """State of a CiA 402 drive, as in its statusword."""
 
     NOT_READY = "not ready to switch on"
     DISABLED = "switch on disabled"
@@ -24,18 +24,18 @@ class DriveState(Enum):
 
 
 class MotionSample(NamedTuple):
-    """One axis at one instant.
+    """State of one axis at one instant.
 
     Attributes
     ----------
     time : float
-        Of the clock, when it arrived [s].
+        Arrival on the clock [s].
     position, speed : float
-        Of the blade along the cut from the clamp on [m], [m/s]; of the angle axis [rad], [rad/s].
+        Position from the clamp [m] and speed [m/s] of the blade along the cut; of the angle axis [rad], [rad/s].
     torque : float
-        Of the motor, over its rated torque [1].
+        Torque of the motor over its rated torque [1].
     state : DriveState
-        Of the drive.
+        State of the drive.
     """
 
     time: float
@@ -46,22 +46,22 @@ class MotionSample(NamedTuple):
 
 
 class ForceSample(NamedTuple):
-    """One reading of the six-axis sensor.
+    """Reading of the six-axis sensor.
 
     Attributes
     ----------
     time : float
-        Of the clock, when it arrived [s].
+        Arrival on the clock [s].
     force : tuple of 3 float
-        In the sensor's axes, after tare [N].
+        Force in the sensor's axes, after tare [N].
     counts : tuple of 6 int
-        As the sensor sent them: forces and torques.
+        Forces and torques as the sensor sent them.
     status : int
-        Of the sensor; 0 is healthy.
+        Status of the sensor; 0 is healthy.
     sequence : int
-        Of the packet, counted by the sensor, modulo 2**32.
+        Number of the packet, counted by the sensor modulo 2**32.
     lost : int
-        Packets that are missing since the last sample.
+        Number of packets missing since the last sample.
     """
 
     time: float
@@ -76,9 +76,9 @@ _Sample = TypeVar("_Sample", ForceSample, MotionSample)
 
 
 def newest_since(samples: deque[_Sample], moment: float) -> list[_Sample]:
-    """The newest of the samples, back to ``moment`` [s] and one more."""
+    """Return the samples from the last one before ``moment`` [s] to the newest."""
     kept: list[_Sample] = []
-    for sample in reversed(samples.copy()):  # a thread may add to it
+    for sample in reversed(samples.copy()):  # a thread may add to it meanwhile
         kept.append(sample)
         if sample.time < moment:
             break
@@ -88,7 +88,7 @@ def newest_since(samples: deque[_Sample], moment: float) -> list[_Sample]:
 def interpolated(
     time: NDArray[np.float64], samples: list[MotionSample]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Position and speed at times [s]: between samples on a line, beyond the last one at its speed."""
+    """Return position and speed at times [s]: linear between samples, at constant speed after the last one."""
     if not samples:
         return np.zeros_like(time), np.zeros_like(time)
     times = np.array([sample.time for sample in samples])

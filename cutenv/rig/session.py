@@ -1,4 +1,4 @@
-"""A rig from the first connection to the last: prepared once, then cut after cut, each on a new specimen."""
+"""Session with a rig, from the first connection to the last: prepared once, then cut after cut on new specimens."""
 
 from __future__ import annotations
 
@@ -19,38 +19,38 @@ from cutenv.rig.real_time import preferred, tidy
 from cutenv.rig.supply import SpecimenKey, Supply
 
 RETURN_SPEED = 0.005
-"""Of the way back to the clamp between cuts [m/s]: never fast."""
-_ATTEMPTS = 3  # to get to the clamp; the operator agrees to each
-_PATIENCE = 1.0  # [s] with a computer that was busy a moment ago: readings have to be fresh again
+"""Speed of the return to the clamp between cuts [m/s]: always slow."""
+_ATTEMPTS = 3  # to reach the clamp; the operator agrees to each
+_PATIENCE = 1.0  # [s] for readings to be fresh again after this computer was busy
 AT_CLAMP = 0.0
 """Position of the blade at the start of a cut [m]."""
 DRIFT = 1.0
-"""Greatest change of the force at rest since the blade was in air [N]: beyond, it touches something."""
-_PUSHED = 5e-4  # [m] from the clamp, beyond which somebody has pushed the blade
+"""Greatest change of the force at rest since the blade was in air [N]: beyond it the blade touches something."""
+_PUSHED = 5e-4  # [m] from the clamp, beyond which somebody has moved the blade
 
 
 class RigSession:
-    """A rig in use.
+    """Session with one rig, opened and closed as a context.
 
     Parameters
     ----------
     plant : RigPlant
         The rig, not yet opened.
     operator : Operator
-        Asked before anything moves.
+        Person who is asked before anything moves.
     supply : Supply
-        Lays specimens.
+        Supply that lays specimens.
     release : callable, optional
-        Called at the end, after the plant is closed: ends an emulator, say.
+        Called at the end, after the plant is closed; it ends an emulator, for example.
     today : date, optional
-        For the calibration.
+        Today's date, for the age of the calibration.
 
     Attributes
     ----------
     checks : list of Check
-        Of the preparation; empty before.
+        Checks of the preparation; empty before.
     real_time : bool
-        Whether the operating system runs the rig's threads before others.
+        True if the operating system runs the rig's threads before others.
     """
 
     def __init__(
@@ -69,12 +69,12 @@ class RigSession:
         self._stack = ExitStack()
         if release is not None:
             self._stack.callback(release)
-        self._air: tuple[float, float, float] | None = None  # [N], zero of the blade in air
+        self._air: tuple[float, float, float] | None = None  # [N] zero of the blade in air
         self._opened = False
         self._in_time = isinstance(plant.clock, SystemClock)
 
     def open(self) -> None:
-        """Connect, and be ready to stop whatever happens; nothing moves.  Once is enough."""
+        """Connect, and install every stop; nothing moves. Later calls do nothing."""
         if not self._opened:
             if self._in_time:
                 self.real_time = self._stack.enter_context(preferred())
@@ -85,14 +85,14 @@ class RigSession:
             self._opened = True
 
     def next_cut(self, key: SpecimenKey, angle: float) -> None:
-        """Prepare if that was not done, go slowly to the clamp, have a new specimen laid without power, and tare.
+        """Prepare if necessary, move slowly to the clamp, have a new specimen laid without power, and tare.
 
         Parameters
         ----------
         key : SpecimenKey
-            Of the specimen.
+            Key of the specimen.
         angle : float
-            At which the cut starts [rad].
+            Angle at which the cut starts [rad].
 
         Raises
         ------
@@ -112,8 +112,8 @@ class RigSession:
             except RigStopped as stop:
                 if attempt == _ATTEMPTS or stop.report.cause in BY_PEOPLE:
                     raise
-        checks, self.checks = self.checks, []  # if the specimen is not laid in order, everything is asked anew
-        plant.switch_off()  # hands are in the travel now
+        checks, self.checks = self.checks, []  # if the specimen is not laid as it should be, everything is asked again
+        plant.switch_off()  # hands are in the travel from here on
         if self._in_time:
             tidy()
         depth = self._supply.lay(key)
@@ -131,23 +131,23 @@ class RigSession:
         plant.begin()
 
     def _check_at_rest(self) -> None:
-        """The blade is where it was left, and feels what it felt in air but for the sensor's drift; tare."""
+        """Check that the blade is where it was left, and that its force changed by no more than sensor drift; tare."""
         plant = self.plant
         if abs(plant.position - AT_CLAMP) > _PUSHED:
             raise RigError(
                 f"the blade was moved to {1e3 * plant.position:.1f} mm while the specimen was laid: begin the cut "
-                "anew, and leave it at the clamp."
+                "again, and leave it at the clamp."
             )
         zero = plant.tare()
         off = max(abs(now - then) for now, then in zip(zero, self._air or zero, strict=True))
         if off > DRIFT:
             raise RigError(
                 f"the force at rest has changed by {off:.1f} N since the blade was in air ({DRIFT:g} N allowed): it "
-                "touches something, or the sensor drifts. Free it, or let the sensor warm up, and begin anew."
+                "touches something, or the sensor drifts. Free it, or let the sensor warm up, and begin again."
             )
 
     def _be_ready(self) -> None:
-        """Reset a stop if the operator agrees, prepare if that has to be done, and release."""
+        """Reset a stop if the operator agrees, prepare if necessary, and release."""
         supervisor = self.plant.supervisor
         if (why := supervisor.latched) is not None:
             question = f"The blade was stopped ({why}). Is the cause removed, and may the stop be reset?"
@@ -161,12 +161,12 @@ class RigSession:
             self.start()
 
     def start(self) -> None:
-        """Let the cut's commands through; until here the rig is locked, however long a policy takes to be ready.
+        """Release the rig for the cut's commands; until here it is locked, however long a policy takes to be ready.
 
         Raises
         ------
         RigError
-            If something is missing or wrong, and stays so.
+            If a signal is missing or wrong, and stays so.
         """
         clock, deadline = self.plant.clock, self.plant.clock.now() + _PATIENCE
         while True:
@@ -183,9 +183,9 @@ class RigSession:
         self.plant.halt()
 
     def close(self) -> None:
-        """Stop what moves, and leave the rig; may be called twice.  An exception on its way is told as the cause.
+        """Stop any motion and close the rig; may be called twice. The report names an exception under way as the cause.
 
-        Nothing in a fork of the process that has opened it.
+        Does nothing in a fork of the process that has opened it.
         """
         if not self.plant.owner.here:
             return

@@ -1,6 +1,6 @@
-"""What must be known of a rig: bus, axes, sensor, limits, calibration; read from its TOML file.
+"""Settings of a rig, read from its TOML file: bus, axes, sensor, limits, calibration.
 
-Inside, SI and radians; in the file every name ends with its unit, see :mod:`cutenv.rig.toml_file`.
+Values are in SI and radians here; in the file every name ends with its unit, see :mod:`cutenv.rig.toml_file`.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from cutenv.validation import in_range, one_of
 
 @dataclass(frozen=True, kw_only=True)
 class Bus:
-    """The CAN bus, as python-can names it; what an interface does not take is ignored."""
+    """Settings of the CAN bus, in python-can's terms; settings that an interface does not use are ignored."""
 
     interface: str = "socketcan"
     channel: str = "can0"
     bitrate: int = 1_000_000
     host: str = "127.0.0.1"
-    """Of a socketcand gateway."""
+    """Address of a socketcand gateway."""
     port: int = 29536
     sync: float = parameter(
         0.005, unit="s", low=0.001, high=0.02, provenance="choice", why="four samples of position to a decision"
     )
     node: int = 127
-    """Of this computer: the drives listen for its heartbeat."""
+    """Node number of this computer, for whose heartbeat the drives listen."""
     heartbeat: float = parameter(
         0.030, unit="s", low=0.005, high=0.1, provenance="choice", why="three before the drive's 100 ms have passed"
     )
@@ -42,7 +42,7 @@ class Bus:
 
 @dataclass(frozen=True, kw_only=True)
 class Axis:
-    """One drive with motor, gear and what it moves: metres along the cut, or radians of the blade's angle."""
+    """One drive with its motor, gear and load: metres along the cut, or radians of the blade's angle."""
 
     node: int = 1
     gear: float = parameter(4.4, unit="1", low=1e-3, high=1e5, provenance="choice", why="motor turns per turn of it")
@@ -51,9 +51,9 @@ class Axis:
         why="travel for one turn of screw or hinge (one turn of a hinge: 2 pi)",
     )  # fmt: skip
     pulses: int = 1024
-    """Of the encoder for one turn of the motor; an increment is a quarter of one."""
+    """Pulses of the encoder for one turn of the motor; an increment is a quarter of one."""
     direction: int = 1
-    """1 or -1: whether a positive speed of the motor moves the blade away from the clamp."""
+    """Sign, 1 or -1, of a motor speed that moves the blade away from the clamp."""
     low: float = parameter(
         -0.002,
         unit="m or rad",
@@ -93,17 +93,17 @@ class Axis:
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
-    """A Net F/T force sensor, and how the cut lies in its axes."""
+    """Settings of a Net F/T force sensor, and the direction of the cut in its axes."""
 
     address: str = "192.168.1.1"
     port: int = 49152
     page: str = ""
-    """Address of its configuration page; empty: http://ADDRESS/netftapi2.xml."""
+    """Address of the sensor's configuration page; empty: http://ADDRESS/netftapi2.xml."""
     rate: float = parameter(1000.0, unit="Hz", low=100.0, high=7000.0, provenance="choice", why="of the readings")
     cut_axis: Literal["x", "y", "z"] = "x"
-    """Of the sensor, along the cut line."""
+    """Axis of the sensor along the cut line."""
     sign: int = 1
-    """1 or -1: whether the tissue's resistance to forward motion reads positive."""
+    """Sign, 1 or -1, of the reading when the tissue resists forward motion."""
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -114,7 +114,7 @@ class Sensor:
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Where the blade is stopped, whatever the policy wants."""
+    """Limits at which the blade is stopped, whatever the policy commands."""
 
     force: float = parameter(15.0, unit="N", low=0.1, high=1000.0, provenance="choice", why="of each axis")
     force_norm: float = parameter(20.0, unit="N", low=0.1, high=1000.0, provenance="choice", why="of all three")
@@ -168,14 +168,14 @@ class Limits:
             raise ValueError("limits: low must be below high, and angle_low below angle_high.")
 
     def lowered(self, **lower: float | None) -> Limits:
-        """The same with some of them lower (None: as it is), from the command line.
+        """Return limits with some of them lowered (None: unchanged), as from the command line.
 
-        A lower ``force_norm`` lowers ``force`` with it, which would never count otherwise.
+        A lower ``force_norm`` also lowers ``force``, which would otherwise have no effect.
 
         Raises
         ------
         ValueError
-            If one would be higher than it is, or is out of range.
+            If a value is above the present one, or out of range.
         """
         chosen = {name: value for name, value in lower.items() if value is not None}
         for name, value in chosen.items():
@@ -191,42 +191,42 @@ class Limits:
 
 
 LOWERED = ("force", "force_norm", "force_rise", "speed", "high")
-"""Limits that the command line may lower."""
+"""Names of the limits that the command line may lower."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Identified:
-    """What ``cutenv rig identify`` has measured, which the simulator takes for its own; None: not measured."""
+    """Properties measured by ``cutenv rig identify``, which the simulator adopts; None: not measured."""
 
     date: str | None = None
     motor_lag: float | None = None
     """Time constant of the velocity loop [s]."""
     dead_time: float | None = None
-    """Between a command and the first motion [s]."""
+    """Time between a command and the first motion [s]."""
     acceleration: float | None = None
-    """Limit [m/s2]."""
+    """Acceleration limit of the axis [m/s2]."""
     backlash: float | None = None
     """Play of gear and screw [m]."""
     friction: float | None = None
-    """Of the empty axis, as a force on the carriage [N]: the rig's own, no part of what the sensor feels."""
+    """Friction of the empty axis, as a force on the carriage [N]: a property of the rig, not seen by the sensor."""
     force_noise: float | None = None
-    """Standard deviation at rest [N]."""
+    """Standard deviation of the force at rest [N]."""
     force_resolution: float | None = None
-    """Least step [N]."""
+    """Least step of the force reading [N]."""
     force_drift: float | None = None
-    """Standard deviation of a random walk after one second [N]."""
+    """Standard deviation after one second of the force's random walk [N]."""
     force_still_x: float | None = None
-    """Longest time for which the sensor's x force stands at one count by its own noise [s]."""
+    """Longest time for which the sensor's x force stays at one count through its own noise [s]."""
     force_still_y: float | None = None
     force_still_z: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """When and how the force sensor was last checked."""
+    """Last check of the force sensor with known weights."""
 
     date: str = ""
-    """ISO 8601; empty: never, and nothing moves."""
+    """Date of the check, ISO 8601; empty: never checked, and nothing moves."""
     valid_days: int = 365
     gain: float = parameter(1.0, unit="1", low=0.5, high=2.0, provenance="choice", why="newtons over what it reads")
 
@@ -237,16 +237,16 @@ class Calibration:
 
 @dataclass(frozen=True, kw_only=True)
 class RigSettings:
-    """All of it.
+    """All settings of a rig.
 
     Attributes
     ----------
     armed_by : str
-        Who answers for it that this rig may move; empty: nothing moves.
+        Name of the person who answers for this rig; empty: nothing moves.
     angle_mode : {"fixed", "free"}
-        Set by hand, at ``fixed_angle``; or turned by a second axis.
+        "fixed": the angle is set by hand, to ``fixed_angle``; "free": a second axis turns the blade.
     depth_profile : tuple of (position, depth)
-        Measured by caliper before the cut [m].
+        Depth of the specimen, measured by caliper before the cut [m].
     """
 
     name: str = "rig"
@@ -265,7 +265,7 @@ class RigSettings:
     identified: Identified = field(default_factory=Identified)
     depth_profile: tuple[tuple[float, float], ...] = ()
     emulated: bool = False
-    """Whether it is an emulator, which needs no operator."""
+    """True for an emulator, which needs no operator."""
 
     def __post_init__(self) -> None:
         one_of("angle_mode", self.angle_mode, ("fixed", "free"))

@@ -1,6 +1,6 @@
-"""Safety below the policy: it sees every packet and every command, trusts nobody, and stops the blade.
+"""Safety layer below the policy: it checks every sample and every command, and stops the blade on a breach.
 
-A software stop is not a safety function: the stop button belongs on the drive's safe torque off.
+A software stop is not a safety function: wire the stop button to the drive's safe torque off.
 """
 
 from __future__ import annotations
@@ -21,32 +21,32 @@ from cutenv.rig.samples import DriveState, ForceSample, MotionSample
 from cutenv.rig.settings import RigSettings
 
 MARGIN = 1.04
-"""Of the speed's limit over what is commanded at most: a loop overshoots."""
+"""Ratio of the speed limit to the greatest commanded speed [1]: the drive's speed loop overshoots."""
 BRAKING = 0.16
-"""Time in which a blade near the end of its travel would arrive [s]: its command fades before."""
-_SHORT = 1e-4  # [m] before the end of travel, where commands have faded out
-_STRAYED = {"blade": 0.003, "angle": math.radians(10.0)}  # [m], [rad] of a locked axis from where it was locked
+"""Time constant near the ends of travel [s]: a speed is allowed that would take at least this long to reach the end."""
+_SHORT = 1e-4  # [m] from an end of travel, the distance at which the allowed speed is zero
+_STRAYED = {"blade": 0.003, "angle": math.radians(10.0)}  # [m], [rad] that a locked axis may move
 _FALLEN = (DriveState.QUICK_STOP, DriveState.REACTING, DriveState.FAULT)
 
 
 class Supervisor:
-    """Watches force, motion, commands and time; a breach puts a quick stop on the bus at once, and latches.
+    """Safety monitor of a rig: puts a quick stop on the bus at the first breach, and keeps the rig stopped.
 
-    It is told by the drivers' threads and by the watchdog, and asked before every command.  Until :meth:`release` it
-    refuses every motion; after a stop it does until :meth:`reset`.
+    The drivers' threads and the watchdog report to it, and every command passes through it. It refuses all motion until
+    :meth:`release`; after a stop, :meth:`reset` has to come first.
 
     Parameters
     ----------
     settings : RigSettings
-        Limits among them.
+        Settings of the rig, with its limits.
     clock : Clock
-        Time.
+        Clock of the rig.
     axes : sequence of MotionDriver
-        The blade's, and the angle's where there is one.
+        Driver of the blade, and of the angle where it has one.
     rate : float
-        Readings of force a second [Hz].
+        Rate of the force readings [Hz].
     follows : bool
-        Whether the blade does what it is told; a replayed one does not, and is not held to it.
+        True if the blade follows commands. False for a replayed cut, for which following errors are not checked.
     """
 
     def __init__(
@@ -65,9 +65,9 @@ class Supervisor:
         for axis in axes:
             axis.latch = self._latch
         self.report: StopReport | None = None
-        """Of the last stop."""
+        """Report of the last stop; None before the first."""
         self.limited = 0
-        """Commands that were made smaller since :meth:`release`."""
+        """Number of commands that were reduced to a limit since :meth:`release`."""
         self._lock = threading.Lock()
         self._forces = ForceWatch(self.limits, rate, settings.identified)
         self._motions = MotionWatch(settings, follows=follows)
@@ -82,13 +82,13 @@ class Supervisor:
 
     @property
     def phase(self) -> Phase:
-        """Whether the rig may move; see :mod:`cutenv.rig.latch`."""
+        """State of the rig, which decides whether it may move; see :mod:`cutenv.rig.latch`."""
         return self._latch.phase
 
-    # What the drivers tell
+    # Reports from the drivers
 
     def force(self, sample: ForceSample) -> None:
-        """Check one reading: the whole of detecting over-force is here, in the packet's own thread."""
+        """Check one force reading; over-force is detected entirely here, in the thread that received the packet."""
         breach = self._forces.felt(sample, moving=self._command != 0.0)
         if self.phase is Phase.STOPPED and self.report is not None:
             self.report.peak_force = max(self.report.peak_force, math.hypot(*sample.force))
@@ -96,7 +96,7 @@ class Supervisor:
             self.trip(*breach, sample.time)
 
     def motion(self, axis: str, sample: MotionSample) -> None:
-        """Check one sample of an axis."""
+        """Check one motion sample of an axis."""
         self._motions.note(axis, sample)
         if self.phase is Phase.READY:
             if (breach := self._motions.judge(axis, self._command if axis == "blade" else self._turning)) is not None:
@@ -119,46 +119,46 @@ class Supervisor:
             self.trip(Cause.FOLLOWING, f"locked, the {name} axis moves: {way}", sample.time, locked=True)
 
     def alive(self, axis: str, time: float) -> None:
-        """Note a drive's heartbeat."""
+        """Note the time of a drive's heartbeat."""
         self._alive[axis] = time
 
     def emergency(self, axis: str, code: int, meaning: str, time: float) -> None:
-        """Stop for an error that a drive reports."""
+        """Stop the blade for an error code that a drive reports; code 0 means that there is no error."""
         if code:
             self.trip(Cause.DRIVE, f"the {axis} drive reports 0x{code:04X}, {meaning}", time)
 
     def foreign(self, axis: str, what: str, time: float) -> None:
-        """Stop, even a locked rig, where somebody else commands a drive; have the last word as long as that goes on."""
-        cure = "close the other program or master, or have the gateway not echo what we send"
-        self.trip(Cause.FOREIGN, f"somebody else commands the {axis} drive ({what}); {cure}", time, locked=True)
+        """Stop even a locked rig because another master commands a drive; answer each command with a quick stop."""
+        cure = "close the other program or master, or switch off the gateway's echo of our own frames"
+        self.trip(Cause.FOREIGN, f"another master commands the {axis} drive ({what}); {cure}", time, locked=True)
         with self._lock:
             if self.phase is Phase.STOPPED:
                 self._quick_stops.answer(axis, time)
 
     def broken(self, axis: str, why: str, time: float) -> None:
-        """Stop where a drive cannot be reached: its own watch for our heartbeat has to."""
+        """Stop the blade because a drive cannot be reached; its own heartbeat watchdog has to stop it."""
         self.trip(Cause.BUS, f"{axis}: {why}", time)
 
-    # What is asked of it
+    # Commands
 
     def drive(self, speed: float, angle: float, hold: float) -> float:
-        """Judge a command that is to last for ``hold`` [s], and put it on the bus; return the angle to turn to.
+        """Check, limit and send a command that is valid for ``hold`` [s]; return the angle to turn to [rad].
 
-        Judged and sent under one lock with :meth:`trip`: no command can follow a quick stop, which on some settings of
-        a drive would set it going again.
+        Check and transmission share one lock with :meth:`trip`: no command can follow a quick stop, which with some
+        drive settings would start the motion again.
 
         Raises
         ------
         RigError
-            If the rig is not released, or stopped.
+            If the rig is not released, or is stopped.
         """
         if self.phase is Phase.READY and not (math.isfinite(speed) and math.isfinite(angle)):
-            self.trip(Cause.NOT_A_NUMBER, f"commanded are speed {speed} m/s and angle {angle} rad")
+            self.trip(Cause.NOT_A_NUMBER, f"the command is speed {speed} m/s, angle {angle} rad")
             return angle
         broken = None
         with self._lock:
             if self.phase is not Phase.READY:
-                why = f"it is stopped ({self.report})" if self.phase is Phase.STOPPED else "it is not released"
+                why = f"the rig is stopped ({self.report})" if self.phase is Phase.STOPPED else "it is not released"
                 raise RigError(f"the blade may not move: {why}. The operator has to release it first.")
             allowed = self._allowed(speed)
             turned = min(max(angle, self.limits.angle_low), self.limits.angle_high)
@@ -174,7 +174,7 @@ class Supervisor:
         return turned
 
     def turn(self, rate: float) -> None:
-        """Put a rate of turn [rad/s] on the bus of the angle's axis, if the rig is released."""
+        """Send a turning speed [rad/s] to the angle's axis, if the rig is released."""
         broken = None
         with self._lock:
             if self.phase is Phase.READY:
@@ -188,7 +188,7 @@ class Supervisor:
             self.trip(Cause.BUS, broken)
 
     def _allowed(self, speed: float) -> float:
-        """A speed within the limit, that fades out toward the ends of travel."""
+        """Return the speed [m/s] reduced to the limit, which decreases toward the ends of travel."""
         blade = self._motions.newest["blade"]
         braking = BRAKING + abs(blade.speed) / (2.0 * self.settings.blade.acceleration)
         top = min(self.limits.speed / MARGIN, self.settings.blade.speed)
@@ -198,16 +198,16 @@ class Supervisor:
         lowest = max(blade.position - self.limits.low - _SHORT, 0.0) / braking
         return min(max(speed, -min(top, lowest)), min(top, highest))
 
-    # Time
+    # Timing
 
     def watch(self, now: float) -> None:
-        """Find out what is missing; the watchdog calls it every :data:`~cutenv.rig.causes.WATCH`."""
+        """Stop the blade if something is overdue; the watchdog calls it every :data:`~cutenv.rig.causes.WATCH`."""
         if self.phase is not Phase.READY:
             return
         try:
             missing = self._missing(now)
-        except Exception as error:  # a watchdog that dies would be missed by nobody
-            missing = [Breach(Cause.EXCEPTION, f"the watchdog itself: {type(error).__name__}: {error}")]
+        except Exception as error:  # nobody would notice that a watchdog had died
+            missing = [Breach(Cause.EXCEPTION, f"the watchdog failed: {type(error).__name__}: {error}")]
         if missing:
             self.trip(*missing[0], now)
 
@@ -222,13 +222,13 @@ class Supervisor:
             if (silent := now - (-math.inf if sample is None else sample.time)) > limits.stale_motion:
                 found.append(Breach(Cause.MOTION_STALE, f"no sample of the {axis} axis for {1e3 * silent:.0f} ms"))
             if (silent := now - self._alive.get(axis, -math.inf)) > limits.heartbeat:
-                found.append(Breach(Cause.HEARTBEAT, f"no heartbeat of the {axis} drive for {1e3 * silent:.0f} ms"))
+                found.append(Breach(Cause.HEARTBEAT, f"no heartbeat from the {axis} drive for {1e3 * silent:.0f} ms"))
         if (self._command != 0.0 or self._turning != 0.0) and (late := now - self._held_until) > 0.0:
-            found.append(Breach(Cause.OVERRUN, f"no new command, {1e3 * late:.0f} ms after the last had to end"))
+            found.append(Breach(Cause.OVERRUN, f"no new command, {1e3 * late:.0f} ms after the last one expired"))
         return found
 
     def insist(self, now: float) -> None:
-        """Stop drives of a stopped rig that are not seen to obey; a timer of its own calls it."""
+        """Repeat the quick stop to drives of a stopped rig that are not seen to obey; a timer of its own calls it."""
         with self._lock:
             if self.phase is Phase.STOPPED and self.report is not None:
                 self._quick_stops.again(self.report, now)
@@ -236,7 +236,7 @@ class Supervisor:
     # Stop, release, reset
 
     def trip(self, cause: Cause, detail: str, detected: float | None = None, *, locked: bool = False) -> None:
-        """Stop the blade, unless it is stopped or, but for ``locked``, was not released; from any thread."""
+        """Stop the blade, from any thread; do nothing if it is stopped, or is not released (unless ``locked``)."""
         with self._lock:
             report = self._stop(cause, detail, detected) if locked or self.phase is Phase.READY else None
         if report is not None:
@@ -251,7 +251,7 @@ class Supervisor:
         self.report = report = StopReport(
             cause=cause, detail=detail, detected=now, position=None if blade is None else blade.position
         )
-        self._latch.happens(Event.STOP)  # only now: who sees it, in another thread, takes the report for this stop's
+        self._latch.happens(Event.STOP)  # last: a thread that sees this phase reads this report
         unreached = self._quick_stops.begin()
         report.commanded = self._clock.now()
         if unreached:
@@ -259,21 +259,21 @@ class Supervisor:
         return report
 
     def release(self, *, returning: bool = False) -> None:
-        """Let commands through, once everything is there and within limits.
+        """Allow commands, once every signal is present and within its limits.
 
         Parameters
         ----------
         returning : bool
-            Whether the operator has agreed that a blade beyond an end of its travel creeps back inside; it may do
-            nothing else before.
+            True if the operator has agreed that a blade beyond an end of its travel creeps back inside; no other motion
+            is allowed before.
 
         Raises
         ------
         RigError
-            If something is missing or wrong; names all of it.
+            If something is missing or wrong; the message lists all of it.
         """
         if self.phase is Phase.READY:
-            return  # what it was told last goes on to be watched
+            return  # the last command stays under watch
         if self.phase is Phase.STOPPED:
             raise RigError(f"the rig is stopped ({self.report}); reset it first.")
         wrong = [detail for _, detail in self._missing(self._clock.now())]
@@ -281,7 +281,7 @@ class Supervisor:
         if self._forces.newest is not None and (status := self._forces.newest.status):
             wrong.append(f"the sensor's status is 0x{status:08X}")
         if self.beyond is not None and not returning:
-            wrong.append(f"{self.beyond}: it may creep back, if the operator agrees; prepare the rig anew")
+            wrong.append(f"{self.beyond}: it may creep back if the operator agrees; prepare the rig again")
         if wrong:
             raise RigError(f"the rig is not ready: {'; '.join(wrong)}.")
         self._rest()
@@ -293,9 +293,9 @@ class Supervisor:
         self._latch.happens(Event.RELEASE)
 
     def lock(self) -> None:
-        """Bid every axis rest, and refuse every motion until the next :meth:`release`; for a blade at rest.
+        """Command zero speed on every axis, and refuse motion until the next :meth:`release`; for a blade at rest.
 
-        What an axis was told last would go on, watched by nobody: a hinge that has not arrived, a blade that creeps.
+        Otherwise the last command of an axis would go on unwatched: a hinge that has not arrived, a blade that creeps.
         """
         broken = None
         with self._lock:
@@ -318,20 +318,20 @@ class Supervisor:
         self._held_until = math.inf
 
     def reset(self, agreed: bool) -> None:
-        """End what is :attr:`latched`: ``agreed`` is the operator's explicit word; the drives are left without power.
+        """Clear what is :attr:`latched`, if the operator has explicitly ``agreed``; the drives are left without power.
 
         Raises
         ------
         RigError
-            If the operator has not agreed, a drive does not leave its fault, or another stop came meanwhile; the rig is
-            stopped then, and may be reset once more.
+            If the operator has not agreed, a drive does not leave its fault, or another stop happened meanwhile; the
+            rig is then stopped and can be reset again.
         """
         if (why := self.latched) is None:
             return
         if not agreed:
             raise RigError(f"still stopped ({why}): the operator has not agreed to a reset.")
         with ExitStack() as resetting:
-            with self._lock:  # no quick stop of this stop is under way any more: one from here on is another stop
+            with self._lock:  # the quick stop of the old stop has been sent: any later one is a new stop
                 if self.phase is Phase.UNREADY:
                     self.report = StopReport(cause=Cause.DRIVE, detail=why, detected=self._clock.now())
                 self._rest()
@@ -342,35 +342,35 @@ class Supervisor:
 
     @property
     def latched(self) -> str | None:
-        """Why a reset has to come before any motion: a stop, or a drive that has stopped by itself."""
+        """Reason for which a reset has to precede any motion: a stop, or a drive that stopped by itself; or None."""
         if self.phase is Phase.STOPPED:
             return str(self.report)
         fallen = [
-            f'the {name} drive is in "{sample.state.value}" by itself'
+            f'the {name} drive went to "{sample.state.value}" by itself'
             for name, sample in self._motions.newest.items()
             if sample.state in _FALLEN
         ]
         return "; ".join(fallen) or None
 
-    # What it knows
+    # Present state
 
     @property
     def newest_force(self) -> ForceSample | None:
-        """The last reading of the force."""
+        """Last force reading; None before the first."""
         return self._forces.newest
 
     @property
     def blade(self) -> MotionSample | None:
-        """The newest sample of the blade's axis."""
+        """Last sample of the blade's axis; None before the first."""
         return self._motions.newest.get("blade")
 
     def axis(self, name: str) -> MotionSample | None:
-        """The newest sample of an axis."""
+        """Return the last sample of an axis; None before the first."""
         return self._motions.newest.get(name)
 
     @property
     def powerless(self) -> list[str]:
-        """What is wrong with drives that are not enabled, such as those that have stopped by themselves."""
+        """Descriptions of the drives that are not enabled, such as those that have stopped by themselves."""
         return [
             f'the {name} drive is in "{sample.state.value}"'
             for name, sample in self._motions.newest.items()
@@ -379,10 +379,10 @@ class Supervisor:
 
     @property
     def beyond(self) -> str | None:
-        """Where the blade is beyond an end of its travel, in words."""
+        """Position of a blade beyond an end of its travel, as a text; None if it is inside."""
         return self._motions.beyond
 
     @property
     def standing(self) -> bool:
-        """Whether the blade stands, as far as is known."""
+        """True if the blade is at rest, as far as its samples show."""
         return self._motions.standing

@@ -1,4 +1,4 @@
-"""Where the next specimen comes from: a person's hands, an emulator, or memory."""
+"""Supply of specimens: a person's hands, an emulator, or memory."""
 
 from __future__ import annotations
 
@@ -18,45 +18,45 @@ from cutenv.tissue.specimen import Specimen
 
 @dataclass(frozen=True, kw_only=True)
 class SpecimenKey:
-    """What tells drawn specimens apart; hardware cuts what it is given, and keeps it as a label."""
+    """Key of a drawn specimen; hardware cuts whatever is laid, and stores the key as a label."""
 
     seed: int
     episode: int
     target: float | None = None
-    """Length to which it is to be cut [m], which its depth has to be known for."""
+    """Length of the cut [m], along which the depth has to be known."""
     specimen: Specimen | None = None
-    """As drawn or given; None for what no program has drawn."""
+    """Specimen as drawn or given; None if no program has drawn it."""
 
 
 class Supply(Protocol):
-    """Lays the next specimen, with the blade at the clamp, at rest and without power."""
+    """Supply that lays the next specimen, with the blade at the clamp, at rest and without power."""
 
     def lay(self, key: SpecimenKey) -> NDArray[np.float64] | None:
-        """Lay it; the depth of cut as measured, shape (301,) [m], or None where the one who asks knows it."""
+        """Lay a specimen; return its measured depth of cut, shape (301,) [m], or None if the caller knows it."""
         ...
 
 
 class HandSupply:
-    """A person lays specimens, and has measured their depth with a caliper into the rig's file.
+    """Supply by a person, who has measured each specimen's depth by caliper and written it into the rig's file.
 
     Parameters
     ----------
     profile : callable
-        Reads the rig's file anew: each specimen has a depth of its own.
+        Reads the rig's file again: each specimen has its own depth.
     operator : Operator
-        Who lays it.
+        Person who lays the specimen.
     """
 
     def __init__(self, profile: Callable[[], RigSettings], operator: Operator) -> None:
         self._profile, self._operator = profile, operator
 
     def lay(self, key: SpecimenKey) -> NDArray[np.float64] | None:
-        """Ask for a new specimen.
+        """Ask for a new specimen; return its depth along the cut, shape (301,) [m].
 
         Raises
         ------
         RigError
-            If the operator does not say that it is there.
+            If the operator does not confirm that it is there, or its depth is not known.
         """
         what = (
             f"The drives are without power. Lay specimen {key.episode + 1}: edge at the clamp, depth_profile in the "

@@ -1,4 +1,4 @@
-"""A rig's file: TOML with comments, every name ending with its unit; SI and radians come out."""
+"""Rig file: TOML with comments, in which every name ends with its unit; values are converted to SI and radians."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _UNFINISHED = f"""\
 # beginning.  Until then the file is refused, and what is missing is listed.  The section [angle] may stay as it is.
 """
 _EMULATED_BUSES, _HERE = ("socketcand", "virtual"), ("127.0.0.1", "localhost", "::1")
-_WIDTH = 116  # of a comment, after its mark
+_WIDTH = 116  # characters of a comment, after its mark
 
 
 def read(path: str | os.PathLike[str]) -> RigSettings:
@@ -39,20 +39,20 @@ def read(path: str | os.PathLike[str]) -> RigSettings:
     Parameters
     ----------
     path : path
-        As ``cutenv rig init`` writes it.
+        File as ``cutenv rig init`` writes it.
 
     Returns
     -------
     RigSettings
-        In SI; what the file leaves out has its default.
+        Settings in SI; keys missing in the file have their defaults.
 
     Raises
     ------
     FileNotFoundError
-        If there is none.
+        If the file does not exist.
     ValueError
-        If it is no TOML, or a key is unknown, missing, of another kind or out of range: names file, section and key,
-        in the file's own unit.  What only a person can say and is missing is listed together.
+        If it is not TOML, or a key is unknown, missing, of a wrong type or out of range: names file, section and key,
+        in the file's own unit. Missing keys that only a person can supply are listed together.
     """
     path = Path(path)
     try:
@@ -60,47 +60,47 @@ def read(path: str | os.PathLike[str]) -> RigSettings:
     except FileNotFoundError:
         raise FileNotFoundError(f"{path}: no such file. 'cutenv rig init {path}' writes one to be filled in.") from None
     except UnicodeDecodeError:
-        raise ValueError(f"{path}: it is no text in UTF-8. Save it as such.") from None
+        raise ValueError(f"{path}: it is not UTF-8 text. Save it as UTF-8.") from None
     return _settings(text, path)
 
 
 def template(name: str = "rig") -> str:
-    """A new rig's file: every key with its meaning, unit, range and default; refused until a person filled it in."""
+    """Return a new rig's file: every key with meaning, unit, range and default; it is refused until filled in."""
     return _text(RigSettings(name=name), to_fill=True)
 
 
 def to_toml(settings: RigSettings) -> str:
-    """The file of a rig, commented like the template, with up to 15 digits; :func:`read` gives the settings back."""
+    """Return the file of a rig, commented like the template, with up to 15 digits, for :func:`read`."""
     return _text(settings, to_fill=False)
 
 
 def write_identified(path: str | os.PathLike[str], identified: Identified) -> None:
-    """Let the file's section ``[identified]`` say just this; comments, order and all the rest of the file stay.
+    """Replace the values in the file's section ``[identified]``; comments, order and the rest of the file stay.
 
-    What is None is taken out: to keep what was measured before, give
-    ``dataclasses.replace(settings.identified, ...)``.  The file is replaced whole or not at all.
+    Values that are None are removed: to keep earlier measurements, give ``dataclasses.replace(settings.identified,
+    ...)``. The file is replaced as a whole or not at all.
 
     Parameters
     ----------
     path : path
-        Of a rig's file that can be read.
+        Path of a valid rig file.
     identified : Identified
-        In SI, rounded to the digits that are worth writing.
+        Values in SI, rounded to meaningful digits.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If the file cannot be read, as by :func:`read`, or what was measured cannot stand in it.
+        If the file cannot be read, see :func:`read`, or the measured values are not valid in it.
     ModuleNotFoundError
         If tomlkit is not installed.
     OSError
-        If it cannot be written.
+        If the file cannot be written.
     """
     import tomlkit
 
     path = Path(path)
     read(path)
-    with path.open(encoding="utf-8", newline="") as file:  # ends of lines stay as they are
+    with path.open(encoding="utf-8", newline="") as file:  # line endings stay as they are
         document = tomlkit.parse(file.read())
     if IDENTIFIED.name not in document:
         document.append(IDENTIFIED.name, tomlkit.table())
@@ -112,7 +112,7 @@ def write_identified(path: str | os.PathLike[str], identified: Identified) -> No
         elif key.name in section:
             del section[key.name]
     text = tomlkit.dumps(document)
-    _settings(text, path)  # nothing is written that could not be read
+    _settings(text, path)  # write nothing that could not be read
     with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         file.write(text)
 
@@ -121,7 +121,7 @@ def _settings(text: str, path: Path) -> RigSettings:
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ValueError(f'{path}: it is no TOML: {error}. Texts need quotation marks, as in name = "rig".') from None
+        raise ValueError(f'{path}: it is not TOML: {error}. Texts need quotation marks, as in name = "rig".') from None
     tables = _tables(content, path)
     missing = [
         section.where(key)
@@ -132,7 +132,7 @@ def _settings(text: str, path: Path) -> RigSettings:
     ]
     if missing:
         raise ValueError(
-            f"{path}: only a person can say {', '.join(missing)}. Write them into the file; 'cutenv rig init' writes"
+            f"{path}: only a person can supply {', '.join(missing)}. Write them into the file; 'cutenv rig init' writes"
             " one that explains each."
         )
     parts = {name: _part(section, tables[name], path) for name, section in _by_name().items() if name in tables}
@@ -149,7 +149,7 @@ def _settings(text: str, path: Path) -> RigSettings:
 
 
 def _check_calibrated(settings: RigSettings) -> None:
-    """Refuse a calibration in the future: by this computer's clock it cannot have been made."""
+    """Raise an error for a calibration in the future, by this computer's clock."""
     calibrated, today = settings.calibration.date, date.today()
     if calibrated and day_of(calibrated) > today:
         raise ValueError(
@@ -158,13 +158,13 @@ def _check_calibrated(settings: RigSettings) -> None:
 
 
 def _check_emulated(settings: RigSettings) -> None:
-    """Refuse a rig that calls itself emulated, and so moves without an operator, but is not on this computer."""
+    """Raise an error for a rig that is marked as emulated, so needs no operator, but is not on this computer."""
     here = settings.bus.interface in _EMULATED_BUSES and settings.bus.host in _HERE and settings.sensor.address in _HERE
     if settings.emulated and not here:
         raise ValueError(
             "emulated = true is for an emulator on this computer: bus.interface socketcand or virtual, bus.host and"
             f" sensor.address 127.0.0.1; here they are {settings.bus.interface}, {settings.bus.host} and"
-            f" {settings.sensor.address}. Set it to false: what is real moves beside people, who must be asked."
+            f" {settings.sensor.address}. Set it to false: a real rig moves beside people, who must be asked."
         )
 
 
@@ -173,7 +173,7 @@ def _by_name() -> dict[str, Section]:
 
 
 def _tables(content: Mapping[str, Any], path: Path) -> dict[str, Mapping[str, Any]]:
-    """Names and values of every section, the top one under ""; a second axis only if it is there."""
+    """Return names and values of every section, the top one under ""; a second axis only if it is there."""
     sections = _by_name()
     top = sections.pop("")
     one_of_these = [key.name for key in top.keys] + list(sections)
@@ -190,7 +190,7 @@ def _tables(content: Mapping[str, Any], path: Path) -> dict[str, Mapping[str, An
 
 
 def _part(section: Section, table: Mapping[str, Any], path: Path) -> Any:
-    """What a section says: its dataclass, or of the top one the fields by name."""
+    """Return a section as its dataclass, or for the top one as a dictionary by field name."""
     where = f"{path}: [{section.name}] " if section.name else f"{path}: "
     values = {}
     for key in section.keys:
@@ -217,7 +217,7 @@ def _made(of: type[Any], values: Mapping[str, Any], where: str) -> Any:
 
 
 def _value(section: Section, key: Key, raw: Any, name: str) -> Any:
-    """A value of the file in SI, of the field's kind."""
+    """Return a value of the file in SI, with the field's type."""
     kind = section.kind(key)
     if kind is tuple:
         return _profile(key, raw, name)

@@ -1,4 +1,4 @@
-"""Smooth lines, areas and lettering on a pygame surface; the only module that knows how pygame draws."""
+"""Smooth lines, areas and text on a pygame surface; the only module that draws with pygame."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 Colour = tuple[int, int, int]
 Points = NDArray[np.float64]
 
-_HATCH = 7  # px between the lines of a hatch
-_FINER = 3  # times, at which areas and letters are drawn before they are smoothed
+_HATCH = 7  # [px] between the lines of a hatch
+_FINER = 3  # [1] factor by which areas and letters are drawn larger before they are smoothed
 
 
 def import_pygame() -> ModuleType:
@@ -23,7 +23,7 @@ def import_pygame() -> ModuleType:
     Raises
     ------
     ImportError
-        If it is not installed; names the command that installs it.
+        If pygame is not installed; the message gives the command that installs it.
     """
     try:
         import pygame
@@ -33,12 +33,12 @@ def import_pygame() -> ModuleType:
 
 
 class Canvas:
-    """A picture in memory; needs no display.
+    """Picture in memory; needs no display.
 
     Parameters
     ----------
     width, height : int
-        [px].
+        Size [px].
     background : tuple of int
         Red, green, blue, 0 to 255.
     """
@@ -48,7 +48,7 @@ class Canvas:
         self._pygame.font.init()
         self.surface = self._pygame.Surface((width, height), 0, 32)
         self.surface.fill(background)
-        # Numbers change with every picture; what stands still is lettered once.
+        # Numbers change with every picture; text that stays is rendered once.
         self._lettering = lru_cache(maxsize=256)(self._letter)
         self._font = lru_cache(maxsize=16)(lambda size: self._pygame.font.Font(None, size))
 
@@ -63,15 +63,15 @@ class Canvas:
         self.surface.blit(other.surface, (left, top))
 
     def clip(self, left: float, top: float, right: float, bottom: float) -> None:
-        """Draw nothing outside of a rectangle until `unclip`."""
+        """Restrict drawing to a rectangle until `unclip`."""
         self.surface.set_clip(self._pygame.Rect(left, top, right - left, bottom - top))
 
     def unclip(self) -> None:
-        """Draw everywhere again."""
+        """Allow drawing everywhere again."""
         self.surface.set_clip(None)
 
     def area(self, outline: Points, colour: Colour, border: Colour | None = None, opacity: float = 1.0) -> None:
-        """Fill a polygon, shape (n, 2), with a smooth edge; less ``opacity`` lets through what is there."""
+        """Fill a polygon, shape (n, 2), with a smooth edge; an ``opacity`` below 1 mixes it with the background."""
         low = np.floor(outline.min(axis=0))
         size = (np.ceil(outline.max(axis=0)) - low + 1.0).astype(int)
         fine = self._pygame.Surface((_FINER * size).tolist(), self._pygame.SRCALPHA, 32)
@@ -82,9 +82,9 @@ class Canvas:
             self._pygame.draw.aalines(self.surface, border, True, outline.tolist())
 
     def cells(self, outlines: Points, colours: Iterable[Colour]) -> None:
-        """Fill many quadrilaterals, shape (n, 4, 2), whose edges lie against each other."""
+        """Fill many adjacent quadrilaterals, shape (n, 4, 2)."""
         draw, surface = self._pygame.draw.polygon, self.surface
-        # A list at a time: thousands that live at once set off Python's garbage collection in every picture.
+        # One list at a time: thousands alive at once trigger Python's garbage collection in every picture.
         for outline, colour in zip(outlines, colours, strict=True):
             draw(surface, colour, outline.tolist())
 
@@ -136,7 +136,7 @@ class Canvas:
         upwards: bool = False,
         ground: Colour | None = None,
     ) -> None:
-        """Letter ``words`` in pygame's own font; ``anchor`` names the point of their box that is ``at``."""
+        """Draw ``words`` in pygame's own font; ``anchor`` names the point of their box that is ``at``."""
         lettering = self._lettering(words, size, colour, upwards)
         box = lettering.get_rect(**{anchor: (round(at[0]), round(at[1]))})
         if ground is not None:

@@ -1,4 +1,4 @@
-"""The chart of the force over the place of the blade, below the views and at their scale."""
+"""Chart of the force over the position of the blade, below the views and at their scale."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from cutenv.viewer.scene import ForceTrace, Layout, Moment, surface
 from cutenv.viewer.views import draw_target
 
 _LETTERS = 16
-_LINES = 6  # of the grid, about
+_LINES = 6  # lines of the grid, about
 
 
 def draw_axes(canvas: Canvas, layout: Layout, moment: Moment, trace: ForceTrace) -> None:
-    """Newtons, the force limit, and the force above which costs begin; both follow the depth of cut."""
+    """Draw the axes, the force limit, and the force above which costs begin; both follow the depth of cut."""
     limit = surface(moment.depth)
     left, right = layout.clamp, layout.along(float(limit[-1, 0]))
-    title = "force [N] over the place of the blade"
+    title = "force [N] over the position of the blade"
     canvas.text(title, (left, layout.chart_top - 11), size=_LETTERS, colour=palette.QUIET)
     canvas.bar(left, layout.chart_top, right, layout.chart_bottom, palette.PANEL)
     step = next(s for s in (2, 5, 10, 20, 50, 100, 1000) if (trace.high - trace.low) / s < _LINES)
@@ -38,13 +38,13 @@ def draw_axes(canvas: Canvas, layout: Layout, moment: Moment, trace: ForceTrace)
 
 
 def draw_force(canvas: Canvas, layout: Layout, trace: ForceTrace, force: Points) -> None:
-    """Part of the trace: (place of the blade [m], force [N]), shape (n, 2)."""
+    """Draw part of the trace: (position of the blade [m], force [N]), shape (n, 2)."""
     if len(force) > 1:
         canvas.line(layout.in_chart(force, trace.low, trace.high), palette.FORCE)
 
 
 def draw_present(canvas: Canvas, layout: Layout, moment: Moment, trace: ForceTrace) -> None:
-    """The target, and the force now."""
+    """Draw the target, and the present force."""
     draw_target(canvas, layout, moment, layout.chart_top, layout.chart_bottom)
     now = layout.in_chart(np.array([moment.blade, moment.force]), trace.low, trace.high)
     canvas.line(np.array([[now[0], layout.chart_top], now]), palette.QUIET)

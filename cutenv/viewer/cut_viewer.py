@@ -1,4 +1,4 @@
-"""The picture of a cut: slab from above, blade from the side, force along the cut, numbers and reward."""
+"""Viewer of a cut: slab from above, blade from the side, force along the cut, numbers and reward."""
 
 from __future__ import annotations
 
@@ -15,18 +15,16 @@ from cutenv.viewer.window import Window
 
 
 class CutViewer:
-    """Draws a simulated cut, as an array and, if asked for, in a window.
+    """Viewer that draws a simulated cut as an array and, on request, in a window.
 
-    From above the tissue is displaced as the finite-element model says, at one scale with the ruler; that the
-    cut gapes is illustration. From the side the tissue is at rest, so that the tip and the blade that carries
-    it stand apart by the lag. The force stands below, over the place of the blade. The tip is hidden from
-    agents, and marked so.
+    From above, the tissue is displaced according to the finite-element model, at one scale with the ruler; the open cut
+    is only an illustration. From the side the tissue is at rest, so that the tip and the blade that displaces it are
+    apart by the lag. The force is below, over the position of the blade. The tip is hidden from agents, and marked so.
 
     Parameters
     ----------
     window : bool
-        Whether to open a window. Closing it ends the drawing in it and not the cut. Without one no display
-        is touched.
+        True to open a window. Closing it ends the drawing in it and not the cut. Without one no display is used.
     fps : float
         Pictures per second of the window; drawing waits until the next one is due.
 
@@ -47,13 +45,13 @@ class CutViewer:
 
     @property
     def window_open(self) -> bool:
-        """Whether there is a window that nobody has closed."""
+        """True while there is a window that nobody has closed."""
         return self._window is not None and self._window.open
 
     def draw(self, plant: SimulatedPlant, cutting: GentleCutting) -> NDArray[np.uint8]:
         """Draw the present moment.
 
-        The force that is shown was felt in the steps that were drawn; a line bridges those in between.
+        The force is from the steps that were drawn; a line bridges those in between.
 
         Returns
         -------
@@ -87,7 +85,7 @@ class CutViewer:
         return canvas.picture()
 
     def _draw_standing(self, moment: Moment) -> Canvas:
-        """What stands still during a cut; the force is added to it as it comes."""
+        """Draw what does not change during a cut; the force is added to it later."""
         layout, model = self.layout, self._slab.model
         canvas = Canvas(layout.width, layout.height, palette.PAPER)
         views.draw_clamp(canvas, layout, model.width)

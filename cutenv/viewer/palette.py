@@ -1,6 +1,7 @@
 """Colours of the picture.
 
-Hues after Okabe and Ito, told apart with any colour vision; none carries a meaning without a word or a shape.
+Hues after Okabe and Ito, which can be distinguished with any colour vision; none has a meaning without a word or a
+shape.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ TISSUE = [
     (red, green, blue)
     for red, green, blue in np.linspace((245, 226, 214), (176, 96, 78), 64).round().astype(int).tolist()
 ]
-"""Of the tissue, from rest to the largest displacement; darker is more."""
+"""Colours of the tissue, from rest to the largest displacement; darker is more."""
 ENERGY = [
     (red, green, blue)
     for red, green, blue in np.stack(
@@ -46,5 +47,5 @@ ENERGY = [
     .astype(int)
     .tolist()
 ]
-"""Of the tissue by strain energy density, from none to the most; darker is more."""
+"""Colours of the tissue by strain energy density, from none to the greatest; darker is more."""
 ARROW = (213, 94, 0)

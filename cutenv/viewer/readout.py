@@ -1,4 +1,4 @@
-"""What is read in words and numbers: task and end, what the rig knows, reward by term, legend."""
+"""Words and numbers beside the views: task and end, measured quantities, reward by term, legend."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from cutenv.viewer.views import LARGEST_DISPLACEMENT, draw_band, draw_tip
 
 _SMALL, _NORMAL = 16, 19
 _MARGIN = 16  # [px]
-_NUMBERS, _REWARD, _LEGEND = 72, 298, 600  # where the parts of the column begin, from the top [px]
-_REWARD_REACH = 62  # of a bar [px], for a term of 1
+_NUMBERS, _REWARD, _LEGEND = 72, 298, 600  # [px] from the top to the parts of the column
+_REWARD_REACH = 62  # [px] length of a bar for a term of 1
 
 
 def draw_header(canvas: Canvas, layout: Layout, moment: Moment) -> None:
-    """What is to be done, or how it ended; and the time."""
+    """Draw the task, or how it ended; and the time."""
     ground = palette.HEADER
     if moment.end:
         ground = palette.SUCCESS if moment.success else palette.FAILURE
@@ -31,7 +31,7 @@ def draw_header(canvas: Canvas, layout: Layout, moment: Moment) -> None:
 
 
 def draw_numbers(canvas: Canvas, layout: Layout, moment: Moment) -> None:
-    """Force, motion and places."""
+    """Draw force, motion and positions."""
     left, right, top = layout.column, layout.width - _MARGIN, _NUMBERS
     limit = moment.force_limit_per_depth * depth_at(moment.depth, moment.blade)
     canvas.text(f"{_rounded(moment.force, 2):.2f} N", (left, top + 9), size=46, colour=palette.FORCE)
@@ -52,7 +52,7 @@ def draw_numbers(canvas: Canvas, layout: Layout, moment: Moment) -> None:
 
 
 def draw_reward(canvas: Canvas, layout: Layout, moment: Moment) -> None:
-    """The return so far and its terms: gains to the right of the line, costs to the left."""
+    """Draw the return so far and its terms: gains to the right of the line, costs to the left."""
     left, right, top = layout.column, layout.width - _MARGIN, _REWARD
     canvas.text("return so far", (left, top), size=_NORMAL, colour=palette.QUIET)
     canvas.text(f"{_rounded(sum(moment.totals.values()), 3):.3f}", (right, top), size=30, anchor="midright")
@@ -69,7 +69,7 @@ def draw_reward(canvas: Canvas, layout: Layout, moment: Moment) -> None:
 
 
 def draw_legend(canvas: Canvas, layout: Layout) -> None:
-    """What the marks and lines of views and chart mean."""
+    """Draw the legend of the marks and lines in views and chart."""
     left, top = layout.column, _LEGEND
     right, middle = left + len(palette.TISSUE), left + 0.5 * len(palette.TISSUE)
     draw_tip(canvas, np.array([middle, top]))
@@ -90,5 +90,5 @@ def draw_legend(canvas: Canvas, layout: Layout) -> None:
 
 
 def _rounded(value: float, digits: int) -> float:
-    """Rounded, and a zero without a sign."""
+    """Return a rounded value, with a zero without a sign."""
     return round(value, digits) + 0.0

@@ -1,4 +1,4 @@
-"""What a picture of a cut shows, and where: numbers and geometry, without anything that draws."""
+"""Content and layout of a picture of a cut: numbers and geometry, without drawing."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from cutenv.tissue.specimen import SPACING
 
 Array = NDArray[np.float64]
 
-_BLADE_LENGTH = 0.0425  # along its edge [m]: thesis, section 3.4.1
-_BLADE_CHORD = 0.007  # from edge to back [m]
-_BLADE_THICKNESS = 0.0020  # as drawn from above [m]; a real one is 0.4 mm thick
-_BELLY = 0.006  # by which the back is shorter than the edge [m]
+_BLADE_LENGTH = 0.0425  # [m] along its edge: thesis, section 3.4.1
+_BLADE_CHORD = 0.007  # [m] from edge to back
+_BLADE_THICKNESS = 0.0020  # [m] as drawn from above; a real one is 0.4 mm thick
+_BELLY = 0.006  # [m] by which the back is shorter than the edge
 _SAMPLES_PER_STROKE = 20  # 20 ms, in which a blade moves 2 px at most
-_CHART_CEILING, _CHART_FLOOR = 6.0, -1.0  # that a force chart shows at least [N]
-_CHART_STEP = 2.0  # by which it grows [N]
+_CHART_CEILING, _CHART_FLOOR = 6.0, -1.0  # [N] least range of a force chart
+_CHART_STEP = 2.0  # [N] step by which it grows
 
 
 @dataclass(frozen=True, kw_only=True)
 class Moment:
-    """What is to be seen of a cut at one moment; SI and radians.
+    """State of a cut to be drawn at one moment; SI and radians.
 
-    ``tip`` and ``lag`` are hidden truth; the rest is what a rig and its task know.
+    ``tip`` and ``lag`` are hidden truth; a rig and its task know the rest.
     """
 
     blade: float
@@ -52,7 +52,7 @@ class Moment:
 
     @classmethod
     def of(cls, plant: SimulatedPlant, cutting: GentleCutting) -> Moment:
-        """Read off a simulated plant and the task that runs on it."""
+        """Return the state of a simulated plant and the task that runs on it."""
         state = plant.states[0]
         return cls(
             blade=float(state["blade"]),
@@ -72,12 +72,12 @@ class Moment:
 
     @property
     def lag(self) -> float:
-        """How far the blade has carried the tip from its place at rest [m]; zero in the open cut."""
+        """Distance by which the blade has carried the tip from its place at rest [m]; zero in the open cut."""
         return max(self.blade - self.tip, 0.0)
 
     @property
     def verdict(self) -> str:
-        """The end in words, or an empty string while the cut goes on."""
+        """End of the cut in words, or an empty string while it goes on."""
         if self.end == "finished":
             if self.success:
                 return "finished: success"
@@ -91,7 +91,7 @@ class Moment:
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """Where things stand in the picture [px]; one scale along the cut for both views and the chart."""
+    """Positions of the parts of a picture [px]; one scale along the cut for both views and the chart."""
 
     width: int = 960
     height: int = 720
@@ -105,23 +105,23 @@ class Layout:
     column: float = 672.0  # of the numbers, from the left
 
     def along(self, along: float) -> float:
-        """Horizontal place of a distance from the clamp [m]."""
+        """Return the horizontal position of a distance from the clamp [m], in pixels."""
         return self.clamp + self.scale * along
 
     def from_above(self, places: Array) -> Array:
-        """Pixels of places (across, along) [m], shape (..., 2)."""
+        """Return the pixels of places (across, along) [m], shape (..., 2)."""
         return np.stack(
             [self.clamp + self.scale * places[..., 1], self.cut_line + self.scale * places[..., 0]], axis=-1
         )
 
     def from_the_side(self, places: Array) -> Array:
-        """Pixels of places (along, height above the blade's lower end) [m], shape (..., 2)."""
+        """Return the pixels of places (along, height above the blade's lower end) [m], shape (..., 2)."""
         return np.stack(
             [self.clamp + self.scale * places[..., 0], self.blade_end - self.scale * places[..., 1]], axis=-1
         )
 
     def in_chart(self, points: Array, low: float, high: float) -> Array:
-        """Pixels of (place of the blade [m], force [N]), shape (..., 2), in a chart of that range."""
+        """Return the pixels of (position of the blade [m], force [N]), shape (..., 2), in a chart of that range."""
         height = self.chart_bottom - self.chart_top
         return np.stack(
             [
@@ -133,12 +133,12 @@ class Layout:
 
 
 class ForceTrace:
-    """Measured force over the place of the blade since the start, as far as it was shown.
+    """Measured force over the position of the blade since the start, as far as it was shown.
 
     Attributes
     ----------
     low, high : float
-        Range of a chart that holds it [N]; grows in steps and never shrinks.
+        Range of a chart that includes it [N]; grows in steps and never shrinks.
     """
 
     def __init__(self) -> None:
@@ -147,7 +147,7 @@ class ForceTrace:
         self.low, self.high = _CHART_FLOOR, _CHART_CEILING
 
     def add(self, readings: Records | None) -> bool:
-        """Append what was felt since; return whether there was anything that is not known already."""
+        """Append new readings; return whether there were any."""
         if readings is None or readings["time"][-1] <= self._time:
             return False
         self._time = float(readings["time"][-1])
@@ -161,16 +161,16 @@ class ForceTrace:
         return True
 
     def whole(self) -> Array:
-        """(position [m], force [N]) since the start, shape (n, 2)."""
+        """Return (position [m], force [N]) since the start, shape (n, 2)."""
         return np.concatenate(self._parts)
 
     def latest(self) -> Array:
-        """(position [m], force [N]) of the last addition, led by the sample before it, shape (n, 2)."""
+        """Return (position [m], force [N]) of the last addition, preceded by the sample before it, shape (n, 2)."""
         return np.concatenate([part[-1:] for part in self._parts[-2:-1]] + self._parts[-1:])
 
 
 def _extremes(force: Array) -> NDArray[np.int64]:
-    """Indices of least and largest of every 20 samples, and of the last one: all that can be seen."""
+    """Return the indices of least and greatest of every 20 samples, and of the last one: all that is visible."""
     kept = {len(force) - 1}
     for start in range(0, len(force), _SAMPLES_PER_STROKE):
         part = force[start : start + _SAMPLES_PER_STROKE]
@@ -179,21 +179,20 @@ def _extremes(force: Array) -> NDArray[np.int64]:
 
 
 def depth_at(depth: Array, along: float) -> float:
-    """Depth of cut [m] at a distance from the clamp [m]; ``depth`` is spread evenly over the specimen."""
+    """Return the depth of cut [m] at a distance from the clamp [m]; ``depth`` is spread evenly over the specimen."""
     return float(np.interp(along, np.arange(len(depth)) * SPACING, depth))
 
 
 def surface(depth: Array) -> Array:
-    """Surface of the tissue at rest, (along, height above the blade's lower end) [m], shape (n, 2)."""
+    """Return the surface of the tissue at rest, (along, height above the blade's lower end) [m], shape (n, 2)."""
     return np.stack([np.arange(len(depth)) * SPACING, depth], axis=-1)
 
 
 def blade_from_the_side(blade: float, angle: float, depth: float) -> Array:
-    """Outline of the blade, (along, height) [m], shape (n, 2): the edge leads, and leans over uncut tissue.
+    """Return the outline of the blade, (along, height) [m], shape (n, 2): the edge leads, over uncut tissue.
 
-    The edge passes through ``blade`` at the surface, ``depth`` above its lower end; an inclined blade leaves
-    a wedge of length depth times cot(angle) uncut. The data do not tell which way a blade leans: as a hand
-    draws it, forward.
+    The edge passes through ``blade`` at the surface, ``depth`` above its lower end; an inclined blade leaves a wedge of
+    length depth times cot(angle) uncut. The data do not show which way a blade leans: here forward, as a hand draws it.
     """
     edge = np.array([math.cos(angle), math.sin(angle)])
     back = np.array([-math.sin(angle), math.cos(angle)])
@@ -206,7 +205,7 @@ def blade_from_the_side(blade: float, angle: float, depth: float) -> Array:
 
 
 def blade_from_above(blade: float, angle: float, depth: float) -> tuple[Array, Array]:
-    """Section of the blade at the surface, and what stands above it; (across, along) [m], shape (n, 2)."""
+    """Return the blade's section at the surface, and the part above it; (across, along) [m], shape (n, 2)."""
     chord = _BLADE_CHORD / math.sin(angle)
     half = 0.5 * _BLADE_THICKNESS
     section = np.array([[0.0, 0.0], [-half, -0.4 * chord], [-half, -chord], [half, -chord], [half, -0.4 * chord]])
@@ -217,7 +216,7 @@ def blade_from_above(blade: float, angle: float, depth: float) -> tuple[Array, A
 
 
 def front_from_the_side(tip: float, angle: float, depth: Array) -> Array:
-    """Outline of what is cut, (along, height) [m], shape (n, 2); its front is as inclined as the blade."""
+    """Return the outline of the cut part, (along, height) [m], shape (n, 2); its front is as inclined as the blade."""
     top = surface(depth)
     end = np.array([[tip, depth_at(depth, tip)]])
     lower = max(tip - end[0, 1] / math.tan(angle), 0.0)

@@ -1,4 +1,4 @@
-"""The specimen seen from above: a lattice that follows the displacement of the finite-element model."""
+"""Specimen seen from above: a lattice that follows the displacement of the finite-element model."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from cutenv.tissue.cut_model import CutModel
 
 Array = NDArray[np.float64]
 
-_WIDEST = 0.0025  # half the gap of the widest cut [m]: illustration
-_GAP_PER_LENGTH = 0.05  # half the gap over the cut's length, while it is short [1]: illustration
-_FACE_STEP = 0.5e-3  # between the points of a drawn cut face [m]
+_WIDEST = 0.0025  # [m] half the gap of the widest cut: illustration
+_GAP_PER_LENGTH = 0.05  # [1] half the gap over the cut's length, while it is short: illustration
+_FACE_STEP = 0.5e-3  # [m] between the points of a drawn cut face
 
 
 class Slab:
-    """Places of a specimen, displaced as the finite-element model says.
+    """Lattice of a specimen, displaced according to the finite-element model.
 
-    The lattice follows the straight lines between element corners, on which the model's tip lies too. It has
-    two sides, left and right of the cut line, which meet there. A place is (across, along) in metres: across
-    from -x to +x, along from the clamp.
+    The lattice follows the straight lines between element corners, which include the model's tip. It has two sides,
+    left and right of the cut line, where they meet. A place is (across, along) in metres: across from -x to +x, along
+    from the clamp.
 
     Parameters
     ----------
     model : CutModel
-        Of the specimen; its fields are computed once and kept by it.
+        Finite-element model of the specimen; its fields are computed once and kept by it.
     subdivisions : tuple of int
-        Cells of the lattice on the side of an element, across and along.
+        Cells of the lattice for one element, across and along.
 
     Attributes
     ----------
@@ -38,11 +38,11 @@ class Slab:
     """
 
     def __init__(self, model: CutModel, subdivisions: tuple[int, int] = (3, 3)) -> None:
-        assert model.divisions is not None  # settled by the model
+        assert model.divisions is not None  # set by the model
         self.model = model
         self.subdivisions = subdivisions
         across, along = model.divisions[:2]
-        # Of bricks, only the upper face is seen: the last layer, of its 8 corners the last 4.
+        # Of bricks, only the upper face is visible: the last layer, and there the last 4 of 8 corners.
         corners = model.elements.reshape(across, along, -1)[:, :, -4:]
         sides = []
         weights = []
@@ -55,18 +55,18 @@ class Slab:
         nodes, shares = np.stack(sides), np.stack(weights)
         self._shape = nodes.shape[:-1]
         starts = np.arange(0, nodes.size + 1, nodes.shape[-1])
-        # From nodes to lattice is one product, ten times faster than picking corners for every picture.
+        # One product maps nodes to the lattice, ten times faster than picking corners for every picture.
         self._from_nodes = csr_array((shares.ravel(), nodes.ravel(), starts), shape=(len(starts) - 1, model.n_nodes))
         self.rest: Array = self.on_lattice(model.nodes[:, :2])
         self._along: Array = self.rest[0, -1, :, 1].copy()
 
     def on_lattice(self, nodal: Array) -> Array:
-        """Values at the lattice of values at the nodes, from (n_nodes, k) to (2, n_across, n_along, k)."""
+        """Interpolate values at the nodes, shape (n_nodes, k), to the lattice, shape (2, n_across, n_along, k)."""
         values: Array = np.asarray(self._from_nodes @ nodal)
         return values.reshape(*self._shape, nodal.shape[1])
 
     def displacement(self, tip: float, lag: float) -> Array:
-        """Displacement of the lattice when the blade holds the tip, at ``tip`` when at rest, ``lag`` ahead.
+        """Return the lattice's displacement for a tip with rest position ``tip`` that the blade holds ``lag`` ahead.
 
         Returns
         -------
@@ -78,7 +78,7 @@ class Slab:
         return self.on_lattice(field[:, :2])
 
     def opened(self, places: Array, tip: float) -> Array:
-        """``places`` of the lattice with the cut drawn open, which the model does not do: illustration."""
+        """Return ``places`` of the lattice with the cut drawn open, which is not part of the model: an illustration."""
         half = 0.5 * self.model.width
         away = (1.0 - np.abs(self.rest[..., 0]) / half) ** 2
         shift = half_gap(self.rest[..., 1], tip) * away
@@ -88,7 +88,7 @@ class Slab:
         return drawn
 
     def cut_outline(self, displacement: Array, tip: float) -> Array:
-        """Outline of the cut, drawn open: along its left face to the tip and back, shape (n, 2) [m]."""
+        """Return the outline of the cut, drawn open: along its left face to the tip and back, shape (n, 2) [m]."""
         count = max(round(tip / _FACE_STEP), 2) + 1
         y = 0.5 * tip * (1.0 - np.cos(np.linspace(0.0, np.pi, count)))  # denser at the rounded ends
         gap = half_gap(y, tip)
@@ -99,7 +99,7 @@ class Slab:
         return np.concatenate([left, right[::-1]])
 
     def line_across(self, displacement: Array, along: float) -> Array:
-        """The places on a line that was drawn across the tissue at ``along`` [m], shape (n, 2) [m]."""
+        """Return the places of a straight line across the undisplaced tissue at ``along`` [m], shape (n, 2) [m]."""
         k = int(np.clip(np.searchsorted(self._along, along), 1, len(self._along) - 1))
         w = (along - self._along[k - 1]) / (self._along[k] - self._along[k - 1])
         places = self.rest + displacement
@@ -114,12 +114,12 @@ class Slab:
 
 @lru_cache(maxsize=4)
 def slab_of(model: CutModel) -> Slab:
-    """The slab of a model, made once."""
+    """Return the slab of a model; it is cached."""
     return Slab(model)
 
 
 def half_gap(along: Array, tip: float) -> Array:
-    """Half the gap of a cut drawn open as an ellipse from the clamp to ``tip`` [m]; zero elsewhere."""
+    """Return half the gap [m] of a cut drawn open as an ellipse from the clamp to ``tip`` [m]; zero elsewhere."""
     if tip <= 0.0:
         return np.zeros_like(along)
     t = np.clip(along / tip, 0.0, 1.0)
@@ -128,7 +128,7 @@ def half_gap(along: Array, tip: float) -> Array:
 
 
 def _lattice(first: int, count: int, subdivisions: int) -> tuple[NDArray[np.int64], Array]:
-    """Element and place within it (0 to 1) of each lattice line over ``count`` elements from ``first``."""
+    """Return element and place within it (0 to 1) of each lattice line over ``count`` elements from ``first``."""
     place = np.arange(count * subdivisions + 1) / subdivisions
     element = np.minimum(place.astype(np.int64), count - 1)
     return first + element, place - element

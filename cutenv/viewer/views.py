@@ -1,4 +1,4 @@
-"""The two views of a cut: the slab from above and the blade in it from the side."""
+"""Views of a cut: the slab from above, and the blade in it from the side."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from cutenv.viewer.scene import (
 from cutenv.viewer.slab import Slab
 
 LARGEST_DISPLACEMENT = 0.012
-"""At the dark end of the tissue's colours [m]."""
+"""Displacement at the dark end of the tissue's colours [m]."""
 
 _CLAMP = 20  # [px]
 _LETTERS, _TARGET_LETTERS = 16, 19
-_CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))  # of a cell, around it
+_CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))  # corners of a cell, in order around it
 
 
 def draw_clamp(canvas: Canvas, layout: Layout, width: float) -> None:
-    """The clamp in both views, and what they are called."""
+    """Draw the clamp in both views, with their titles."""
     half = 0.5 * layout.scale * width
     top, bottom = layout.cut_line - half, layout.cut_line + half
     canvas.hatch(layout.clamp - _CLAMP, top - 2, layout.clamp, bottom + 2, palette.QUIET)
@@ -40,14 +40,14 @@ def draw_clamp(canvas: Canvas, layout: Layout, width: float) -> None:
 
 
 def draw_section_at_rest(canvas: Canvas, layout: Layout, moment: Moment) -> None:
-    """The uncut tissue from the side: the bulge of the liver above the level of the blade's lower end."""
+    """Draw the uncut tissue from the side: the bulge of the liver above the level of the blade's lower end."""
     top = surface(moment.depth)
     section = np.concatenate([top, [[top[-1, 0], 0.0], [0.0, 0.0]]])
     canvas.area(layout.from_the_side(section), palette.TISSUE[0], palette.TISSUE_EDGE)
 
 
 def draw_ruler(canvas: Canvas, layout: Layout, length: float) -> None:
-    """Centimetres from the clamp, for both views and the chart."""
+    """Draw centimetres from the clamp, for both views and the chart."""
     level = layout.blade_end + 3
     for centimetres in range(round(length * 100) + 1):
         x = layout.along(centimetres / 100)
@@ -59,14 +59,14 @@ def draw_ruler(canvas: Canvas, layout: Layout, length: float) -> None:
 
 
 def draw_from_above(canvas: Canvas, layout: Layout, moment: Moment, slab: Slab) -> None:
-    """The displaced slab, the target marked on it, the cut drawn open, blade and tip."""
+    """Draw the displaced slab with the target, the open cut, blade and tip."""
     draw_slab(canvas, layout, moment, slab)
     draw_blade_from_above(canvas, layout, moment)
     draw_tip_from_above(canvas, layout, moment, "tip (hidden from the agent)")
 
 
 def draw_slab(canvas: Canvas, layout: Layout, moment: Moment, slab: Slab) -> None:
-    """The displaced slab, the target marked on it, the cut drawn open."""
+    """Draw the displaced slab with the target and the open cut."""
     displacement = slab.displacement(moment.tip, moment.lag)
     _draw_tissue(canvas, layout, moment, slab, displacement)
 
@@ -84,7 +84,7 @@ def draw_slab(canvas: Canvas, layout: Layout, moment: Moment, slab: Slab) -> Non
 
 
 def draw_blade_from_above(canvas: Canvas, layout: Layout, moment: Moment, colour: Colour = palette.STEEL) -> None:
-    """The blade's section at the surface, and what stands above it."""
+    """Draw the blade's section at the surface, and the part above it."""
     depth = depth_at(moment.depth, moment.blade)
     section, overhang = blade_from_above(moment.blade, moment.angle, depth)
     canvas.area(layout.from_above(section), colour, palette.INK)
@@ -92,7 +92,7 @@ def draw_blade_from_above(canvas: Canvas, layout: Layout, moment: Moment, colour
 
 
 def draw_tip_from_above(canvas: Canvas, layout: Layout, moment: Moment, words: str) -> None:
-    """The tip where the blade has carried it, and what it is called."""
+    """Draw the tip where the blade has carried it, with its label."""
     tip = layout.from_above(np.array([0.0, moment.tip + moment.lag]))
     beside = np.array([min(float(tip[0]) + 16, 470.0), float(tip[1]) - 38])
     canvas.line(np.stack([tip, beside + np.array([4.0, 8.0])]), palette.INK)
@@ -116,7 +116,7 @@ def _draw_tissue(canvas: Canvas, layout: Layout, moment: Moment, slab: Slab, dis
 
 
 def draw_from_the_side(canvas: Canvas, layout: Layout, moment: Moment) -> None:
-    """What is cut of the tissue at rest, the target, the blade at its angle, and the tip behind it."""
+    """Draw the cut part of the tissue at rest, the target, the blade at its angle, and the tip behind it."""
     draw_target(canvas, layout, moment, layout.blade_end - 84, layout.blade_end)
     cut = front_from_the_side(moment.tip, moment.angle, moment.depth)
     canvas.area(layout.from_the_side(cut), palette.CUT_FACE)
@@ -139,18 +139,18 @@ def draw_from_the_side(canvas: Canvas, layout: Layout, moment: Moment) -> None:
 
 
 def draw_tip(canvas: Canvas, at: Points) -> None:
-    """The mark of the crack tip, which no agent sees."""
+    """Draw the mark of the crack tip, which is hidden from agents."""
     canvas.area(at + 6.0 * np.array([[0, -1], [1, 0], [0, 1], [-1, 0]]), palette.TIP, palette.INK)
 
 
 def draw_target(canvas: Canvas, layout: Layout, moment: Moment, top: float, bottom: float) -> None:
-    """The target line with its tolerance, where it stands in tissue at rest."""
+    """Draw the target line with its tolerance, at its position in tissue at rest."""
     low, middle, high = (layout.along(moment.target + d) for d in (-moment.tolerance, 0.0, moment.tolerance))
     draw_band(canvas, low, middle, high, top, bottom)
 
 
 def draw_band(canvas: Canvas, low: float, middle: float, high: float, top: float, bottom: float) -> None:
-    """A line with a band around it."""
+    """Draw a line with a band around it."""
     band = np.array([[low, top], [high, top], [high, bottom], [low, bottom]])
     canvas.area(band, palette.TARGET, opacity=0.3)
     canvas.line(np.array([[middle, top], [middle, bottom]]), palette.TARGET, 2.0)

@@ -1,4 +1,4 @@
-"""A window that shows pictures at a steady rate."""
+"""Window that shows pictures at a steady rate."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from cutenv.viewer.canvas import Canvas, import_pygame
 
 
 class Window:
-    """The one window of pygame's display, opened at construction.
+    """Single window of pygame's display, opened at construction.
 
     Parameters
     ----------
     width, height : int
-        [px].
+        Size [px].
     fps : float
-        Pictures per second; showing one waits until it is due; 0: it never waits.
+        Pictures per second; showing one waits until it is due; 0: no waiting.
 
     Attributes
     ----------
     open : bool
-        False once it was closed, by `close` or by the person before it.
+        False after the window was closed, by `close` or by the person.
     """
 
     def __init__(self, width: int, height: int, fps: float) -> None:
@@ -33,13 +33,13 @@ class Window:
         self.open = True
 
     def show(self, canvas: Canvas) -> None:
-        """Show a canvas, whatever keys were pressed since; do nothing if the window is closed."""
-        # All events are taken, lest a full queue hide the one that closes the window.
+        """Show a canvas, ignoring keys pressed since the last one; do nothing if the window is closed."""
+        # Take all events, because a full queue would hide the one that closes the window.
         self.take_events()
         self.present(canvas)
 
     def take_events(self) -> list[Any]:
-        """What happened since the last call, pygame's events; one that closes the window closes it."""
+        """Return pygame's events since the last call; one that asks to close the window closes it."""
         events: list[Any] = self._pygame.event.get() if self.open else []
         if any(event.type == self._pygame.QUIT for event in events):
             self.close()
@@ -54,7 +54,7 @@ class Window:
         self._clock.tick(self._fps)
 
     def close(self) -> None:
-        """Close the window; a second time does nothing."""
+        """Close the window; further calls do nothing."""
         if self.open:
             self.open = False
             self._pygame.display.quit()

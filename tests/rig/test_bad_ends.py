@@ -80,7 +80,7 @@ def test_a_drive_that_stopped_by_itself_between_cuts_is_reset_once_the_operator_
     with pytest.raises(RigError, match="not agreed"):
         session.plant.supervisor.reset(agreed=False)
     env.reset(seed=2)
-    assert any(f'the blade drive is in "{state.value}" by itself' in asked for asked in session.operator.asked)
+    assert any(f'the blade drive went to "{state.value}" by itself' in asked for asked in session.operator.asked)
     assert not env.step([0.2, 1.0])[2]
     env.close()
 

@@ -136,7 +136,7 @@ def test_a_drive_without_milli_rpm_is_told_speeds_in_what_it_counts(benches, cod
 def test_a_drive_that_counts_in_another_unit_than_revolutions_is_refused(benches):
     bench = benches()
     bench.drive.kept[0x60A9, 0] = 0x00010300  # metres a second
-    with pytest.raises(RigError, match="no revolution a minute"):
+    with pytest.raises(RigError, match="not a revolution a minute"):
         bench.axis.open(bench.ear)
 
 

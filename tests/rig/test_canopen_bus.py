@@ -87,7 +87,7 @@ def test_something_else_at_the_gateways_port_is_told_by_what_it_says():
             connection.close()
 
         threading.Thread(target=serve, daemon=True).start()
-        with pytest.raises(RigError, match="is no socketcand gateway: it says b'HTTP"):
+        with pytest.raises(RigError, match="is not a socketcand gateway: it sends b'HTTP"):
             open_bus(Bus(interface="socketcand", channel="can0", port=server.getsockname()[1]))
 
 
@@ -246,8 +246,8 @@ def served(server: socket.socket, *said: bytes) -> None:
         ((b"< hi >", b"< ok >"), "silent: no answer to '< rawmode >' within 2 s"),
         ((b"< h",), "silent: no greeting within 2 s"),
         ((b"< hi >", b"< error could not open bus >"), "gives '< error could not open bus >' as answer"),
-        ((b"220 ftp\r\n",), "no socketcand gateway: it says b'220 ftp"),
-        ((b"x" * 4000,), "no socketcand gateway"),
+        ((b"220 ftp\r\n",), "not a socketcand gateway: it sends b'220 ftp"),
+        ((b"x" * 4000,), "not a socketcand gateway"),
     ],
 )
 def test_a_gateway_that_falls_silent_or_refuses_is_told_in_time(said, message):
@@ -284,10 +284,10 @@ def test_a_greeting_that_tcp_has_split_is_a_greeting():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (b"< frame XYZ 1.5 05 >", "tells a frame that is none: '< frame XYZ 1.5 05 >'"),
-        (b"< frame 181 1.5 0G >", "tells a frame that is none"),
-        (b"< frame 181 1.5 \xff >", r"tells a frame that is none: '< frame 181 1.5 \\xff >'"),
-        (b"< error 1 >", "tells a frame that is none: '< error 1 >'"),
+        (b"< frame XYZ 1.5 05 >", "sends an invalid frame: '< frame XYZ 1.5 05 >'"),
+        (b"< frame 181 1.5 0G >", "sends an invalid frame"),
+        (b"< frame 181 1.5 \xff >", r"sends an invalid frame: '< frame 181 1.5 \\xff >'"),
+        (b"< error 1 >", "sends an invalid frame: '< error 1 >'"),
     ],
 )
 def test_a_frame_that_is_none_is_told_in_words(text, message):

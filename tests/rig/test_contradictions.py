@@ -59,7 +59,7 @@ CONTRADICTORY: dict[str, tuple[RigSettings, dict[str, Any], tuple[str, ...]]] = 
     "few readings": (USUAL, {"sensor.rate": 100.0}, ("stale_force_ms = 20", "rate_Hz = 100")),
     "tissue alone": (USUAL, {"limits.force_rise": 10.0}, ("force_rise_N_per_s = 10", "limits.speed_cm_s = 2.65")),
     "noise alone": (USUAL, {"identified.force_noise": 1.0}, ("force_rise_N_per_s = 200", "force_noise_N = 1")),
-    "set outside": (USUAL, {"limits.angle_high": 1.2}, ("fixed_angle_deg = 90", "angle_high_deg = 68.7549")),
+    "angle is outside": (USUAL, {"limits.angle_high": 1.2}, ("fixed_angle_deg = 90", "angle_high_deg = 68.7549")),
     "upright is outside": (FREE, {"limits.angle_high": 1.2}, ("angle_low_deg = 44", "angle_high_deg = 68.7549")),
     "the hinge ends first": (FREE, {"angle.low": 1.0}, ("angle.low_deg = 57.2958", "limits.angle_low_deg = 44")),
     "measured otherwise": (USUAL, {"identified.acceleration": 1.0}, ("n_m_s2 = 1", "n_m_s2 = 0.1")),

@@ -74,7 +74,7 @@ def test_a_wandering_zero_coarse_steps_and_a_rubbing_blade_are_the_simulators_to
 
 
 def test_an_emulated_rig_refuses_constants_that_only_the_simulator_has():
-    with pytest.raises(ValueError, match=r"acceleration: an emulated rig has no such option, but motor_lag"):
+    with pytest.raises(ValueError, match=r"acceleration: an emulated rig has no such option, only motor_lag"):
         emulator_arguments(Constants.from_keywords({"acceleration": 0.2}))
 
 

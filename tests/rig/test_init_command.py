@@ -15,7 +15,7 @@ def test_a_new_file_is_the_template_with_the_rig_s_name(tmp_path: Path, capsys: 
     assert cli.main(["rig", "init", str(path), "--name", 'bench "2"']) == 0
     assert path.read_text(encoding="utf-8") == template('bench "2"')
     assert "nothing moves while armed_by is empty" in capsys.readouterr().out
-    with pytest.raises(ValueError, match="only a person can say"):
+    with pytest.raises(ValueError, match="only a person can supply"):
         read(path)
 
 

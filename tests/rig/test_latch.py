@@ -219,7 +219,7 @@ def test_a_stop_during_a_reset_is_a_stop_of_its_own():
         clear()
 
     rig.driver.clear = interrupted
-    with pytest.raises(RigError, match="stopped again while it was being reset"):
+    with pytest.raises(RigError, match="stopped again during the reset"):
         rig.supervisor.reset(agreed=True)
     assert "the second" in rig.supervisor.latched
     with pytest.raises(RigError):

@@ -106,7 +106,7 @@ def test_an_unknown_unit_is_refused_by_name(field, value):
     "text", [b"", b"<netft>", b"\x00\xff", b"<html><br></html>", b"<?xml version='1.0' encoding='x-no'?><a/>"]
 )
 def test_what_is_no_xml_is_refused(text):
-    with pytest.raises(RigError, match="is no XML"):
+    with pytest.raises(RigError, match="is not XML"):
         parse_page(text)
 
 

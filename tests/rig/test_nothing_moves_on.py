@@ -52,7 +52,7 @@ def test_a_drive_that_never_obeys_is_left_by_the_heartbeat():
     (abandoned,) = (time for time, what in rig.blade.sent if what == "abandoned")
     report = rig.plant.supervisor.report
     assert INSIST + DEAF <= abandoned - report.commanded <= INSIST + DEAF + 2 * SYNC + 1e-9
-    assert "left to its own watch" in report.detail
+    assert "our heartbeat ends" in report.detail
     assert report.standstill is not None
 
 

@@ -53,7 +53,7 @@ def test_a_sound_rig_is_ready_and_says_what_was_found():
 
 def test_a_sensor_that_sends_at_another_rate_than_the_file_says_is_refused():
     rig = fake_rig(Specimen.drawn(3, 0), fake_settings(sensor=Sensor(rate=7000.0)))
-    with pytest.raises(RigError, match="sends 1000 readings a second, and the rig's file says 7000"):
+    with pytest.raises(RigError, match="sends 1000 readings a second, but the rig's file has 7000"):
         rig.plant.open()
     rig.plant.close()
 
@@ -64,7 +64,7 @@ def test_a_sensor_that_sends_at_another_rate_than_the_file_says_is_refused():
         (Calibration(date=""), "never checked"),
         (Calibration(date=(TODAY - timedelta(days=400)).isoformat()), "400 days ago"),
         (Calibration(date=(TODAY + timedelta(days=2)).isoformat()), "in the future"),
-        (Calibration(date="last week"), "is no date"),
+        (Calibration(date="last week"), "is not a date"),
     ],
 )
 def test_without_a_valid_calibration_nothing_moves(calibration, because):

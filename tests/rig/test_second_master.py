@@ -175,7 +175,7 @@ def test_a_single_frame_stops_a_cut_and_is_named(number, data):
     rig.network.put(number, data)
     stop = cut_into(rig)
     assert stop.report.cause is Cause.FOREIGN
-    assert "somebody else commands the blade drive" in stop.report.detail
+    assert "another master commands the blade drive" in stop.report.detail
     rig.wait(0.5)
     assert abs(rig.position - start) < ALLOWED
     assert abs(rig.speed) < STILL

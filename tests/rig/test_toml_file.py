@@ -35,7 +35,7 @@ def changed(old: str, new: str) -> str:
 
 def test_the_template_is_refused_until_filled_in_and_lists_what_is_missing(file: Path) -> None:
     file.write_text(template())
-    with pytest.raises(ValueError, match="only a person can say") as caught:
+    with pytest.raises(ValueError, match="only a person can supply") as caught:
         read(file)
     for name in (
         "depth_profile", "bus.interface", "blade.gear", "blade.lead_mm", "blade.pulses", "sensor.address",
@@ -142,7 +142,7 @@ REFUSED = {
     "date": (("date = 2026-03-01", 'date = "1 March"'), r"\[calibration\] date = '1 March' is no date"),
     "date of a kind": (("date = 2026-03-01", "date = 20260301"), r"\[calibration\] date must be a date such as"),
     "section as line": (("[bus]", "bus = 3\n[buss]"), r"bus must be a section, \[bus\]|Did you mean 'bus'"),
-    "no TOML": (('"bench 2"', "bench 2"), r"it is no TOML: .*line 7.*quotation marks"),
+    "not TOML": (('"bench 2"', "bench 2"), r"it is not TOML: .*line 7.*quotation marks"),
     "one point": (("[5.0, 12.4], [20.0, 17.0], [150.0, 17.5]", ""), "depth_profile has 1 points, and needs 2"),
     "fall back": (("[20.0, 17.0]", "[2.0, 17.0]"), "goes from 5 to 2 mm; positions must rise"),
     "late": (("[[0.0, 8.1]", "[[1.5, 8.1]"), "begins at 1.5 mm, and must within 1 mm"),
@@ -169,7 +169,7 @@ def test_a_file_that_is_not_there_is_answered_with_the_command(file: Path) -> No
 
 def test_what_is_no_text_is_refused(file: Path) -> None:
     file.write_bytes(b'name = "Pr\xfcfstand"\n')
-    with pytest.raises(ValueError, match="no text in UTF-8"):
+    with pytest.raises(ValueError, match="not UTF-8 text"):
         read(file)
 
 

@@ -211,7 +211,7 @@ def noisy(count: int, *, frozen: int | None, at: int = 0, moving=lambda n: True,
         breach = watch.felt(reading(n, counts=tuple(counts)), moving=moving(n))
         if breach is not None:
             assert breach.cause is Cause.FORCE_AXIS, breach
-            assert f"the {'xyz'[frozen]} force stands" in breach.detail
+            assert f"the {'xyz'[frozen]} force stays" in breach.detail
             assert ("rig identify" in breach.detail) == (identified is None)
             return n - at
     return None

@@ -10,7 +10,7 @@ from importlib import import_module
 
 @dataclass(frozen=True, kw_only=True)
 class RigCommand:
-    """One sub-command: the module whose ``main(argv)`` runs it, and a line of help."""
+    """Sub-command: the module whose ``main(argv)`` runs it, and a line of help."""
 
     module: str
     summary: str

@@ -19,7 +19,7 @@ from cutenv.rig.preparation import Check, may_move
 
 
 def main(argv: Sequence[str]) -> int:
-    """Check; 1 if something fails, 2 if the rig's file cannot be used."""
+    """Run the command; return 0, 1 if a check fails, or 2 if the rig's file cannot be used."""
     arguments = _parser().parse_args(argv)
     try:
         said = may_move(settings_of(arguments.rig), date.today())  # what the file says needs no connection
@@ -39,13 +39,13 @@ def main(argv: Sequence[str]) -> int:
 
 
 def as_json(found: Inspection) -> dict[str, Any]:
-    """The inspection as JSON holds it."""
+    """Return the inspection as a dictionary for JSON."""
     checks = [{"name": check.name, "passed": check.passed, "found": check.found} for check in found.checks]
     return {"passed": found.passed, "checks": checks, "told": found.told}
 
 
 def lines(found: Inspection) -> list[str]:
-    """The inspection as text: what the devices tell, then each check."""
+    """Return the inspection as text: the devices' data, then each check."""
     shown = []
     for device, about in found.told.items():
         shown.append(f"{device}:")

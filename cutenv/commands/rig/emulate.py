@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run until ended; 2 if an option is bad or a port is taken."""
+    """Run the command until it is ended; return 0, or 2 if an option is bad or a port is taken."""
     from cutenv.rig.emulator.faults import FAULTS, parsed_fault
 
     arguments = _parser().parse_args(argv)

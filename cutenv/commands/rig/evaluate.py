@@ -21,7 +21,7 @@ _PAGE, _RECORDS = "evaluation.html", "records"
 
 
 def main(argv: Sequence[str]) -> int:
-    """Evaluate; 0 if both agree or too little is known, 1 if they differ, 2 if an option is bad or the rig refuses."""
+    """Run the command; return 0 if both agree or it is open, 1 if they differ, 2 for a bad option or rig."""
     from cutenv.rig.drivers import RigError
 
     arguments = _parser().parse_args(argv)
@@ -102,7 +102,7 @@ def _constant(text: str) -> tuple[str, float]:
 
 
 def _check_out(arguments: argparse.Namespace) -> None:
-    """Refuse what could not be written, before any work."""
+    """Raise an error for a path that cannot be written, before any work."""
     out: Path | None = arguments.out
     if out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise FileExistsError(f"--out {out} is there already and not empty; give another folder.")
@@ -125,7 +125,7 @@ def _write(arguments: argparse.Namespace, evaluation: Evaluation) -> None:
 
 
 class _Progress:
-    """A bar for each side."""
+    """Progress bar for each side."""
 
     def __init__(self, specimens: int) -> None:
         self._specimens = specimens

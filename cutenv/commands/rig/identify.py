@@ -22,7 +22,7 @@ from cutenv.rig.toml_file import write_identified
 
 
 def main(argv: Sequence[str]) -> int:
-    """Identify; 1 if the rig does not let it, or stopped the blade, 2 if an option or the file is bad."""
+    """Run the command; return 0, 1 if the rig refuses or stopped the blade, or 2 if an option or the file is bad."""
     arguments = _parser().parse_args(argv)
     try:
         if arguments.write and arguments.rig in (FAKE, EMULATOR):

@@ -11,7 +11,7 @@ from cutenv.rig.toml_file import template
 
 
 def main(argv: Sequence[str]) -> int:
-    """Write it; 2 if there is a file already, or it cannot be written."""
+    """Run the command; return 0, or 2 if the file exists already or cannot be written."""
     arguments = _parser().parse_args(argv)
     path: Path = arguments.file
     try:

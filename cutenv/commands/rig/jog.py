@@ -24,7 +24,7 @@ _CLEAR_LINE = "\r\x1b[K"
 
 
 def main(argv: Sequence[str]) -> int:
-    """Jog until q; 1 if the rig does not let it, or stopped the blade, 2 if an option or the file is bad."""
+    """Jog until q; return 0, 1 if the rig refuses or stopped the blade, or 2 if an option or the file is bad."""
     arguments = _parser().parse_args(argv)
     try:
         controls = Jog(1e-3 * arguments.speed)

@@ -26,7 +26,7 @@ _LATE = ("force stale", "force late", "motion stale", "clock overrun", "heartbea
 
 
 def main(argv: Sequence[str]) -> int:
-    """Cut; 0 if all cuts ended by themselves, 3 if the rig's safety stopped one, 2 if something is bad."""
+    """Run the command; return 0 if all cuts ended by themselves, 3 if one was stopped, 2 if something is bad."""
     from cutenv.rig.drivers import RigError
 
     arguments = _parser().parse_args(argv)
@@ -41,17 +41,18 @@ def main(argv: Sequence[str]) -> int:
 
 
 def chosen_policy(name: str) -> tuple[Policy, dict[str, Any]]:
-    """A script by its name, a trained policy by name or folder, or one's own, and what its environment is made with.
+    """Return a policy by name (a script, a trained policy, a folder or a class), and its environment's arguments.
 
     Parameters
     ----------
     name : str
-        ``MODULE:CLASS`` is one's own, a :class:`~cutenv.policy.Policy` of the present folder or an installed module.
+        Name; ``MODULE:CLASS`` is a :class:`~cutenv.policy.Policy` of your own, in the present folder or an installed
+        module.
 
     Raises
     ------
     ValueError, FileNotFoundError
-        If it is none of them.
+        If there is no such policy.
     """
     from cutenv.policy import BASELINES, named_policy
     from cutenv.policy.interface import SeesTruth
@@ -148,7 +149,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def rehearse(env: RigCutEnv, policy: Policy, *, seed: int) -> None:
-    """Cut once on a fake with the rig's settings: a policy that fails does so here; what it compiles, it does here."""
+    """Cut once on a fake with the rig's settings, so that a policy compiles, or fails, before the rig moves."""
     fake = env.rehearsal()
     try:
         cut(fake, policy, seed=seed, episode=0)
@@ -157,7 +158,7 @@ def rehearse(env: RigCutEnv, policy: Policy, *, seed: int) -> None:
 
 
 def cut(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -> dict[str, Any]:
-    """One cut; what is told of it, as JSON holds it."""
+    """Cut once; return the result as a dictionary for JSON."""
     import numpy as np
 
     observation, _ = env.reset(seed=seed, options={"episode": episode})

@@ -1,4 +1,4 @@
-"""Keys of a terminal as they are pressed: no Enter, no echo, and the terminal as it was afterwards."""
+"""Keys of a terminal as they are pressed: without Enter or echo, and with its mode restored afterwards."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from cutenv.rig.jog import Key, KeyDecoder
 
 
 class TerminalKeys:
-    """A :class:`cutenv.rig.jog.Keyboard` that reads a terminal in cbreak mode; see :func:`terminal_keys`."""
+    """:class:`cutenv.rig.jog.Keyboard` that reads a terminal in cbreak mode; see :func:`terminal_keys`."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
         self._decoder = KeyDecoder()
 
     def read(self) -> list[Key]:
-        """What was pressed since the last time; a terminal that is gone says quit."""
+        """Return the keys pressed since the last call; a terminal that is gone yields quit."""
         import select
 
         keys: list[Key] = []
@@ -37,14 +37,14 @@ class TerminalKeys:
 
 @contextmanager
 def terminal_keys(source: TextIO | None = None) -> Iterator[TerminalKeys]:
-    """Read keys of a terminal, standard input by default; its mode is restored whatever happens.
+    """Read keys of a terminal, standard input by default; its mode is restored in any case.
 
-    What was typed before is no key.
+    Text typed before is discarded.
 
     Raises
     ------
     RigError
-        If it is no terminal, or the system has none that can be read key by key.
+        If it is not a terminal, or the system has none that can be read key by key.
     """
     check_terminal(source)
     import termios

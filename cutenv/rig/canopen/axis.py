@@ -1,4 +1,4 @@
-"""One CiA 402 drive as an axis of the rig: its state machine, commands, samples, and its stop."""
+"""Axis of the rig on one CiA 402 drive: state machine, commands, samples, and stop."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from cutenv.rig.settings import Axis
 log = logging.getLogger(__name__)
 
 _STATE_LIMIT = 1.0  # [s] for a drive to change its state
-_STATUS_LIMIT = 0.3  # [s] for a statusword to come
-_TOLD, _TOLD_EVERY = 20, 0.010  # quick stops before a drive is cleared that still has its power on; [s] between them
-_REST = 0.01  # of the top speed, below which an axis counts as standing
+_STATUS_LIMIT = 0.3  # [s] for a statusword to arrive
+_TOLD, _TOLD_EVERY = 20, 0.010  # quick stops before clearing a drive that still has power; [s] between them
+_REST = 0.01  # [1] share of the top speed below which an axis counts as at rest
 _STATUS, _MEASURED = o.STATUS.layout, o.MEASURED.layout
 _UNPOWERED = (DriveState.DISABLED, DriveState.READY, DriveState.SWITCHED_ON, DriveState.NOT_READY)
 
@@ -30,29 +30,29 @@ _UNPOWERED = (DriveState.DISABLED, DriveState.READY, DriveState.SWITCHED_ON, Dri
 class CanopenAxis:
     """A Maxon EPOS4, or another drive with its objects, in profile velocity mode; a ``MotionDriver``.
 
-    Positions are the drive's own: it must have been homed so that zero is the clamp.  After :meth:`quick_stop` nothing
-    that could give the drive power or speed is sent until the latch is reset, for on some drives a command would set
-    the blade going again.
+    Positions are the drive's own: it must have been homed so that zero is the clamp. After :meth:`quick_stop` nothing
+    that could give the drive power or speed is sent until the latch is reset, because on some drives a command would
+    start the blade again.
 
     Parameters
     ----------
     network : CanNetwork
-        Shared by the axes of a rig.
+        Network shared by the axes of a rig.
     settings : Axis
-        Of this one.
+        Settings of this axis.
     clock : Clock
-        Dates what has no frame of its own.
+        Clock that dates events without a frame of their own.
     name : str
         "blade" or "angle".
     """
 
     def __init__(self, network: CanNetwork, settings: Axis, clock: Clock, *, name: str = "blade") -> None:
         self.name = name
-        self.latch = Latch()  # until a supervisor gives it the one that its axes share
+        self.latch = Latch()  # until a supervisor replaces it by the shared one
         self.garbled = 0
-        """Frames of the drive that were not as the standard says, and were left out."""
+        """Number of frames from the drive that violated the standard and were ignored."""
         self.last_garbled = ""
-        """What was wrong with the last of them."""
+        """Fault of the last such frame, as a text."""
         self._network, self._settings, self._clock = network, settings, clock
         self._listener: MotionListener | None = None
         self._dictionary: Dictionary | None = None
@@ -64,14 +64,14 @@ class CanopenAxis:
         self._speed = 0.0
         self._statuses = 0
         self._may_move = False
-        self._for_good = False  # the drive's option for quick stops is not as it was set up
+        self._for_good = False  # the drive's quick-stop option differs from its set-up
         self._running = False  # has sent process data since it was opened
         self._error = ""
         self._lost: str | None = None
 
     @property
     def units(self) -> AxisUnits:
-        """What the drive counts in; ``units.steps`` is 1000 for milli-rpm, 1 where it knows whole rpm only.
+        """Conversion to the drive's units; ``units.steps`` is 1000 for milli-rpm, 1 for whole rpm only.
 
         Raises
         ------
@@ -79,25 +79,25 @@ class CanopenAxis:
             If the axis was never opened.
         """
         if self._units is None:
-            raise RigError(f"{self.name}: what the drive counts in is not known before it is open.")
+            raise RigError(f"{self.name}: the drive's units are not known before it is opened.")
         return self._units
 
     @property
     def mode(self) -> int:
-        """Mode of operation that the drive shows; 3 is profile velocity."""
+        """Mode of operation that the drive reports; 3 is profile velocity."""
         return self._mode
 
-    # The life of an axis
+    # Life cycle of an axis
 
     def open(self, listener: MotionListener) -> None:
-        """Connect, check who answers, write the set-up and read it back; samples arrive from now on, nothing moves.
+        """Connect, check the drive's identity, write and verify the set-up; samples arrive from now on, nothing moves.
 
-        A drive found with power on is switched off first, one found in fault stays so: see :meth:`clear`.
+        A drive found with power on is switched off first; one found in fault stays in fault: see :meth:`clear`.
 
         Raises
         ------
         RigError
-            If it is open already, the bus is not there, nobody answers, somebody else does, or the set-up is not taken.
+            If it is open already, the bus is missing, no drive or a wrong one answers, or the set-up is not accepted.
         """
         if self._listener is not None:
             raise RigError(f"{self.name}: it is open already; close it first.")
@@ -130,17 +130,17 @@ class CanopenAxis:
             )
 
     def close(self) -> None:
-        """Leave the axis at rest without power, and the bus; never raises, and may be called twice."""
+        """Leave the axis at rest without power, and leave the bus; never raises, and may be called twice."""
         if self._listener is None:
             return
         try:
             if self._state not in _UNPOWERED:
                 self._control(o.QUICK_STOP)
             self._power_off()
-            # Sign off: the drive would take the end of the heartbeat for a fault.
+            # Sign off: otherwise the drive would take the end of our heartbeat for a fault.
             self._book.put(o.CONSUMER_HEARTBEAT, 0)
             self._network.manage(o.NMT_PRE_OPERATIONAL, self._settings.node)
-        except Exception as error:  # a lost drive, or whatever else: the bus is left all the same
+        except Exception as error:  # a lost drive or any other error: leave the bus anyway
             log.warning("%s: not closed in order: %s", self.name, error, exc_info=not isinstance(error, RigError))
         finally:
             self._leave()
@@ -156,7 +156,7 @@ class CanopenAxis:
         self._network.leave(self)
 
     def limits(self) -> dict[str, float]:
-        """Read back from the drive: "low", "high" (software limits), "speed", "acceleration", "quick_stop".
+        """Return the drive's own "low", "high" (software limits), "speed", "acceleration" and "quick_stop".
 
         Raises
         ------
@@ -166,7 +166,7 @@ class CanopenAxis:
         return configuration.read_limits(self._book, self.units)
 
     def about(self) -> dict[str, float | str]:
-        """What the drive tells of itself: identity, gear, encoder, units, and how fast it answers.
+        """Return the drive's report about itself: identity, gear, encoder, units, and its response time.
 
         Raises
         ------
@@ -179,10 +179,10 @@ class CanopenAxis:
         told = configuration.read_identity(self._book, self.units)
         return {**told, "sdo_round_trip_ms": 1e3 * trip, "state": self._state.value, "garbled_frames": self.garbled}
 
-    # What it is told
+    # Commands
 
     def enable(self) -> None:
-        """Power on, at speed zero.  Clears no fault: see :meth:`clear`.
+        """Switch the power on, at zero speed. Clears no fault: see :meth:`clear`.
 
         Raises
         ------
@@ -207,12 +207,12 @@ class CanopenAxis:
             raise RigError(f"{self.name}: stopped while it was powered on{self._error}; clear it first.")
 
     def command(self, speed: float) -> None:
-        """Put a target speed [m/s or rad/s] on the bus; does not wait for an answer.
+        """Put a target speed [m/s or rad/s] on the bus, without waiting for an answer.
 
         Raises
         ------
         TypeError, ValueError
-            If the speed is no number, or beyond the axis's top speed.
+            If the speed is not a number, or beyond the axis's top speed.
         RigError
             If the axis is not enabled, was stopped, or the bus is broken.
         """
@@ -222,14 +222,15 @@ class CanopenAxis:
         self._energise(o.ENABLE_OPERATION, velocity)
 
     def quick_stop(self, *, for_good: bool = False) -> None:
-        """Put a quick stop on the bus: at once, from any thread, without waiting, whatever the state.
+        """Put a quick stop on the bus: at once, from any thread, without waiting, in any state.
 
-        ``for_good``, the drive is also told that no command ends it before rest, and to lose its power then.
+        With ``for_good``, the drive's quick-stop option is also set so that no command ends the stop before rest, and
+        the drive then loses its power.
 
         Raises
         ------
         RigError
-            If the bus does not take it, or the axis was never opened.
+            If the bus does not accept it, or the axis was never opened.
         """
         self.latch.happens(Event.STOP)
         self._may_move = False
@@ -239,14 +240,14 @@ class CanopenAxis:
         self._control(o.QUICK_STOP)
 
     def abandon(self, why: str) -> None:
-        """End this computer's heartbeat until :meth:`clear`, so that the drive stops by its own watch; SYNC goes on."""
+        """End this computer's heartbeat until :meth:`clear`: the drive's own watchdog then stops it; SYNC goes on."""
         self.latch.happens(Event.STOP)
         self._may_move = False
-        log.warning("%s: %s: left by the heartbeat", self.name, why)
+        log.warning("%s: %s: our heartbeat ends", self.name, why)
         self._network.withhold_heartbeat()
 
     def disable(self) -> None:
-        """Take the power off a blade at rest.
+        """Switch off the power of an axis at rest.
 
         Raises
         ------
@@ -256,19 +257,19 @@ class CanopenAxis:
         self._power_off()
 
     def clear(self) -> None:
-        """Leave quick stop or fault for a powerless rest, within the latch's reset.
+        """Leave quick stop or fault for rest without power, within the latch's reset.
 
         Raises
         ------
         RigError
-            If the fault stays, because its cause does, or the drive does not answer.
+            If the fault stays because its cause does, or the drive does not answer.
         """
         self._network.resume_heartbeat()
         self._fresh()
         if self._for_good:
             self._book.put(o.QUICK_STOP_OPTION, o.STOP_AND_STAY)
             self._for_good = False
-        for _ in range(_TOLD):  # it may still move, and nobody else sends it quick stops during a reset
+        for _ in range(_TOLD):  # it may still move, and nothing else sends quick stops during a reset
             if self._state is not DriveState.ENABLED:
                 break
             self._control(o.QUICK_STOP)
@@ -300,18 +301,18 @@ class CanopenAxis:
         return f'not enabled, the drive is in "{self._state.value}"{self._error}'
 
     def _energise(self, controlword: int, velocity: int) -> None:
-        """Send what may set the blade going, never after a quick stop of another thread."""
+        """Send a frame that may start the blade, but never after a quick stop from another thread."""
         if self.latch.closed:
             raise RigError(f"{self.name}: stopped; clear it first.")
         self._control(controlword, velocity)
-        if self.latch.closed:  # between the two lines above: the quick stop has to be the last word
+        if self.latch.closed:  # stopped between the two lines above: the quick stop has to be the last frame
             self._control(o.QUICK_STOP)
             raise RigError(f"{self.name}: stopped; clear it first.")
 
     def _control(self, controlword: int, velocity: int = 0) -> None:
         self._network.send_message(*o.command_frame(self._settings.node, controlword, velocity))
 
-    # What it tells; called by the network's reader
+    # Reports from the drive; called by the network's reader
 
     def _status(self, data: bytes, time: float) -> None:
         if len(data) != _STATUS.size:
@@ -331,7 +332,7 @@ class CanopenAxis:
     def _measured(self, data: bytes, time: float) -> None:
         if len(data) != _MEASURED.size:
             return self._garble(f"TPDO2 has {len(data)} bytes, not {_MEASURED.size}: {data.hex(' ')}")
-        if self._velocity is None:  # its TPDO1 was lost; another SYNC's would be of another instant
+        if self._velocity is None:  # its TPDO1 was lost; that of another SYNC would be of another instant
             return
         increments, torque = _MEASURED.unpack(data)
         sample = MotionSample(time, self.units.position(increments), self._speed, torque / 1000.0, self._state)
@@ -356,7 +357,7 @@ class CanopenAxis:
         if len(data) != o.EMERGENCY.size:
             return self._garble(f"emergency has {len(data)} bytes, not {o.EMERGENCY.size}: {data.hex(' ')}")
         code = o.EMERGENCY.unpack(data)[0]
-        if code >> 8 == 0:  # "error reset or no error": good news
+        if code >> 8 == 0:  # "error reset or no error"
             return
         meaning = o.error_meaning(code)
         with self._changed:
@@ -366,13 +367,13 @@ class CanopenAxis:
             self._listener.emergency(self.name, code, meaning, time)
 
     def overheard(self, number: int, data: bytes, time: float) -> None:
-        """Tell of a frame with which somebody else commands the drive."""
+        """Report a frame with which another master commands the drive."""
         what = o.command_of_another(number, data, self._settings.node, self._network.settings.node)
         if what is not None and self._listener is not None:
             self._listener.foreign(self.name, what, time)
 
     def lost(self, why: str, time: float) -> None:
-        """Nothing gets to or from the drive any more, since ``time`` [s]; the network says so, once."""
+        """Take the network's report that the drive cannot be reached since ``time`` [s]; pass on only the first."""
         with self._changed:
             first, self._lost = self._lost is None, self._lost or why
             self._may_move = False
@@ -393,7 +394,7 @@ class CanopenAxis:
         return self._dictionary
 
     def _wait(self, come: Callable[[], bool], limit: float) -> bool:
-        """Wait for what a frame brings; raise if the way to the drive breaks."""
+        """Wait until ``come()`` is true and return whether it is; raise RigError if the drive cannot be reached."""
         self._clock.wait_for(lambda: come() or self._lost is not None, limit, self._changed)
         if self._lost is not None:
             raise RigError(f"{self.name}: {self._lost}.")
@@ -407,7 +408,7 @@ class CanopenAxis:
             )
 
     def _fresh(self) -> None:
-        """Wait for a statusword younger than now: an old one does not know the last command."""
+        """Wait for a statusword younger than now, because an older one does not reflect the last command."""
         self._book  # noqa: B018  # an axis that is not open says so
         seen = self._statuses
         if not self._wait(lambda: self._statuses > seen, _STATUS_LIMIT):

@@ -1,4 +1,4 @@
-"""The CAN bus of a rig, opened by python-can with what its interface takes."""
+"""CAN bus of a rig, opened by python-can with the arguments of its interface."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cutenv.rig.settings import Bus
 from cutenv.validation import one_of
 
 INTERFACES = ("socketcan", "pcan", "kvaser", "slcan", "socketcand", "virtual")
-"""Those that are known to work, as python-can names them."""
+"""Interfaces that are known to work, in python-can's names."""
 _CURES = {
     "socketcan": "Bring the interface up: ip link set {channel} up type can bitrate {bitrate}.",
     "pcan": "Is the adapter plugged in, is PCAN-Basic installed, is the channel right (PCAN_USBBUS1)?",
@@ -23,12 +23,12 @@ _CURES = {
 
 
 def open_bus(settings: Bus) -> Any:
-    """Open the bus and return python-can's object, or for a socketcand gateway one with the same methods.
+    """Open the bus; return python-can's object, or for a socketcand gateway one with the same methods.
 
     Raises
     ------
     RigError
-        If it cannot be opened; says what to look at.
+        If it cannot be opened; the message says what to check.
     ValueError
         If the interface is not among :data:`INTERFACES`.
     ModuleNotFoundError
@@ -47,7 +47,7 @@ def open_bus(settings: Bus) -> Any:
     try:
         return can.Bus(interface=settings.interface, ignore_config=True, **bus_arguments(settings))
     except (can.CanError, OSError, ValueError, TypeError, NameError, AttributeError) as error:
-        # NameError and AttributeError: what an adapter's library that is not installed looks like to python-can.
+        # NameError and AttributeError come from python-can if an adapter's library is not installed.
         cure = _CURES[settings.interface].format(channel=settings.channel, bitrate=settings.bitrate)
         raise RigError(
             f"no CAN bus at interface {settings.interface!r}, channel {settings.channel!r}: {error}. {cure}"
@@ -55,18 +55,18 @@ def open_bus(settings: Bus) -> Any:
 
 
 def bus_arguments(settings: Bus) -> dict[str, Any]:
-    """Return what python-can's class for the interface takes.
+    """Return the arguments of python-can's class for the interface.
 
     Raises
     ------
     ValueError
-        If the channel is not what the interface calls its channels.
+        If the channel is not valid for the interface.
     """
     if settings.interface == "socketcand":
         return {"channel": settings.channel, "host": settings.host, "port": settings.port}
     if settings.interface == "kvaser":
         if not settings.channel.isdecimal():
-            raise ValueError(f"channel {settings.channel!r} is none of Kvaser's, which are numbers: 0, 1, ...")
+            raise ValueError(f"channel {settings.channel!r} is not one of Kvaser's, which are numbers: 0, 1, ...")
         return {"channel": int(settings.channel), "bitrate": settings.bitrate}
     if settings.interface in ("pcan", "slcan"):
         return {"channel": settings.channel, "bitrate": settings.bitrate}

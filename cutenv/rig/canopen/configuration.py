@@ -1,4 +1,4 @@
-"""What a drive is told before it moves: read, compared, written and read back, object by object."""
+"""Set-up of a drive before it moves: read, compared, written and read back, object by object."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from cutenv.rig.drivers import RigError
 from cutenv.rig.settings import Axis, Bus
 
 PRODUCER_PERIOD = 0.050
-"""Between two heartbeats of a drive [s]."""
-_FIRST_QUESTIONS = 4  # times the answer limit of an SDO: a drive that has just got its power is booting
+"""Period of a drive's heartbeat [s]."""
+_FIRST_QUESTIONS = 4  # times the answer limit of an SDO: a drive that was just switched on is booting
 
 
 def check_identity(dictionary: Dictionary, name: str, axis: Axis, bus: Bus) -> None:
-    """See that the node is there, and a servo drive of Maxon's.
+    """Check that the node exists and is a servo drive made by maxon.
 
     Raises
     ------
     RigError
-        If it is not; names what was found and what was expected.
+        If it is not; the message names what was found and what was expected.
     """
     for left in reversed(range(_FIRST_QUESTIONS)):
         try:
@@ -46,12 +46,12 @@ def check_identity(dictionary: Dictionary, name: str, axis: Axis, bus: Bus) -> N
 
 
 def configure(dictionary: Dictionary, name: str, axis: Axis, bus: Bus) -> AxisUnits:
-    """Write the set-up to a drive without power, in PRE-OPERATIONAL; return what it counts in.
+    """Write the set-up to a drive without power, in PRE-OPERATIONAL; return its units.
 
     Raises
     ------
     RigError
-        If gear or encoder are not those of the settings, or the drive does not keep what is written; names the object.
+        If gear or encoder differ from the settings, or the drive does not keep a value; names the object.
     """
     _check_mechanics(dictionary, name, axis)
     try:
@@ -62,13 +62,13 @@ def configure(dictionary: Dictionary, name: str, axis: Axis, bus: Bus) -> AxisUn
         dictionary.write(entry, value)
     for pdo in (o.COMMAND, o.STATUS, o.MEASURED):
         _map(dictionary, pdo, axis.node)
-    # Last: a drive whose set-up fails half way does not fall into fault when this computer goes.
+    # Last: a drive whose set-up fails half way does not go into fault when this computer ends.
     dictionary.write(o.CONSUMER_HEARTBEAT, bus.node << 16 | round(1e3 * DRIVE_PATIENCE))
     return units
 
 
 def set_up(axis: Axis, units: AxisUnits) -> dict[o.Entry, int]:
-    """Every object of motion and its limits that is written, in order, with its value."""
+    """Return every object of motion and its limits that is written, in order, with its value."""
     ends = sorted((units.increments(axis.low), units.increments(axis.high)))
     return {
         o.PRODUCER_HEARTBEAT: round(1e3 * PRODUCER_PERIOD),
@@ -89,7 +89,7 @@ def set_up(axis: Axis, units: AxisUnits) -> dict[o.Entry, int]:
 
 
 def read_limits(dictionary: Dictionary, units: AxisUnits) -> dict[str, float]:
-    """Ends of travel, top speed, acceleration and quick-stop deceleration that the drive keeps; SI."""
+    """Return the drive's ends of travel, top speed, acceleration and quick-stop deceleration, in SI."""
     low, high = sorted(units.position(dictionary.read(entry)) for entry in (o.LOW_LIMIT, o.HIGH_LIMIT))
     return {
         "low": low,
@@ -101,7 +101,7 @@ def read_limits(dictionary: Dictionary, units: AxisUnits) -> dict[str, float]:
 
 
 def read_identity(dictionary: Dictionary, units: AxisUnits) -> dict[str, float | str]:
-    """What a drive tells of itself, one question each."""
+    """Return the data that a drive reports about itself, read one by one."""
     return {
         "device_type": f"0x{dictionary.read(o.DEVICE_TYPE):08X}",
         "vendor": f"0x{dictionary.read(o.VENDOR):08X}",
@@ -118,20 +118,20 @@ def _check_mechanics(dictionary: Dictionary, name: str, axis: Axis) -> None:
     numerator, denominator = dictionary.read(o.GEAR_NUMERATOR), dictionary.read(o.GEAR_DENOMINATOR)
     if not denominator or not math.isclose(numerator / denominator, axis.gear, rel_tol=1e-6):
         raise RigError(
-            f"{name}: the drive is set to a gear of {numerator}/{denominator} ({o.GEAR_NUMERATOR}), the rig's file says"
+            f"{name}: the drive is set to a gear of {numerator}/{denominator} ({o.GEAR_NUMERATOR}), the rig's file has"
             f" gear = {axis.gear:g}. Correct the one that is wrong: every length and speed depends on it."
         )
     pulses = dictionary.read(o.ENCODER_PULSES)
     if pulses != axis.pulses:
         raise RigError(
-            f"{name}: the drive is set to {pulses} pulses ({o.ENCODER_PULSES}), the rig's file says pulses ="
+            f"{name}: the drive is set to {pulses} pulses ({o.ENCODER_PULSES}), the rig's file has pulses ="
             f" {axis.pulses}. Correct the one that is wrong: every length and speed depends on it."
         )
 
 
 def _velocity_steps(dictionary: Dictionary, name: str) -> int:
-    """Ask for milli-rpm, and take what the drive keeps: firmware that knows no such unit counts whole rpm."""
-    with contextlib.suppress(Refused):  # what it keeps is read below
+    """Request milli-rpm, and return the steps per rpm that the drive keeps: older firmware counts whole rpm."""
+    with contextlib.suppress(Refused):  # the kept value is read below
         dictionary.put(o.VELOCITY_UNIT, o.MILLI_RPM)
     try:
         unit = dictionary.read(o.VELOCITY_UNIT)
@@ -139,14 +139,14 @@ def _velocity_steps(dictionary: Dictionary, name: str) -> int:
         return o.VELOCITY_STEPS[o.WHOLE_RPM]
     if unit not in o.VELOCITY_STEPS:
         raise RigError(
-            f"{name}: the drive counts speed in the unit 0x{unit:08X} ({o.VELOCITY_UNIT}), which is no revolution a"
+            f"{name}: the drive counts speed in the unit 0x{unit:08X} ({o.VELOCITY_UNIT}), which is not a revolution a"
             f" minute or decimal part of one. Set it to 0x{o.MILLI_RPM:08X} (milli-rpm) with the maker's tool."
         )
     return o.VELOCITY_STEPS[unit]
 
 
 def _map(dictionary: Dictionary, pdo: o.Pdo, node: int) -> None:
-    """As CiA 301 wants it: out of use, emptied, filled, in use."""
+    """Map a PDO in the order of CiA 301: disable it, empty it, fill it, enable it."""
     number = dictionary.read(pdo.number) & o.PDO_NO_REQUEST | pdo.frame + node
     dictionary.write(pdo.number, number | o.PDO_UNUSED)
     dictionary.write(pdo.type, pdo.transmission)

@@ -1,4 +1,4 @@
-"""The object dictionary of one drive, read and written by SDO through canopen's client."""
+"""Object dictionary of one drive, read and written by SDO through canopen's client."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from cutenv.rig.canopen.network import CanNetwork
 from cutenv.rig.canopen.objects import SDO_REQUEST_FRAME, SDO_RESPONSE_FRAME, Entry
 from cutenv.rig.drivers import RigError
 
-_ANSWER_LIMIT = 0.5  # [s]; a drive takes a millisecond, unless it writes its memory
+_ANSWER_LIMIT = 0.5  # [s]; a drive takes a millisecond, unless it writes to its memory
 
 
 class Unanswered(RigError):
-    """The drive has not answered in time, or not to the question."""
+    """Error for a drive that has not answered in time, or not to the question."""
 
 
 class Refused(RigError):
-    """The drive has answered with an abort code."""
+    """Error for a drive that has answered with an abort code."""
 
 
 class Dictionary:
-    """The values that a drive keeps by index and sub-index.
+    """Values that a drive keeps by index and sub-index.
 
-    Every method raises :class:`Unanswered` after half a second without an answer, :class:`Refused` where the drive
-    aborts, and :class:`RigError` where the bus is broken; the messages name axis, node and object.
+    Every method raises :class:`Unanswered` after half a second without an answer, :class:`Refused` if the drive aborts,
+    and :class:`RigError` if the bus is broken; the messages name axis, node and object.
 
     Parameters
     ----------
     network : CanNetwork
-        Which the axis has joined.
+        Network that the axis has joined.
     node : int
-        Of the drive.
+        Number of the drive's node.
     name : str
-        Of the axis.
+        Name of the axis.
     """
 
     def __init__(self, network: CanNetwork, node: int, name: str) -> None:
@@ -50,16 +50,16 @@ class Dictionary:
         client.RESPONSE_TIMEOUT = _ANSWER_LIMIT
         client.network = network
         self._client = client
-        # It logs as an error what it raises as well, and a first question is asked again.
+        # canopen also logs as an error what it raises, and a first question is repeated.
         logging.getLogger("canopen.sdo.client").setLevel(logging.CRITICAL)
         network.listen(SDO_RESPONSE_FRAME + node, self._answer)
 
     def close(self) -> None:
-        """Listen to answers no longer."""
+        """Stop listening to answers."""
         self._network.ignore(SDO_RESPONSE_FRAME + self._node)
 
     def read(self, entry: Entry) -> int:
-        """Return a value."""
+        """Return the value of an entry."""
         data: bytes = self._ask("read", entry, self._client.upload, entry.index, entry.sub)
         layout = struct.Struct(f"<{entry.kind}")
         if len(data) != layout.size:
@@ -78,7 +78,7 @@ class Dictionary:
         self._ask(f"take {value} as", entry, self._client.download, entry.index, entry.sub, data)
 
     def write(self, entry: Entry, value: int) -> None:
-        """Write a value, and see that it is there."""
+        """Write a value, and check that the drive keeps it."""
         self.put(entry, value)
         there = self.read(entry)
         if there != value:

@@ -1,4 +1,4 @@
-"""The CANopen network that a rig's axes share: who listens to which frame, SYNC, this computer's heartbeat."""
+"""CANopen network that a rig's axes share: listeners by frame number, SYNC, and this computer's heartbeat."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from cutenv.validation import in_range
 log = logging.getLogger(__name__)
 
 DRIVE_PATIENCE = 0.100
-"""Time without this computer's heartbeat, after which a drive stops by itself [s]."""
-_SEND_LIMIT = 0.02  # [s] for a frame to be taken by the bus
-_READ_LIMIT = 0.1  # [s] after which the reader looks whether it is to end
+"""Time without this computer's heartbeat after which a drive stops by itself [s]."""
+_SEND_LIMIT = 0.02  # [s] for the bus to accept a frame
+_READ_LIMIT = 0.1  # [s] after which the reader checks whether it has to end
 _LISTENED = 0.15  # [s] before the first frame is sent: three heartbeats of another program like this one
 _SDO_REQUESTS = range(0x601, 0x680)
 _BUS_OFF = 0x40  # in the number of an error frame, as Linux and socketcand give it
@@ -30,24 +30,25 @@ Handler = Callable[[bytes, float], None]
 
 
 class Member(Protocol):
-    """Who is told that the network is broken."""
+    """Member of a network: one axis, which is informed when the network breaks."""
 
     def lost(self, why: str, time: float) -> None:
-        """Nothing can be sent or read any more, since ``time`` [s]."""
+        """Take the report that nothing can be sent or read any more, since ``time`` [s]."""
         ...
 
     def overheard(self, number: int, data: bytes, time: float) -> None:
-        """A frame has arrived that nobody listens to: not ours, and perhaps no drive's."""
+        """Take a frame without a listener: not sent by us, and perhaps not by a drive."""
         ...
 
 
 class CanNetwork:
     """One CAN bus with this computer as its master; opened by the first axis that joins, closed by the last to leave.
 
-    Before anything is sent it listens for another master, whose drives it would disturb; it stays silent then.
+    Before anything is sent it listens for another master, whose drives it would disturb; if there is one, it stays
+    silent.
 
-    It breaks, once, at the first frame that cannot be sent, read or handled, or when the bus goes off.  From
-    then on neither SYNC nor heartbeat is sent, so that the drives stop by themselves; other frames are still tried.
+    It breaks, once, at the first frame that cannot be sent, read or handled, or when the bus goes off. From then on
+    neither SYNC nor heartbeat is sent, so that the drives stop by themselves; other frames are still attempted.
 
     Parameters
     ----------
@@ -69,7 +70,7 @@ class CanNetwork:
         )  # fmt: skip
         self.settings = settings
         self.broken: str | None = None
-        """Why nothing gets through, None while all is well."""
+        """Reason why nothing gets through, None while all is well."""
         self._clock = clock
         self._members: list[Member] = []
         self._handlers: dict[int, Handler] = {}
@@ -88,7 +89,7 @@ class CanNetwork:
         return f"{self.settings.interface} {self.settings.channel}"
 
     def join(self, member: Member) -> None:
-        """Have a member more; the first opens the bus.
+        """Add a member; the first opens the bus.
 
         Raises
         ------
@@ -103,9 +104,9 @@ class CanNetwork:
             self._members.append(member)
 
     def leave(self, member: Member) -> None:
-        """Have a member less; the last closes the bus.  Never raises, and may be called twice.
+        """Remove a member; the last closes the bus. Never raises, and may be called twice.
 
-        Nothing in a fork, where the lock may be held for ever.
+        Does nothing in a fork, where the lock may be held for ever.
         """
         if not self._owner.here:
             return
@@ -116,22 +117,22 @@ class CanNetwork:
                     self._close()
 
     def listen(self, number: int, handler: Handler) -> None:
-        """Call ``handler(data, time)`` from the reader's thread for every frame of that number."""
+        """Call ``handler(data, time)`` from the reader's thread for every frame with that number."""
         self._handlers[number] = handler
 
     def ignore(self, number: int) -> None:
-        """Listen to frames of that number no longer."""
+        """Stop listening to frames with that number."""
         self._handlers.pop(number, None)
 
     def send_message(self, can_id: int, data: bytes) -> None:
-        """Put a frame on the bus, from any thread, without waiting for more than its place in the queue.
+        """Put a frame on the bus, from any thread, waiting only for its place in the queue.
 
-        Named as canopen's SDO client calls it.
+        The name is the one that canopen's SDO client calls.
 
         Raises
         ------
         RigError
-            If the bus does not take it; the network is broken then.  In a fork of the process that has opened it.
+            If the bus does not accept it, which breaks the network; or in a fork of the process that has opened it.
         """
         bus = self._bus
         self._owner.check()
@@ -148,21 +149,21 @@ class CanNetwork:
             self._sending.release()
 
     def manage(self, command: int, node: int) -> None:
-        """Send a node a command of network management.
+        """Send a network management command to a node.
 
         Raises
         ------
         RigError
-            If the bus does not take it.
+            If the bus does not accept it.
         """
         self.send_message(NMT_FRAME, bytes((command, node)))
 
     def withhold_heartbeat(self) -> None:
-        """Send no heartbeats: every drive stops by its own watch for them."""
+        """Stop sending heartbeats: the watchdog of every drive then stops it."""
         self._silent = True
 
     def resume_heartbeat(self) -> None:
-        """Send them again."""
+        """Send heartbeats again."""
         self._silent = False
 
     def _open(self) -> None:
@@ -189,7 +190,7 @@ class CanNetwork:
         ]
 
     def _refuse_another_master(self, bus: Any) -> None:
-        """Listen, before anything is sent, to whether somebody else commands the drives of this bus."""
+        """Listen, before anything is sent, and raise RigError if another master commands the drives of this bus."""
         ours = HEARTBEAT_FRAME + self.settings.node
         ends = time.monotonic() + _LISTENED
         while (left := ends - time.monotonic()) > 0.0:
@@ -222,7 +223,7 @@ class CanNetwork:
         bus, self._bus = self._bus, None
         try:
             bus.shutdown()
-        except Exception:  # whatever the interface's library raises: the bus is left all the same
+        except Exception:  # whatever the interface's library raises: leave the bus anyway
             log.warning("the CAN bus (%s) was not closed in order", self, exc_info=True)
 
     def _beat(self) -> None:
@@ -233,7 +234,7 @@ class CanNetwork:
         if self.broken is None:
             try:
                 self.send_message(number, data)
-            except RigError as error:  # the members are told by the break itself
+            except RigError as error:  # the break itself informs the members
                 log.warning("%s", error)
 
     def _read(self, bus: Any, ending: threading.Event) -> None:
@@ -246,7 +247,7 @@ class CanNetwork:
                 return
             if message is None:
                 if self.broken is not None:
-                    ending.wait(_READ_LIMIT)  # a closed connection reads as nothing, at once and for ever
+                    ending.wait(_READ_LIMIT)  # a closed connection reads as nothing, immediately and for ever
             elif message.is_error_frame:
                 if message.arbitration_id & _BUS_OFF:
                     self._break("the adapter went bus-off: check wiring, termination and bit rate")
@@ -266,11 +267,11 @@ class CanNetwork:
             self._break(f"frame 0x{number:03X} could not be handled: {error!r}")
 
     def _break(self, why: str) -> RigError:
-        """Tell the members once that the network is broken; return the error for who met it."""
+        """Inform the members once that the network is broken; return the error for the caller to raise."""
         with self._breaking:
             first, self.broken = self.broken is None, self.broken or why
         if first:
-            # From a thread of its own: who sends may hold the very lock that a member needs to stop the blade.
+            # From a separate thread: the sender may hold the very lock that a member needs to stop the blade.
             threading.Thread(
                 target=self._tell, args=(why, self._clock.now()), name="cutenv CAN broken", daemon=True
             ).start()
@@ -282,5 +283,5 @@ class CanNetwork:
 
 
 def _brief(error: Exception) -> str:
-    """The error's own words, without the traceback that some of python-can's interfaces put into them."""
+    """Return the error's own text, without the traceback that some of python-can's interfaces add."""
     return str(error).partition("Traceback")[0].strip() or repr(error)

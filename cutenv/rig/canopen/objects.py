@@ -1,4 +1,4 @@
-"""What CiA 301, CiA 402 and the EPOS4 call things by number: objects, words, modes, errors, PDOs."""
+"""Numbers defined by CiA 301, CiA 402 and the EPOS4: objects, words, modes, errors, PDOs."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ class Entry:
     Attributes
     ----------
     index, sub : int
-        Where it is.
+        Address of the value.
     kind : str
-        How it is coded, as :mod:`struct` names it, little endian.
+        Format code of :mod:`struct`, little endian.
     name : str
-        In the standard's words.
+        Name in the standard.
     """
 
     index: int
@@ -29,12 +29,12 @@ class Entry:
 
     @property
     def bits(self) -> int:
-        """Size [1]."""
+        """Size of the value [bit]."""
         return 8 * struct.calcsize(f"<{self.kind}")
 
     @property
     def mapping(self) -> int:
-        """As an entry of a PDO's mapping: index, sub-index and size."""
+        """Value as an entry of a PDO mapping: index, sub-index and size."""
         return self.index << 16 | self.sub << 8 | self.bits
 
     def __str__(self) -> str:
@@ -75,7 +75,7 @@ SERVO_402 = 0x0002_0192
 MAXON = 0x0000_00FB
 """Vendor number of maxon motor."""
 
-# Controlwords (CiA 402): what each demands.
+# Controlwords (CiA 402)
 DISABLE_VOLTAGE = 0x00
 SHUTDOWN = 0x06
 SWITCH_ON = 0x07
@@ -86,16 +86,16 @@ FAULT_RESET = 0x80
 PROFILE_VELOCITY = 3
 """Mode in which the drive ramps to a target velocity by its own acceleration."""
 ABORT_BY_QUICK_STOP = 3
-"""Of 0x6007: a drive that loses this computer's heartbeat makes a quick stop."""
+"""Value of 0x6007: a drive that loses this computer's heartbeat makes a quick stop."""
 STOP_AND_STAY = 6
-"""Of 0x605A: down the quick-stop ramp, and stay in "quick stop active", from which a command leads out."""
+"""Value of 0x605A: down the quick-stop ramp, then stay in "quick stop active", which a command can leave."""
 STOP_AND_RELEASE = 2
-"""Of 0x605A: down the quick-stop ramp, during which no command counts, and then without power."""
+"""Value of 0x605A: down the quick-stop ramp, during which commands have no effect, and then without power."""
 FAULT_BY_QUICK_STOP = 2
-"""Of 0x605E: a fault that allows it goes down the quick-stop ramp."""
+"""Value of 0x605E: a fault that allows it ends in a stop down the quick-stop ramp."""
 
 WHOLE_RPM = 0x00B4_4700
-"""Of 0x60A9: revolutions (0xB4) per minute (0x47); its first byte is a power of ten, two's complement."""
+"""Value of 0x60A9: revolutions (0xB4) per minute (0x47); its first byte is a power of ten, two's complement."""
 MILLI_RPM = 0xFD00_0000 | WHOLE_RPM
 VELOCITY_STEPS: dict[int, int] = {WHOLE_RPM | (-power & 0xFF) << 24: 10**power for power in range(7)}
 """Steps in one rpm for each value of 0x60A9 that counts revolutions a minute."""
@@ -104,11 +104,11 @@ NMT_OPERATIONAL = 0x05
 """State in a heartbeat; 0x00 is the boot-up message."""
 NMT_BOOT_UP = 0x00
 NMT_START = 0x01
-"""Command."""
+"""Command to start a node."""
 NMT_PRE_OPERATIONAL = 0x80
-"""Command."""
+"""Command to make a node pre-operational."""
 
-# Numbers of frames; a node's own is added where there is one (CiA 301, pre-defined connection set).
+# Frame numbers; the node's own number is added (CiA 301, pre-defined connection set).
 NMT_FRAME = 0x000
 SYNC_FRAME = 0x080
 EMERGENCY_FRAME = 0x080
@@ -117,12 +117,12 @@ SDO_RESPONSE_FRAME = 0x580
 HEARTBEAT_FRAME = 0x700
 
 EMERGENCY = struct.Struct("<HB5s")
-"""Error code, error register, the maker's own."""
+"""Layout of an emergency: error code, error register, bytes of the maker's own."""
 
 
 @dataclass(frozen=True)
 class Pdo:
-    """A frame of process data: its number, where it is set up, when it is sent, what is in it."""
+    """Frame of process data: its number, the objects of its set-up and mapping, its transmission type, its content."""
 
     frame: int
     set_up_at: int
@@ -132,45 +132,45 @@ class Pdo:
 
     @property
     def layout(self) -> struct.Struct:
-        """Of the frame's data."""
+        """Layout of the frame's data."""
         return struct.Struct("<" + "".join(entry.kind for entry in self.entries))
 
     @property
     def number(self) -> Entry:
-        """Where the drive keeps the frame's number, with the bit that says whether the PDO is in use."""
+        """Object with the frame's number, and the bit that disables the PDO."""
         return Entry(self.set_up_at, 1, "I", "COB-ID of a PDO")
 
     @property
     def type(self) -> Entry:
-        """Where it keeps when the PDO is sent or taken."""
+        """Object with the transmission type of the PDO."""
         return Entry(self.set_up_at, 2, "B", "transmission type of a PDO")
 
     @property
     def count(self) -> Entry:
-        """Where it keeps how many objects are mapped."""
+        """Object with the number of mapped objects."""
         return Entry(self.mapped_at, 0, "B", "number of objects in a PDO")
 
     def slot(self, place: int) -> Entry:
-        """Where it keeps the mapped object at ``place``, from 1 on."""
+        """Return the entry for the mapped object at ``place``, from 1 on."""
         return Entry(self.mapped_at, place, "I", "object mapped to a PDO")
 
 
 _AT_ONCE, _EVERY_SYNC = 255, 1
-_EXPEDITED_2 = 0x2B  # command of an SDO that brings two bytes
+_EXPEDITED_2 = 0x2B  # command of an SDO with two bytes of data
 _RPDOS = 4  # of the pre-defined connection set
 COMMAND = Pdo(0x200, 0x1400, 0x1600, _AT_ONCE, (CONTROLWORD, TARGET_VELOCITY, MODE))
-"""RPDO1: what the drive is told."""
+"""Commands to the drive, RPDO1."""
 STATUS = Pdo(0x180, 0x1800, 0x1A00, _EVERY_SYNC, (STATUSWORD, VELOCITY, MODE_SHOWN))
 """TPDO1, on every SYNC; its number is the lower, so it is on the bus before TPDO2."""
 MEASURED = Pdo(0x280, 0x1801, 0x1A01, _EVERY_SYNC, (POSITION, TORQUE))
 """TPDO2, on every SYNC."""
 
 PDO_UNUSED = 1 << 31
-"""In a PDO's number: not in use, so that it may be changed."""
+"""Bit in a PDO's number: disabled, so that it may be changed."""
 PDO_NO_REQUEST = 1 << 30
-"""In a PDO's number: may not be requested by a remote frame; a drive may insist on it."""
+"""Bit in a PDO's number: may not be requested by a remote frame; a drive may insist on it."""
 
-# Statuswords (CiA 402): the bits that matter, what they are, and the state that they mean.
+# Statuswords (CiA 402): mask, value, and the state that they mean.
 _STATES = (
     (0x4F, 0x00, DriveState.NOT_READY),
     (0x4F, 0x40, DriveState.DISABLED),
@@ -184,12 +184,12 @@ _STATES = (
 
 
 def drive_state(statusword: int) -> DriveState:
-    """Return the state that a statusword tells.
+    """Return the state in a statusword.
 
     Raises
     ------
     ValueError
-        If the standard knows no such word.
+        If the standard defines no such state.
     """
     for mask, value, state in _STATES:
         if statusword & mask == value:
@@ -227,22 +227,22 @@ _KINDS = {
 
 
 def error_meaning(code: int) -> str:
-    """Return in words what an emergency code means; of those not listed, the kind that the standard puts it in."""
+    """Return the meaning of an emergency code; for an unlisted one, its kind in the standard."""
     if code >> 8 == 0:
         return "no error"
     return _ERRORS.get(code) or _KINDS.get(code >> 12, "not of the standard")
 
 
 def quick_stop_option_frame(node: int, option: int) -> tuple[int, bytes]:
-    """Number and data of the frame (SDO) that sets what a drive's quick stop does; its answer is left unread."""
+    """Return number and data of the frame (SDO) that sets a drive's quick-stop option; its answer is not read."""
     entry = QUICK_STOP_OPTION
     return SDO_REQUEST_FRAME + node, struct.pack("<BHBhxx", _EXPEDITED_2, entry.index, entry.sub, option)
 
 
 def command_of_another(number: int, data: bytes, node: int, master: int) -> str | None:
-    """What a frame that this computer has not sent commands ``node``, whose ``master`` it is; None if nothing.
+    """Describe what a frame that this computer has not sent commands node ``node`` of ``master``; None if nothing.
 
-    A CAN controller does not hear what it sends itself: whatever arrives under these numbers is somebody else's.
+    A CAN controller does not receive its own frames: whatever arrives under these numbers is from another master.
     """
     if number == NMT_FRAME:
         return f"network command {data.hex(' ')}" if data[1:2] in (b"\0", bytes((node,))) else None
@@ -256,5 +256,5 @@ def command_of_another(number: int, data: bytes, node: int, master: int) -> str 
 
 
 def command_frame(node: int, controlword: int, velocity: int = 0) -> tuple[int, bytes]:
-    """Number and data of the frame (RPDO1) that commands a drive; velocity in its own unit."""
+    """Return number and data of the frame (RPDO1) that commands a drive; velocity in the drive's own unit."""
     return COMMAND.frame + node, COMMAND.layout.pack(controlword, velocity, PROFILE_VELOCITY)

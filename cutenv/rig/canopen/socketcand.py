@@ -1,6 +1,6 @@
-"""A client of a socketcand gateway in which every wait has a deadline, with the methods of python-can's buses.
+"""Client of a socketcand gateway in which every wait has a deadline, with the methods of python-can's buses.
 
-python-can's own waits for the gateway's answers for ever, and takes a message that TCP has split for a wrong one.  See
+python-can's own client waits for the gateway's answers for ever, and rejects a message that TCP has split. See
 :mod:`cutenv.rig.emulator.hub` for the protocol.
 """
 
@@ -16,16 +16,16 @@ from typing import Any
 from cutenv.rig.settings import Bus
 
 PATIENCE = 2.0
-"""Time that a gateway may take to accept the connection, and for each answer [s]."""
+"""Time allowed for a gateway to accept the connection, and for each answer [s]."""
 _LONGEST = 200  # characters of a message
 _IDENTIFIER = r"([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})"
-# More than 8 bytes are no frame of CANopen; who hears them leaves them out.
+# More than 8 bytes are not a frame of CANopen; its listener ignores them.
 _FRAME = re.compile(rf"< frame {_IDENTIFIER} \d+\.\d+ ((?:[0-9A-Fa-f]{{2}} ?){{0,64}}) ?>\Z")
 _ERROR = re.compile(rf"< error {_IDENTIFIER} \d+\.\d+ >\Z")
 
 
 class GatewayError(OSError):
-    """The gateway is not there, is none, does not answer, or has gone; the message says which."""
+    """Error for a gateway that is missing, is not one, does not answer, or has gone; the message says which."""
 
 
 class Socketcand:
@@ -39,7 +39,7 @@ class Socketcand:
     Raises
     ------
     GatewayError
-        If the gateway does not greet, open the bus and pass raw frames within :data:`PATIENCE` for each.
+        If the gateway does not greet, open the bus and switch to raw frames, within :data:`PATIENCE` for each.
     """
 
     def __init__(self, settings: Bus) -> None:
@@ -63,14 +63,14 @@ class Socketcand:
             raise
 
     def recv(self, timeout: float | None) -> Any:
-        """The next frame as python-can's ``Message``; None if there is none within ``timeout`` [s].
+        """Return the next frame as python-can's ``Message``; None if there is none within ``timeout`` [s].
 
-        What is no message of socketcand's is left out, as are messages of other kinds.
+        Text that is not a message of socketcand, and messages of other kinds, are ignored.
 
         Raises
         ------
         GatewayError
-            If the gateway has gone, or tells a frame that is none.
+            If the gateway has gone, or sends an invalid frame.
         """
         if not self._frames and self._readable(timeout):
             for message in self._more():
@@ -83,7 +83,7 @@ class Socketcand:
         Raises
         ------
         GatewayError
-            If the gateway does not take it within ``timeout`` [s].
+            If the gateway does not accept it within ``timeout`` [s].
         """
         number = f"{message.arbitration_id:08X}" if message.is_extended_id else f"{message.arbitration_id:03X}"
         data = "".join(f" {byte:02X}" for byte in message.data)
@@ -103,14 +103,14 @@ class Socketcand:
             raise GatewayError(f"the CAN gateway at {self._where} has gone: {error}") from error
 
     def _expect(self, answer: str, question: str) -> None:
-        """Say something, and wait for the answer in however many pieces it comes."""
+        """Send a question, and wait for the answer in however many pieces it comes."""
         if question:
             self._put(question, PATIENCE)
         deadline = time.monotonic() + PATIENCE
         asked = f"answer to {question!r}" if question else "greeting"
         while True:
             if (text := self._text.lstrip()) and not text.startswith(b"<"):
-                raise GatewayError(f"what answers at {self._where} is no socketcand gateway: it says {text[:40]!r}")
+                raise GatewayError(f"what answers at {self._where} is not a socketcand gateway: it sends {text[:40]!r}")
             if messages := self._messages():
                 break
             left = deadline - time.monotonic()
@@ -146,7 +146,7 @@ class Socketcand:
         return self._messages()
 
     def _messages(self) -> list[str]:
-        """What is complete of the text received, message by message; the rest is kept for later."""
+        """Return the complete messages received so far; the rest is kept for later."""
         messages = []
         while (end := self._text.find(b">")) >= 0:
             start = self._text.rfind(b"<", 0, end)
@@ -159,7 +159,7 @@ class Socketcand:
         return messages
 
     def _take(self, message: str) -> None:
-        """Keep a frame, or an error frame, for :meth:`recv`."""
+        """Store a frame, or an error frame, for :meth:`recv`."""
         if found := _FRAME.match(message):
             number, data = found[1], bytes.fromhex(found[2])
             extended = len(number) == 8
@@ -171,4 +171,4 @@ class Socketcand:
                 self._message(arbitration_id=int(found[1], 16) & 0x1FFFFFFF, is_error_frame=True, check=False)
             )
         elif message.startswith(("< frame", "< error")):
-            raise GatewayError(f"the CAN gateway at {self._where} tells a frame that is none: {message!r}")
+            raise GatewayError(f"the CAN gateway at {self._where} sends an invalid frame: {message!r}")

@@ -1,4 +1,4 @@
-"""What a drive counts in, and metres or radians: by encoder, gear, lead and direction."""
+"""Conversion between a drive's integers and metres or radians, by encoder, gear, lead and direction."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from cutenv.validation import in_range
 
 _INT32 = 2**31 - 1
 _EDGES = 4  # increments in one pulse of the encoder
-_STEPS_TO_TOP = 100  # velocity units up to the top speed, below which speeds are too coarse to be of use
+_STEPS_TO_TOP = 100  # least number of velocity units up to the top speed: fewer are too coarse
 
 
 @dataclass(frozen=True, kw_only=True)
 class AxisUnits:
-    """Between an axis in SI and its drive's integers, which count the motor's shaft.
+    """Conversion between an axis in SI and its drive's integers, which count the motor's shaft.
 
     "Length" below is metres, or radians of an axis that turns.
 
@@ -23,12 +23,12 @@ class AxisUnits:
     axis : Axis
         Encoder, gear, lead and direction.
     steps : int
-        Of the drive's velocity unit in one rpm: 1000 where it counts milli-rpm, 1 for whole rpm.
+        Steps of the drive's velocity unit in one rpm: 1000 for milli-rpm, 1 for whole rpm.
 
     Raises
     ------
     ValueError
-        If the axis goes beyond what the drive can count, or the velocity unit is coarser than useful.
+        If the axis exceeds what the drive can count, or the velocity unit is too coarse.
     """
 
     axis: Axis
@@ -52,45 +52,45 @@ class AxisUnits:
             )
 
     def increments(self, position: float) -> int:
-        """Position [length] as the drive counts it, to the nearest."""
+        """Return a position [length] in increments of the drive, rounded to the nearest."""
         return round(self._increments(position))
 
     def position(self, increments: int) -> float:
-        """Position [length]."""
+        """Return the position of so many increments [length]."""
         return increments / self._per_length
 
     def velocity(self, speed: float) -> int:
-        """Speed [length/s] in the drive's velocity unit, to the nearest.
+        """Return a speed [length/s] in the drive's velocity unit, rounded to the nearest.
 
         Raises
         ------
         TypeError, ValueError
             If it is not a number, or beyond the axis's top speed.
         """
-        top = self.axis.speed * (1.0 + 1e-9)  # a product of the caller's may be off in its last digit
+        top = self.axis.speed * (1.0 + 1e-9)  # a product in the caller may be off in its last digit
         in_range("speed", speed, -top, top, "m/s or rad/s", "Raise the axis's speed in the rig's file, or go slower.")
         return round(self.axis.direction * speed * self._per_speed)
 
     def speed(self, velocity: int) -> float:
-        """Speed [length/s]."""
+        """Return the speed of so many velocity units [length/s]."""
         return self.axis.direction * velocity / self._per_speed
 
     def ramp(self, acceleration: float) -> int:
-        """Acceleration [length/s2] as the drive counts it [rpm/s], to the nearest, at least 1."""
+        """Return an acceleration [length/s2] in the drive's unit [rpm/s], rounded to the nearest, at least 1."""
         return max(round(acceleration * self._rpm), 1)
 
     def acceleration(self, ramp: int) -> float:
-        """Acceleration [length/s2]."""
+        """Return the acceleration of so many rpm/s [length/s2]."""
         return ramp / self._rpm
 
     @property
     def speed_step(self) -> float:
-        """Least difference of two speeds that the drive can be told [length/s]."""
+        """Least difference of two speeds that the drive can distinguish [length/s]."""
         return 1.0 / self._per_speed
 
     @property
     def _rpm(self) -> float:
-        """Of the motor, at one length a second."""
+        """Speed of the motor at one length a second [rpm]."""
         return 60.0 * self.axis.gear / self.axis.lead
 
     @property

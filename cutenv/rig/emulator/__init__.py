@@ -1,1 +1,1 @@
-"""An emulated rig: drive, screw, tissue and force sensor on the same wires, as a process of its own."""
+"""Emulated rig: drive, screw, tissue and force sensor on the same wires, as a separate process."""

@@ -1,4 +1,4 @@
-"""The emulated rig put together, and the loop that lets a millisecond pass for all of it."""
+"""Assembly of the emulated rig, and the loop that advances all of it by a millisecond at a time."""
 
 from __future__ import annotations
 
@@ -27,46 +27,46 @@ from cutenv.rig.settings import Axis
 from cutenv.validation import in_range, one_of
 
 BLADE = Axis(low=-0.002, high=0.149)
-"""The carriage of the emulated rig."""
+"""Axis of the emulated rig's carriage."""
 HINGE = Axis(
     node=2, gear=100.0, lead=2 * math.pi, low=math.radians(43.0), high=math.radians(92.0), speed=math.radians(120.0),
     acceleration=20.0, quick_stop=40.0, following_error=0.05,
 )  # fmt: skip
-"""What turns the blade of the emulated rig."""
+"""Axis that turns the blade of the emulated rig."""
 STALL = 0.005
-"""By which the loop may be late before it is counted [s]."""
+"""Delay of the loop from which it is counted as a stall [s]."""
 
-_FORGIVEN = 0.25  # [s] of lateness that is made up for; more is left out
-_STILL = 1e-4  # [m/s], below which the carriage stands
+_FORGIVEN = 0.25  # [s] of delay that is caught up; more is skipped
+_STILL = 1e-4  # [m/s] below which the carriage is at rest
 _STANDS_AFTER = 5  # ticks
-_OTHER_NOISE = (0.02, 0.02, 0.001, 0.001, 0.001)  # of Fy, Fz [N], Tx, Ty, Tz [N m]: enough that counts flicker
+_OTHER_NOISE = (0.02, 0.02, 0.001, 0.001, 0.001)  # Fy, Fz [N], Tx, Ty, Tz [N m]: enough to make the counts flicker
 _KEPT_EVENTS = 10_000
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """How the emulated rig is built.
+    """Construction of the emulated rig.
 
     Attributes
     ----------
     angle_mode : {"free", "fixed"}
-        With a second axis that turns the blade, or with the blade fixed at ``angle``.
+        "free": a second axis turns the blade; "fixed": the blade stays at ``angle``.
     angle : float
-        Of the blade at the start [rad].
+        Angle of the blade at the start [rad].
     laid : Laid, optional
-        The specimen at the start; None: free air.
+        Specimen at the start; None: free air.
     force_limit : float
-        True force whose crossing is an event [N].
+        True force whose crossing is recorded as an event [N].
     blade_axis, hinge_axis : Axis
-        As mounted; blade_mechanics, hinge_mechanics: what they move.
+        Axes as mounted; blade_mechanics, hinge_mechanics: the mechanics that they move.
     sensor : SensorParameters
-        Of the force, as the simulator's.
+        Force sensor, as in the simulator.
     law : LawParameters
-        Of the cut, as the simulator's.
+        Cutting law, as in the simulator.
     host : str
-        Where everything listens.
+        Address that everything listens on.
     can_port, sensor_port, page_port, control_port : int
-        0: free ones.
+        Ports; 0 takes free ones.
     """
 
     angle_mode: Literal["free", "fixed"] = "free"
@@ -92,20 +92,20 @@ class Options:
 
 
 class EmulatedRig:
-    """Hub, drives, motors, tissue and sensor; :meth:`run` lets time pass.
+    """Emulated rig: hub, drives, motors, tissue and sensor; :meth:`run` advances the time.
 
     Attributes
     ----------
     axes, nodes : dict
-        By name, "blade" and perhaps "angle".
+        Axes and nodes by name, "blade" and perhaps "angle".
     stalls, worst_stall : int, float
-        How often the loop was late by more than :data:`STALL`, and by how much at most [s].
+        Number of delays of the loop beyond :data:`STALL`, and the longest [s].
     real_time : bool
-        Whether it has priority over other processes.
+        True if it has priority over other processes.
     intruders : dict
         Fault: speeds that another master commands every millisecond, by axis [m/s or rad/s].
     stopped : threading.Event
-        Set it, and :meth:`run` returns.
+        Set it to end :meth:`run`.
     """
 
     def __init__(self, options: Options | None = None) -> None:
@@ -118,7 +118,7 @@ class EmulatedRig:
         self.active: dict[tuple[str, str], dict[str, Any]] = {}
         self._events: deque[dict[str, Any]] = deque(maxlen=_KEPT_EVENTS)
         self._counted = 0
-        self._due: float | None = None  # when the next millisecond ends; None: time stands
+        self._due: float | None = None  # end of the next millisecond; None: time stands still
         self._still = _STANDS_AFTER
         self._planned: list[tuple[float, str, dict[str, Any]]] = []
         self.bench: Bench = Bench(self.options.sensor, self.options.law)
@@ -148,12 +148,12 @@ class EmulatedRig:
             raise
 
     def now(self) -> float:
-        """Of the machine's monotonic clock [s]."""
+        """Return the time of the machine's monotonic clock [s]."""
         return time.monotonic()
 
     @property
     def angle(self) -> float:
-        """Of the blade [rad]."""
+        """Angle of the blade [rad]."""
         return float(self.axes["angle"].motor["carriage"]) if "angle" in self.axes else self.options.angle
 
     def _send(self, frame: Frame) -> None:
@@ -162,11 +162,11 @@ class EmulatedRig:
     def _receive(self, frame: Frame) -> None:
         now = self.now()
         with self.lock:
-            self._catch_up(now)  # what a drive answers is of now, even where the loop is late
+            self._catch_up(now)  # a drive's answer reflects the present, even if the loop is late
             for node in self.nodes.values():
                 node.receive(frame, now)
 
-    # What is asked through the control port.
+    # Requests of the control port.
 
     def lay(self, laid: Laid) -> None:
         """Lay a fresh specimen; see :meth:`Bench.lay`."""
@@ -175,7 +175,7 @@ class EmulatedRig:
             self.bench.lay(specimen, laid, position=float(self.axes["blade"].motor["carriage"]), angle=self.angle)
 
     def inject(self, name: str, given: dict[str, Any]) -> dict[str, Any]:
-        """Let something go wrong from now on; return its parameters.
+        """Start a fault now; return its parameters.
 
         Raises
         ------
@@ -191,19 +191,19 @@ class EmulatedRig:
         return parameters
 
     def inject_later(self, name: str, given: dict[str, Any], seconds: float) -> None:
-        """The same, ``seconds`` after :meth:`run` has begun."""
+        """Start a fault ``seconds`` after :meth:`run` has begun; see :meth:`inject`."""
         fault = FAULTS[one_of("fault", name, FAULTS)]
         fault.checked(name, given, list(self.axes))
         self._planned.append((seconds, name, given))
         self._planned.sort(key=lambda planned: planned[0])
 
     def clear(self, name: str | None = None) -> list[str]:
-        """Mend one fault, or all; return their names.
+        """End one fault, or all; return their names.
 
         Raises
         ------
         RigError
-            If that fault is not there.
+            If that fault is not active.
         """
         with self.lock:
             found = [key for key in self.active if name in (None, key[0])]
@@ -216,7 +216,7 @@ class EmulatedRig:
             return [key[0] for key in found]
 
     def happened(self, what: str, *, time: float | None = None, **details: Any) -> None:
-        """Note an event, now or at a ``time`` of the monotonic clock [s], and where the carriage is."""
+        """Record an event, now or at a ``time`` of the monotonic clock [s], with the position of the carriage."""
         moment = self.now() if time is None else time
         with self.lock:
             position = float(self.axes["blade"].motor["carriage"])
@@ -226,14 +226,14 @@ class EmulatedRig:
             self._counted += 1
 
     def events(self, since: int = 0) -> list[dict[str, Any]]:
-        """What has happened, from the event with that index on."""
+        """Return the events from index ``since`` on."""
         with self.lock:
             return [event for event in self._events if event["index"] >= since]
 
     # Time.
 
     def run(self) -> None:
-        """Let a millisecond pass every millisecond, until :attr:`stopped` is set; late ones are made up for."""
+        """Advance by a millisecond every millisecond, until :attr:`stopped` is set; late ones are caught up."""
         begun = self.now()
         with self.lock:
             self._due = begun
@@ -246,7 +246,7 @@ class EmulatedRig:
                 time.sleep(left)
 
     def _catch_up(self, now: float) -> float:
-        """Let all milliseconds pass that are due, none before :meth:`run` has begun; return when the next one is."""
+        """Advance by all milliseconds that are due, none before :meth:`run`; return the end of the next one [s]."""
         with self.lock:
             if self._due is None:
                 return now
@@ -263,7 +263,7 @@ class EmulatedRig:
             return self._due
 
     def step(self, due: float) -> None:
-        """Let one millisecond pass, that of time ``due`` [s]."""
+        """Advance by one millisecond, that of time ``due`` [s]."""
         blade = self.axes["blade"]
         with self.lock:
             for name, speed in self.intruders.items():

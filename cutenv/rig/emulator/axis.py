@@ -1,4 +1,4 @@
-"""An emulated axis: how the drive's objects, in increments and revolutions, command the motor and tell of it."""
+"""Emulated axis: the drive's objects, in increments and revolutions, that command the motor and report its state."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from cutenv.rig.emulator.state import HALT, POWERED, STATUS, Status
 from cutenv.rig.samples import DriveState
 from cutenv.rig.settings import Axis
 
-_DISABLED = 0xFFFFFFFF  # a following-error window that never closes
+_DISABLED = 0xFFFFFFFF  # a following-error window that is switched off
 _HOMING, _NEW_TASK = 6, 0x10  # mode; bit of the controlword that starts homing
 _FURTHEST_AHEAD = 0.002  # [s]
-_SLOW = 1e-4  # [m/s or rad/s], below which an axis rests
+_SLOW = 1e-4  # [m/s or rad/s] below which an axis is at rest
 
 
 class EmulatedAxis:
@@ -40,14 +40,14 @@ class EmulatedAxis:
     mechanics : Mechanics
         Inertia, friction, play.
     position : float
-        Where it stands [m or rad]; the encoder is referenced: 0 increments are 0.
+        Position at the start [m or rad]; the encoder is referenced: 0 increments are 0.
     margin : float
-        Between the ends of its travel and the mechanical ends [m or rad].
+        Distance from the ends of its travel to the mechanical ends [m or rad].
 
     Attributes
     ----------
     encoder_stuck : bool
-        Fault: position and velocity stay as they are; the loop goes on by the motor's own commutation.
+        Fault: position and velocity stay constant; the loop goes on by the motor's own commutation.
     """
 
     def __init__(self, name: str, settings: Axis, mechanics: Mechanics, *, position: float, margin: float) -> None:
@@ -55,18 +55,18 @@ class EmulatedAxis:
         self.settings = settings
         self.encoder_stuck = False
         self._motors = motor_record(settings, mechanics, position=position, margin=margin)
-        # A plain void of the same memory: its fields are read ten times faster than a record's attributes.
+        # A plain void on the same memory: its fields are read ten times faster than a record's attributes.
         self.motor = self._motors.view(np.dtype((np.void, MOTOR)))[0]
         self._mechanics = mechanics
         self._increment = settings.direction * settings.lead / (settings.gear * 4 * settings.pulses)
         self._force_per_ampere = force_per_ampere(settings, mechanics)
         self._torque_per_force = settings.direction * mechanics.torque_constant / self._force_per_ampere
-        self._shift = 0  # of the encoder's zero, by homing
+        self._shift = 0  # offset of the encoder's zero, set by homing
         self._homed = False
         self._stuck_at = 0
 
     def commission(self, dictionary: Dictionary) -> None:
-        """Enter motor, gear and encoder as whoever mounted the drive has done."""
+        """Enter motor, gear and encoder as a person does who mounts the drive."""
         gear = Fraction(self.settings.gear).limit_denominator(10000)
         dictionary[0x3003, 1], dictionary[0x3003, 2] = gear.numerator, gear.denominator
         dictionary[0x3010, 1] = self.settings.pulses
@@ -75,19 +75,19 @@ class EmulatedAxis:
     # Units of the drive.
 
     def _revolution(self, dictionary: Dictionary) -> float:
-        """What the axis does in one turn of the motor, as far as the drive knows it [m or rad]."""
+        """Return the axis's travel for one turn of the motor, as far as the drive knows it [m or rad]."""
         return self._increment * 4 * dictionary[0x3010, 1]
 
     def _velocity(self, dictionary: Dictionary) -> float:
-        """One unit of velocity of the drive [m/s or rad/s]."""
+        """Return one velocity unit of the drive [m/s or rad/s]."""
         return self._revolution(dictionary) / (60.0 if dictionary[0x60A9] == RPM else 60000.0)
 
     def units(self, dictionary: Dictionary, speed: float) -> int:
-        """A speed [m/s or rad/s] as the drive counts it."""
+        """Return a speed [m/s or rad/s] in the drive's velocity units."""
         return round(speed / self._velocity(dictionary))
 
     def increments(self, ahead: float = 0.0) -> int:
-        """What the encoder counts, ``ahead`` [s] of the motor's last millisecond."""
+        """Return the encoder's count, ``ahead`` [s] of the motor's last millisecond."""
         if self.encoder_stuck:
             return self._stuck_at
         position = float(self.motor["position"]) + ahead * float(self.motor["speed"])
@@ -97,18 +97,18 @@ class EmulatedAxis:
         return math.floor(float(self.motor["demand_position"]) / self._increment + 0.5) + self._shift
 
     def stick(self, stuck: bool) -> None:
-        """Let the encoder stick where it is, or run on."""
+        """Freeze the encoder at its present count, or release it."""
         self._stuck_at = self.increments()
         self.encoder_stuck = stuck
 
-    # What the drive asks of the motor.
+    # Commands of the drive to the motor.
 
     def release(self) -> None:
-        """No torque."""
+        """Switch off the torque."""
         self.motor["mode"] = OFF
 
     def drive(self, dictionary: Dictionary, state: DriveState, controlword: int, *, stopping: bool) -> None:
-        """Set the motor's task: by state, mode and target, within the limits of the objects."""
+        """Set the motor's task by state, mode and target, within the limits of the objects."""
         motor = self.motor
         unit, per_rpm = self._velocity(dictionary), abs(self._revolution(dictionary)) / 60.0
         motor["strongest"] = 1e-3 * dictionary[0x3001, 2] * self._force_per_ampere
@@ -128,22 +128,22 @@ class EmulatedAxis:
             motor["mode"] = RAMP
 
     def controlled(self, dictionary: Dictionary, state: DriveState, controlword: int, before: int) -> None:
-        """Take a new controlword's own bits: homing, which takes the present place as the home offset."""
+        """Apply the mode's own bits of a new controlword: homing sets the present position to the home offset."""
         starts = controlword & _NEW_TASK and not before & _NEW_TASK
         if state is DriveState.ENABLED and dictionary[0x6060] == _HOMING and starts:
             self._shift += dictionary[0x607C] - self.increments()
             self._homed = True
 
     def turn(self, load: float) -> None:
-        """Move for a millisecond while ``load`` acts on the carriage [N or N m], negative toward the clamp."""
+        """Advance by a millisecond while ``load`` acts on the carriage [N or N m], negative toward the clamp."""
         turn_motor(self._motors, load)
 
-    # What the drive tells of the motor.
+    # State of the motor, as the drive reports it.
 
     def tell(self, dictionary: Dictionary, state: DriveState, operational: bool, *, ahead: float = 0.0) -> None:
-        """Set the objects that tell how the axis is, ``ahead`` [s] of its last millisecond.
+        """Set the objects that report the axis's state, ``ahead`` [s] of its last millisecond.
 
-        A drive latches its encoder when SYNC comes: told as of the millisecond before, a constant speed would seem
+        A drive latches its encoder when SYNC arrives. Reported as of the last millisecond, a constant speed would seem
         to change by a fifth from one SYNC to the next.
         """
         motor, unit = self.motor, self._velocity(dictionary)
@@ -171,16 +171,16 @@ class EmulatedAxis:
         dictionary[0x6041] = word
 
     def rests(self) -> bool:
-        """Whether it stands, and is meant to."""
+        """Return whether the axis is at rest, and is meant to be."""
         return bool(self.motor["demand"] == 0.0 and abs(self.motor["speed"]) < _SLOW)
 
     def lags_too_far(self, dictionary: Dictionary) -> bool:
-        """Whether encoder and demanded position differ by more than 6065 allows."""
+        """Return whether encoder and demanded position differ by more than object 6065 allows."""
         window = dictionary[0x6065]
         return window != _DISABLED and abs(self._demanded() - self.increments()) > window
 
     def leaves_travel(self, dictionary: Dictionary) -> bool:
-        """Whether it is beyond a software limit (607D) and is told to go further."""
+        """Return whether the axis is beyond a software limit (object 607D) and commanded further out."""
         low, high = dictionary[0x607D, 1], dictionary[0x607D, 2]
         if low >= high:
             return False  # off

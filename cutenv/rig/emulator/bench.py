@@ -1,4 +1,4 @@
-"""The tissue on the emulated rig: the cutting law under the motor's blade, felt as the simulator's sensor feels."""
+"""Tissue on the emulated rig: the cutting law under the motor's blade, measured by the simulator's force sensor."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.specimen import LENGTH, SPACING, Specimen
 
 AT_CLAMP = 0.002
-"""How near the clamp the blade must be when a specimen is laid [m]."""
+"""Greatest distance of the blade from the clamp at which a specimen can be laid [m]."""
 
 _TISSUE: np.dtype[Any] = np.dtype(
     (
@@ -30,8 +30,8 @@ _TISSUE: np.dtype[Any] = np.dtype(
             ("law", LAW),
             ("sensor", SENSOR),
             ("free_air", "i8"),
-            ("extra", "f8"),  # force that is added [N]
-            ("true_force", "f8"),  # on the blade [N]
+            ("extra", "f8"),  # [N] added force
+            ("true_force", "f8"),  # [N] on the blade
         ],
     )
 )
@@ -39,7 +39,7 @@ _TISSUE: np.dtype[Any] = np.dtype(
 
 @compiled
 def feel(tissues: Records, position: float, angle: float, dt: float) -> float:
-    """Lead the blade to ``position`` [m] and ``angle`` [rad] in ``dt``; return what the sensor reads [N]."""
+    """Move the blade to ``position`` [m] and ``angle`` [rad] in ``dt`` [s]; return the sensor's reading [N]."""
     tissue = tissues[0]
     state = tissue.state
     force = tissue.extra
@@ -57,17 +57,17 @@ def feel(tissues: Records, position: float, angle: float, dt: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Laid:
-    """Which specimen is on the bench."""
+    """Specimen on the bench, by its key or as an object."""
 
     seed: int = 0
     episode: int = 0
     specimen_class: str = "liver"
     tissue: TissueDescription | None = None
     specimen: Specimen | None = None
-    """Not drawn but given; seed and episode are those of the sensor's noise then."""
+    """Specimen that is given instead of drawn; seed and episode then only select the sensor's noise."""
 
     def drawn(self) -> Specimen:
-        """The specimen; ValueError if seed, episode or class are none."""
+        """Return the specimen; raises ValueError if seed, episode or class is invalid."""
         if self.specimen is not None:
             return self.specimen
         return Specimen.drawn(self.seed, self.episode, specimen_class=self.specimen_class, tissue=self.tissue)
@@ -79,9 +79,9 @@ class Bench:
     Parameters
     ----------
     sensor : SensorParameters, optional
-        Of the force; as the simulator's by default.
+        Force sensor; as in the simulator by default.
     law : LawParameters, optional
-        Of the cut; as the simulator's by default.
+        Cutting law; as in the simulator by default.
     """
 
     def __init__(self, sensor: SensorParameters | None = None, law: LawParameters | None = None) -> None:
@@ -93,16 +93,16 @@ class Bench:
         self._records["free_air"] = 1
 
     def lay(self, specimen: Specimen, laid: Laid, *, position: float, angle: float) -> None:
-        """Clamp a fresh specimen, its crack at the blade, which stands at the clamp.
+        """Clamp a fresh specimen with its crack at the blade, which must be at the clamp.
 
         Parameters
         ----------
         specimen : Specimen
-            What is cut.
+            Specimen to be cut.
         laid : Laid
-            How it was drawn; seed and episode are the key of the sensor's noise, as in the simulator.
+            Key of the specimen; seed and episode select the sensor's noise, as in the simulator.
         position, angle : float
-            Of the blade [m], [rad].
+            Position [m] and angle [rad] of the blade.
 
         Raises
         ------
@@ -125,31 +125,31 @@ class Bench:
         self.laid = laid
 
     def take_away(self) -> None:
-        """Leave the blade in free air, where it feels nothing."""
+        """Remove the specimen: the blade is in free air, without force."""
         self._records["free_air"] = 1
         self.laid = None
 
     def add_force(self, force: float) -> None:
-        """Add ``force`` [N] to what the tissue does; 0 takes it away."""
+        """Add ``force`` [N] to the tissue's; 0 removes it."""
         self._records["extra"] = force
 
     def advance(self, position: float, angle: float) -> float:
-        """Move to ``position`` [m] and ``angle`` [rad] in one millisecond; return what the sensor reads [N]."""
+        """Move to ``position`` [m] and ``angle`` [rad] in one millisecond; return the sensor's reading [N]."""
         return feel(self._records, _within(position), _measured(angle), TICK)
 
     @property
     def true_force(self) -> float:
-        """Of the tissue on the blade, back toward the clamp [N]."""
+        """Force of the tissue on the blade, back toward the clamp [N]."""
         return float(self._records[0].true_force)
 
     @property
     def tip(self) -> float:
-        """Of the crack [m]."""
+        """Position of the crack tip [m]."""
         return float(self._records[0].state.tip)
 
 
 def _within(position: float) -> float:
-    """The part of the carriage's travel in which there is tissue."""
+    """Limit a position [m] to the part of the carriage's travel in which there is tissue."""
     return min(max(position, 0.0), LENGTH - SPACING)
 
 

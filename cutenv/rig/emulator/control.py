@@ -1,4 +1,4 @@
-"""The control port of the emulated rig: what no real rig can be asked for; a line of JSON for a line of JSON."""
+"""Control port of the emulated rig, for requests that no real rig could answer: one line of JSON in, one out."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from cutenv.tissue.specimen import Specimen
 from cutenv.validation import in_range, one_of
 
 _LONGEST = 1 << 16  # bytes of a request
-_PATIENCE = 30.0  # [s] for a client that says nothing
+_PATIENCE = 30.0  # [s] for a silent client
 _MOST = 16  # clients
 
 Request = dict[str, Any]
@@ -113,11 +113,11 @@ REQUESTS: dict[str, tuple[Callable[[EmulatedRig, Request], Request], tuple[str, 
     "watch": (_watch, ("force_N",)),
     "shutdown": (_shutdown, ()),
 }
-"""What may be asked for by "do", and with which other fields; None: those of the fault."""
+"""Requests by the value of "do", with the names of their other fields; None: those of the fault."""
 
 
 def answered(rig: EmulatedRig, request: Any) -> Request:
-    """The answer to one request: "ok", and either what was asked for or "error", which says the cure."""
+    """Return the answer to one request: "ok", and either the result or an "error" with its cure."""
     try:
         if not isinstance(request, dict):
             raise ValueError('a request is an object such as {"do": "state"}.')
@@ -141,7 +141,7 @@ class _Conversation(socketserver.StreamRequestHandler):
                 while line := self.rfile.readline(_LONGEST):
                     answer = answered(self.server.rig, json.loads(line))
                     self.wfile.write(json.dumps(answer).encode() + b"\n")
-            except (ValueError, RecursionError):  # no JSON: whoever it is speaks another language
+            except (ValueError, RecursionError):  # not JSON: the client speaks another protocol
                 self.wfile.write(
                     b'{"ok": false, "error": "a request is one line of JSON, such as {\\"do\\": \\"state\\"}."}\n'
                 )
@@ -150,7 +150,7 @@ class _Conversation(socketserver.StreamRequestHandler):
 
 
 class ControlServer(socketserver.ThreadingTCPServer):
-    """Serve the control port of ``rig`` from threads of its own; ``port`` is where."""
+    """Server of the control port of ``rig``, with threads of its own; ``port`` is the port it listens on."""
 
     allow_reuse_address = True
     daemon_threads = True
@@ -167,7 +167,7 @@ class ControlServer(socketserver.ThreadingTCPServer):
         self._thread.start()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A client that cannot be told of its error any more has gone."""
+        """Ignore a client that has gone before its error could be sent."""
 
     def close(self) -> None:
         """Stop listening."""
@@ -177,30 +177,30 @@ class ControlServer(socketserver.ThreadingTCPServer):
 
 
 class EmulatorControl:
-    """A client of the control port.
+    """Client of the control port.
 
     Parameters
     ----------
     port : int
-        As the emulator told it when it was ready; kept as an attribute.
+        Port that the emulator printed when it was ready; kept as an attribute.
     host : str
-        Where it runs.
+        Address of the emulator.
     timeout : float
-        For each answer [s].
+        Time allowed for each answer [s].
 
     Raises
     ------
     RigError
-        From every method: if there is no answer in time, or the emulator refuses, with its reason.
+        From every method: if no answer arrives in time, or the emulator refuses, with its reason.
     """
 
     def __init__(self, port: int, *, host: str = "127.0.0.1", timeout: float = 5.0) -> None:
         self.port = port
         self._address, self._timeout = (host, port), timeout
-        self.ask("state")  # whoever is there answers
+        self.ask("state")  # fails if no emulator answers
 
     def ask(self, do: str, **fields: Any) -> Request:
-        """Send one request, over a connection of its own, and return the answer."""
+        """Send one request over a new connection, and return the answer."""
         host, port = self._address
         try:
             with socket.create_connection(self._address, timeout=self._timeout) as connected:
@@ -224,45 +224,45 @@ class EmulatorControl:
     def specimen(
         self, *, seed: int = 0, episode: int = 0, specimen_class: str = "liver", tissue: Path | str | None = None
     ) -> Request:
-        """Lay a fresh specimen, with the blade at the clamp; ``tissue`` is a description's file."""
+        """Lay a fresh specimen, with the blade at the clamp; ``tissue`` is the file of a description."""
         extra = {} if tissue is None else {"tissue": str(Path(tissue).absolute())}
         return self.ask("specimen", seed=seed, episode=episode, **{"class": specimen_class}, **extra)
 
     def lay(self, specimen: Specimen, *, seed: int = 0, episode: int = 0) -> Request:
-        """Lay a given specimen; seed and episode are the key of the sensor's noise."""
+        """Lay a given specimen; seed and episode select the sensor's noise."""
         return self.ask(
             "specimen", seed=seed, episode=episode, json=specimen.to_json(), **{"class": specimen.specimen_class}
         )
 
     def inject(self, fault: str, **parameters: Any) -> Request:
-        """Let something go wrong: one of :data:`~cutenv.rig.emulator.faults.FAULTS`."""
+        """Start a fault, one of :data:`~cutenv.rig.emulator.faults.FAULTS`; return its parameters."""
         one_of("fault", fault, FAULTS)
         return self.ask("inject", fault=fault, **parameters)
 
     def clear(self, fault: str | None = None) -> list[str]:
-        """Mend one fault, or all."""
+        """End one fault, or all; return their names."""
         cleared: list[str] = self.ask("clear", **({} if fault is None else {"fault": fault}))["cleared"]
         return cleared
 
     def events(self, since: int = 0) -> list[Request]:
-        """What has happened, from the event of index ``since`` on; ``time_s`` is of the machine's monotonic clock."""
+        """Return the events from index ``since`` on; ``time_s`` is on the machine's monotonic clock."""
         events: list[Request] = self.ask("events", since=since)["events"]
         return events
 
     def state(self) -> Request:
-        """Drives, active faults, clients, own stalls."""
+        """Return the state of drives, active faults and clients, and the emulator's own stalls."""
         return self.ask("state")
 
     def truth(self) -> Request:
-        """What only an emulator knows: true force, crack, carriage."""
+        """Return values that only an emulator knows: true force, crack, carriage."""
         return self.ask("truth")
 
     def free_air(self) -> None:
-        """Take the specimen away."""
+        """Remove the specimen."""
         self.ask("free_air")
 
     def watch(self, force_N: float) -> None:
-        """Choose the true force [N] whose crossing is an event."""
+        """Set the true force [N] whose crossing is recorded as an event."""
         self.ask("watch", force_N=force_N)
 
     def shutdown(self) -> None:

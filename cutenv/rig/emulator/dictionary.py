@@ -1,4 +1,4 @@
-"""The object dictionary of an EPOS4: every object that a master of the rig meets, with type, range and default."""
+"""Object dictionary of an EPOS4: every object that the rig's master uses, with type, range and default."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _RANGES = {
 
 
 class Abort(IntEnum):
-    """Why an SDO transfer is refused (CiA 301)."""
+    """Reason for refusing an SDO transfer (CiA 301)."""
 
     TOGGLE = 0x05030000
     COMMAND = 0x05040001
@@ -38,7 +38,7 @@ class Abort(IntEnum):
 
 
 class Refused(Exception):
-    """An access is refused, with the SDO abort code."""
+    """Refusal of an access, with the SDO abort code."""
 
     def __init__(self, code: Abort) -> None:
         super().__init__(code.name)
@@ -47,9 +47,10 @@ class Refused(Exception):
 
 @dataclass(frozen=True)
 class Entry:
-    """One sub-object: a number (``type`` "u8" to "i32"), or a text ("text").
+    """Sub-object: a number (``type`` "u8" to "i32"), or a text ("text").
 
-    ``low`` and ``high`` bound what may be written, ``choices`` lists it; ``mappable`` says in which PDOs it may stand.
+    ``low`` and ``high`` limit the values that may be written, ``choices`` lists them; ``mappable`` names the PDOs ("R"
+    received, "T" transmitted) that it may be mapped to.
     """
 
     index: int
@@ -65,11 +66,11 @@ class Entry:
 
     @property
     def bits(self) -> int:
-        """Length in a PDO."""
+        """Length in a PDO [bit]."""
         return 8 * struct.calcsize(_TYPES[self.type])
 
     def check(self, value: int) -> None:
-        """Refuse a value out of range."""
+        """Raise Refused for a value out of range."""
         low, high = _RANGES[self.type]
         if value > (high if self.high is None else self.high):
             raise Refused(Abort.TOO_HIGH)
@@ -80,12 +81,12 @@ class Entry:
 
 
 class Dictionary:
-    """The objects of one node and their values.
+    """Objects of one node, with their values.
 
     Parameters
     ----------
     entries : iterable of Entry
-        What there is.
+        Entries of the dictionary.
     written : callable, optional
         Called as ``written(entry, value)`` before a master's value is stored; raises :class:`Refused` to refuse it.
     """
@@ -100,45 +101,45 @@ class Dictionary:
         self.keep()
 
     def keep(self) -> None:
-        """Store the present values, as what stands there after power on."""
+        """Store the present values as those after power on."""
         self._kept = dict(self._values)
 
     def restore(self) -> None:
-        """Every value is as it was kept, as after power on."""
+        """Restore every stored value, as after power on."""
         self._values = dict(self._kept)
 
     def entry(self, index: int, sub: int) -> Entry:
-        """The sub-object there; :class:`Refused` if there is none."""
+        """Return the sub-object; raises :class:`Refused` if there is none."""
         if (found := self.entries.get((index, sub))) is None:
             raise Refused(Abort.NO_SUBINDEX if index in self._indices else Abort.NO_OBJECT)
         return found
 
     def __getitem__(self, place: tuple[int, int] | int) -> int:
-        """The number there; a plain index means sub-index 0."""
+        """Return the number; a plain index means sub-index 0."""
         value = self._values[(place, 0) if isinstance(place, int) else place]
         assert isinstance(value, int)
         return value
 
     def __setitem__(self, place: tuple[int, int] | int, value: int) -> None:
-        """The drive itself sets a value, cut off at the ends of its type."""
+        """Set a value from the drive itself, limited to the range of its type."""
         where = (place, 0) if isinstance(place, int) else place
         low, high = _RANGES[self.entries[where].type]
         self._values[where] = min(max(value, low), high)
 
     def read(self, index: int, sub: int) -> bytes:
-        """What an SDO client reads there."""
+        """Return the bytes that an SDO client reads."""
         entry = self.entry(index, sub)
         if entry.access == "wo":
             raise Refused(Abort.WRITE_ONLY)
         return self.packed(entry)
 
     def packed(self, entry: Entry) -> bytes:
-        """The value as it stands on the bus."""
+        """Return the value in its form on the bus."""
         value = self._values[entry.index, entry.sub]
         return value.encode() if isinstance(value, str) else struct.pack(_TYPES[entry.type], value)
 
     def write(self, index: int, sub: int, data: bytes) -> None:
-        """What an SDO client or an RPDO writes there."""
+        """Write the bytes from an SDO client or an RPDO."""
         entry = self.entry(index, sub)
         if entry.access == "ro":
             raise Refused(Abort.READ_ONLY)
@@ -147,12 +148,12 @@ class Dictionary:
         value: int = struct.unpack(_TYPES[entry.type], data)[0]
         entry.check(value)
         self._written(entry, value)
-        if index != 0x1010:  # a store command is no value
+        if index != 0x1010:  # a store command has no value
             self._values[index, sub] = value
 
 
 def epos4(node: int) -> Iterator[Entry]:
-    """The objects of an EPOS4 50/15 of number ``node``; defaults after its device file, to be confirmed on a drive."""
+    """Yield the objects of an EPOS4 50/15 at node ``node``; defaults from its device file, to be confirmed."""
     yield from _communication(node)
     for number in range(1, 5):
         yield from _process_data(node, number)

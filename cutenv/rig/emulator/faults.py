@@ -1,4 +1,4 @@
-"""What can go wrong on the emulated rig: each fault by name, with its parameters, put in and taken away."""
+"""Faults of the emulated rig: each by name, with its parameters, and the functions that start and end it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Parameters = dict[str, Any]
 
 
 class Range(NamedTuple):
-    """A numerical parameter of a fault."""
+    """Range of a fault's numerical parameter."""
 
     default: float
     low: float
@@ -26,9 +26,9 @@ class Range(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One thing that can go wrong.
+    """Fault that can be started and ended.
 
-    ``of_axis`` faults take a parameter ``axis`` beside their own, "blade" or "angle".
+    Faults with ``of_axis`` take the parameter ``axis``, "blade" or "angle", besides their own.
     """
 
     summary: str
@@ -38,7 +38,7 @@ class Fault:
     of_axis: bool = False
 
     def checked(self, name: str, given: Parameters, axes: list[str]) -> Parameters:
-        """All its parameters, those not given by default.
+        """Return all parameters, with defaults for those not given.
 
         Raises
         ------
@@ -67,7 +67,7 @@ def _of_node(attribute: str, summary: str) -> Fault:
 
 
 def _of_motor(entry: str, summary: str, value: float | str, healthy: float, **parameters: Range) -> Fault:
-    """A fault that is one number of the motor's record: ``value``, or the parameter of that name."""
+    """Make a fault that is one number of the motor's record: ``value``, or the parameter of that name."""
 
     def begin(rig: EmulatedRig, given: Parameters) -> None:
         rig.axes[given["axis"]].motor[entry] = given[value] if isinstance(value, str) else value
@@ -79,7 +79,7 @@ def _of_motor(entry: str, summary: str, value: float | str, healthy: float, **pa
 
 
 def _of_sensor(attribute: str, summary: str, value: Any, healthy: Any, **parameters: Range) -> Fault:
-    """A fault of the sensor: ``value``, or the parameter of that name."""
+    """Make a fault of the sensor: ``value``, or the parameter of that name."""
 
     def begin(rig: EmulatedRig, given: Parameters) -> None:
         wanted = given[value] if isinstance(value, str) else value
@@ -159,16 +159,16 @@ FAULTS: dict[str, Fault] = {
     "latency": _of_sensor("latency", "readings come late", "delay_s", 0.0, delay_s=Range(0.05, 0.0, 2.0, "s")),
     "saturation": _of_sensor("saturated", "forces stand at the end of the sensor's range", True, False),
 }  # fmt: skip
-"""Every fault by its name."""
+"""Every fault, by name."""
 
 
 def parsed_fault(text: str) -> tuple[str, Parameters, float]:
-    """Name, parameters and time [s] of ``NAME@SECONDS`` or ``NAME:KEY=VALUE,KEY=VALUE@SECONDS``.
+    """Parse ``NAME@SECONDS`` or ``NAME:KEY=VALUE,KEY=VALUE@SECONDS`` into name, parameters and time [s].
 
     Raises
     ------
     ValueError
-        If it reads otherwise.
+        If it has another form.
     """
     what, at, seconds = text.rpartition("@")
     name, _, listed = what.partition(":")

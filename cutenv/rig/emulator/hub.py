@@ -1,8 +1,9 @@
-"""A CAN bus made of TCP: the hub that socketcand's clients meet, such as python-can's.
+"""CAN bus over TCP: a hub for clients of socketcand, such as python-can.
 
-Messages are ASCII between angle brackets: the hub greets with ``< hi >``, the client sends ``< open NAME >`` and
-``< rawmode >``, and frames then go by ``< send ID LENGTH BYTES >`` and ``< frame ID TIME DATA >``, numbers in hex; an
-identifier of three digits is a standard one, of eight an extended one.  See https://github.com/linux-can/socketcand.
+Messages are ASCII between angle brackets: the hub greets with ``< hi >``, the client sends ``< open NAME >`` and ``<
+rawmode >``, and frames are then sent as ``< send ID LENGTH BYTES >`` and ``< frame ID TIME DATA >``, with numbers in
+hex. An identifier of three digits is a standard one, of eight an extended one. See
+https://github.com/linux-can/socketcand.
 """
 
 from __future__ import annotations
@@ -25,16 +26,16 @@ _BYTE = re.compile(r"[0-9A-Fa-f]{1,2}\Z")
 
 
 class Frame(NamedTuple):
-    """One CAN frame.
+    """CAN frame.
 
     Attributes
     ----------
     identifier : int
-        11 bits, or 29 if ``extended``.
+        Identifier of 11 bits, or 29 if ``extended``.
     data : bytes
-        0 to 8 of them.
+        Data, 0 to 8 bytes.
     extended : bool
-        Which format it is.
+        True for an identifier of 29 bits.
     """
 
     identifier: int
@@ -43,16 +44,16 @@ class Frame(NamedTuple):
 
 
 class BadMessage(ValueError):
-    """A client has sent what is no message of socketcand's."""
+    """Error for text from a client that is not a message of socketcand."""
 
 
 def parsed_send(content: str) -> Frame:
-    """The frame of ``send ID LENGTH BYTES``.
+    """Parse ``send ID LENGTH BYTES`` into a frame.
 
     Raises
     ------
     BadMessage
-        If it is none.
+        If the text is anything else.
     """
     words = content.split()
     if len(words) < 3 or words[0] != "send" or not _IDENTIFIER.match(words[1]):
@@ -68,7 +69,7 @@ def parsed_send(content: str) -> Frame:
 
 
 def frame_text(frame: Frame, moment: float) -> bytes:
-    """The message that tells a client of ``frame``, seen at ``moment`` [s since 1970]."""
+    """Return the message that carries ``frame``, seen at ``moment`` [s since 1970], to a client."""
     identifier = f"{frame.identifier:08X}" if frame.extended else f"{frame.identifier:03X}"
     return f"< frame {identifier} {moment:.6f} {frame.data.hex().upper()} >".encode()
 
@@ -86,20 +87,20 @@ class _Client:
 
 
 class Hub:
-    """Serve socketcand on a TCP port; pass each client's frames to the others and to ``receive``.
+    """Server of socketcand on a TCP port, which passes each client's frames to the others and to ``receive``.
 
     Parameters
     ----------
     receive : callable
-        Called with every :class:`Frame` of a client, from the hub's thread; what it sends by :meth:`send` goes out at
-        once.
+        Called with every :class:`Frame` of a client, from the hub's thread; frames that it sends by :meth:`send` go out
+        at once.
     host, port : str, int
-        Where it listens; port 0 takes a free one.
+        Address to listen on; port 0 takes a free one.
 
     Attributes
     ----------
     port : int
-        The one it listens on.
+        Port that it listens on.
     """
 
     def __init__(self, receive: Callable[[Frame], None], *, host: str = "127.0.0.1", port: int = 0) -> None:
@@ -118,17 +119,17 @@ class Hub:
         self._thread.start()
 
     def send(self, frame: Frame) -> None:
-        """Put a frame on the bus; from any thread, never waits."""
+        """Put a frame on the bus, from any thread, without waiting."""
         self._distribute(frame, None)
 
     @property
     def clients(self) -> int:
-        """How many are connected."""
+        """Number of connected clients."""
         with self._lock:
             return len(self._clients)
 
     def close(self) -> None:
-        """Hang up on everybody."""
+        """Disconnect every client."""
         if self._closing:
             return
         self._closing = True
@@ -157,7 +158,7 @@ class Hub:
         try:
             connection, _ = self._listener.accept()
         except OSError:
-            return  # it has gone again
+            return  # the client has gone again
         if len(self._clients) >= _MOST:
             connection.close()
             return

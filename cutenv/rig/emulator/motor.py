@@ -1,9 +1,9 @@
-"""Motor, gear, screw and carriage under a drive's velocity loop: what moves the blade of the emulated rig, or turns it.
+"""Motor, gear, screw and carriage under a drive's velocity loop, which move or turn the blade of the emulated rig.
 
-All in terms of the carriage: metres and newtons for the blade, radians and newton metres for the hinge.  A motor of
-inertia J at gear ratio i and lead h weighs J (2 pi i / h)^2 there, which is far more than the carriage itself, and why
-tissue hardly slows a screw.  The motor's side, where the encoder is, and the carriage are joined by a stiff spring with
-play.
+All quantities are referred to the carriage: metres and newtons for the blade, radians and newton metres for the hinge.
+A motor of inertia J at gear ratio i and lead h adds a mass of J (2 pi i / h)^2 there, far more than the carriage
+itself, which is why tissue hardly slows a screw. A stiff spring with play joins the motor's side, where the encoder is,
+to the carriage.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from cutenv.parameter import check_parameters, parameter
 from cutenv.rig.settings import Axis
 
 SUBSTEP = 5e-5
-"""Of the equations of motion [s]."""
+"""Time step of the equations of motion [s]."""
 _SUBSTEPS = 20  # a millisecond
-_DELAYS = 128  # commands that may be under way, one a millisecond
+_DELAYS = 128  # commands under way at most, one a millisecond
 OFF, VELOCITY, RAMP = 0, 1, 2
-"""What the drive does: no torque; follow the target speed; bring the demanded speed to zero by the ramp alone."""
+"""Modes of the drive: no torque; follow the target speed; bring the demanded speed to zero by the ramp alone."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mechanics:
-    """Motor, gear and what they move; defaults are those of the blade's carriage, :func:`hinge` has the other's."""
+    """Motor, gear and load; the defaults are those of the blade's carriage, :func:`hinge` gives the other's."""
 
     lag: float = parameter(
         0.040,
@@ -83,7 +83,7 @@ class Mechanics:
 
 
 def hinge(*, lag: float = 0.040, dead_time: float = 0.0, backlash: float = 0.0005, friction: float = 0.05) -> Mechanics:
-    """The mechanics of the axis that turns the blade, in radians."""
+    """Return the mechanics of the axis that turns the blade, in radians."""
     return Mechanics(
         lag=lag, dead_time=dead_time, backlash=backlash, friction=friction, viscosity=0.005, rotor_inertia=1e-6,
         torque_constant=0.02, mass=2e-4, carriage_friction=0.005, stiffness=200.0, loop=0.0025,
@@ -94,7 +94,7 @@ MOTOR: np.dtype[Any] = np.dtype(
     (
         np.record,
         [
-            # what the drive asks for
+            # demands of the drive
             ("mode", "i8"),
             ("target", "f8"),  # speed
             ("acceleration", "f8"),
@@ -102,29 +102,29 @@ MOTOR: np.dtype[Any] = np.dtype(
             ("ramp", "f8"),  # deceleration of a stop
             ("fastest", "f8"),  # greatest demanded speed
             ("strongest", "f8"),  # greatest force of the motor
-            # how it is
+            # state
             ("demand_position", "f8"),
             ("demand", "f8"),  # speed after lag and ramp
-            ("position", "f8"),  # of the motor's side
+            ("position", "f8"),  # on the motor's side
             ("speed", "f8"),
-            ("integral", "f8"),  # of the velocity loop, a force
+            ("integral", "f8"),  # of the velocity loop, as a force
             ("force", "f8"),  # of the motor
             ("carriage", "f8"),
             ("carriage_speed", "f8"),
-            ("slipped", "f8"),  # by which the carriage is behind
+            ("slipped", "f8"),  # lag of the carriage due to slip
             ("tick", "i8"),
             ("line", "f8", (_DELAYS,)),  # targets under way
-            # what goes wrong
+            # faults
             ("blocked", "i8"),
             ("slip", "f8"),  # share of the motor's motion that does not reach the carriage
-            ("runaway", "f8"),  # speed that is taken instead of the target's, unless it is nan
+            ("runaway", "f8"),  # speed instead of the target's, unless nan
             # parameters
             ("lag", "f8"),
             ("delay", "i8"),  # [ms]
             ("backlash", "f8"),
             ("friction", "f8"),
             ("viscosity", "f8"),
-            ("inertia", "f8"),  # of the motor's side, in terms of the carriage
+            ("inertia", "f8"),  # of the motor's side, referred to the carriage
             ("mass", "f8"),
             ("carriage_friction", "f8"),
             ("stiffness", "f8"),
@@ -134,11 +134,11 @@ MOTOR: np.dtype[Any] = np.dtype(
         ],
     )
 )
-"""One axis."""
+"""Layout of one axis's state and parameters."""
 
 
 def motor_record(axis: Axis, mechanics: Mechanics, *, position: float, margin: float) -> Records:
-    """One axis at rest at ``position``, shape (1,); its mechanical ends lie ``margin`` beyond the axis's travel."""
+    """Return one axis at rest at ``position``, shape (1,); its mechanical ends are ``margin`` beyond its travel."""
     motors = np.zeros(1, MOTOR)
     for name in ("lag", "backlash", "friction", "viscosity", "mass", "carriage_friction", "stiffness", "loop"):
         motors[name] = getattr(mechanics, name)
@@ -151,16 +151,16 @@ def motor_record(axis: Axis, mechanics: Mechanics, *, position: float, margin: f
 
 
 def force_per_ampere(axis: Axis, mechanics: Mechanics) -> float:
-    """Of the motor, in terms of the carriage [N/A or N m/A]."""
+    """Return the motor's force referred to the carriage [N/A or N m/A]."""
     return mechanics.torque_constant * 2 * math.pi * axis.gear / axis.lead
 
 
-_AT_REST = 1e-5  # of a demanded speed [m/s or rad/s], as in the simulator's drive
+_AT_REST = 1e-5  # [m/s or rad/s] below which a demanded speed becomes zero, as in the simulator's drive
 
 
 @for_kernels
 def govern(motor: Record, target: float, dt: float) -> None:
-    """Let the demanded speed follow the target: by its lag within the accelerations, or down the ramp of a stop."""
+    """Advance the demanded speed toward the target, by lag and acceleration limits, or down the ramp of a stop."""
     before = motor.demand
     if motor.mode == RAMP:
         rate = motor.ramp
@@ -182,14 +182,14 @@ def govern(motor: Record, target: float, dt: float) -> None:
 
 @for_kernels
 def rubbed(speed: float, force: float, friction: float, inertia: float, dt: float) -> float:
-    """The speed after ``dt`` under ``force`` and Coulomb's friction, which brings to rest but never reverses."""
+    """Return the speed after ``dt`` under ``force`` and Coulomb friction, which never reverses a motion."""
     free = speed + force * dt / inertia
     return math.copysign(max(abs(free) - friction * dt / inertia, 0.0), free)
 
 
 @compiled
 def turn_motor(motors: Records, load: float) -> None:
-    """Let one axis, shape (1,), move for a millisecond while ``load`` acts on its carriage (negative: to the clamp)."""
+    """Advance one axis, shape (1,), by a millisecond while ``load`` acts on its carriage (negative: to the clamp)."""
     motor = motors[0]
     dt = SUBSTEP
     motor.line[motor.tick % _DELAYS] = motor.target

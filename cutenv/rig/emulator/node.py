@@ -1,4 +1,4 @@
-"""An emulated drive on the bus: NMT, heartbeats, SDO, PDO and emergencies around the states of CiA 402."""
+"""Emulated drive on the bus: NMT, heartbeats, SDO, PDO and emergencies around the states of CiA 402."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _ENABLE = 0x0F  # controlword
 _SAVE = 0x65766173  # "save", backwards
 _REACTION_ENDS = 1.0  # [s] after which a fault reaction ends even if the axis still moves
 Happened = Callable[..., None]
-"""Called as ``happened(what, axis=..., **details)`` when something happens that a trial may ask for."""
+"""Callback ``happened(what, axis=..., **details)`` for events that a test may ask for."""
 
 
 class Nmt(IntEnum):
-    """State of a node on the network, as its heartbeat tells it."""
+    """State of a node on the network, as in its heartbeat."""
 
     BOOTING = 0x00
     STOPPED = 0x04
@@ -32,7 +32,7 @@ class Nmt(IntEnum):
 
 
 class Emergency(IntEnum):
-    """Error codes that the node sends of itself."""
+    """Error codes that the node sends."""
 
     NONE = 0x0000
     HEARTBEAT = 0x8130
@@ -46,21 +46,21 @@ _REGISTER = {0x2: 0x02, 0x3: 0x04, 0x4: 0x08, 0x81: 0x10, 0x82: 0x10, 0x86: 0x20
 
 
 def error_register(code: int) -> int:
-    """Bits of 1001 for an emergency code: generic, and the group that it belongs to."""
+    """Return the error register (object 1001) for an emergency code: the generic bit and that of its group."""
     return 0x01 | _REGISTER.get(code >> 8, _REGISTER.get(code >> 12, 0x80)) if code else 0
 
 
 class Node:
-    """One drive on the bus.
+    """Emulated drive on the bus.
 
     Parameters
     ----------
     axis : EmulatedAxis
-        What it drives; gives node number and name.
+        Axis that it drives; gives node number and name.
     send : callable
         Puts a :class:`~cutenv.rig.emulator.hub.Frame` on the bus.
     happened : callable
-        Told of quick stops, emergencies and lost heartbeats.
+        Called for quick stops, emergencies and lost heartbeats.
 
     Attributes
     ----------
@@ -88,24 +88,24 @@ class Node:
         self._sdo = SdoServer(self.dictionary)
         self._pdo = ProcessData(self.dictionary)
         self.state = DriveState.DISABLED
-        self._then: DriveState | None = None  # the state after the ramp that is being run
+        self._then: DriveState | None = None  # state after the present ramp
         self._controlword = 0
-        self._since = now  # of the present state [s]
+        self._since = now  # start of the present state [s]
         self._now = self._ticked = now
-        self._master: float | None = None  # when its last heartbeat came [s]
+        self._master: float | None = None  # time of its last heartbeat [s]
         self._beat = now
         self.nmt = Nmt.BOOTING
         self.axis.release()
 
     def power(self, on: bool, now: float) -> None:
-        """Take the supply away: silent, without torque; or bring it back, as new."""
+        """Switch the supply off (silent, without torque), or on again, as after a fresh start."""
         if on and not self._powered:
             self._boot(now)
         elif not on:
             self.axis.release()
         self._powered = on
 
-    # What comes from the bus.
+    # Frames from the bus.
 
     def receive(self, frame: Frame, now: float) -> None:
         """Take a frame from the bus."""
@@ -158,7 +158,7 @@ class Node:
             try:
                 self.dictionary.write(entry.index, entry.sub, data)
             except Refused:
-                continue  # a PDO has no answer: the standard lets the device pass over a value that it cannot take
+                continue  # a PDO has no answer: the standard lets the device ignore a value that it cannot take
 
     def _written(self, entry: Entry, value: int) -> None:
         if entry.index == 0x6040:
@@ -179,7 +179,7 @@ class Node:
         if command(controlword) is Command.QUICK_STOP and command(before) is not Command.QUICK_STOP:
             self._happened("quick stop received", axis=self.axis.name)
         if self.state is DriveState.FAULT and self.failure:
-            return  # what is wrong is still wrong
+            return  # the fault's cause is still there
         if controlword & FAULT_RESET and not before & FAULT_RESET and self.dictionary[0x1001]:
             self._clear()
         option = self.dictionary[0x605A]
@@ -193,10 +193,10 @@ class Node:
         self._enter(new)
         self.axis.controlled(self.dictionary, self.state, controlword, before)
 
-    # What the drive does of itself.
+    # The drive's own actions.
 
     def tick(self, now: float) -> None:
-        """Do what a millisecond asks for, before the motor moves through it."""
+        """Run the drive's tasks for a millisecond, before the motor moves through it."""
         self._now = self._ticked = now
         if not self._powered:
             return
@@ -294,10 +294,10 @@ class Node:
                 self._put(Frame(identifier, data))
 
     def command(self, speed: float) -> Frame:
-        """The frame (RPDO1, as the rig maps it) by which a master enables it and asks for ``speed`` [m/s or rad/s]."""
+        """Return the frame (RPDO1, as the rig maps it) with which a master enables it at ``speed`` [m/s or rad/s]."""
         velocity = self.axis.units(self.dictionary, speed)
         return Frame(0x200 + self.number, struct.pack("<Hib", _ENABLE, velocity, self.dictionary[0x6060]))
 
     def about(self) -> dict[str, Any]:
-        """How it is, for the control port."""
+        """Return the drive's state for the control port."""
         return {"axis": self.axis.name, "node": self.number, "state": self.state.value, "nmt": self.nmt.name.lower()}

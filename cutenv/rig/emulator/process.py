@@ -1,4 +1,4 @@
-"""The emulated rig as a process of its own: what runs in it, and how another starts it, meets it and ends it."""
+"""Process of the emulated rig: the server that runs in it, and the client that starts, connects to and ends it."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ from cutenv.rig.toml_file import to_toml
 from cutenv.tissue.grid import N_POINTS, SPACING
 
 STARTS_WITHIN = 180.0
-"""Time that a start may take [s]; the first one on a machine compiles."""
+"""Time allowed for a start [s]; the first one on a machine compiles."""
 _ENDS_WITHIN = 5.0  # [s]
-_SWITCH = 0.0005  # [s] after which a thread lets another one go on: a millisecond holds several
+_SWITCH = 0.0005  # [s] after which a thread lets another one run: a millisecond holds several
 
 
 def warm_up() -> None:
-    """Compile, or load from disk, what a millisecond needs: before anybody waits for it."""
+    """Compile, or load from disk, the kernels of a millisecond, before anybody waits for it."""
     announce(feel, turn_motor)
     rig = EmulatedRig(Options(laid=Laid(specimen_class="liver")))
     try:
@@ -58,23 +58,23 @@ def serve(
     real_time: bool = False,
     file: Path | None = None,
 ) -> None:
-    """Run an emulated rig until it is told to end: by signal, by the control port, or by the end of its parent.
+    """Run an emulated rig until a signal, a request on the control port, or the end of its parent.
 
     Prints one line of JSON when it is ready: the ports "can", "sensor" and "control", the URL "page", and "pid".
 
     Parameters
     ----------
     options : Options
-        How it is built.
+        Construction of the rig.
     faults : sequence of (name, parameters, seconds)
-        What goes wrong, and how long after the start [s].
+        Faults, each with its time after the start [s].
     parent : int, optional
-        Process without which it ends.
+        Process whose end also ends this one.
     real_time : bool
-        Take priority over other processes, if the system allows; the control port's "state" says whether it did.
+        Take priority over other processes, if the system allows; "state" on the control port reports whether it did.
 
     file : Path, optional
-        Where a rig's file is written that reaches it, for ``cutenv rig run --rig FILE`` and the like.
+        Path at which a rig file for it is written, for ``cutenv rig run --rig FILE`` and other commands.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def serve(
             signal.signal(number, lambda *_: rig.stopped.set())
         if parent is not None:
             threading.Thread(target=_watch_parent, args=(rig, parent), name="parent", daemon=True).start()
-        gc.freeze()  # what is here now is not searched for garbage again
+        gc.freeze()  # present objects are not searched for garbage again
         ready = {
             "can": rig.hub.port, "sensor": rig.sensor.port, "page": rig.sensor.page, "control": control.port,
             "pid": os.getpid(),
@@ -126,9 +126,9 @@ def _watch_parent(rig: EmulatedRig, parent: int) -> None:
 def emulated_settings(
     ready: dict[str, Any], *, angle_mode: str = "free", angle: float = math.pi / 2, host: str = "127.0.0.1"
 ) -> RigSettings:
-    """What a driver needs to know of an emulated rig that has told it is ``ready``, calibrated today.
+    """Return the settings with which drivers reach an emulated rig that has printed ``ready``, calibrated today.
 
-    ``angle`` is that of a fixed blade [rad].
+    ``angle`` is the angle of a fixed blade [rad].
     """
     return RigSettings(
         name="emulated rig",
@@ -145,28 +145,28 @@ def emulated_settings(
 
 
 class RunningEmulator:
-    """An emulated rig in a process of its own, which ends with the ``with`` block, or with this process.
+    """Emulated rig in a process of its own, which ends with the ``with`` block, or with this process.
 
     Parameters
     ----------
     arguments : sequence of str
-        Of ``cutenv rig emulate``.
+        Arguments of ``cutenv rig emulate``.
     timeout : float
-        Until it is ready [s].
+        Time until it is ready [s].
 
     Attributes
     ----------
     pid : int
-        Of the process.
+        Id of the process.
     settings : RigSettings
-        For drivers that are to meet it.
+        Settings for drivers that connect to it.
     control : EmulatorControl
-        What no real rig can be asked for.
+        Client of its control port.
 
     Raises
     ------
     RigError
-        If it is not ready in time, or ends before.
+        If it is not ready in time, or ends before that.
     """
 
     def __init__(
@@ -181,7 +181,7 @@ class RunningEmulator:
             [sys.executable, "-m", "cutenv", "rig", "emulate", "--with-parent", str(os.getpid()), *arguments],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
-            start_new_session=True,  # Ctrl-C is for the rig's program, which leaves the emulator in order
+            start_new_session=True,  # Ctrl-C is for the rig's program, which ends the emulator in order
         )
         self.pid = self._process.pid
         try:
@@ -201,7 +201,7 @@ class RunningEmulator:
                 raise RigError(f"the emulator is not ready after {timeout:g} s: is this machine busy?")
             read = os.read(output.fileno(), 4096)
             if not read:
-                raise RigError("the emulator has ended before it was ready; it has said above why.")
+                raise RigError("the emulator has ended before it was ready; see its message above.")
             line += read
         ready: dict[str, Any] = json.loads(line)
         return ready
@@ -219,7 +219,7 @@ class RunningEmulator:
 
     @property
     def status(self) -> int | None:
-        """How the process has ended; None: it runs."""
+        """Exit status of the process; None while it runs."""
         return self._process.poll()
 
     def close(self) -> None:
@@ -233,7 +233,7 @@ class RunningEmulator:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        """End it."""
+        """End the process."""
         self.close()
 
 
@@ -253,20 +253,20 @@ def start(
     Parameters
     ----------
     seed, episode, specimen_class
-        Of the specimen at the start; ``free_air``: none.
+        Key of the specimen at the start; ``free_air``: none.
     angle_deg : float, optional
-        Fixes the blade at this angle [degrees]; else a second axis turns it.
+        Angle at which the blade is fixed [degrees]; None: a second axis turns it.
     real_time : bool
         Take priority over other processes, if the system allows.
     arguments : sequence of str
-        More options of ``cutenv rig emulate``.
+        Further options of ``cutenv rig emulate``.
     timeout : float
-        Until it is ready [s].
+        Time until it is ready [s].
 
     Raises
     ------
     RigError
-        If it is not ready in time, or ends before.
+        If it is not ready in time, or ends before that.
     """
     given = ["--seed", str(seed), "--episode", str(episode), "--class", specimen_class]
     given += ["--free-air"] if free_air else []

@@ -1,4 +1,4 @@
-"""Process data objects of a node: what goes out at a SYNC or a change, what comes in, mapped as the master wrote it."""
+"""Process data objects of a node: frames sent at a SYNC or a change, frames received, mapped as the master wrote."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from cutenv.rig.emulator.dictionary import Abort, Dictionary, Entry, Refused
 
 _INVALID = 0x80000000
 _IDENTIFIER = 0x7FF
-_SYNCHRONOUS = 240  # greatest transmission type that goes by SYNC
+_SYNCHRONOUS = 240  # greatest transmission type that depends on SYNC
 
 
 def _parts(mapped: int) -> tuple[int, int, int]:
-    """Index, sub-index and bits of a mapped object."""
+    """Return index, sub-index and bits of a mapped object."""
     return mapped >> 16, mapped >> 8 & 0xFF, mapped & 0xFF
 
 
 def check_mapping(dictionary: Dictionary, entry: Entry, value: int) -> None:
-    """Refuse a write to 1400, 1600, 1800 or 1A00 and the next ones that the standard does not allow.
+    """Raise Refused for a write to 1400, 1600, 1800, 1A00 or their successors that the standard does not allow.
 
     Raises
     ------
     Refused
-        With the abort code.
+        If the write is not allowed; has the abort code.
     """
     settings = entry.index & ~0x200
     sends = settings >= 0x1800
@@ -32,7 +32,7 @@ def check_mapping(dictionary: Dictionary, entry: Entry, value: int) -> None:
             raise Refused(Abort.DEVICE_STATE)
         return
     if valid or (entry.sub > 0 and dictionary[entry.index, 0] > 0):
-        raise Refused(Abort.DEVICE_STATE)  # first the COB-ID is made invalid and the count of objects 0
+        raise Refused(Abort.DEVICE_STATE)  # first the COB-ID must be made invalid and the number of objects 0
     if entry.sub > 0:
         _check_mapped(dictionary, value, "T" if sends else "R")
         return
@@ -57,13 +57,13 @@ def _check_mapped(dictionary: Dictionary, mapped: int, way: str) -> None:
 class _Pdo:
     settings: int
     mapping: int
-    syncs: int = 0  # since the last one
-    pending: bytes | None = None  # received, to be used at the next SYNC
+    syncs: int = 0  # since the last transmission
+    pending: bytes | None = None  # received data, for use at the next SYNC
     last: bytes = b""
     last_sent: float = -1.0
 
     def cob(self, dictionary: Dictionary) -> int | None:
-        """Its identifier; None: it is not in use."""
+        """Return the identifier; None if the PDO is not in use."""
         cob = dictionary[self.settings, 1]
         return None if cob & _INVALID else cob & _IDENTIFIER
 
@@ -80,7 +80,7 @@ class ProcessData:
         self._sent = [_Pdo(0x1800 + i, 0x1A00 + i) for i in range(4)]
 
     def received(self, identifier: int, data: bytes) -> list[tuple[Entry, bytes]]:
-        """What a received frame asks to write now; that of a synchronous RPDO is kept for :meth:`synchronised`."""
+        """Return the writes of a received frame; a synchronous RPDO's are kept for :meth:`synchronised`."""
         writes = []
         for pdo in self._received:
             if pdo.cob(self._dictionary) != identifier:
@@ -92,7 +92,7 @@ class ProcessData:
         return writes
 
     def synchronised(self) -> list[tuple[Entry, bytes]]:
-        """What has waited for this SYNC to be written."""
+        """Return the writes that have waited for this SYNC."""
         writes = []
         for pdo in self._received:
             if pdo.pending is not None:
@@ -101,7 +101,7 @@ class ProcessData:
         return writes
 
     def due_at_sync(self) -> list[tuple[int, bytes]]:
-        """Identifier and data of what goes out at a SYNC."""
+        """Return identifier and data of the frames to send at a SYNC."""
         frames = []
         for pdo in self._sent:
             cob, kind = pdo.cob(self._dictionary), self._dictionary[pdo.settings, 2]
@@ -115,7 +115,7 @@ class ProcessData:
         return frames
 
     def due_by_event(self, now: float) -> list[tuple[int, bytes]]:
-        """Identifier and data of what goes out because it has changed, or because its event timer says so."""
+        """Return identifier and data of the frames to send because of a change or an event timer."""
         frames = []
         for pdo in self._sent:
             cob = pdo.cob(self._dictionary)
@@ -139,7 +139,7 @@ class ProcessData:
     def _unpacked(self, pdo: _Pdo, data: bytes) -> list[tuple[Entry, bytes]]:
         places = pdo.places(self._dictionary)
         if len(data) < sum(bits for *_, bits in places) // 8:
-            return []  # a frame too short is not used at all (CiA 301)
+            return []  # a frame that is too short is not used at all (CiA 301)
         writes, at = [], 0
         for index, sub, bits in places:
             writes.append((self._dictionary.entry(index, sub), data[at : at + bits // 8]))

@@ -1,4 +1,4 @@
-"""The SDO server of a node: expedited and segmented transfers of one object at a time (CiA 301)."""
+"""SDO server of a node: expedited and segmented transfers of one object at a time (CiA 301)."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ _TOGGLE = 0x10
 
 
 class SdoServer:
-    """Answers the eight bytes of a request with the eight bytes of an answer."""
+    """Server that answers the eight bytes of a request with eight bytes."""
 
     def __init__(self, dictionary: Dictionary) -> None:
         self._dictionary = dictionary
         self._place = (0, 0)
-        self._upload: bytes | None = None  # what is left to be sent
+        self._upload: bytes | None = None  # rest to be sent
         self._download: bytearray | None = None
         self._toggle = 0
 
     def answer(self, request: bytes) -> bytes | None:
-        """The answer, or None where there is none to be given (an abort, or too few bytes)."""
+        """Return the answer, or None if the standard demands none (an abort, or too few bytes)."""
         if len(request) != 8:
             return None
         specifier = request[0] >> 5
-        if specifier == 4:  # the client has given up
+        if specifier == 4:  # the client has aborted
             self._upload = self._download = None
             return None
         try:
@@ -39,7 +39,7 @@ class SdoServer:
                     return self._begin_upload(request)
                 case 3:
                     return self._go_on_upload(request)
-                case 5 if request[0] & 0x03 == 0:  # a block upload may be answered by a plain one
+                case 5 if request[0] & 0x03 == 0:  # a block upload may be answered by an ordinary one
                     return self._begin_upload(request)
                 case _:
                     self._place = _HEAD.unpack_from(request)[1:]
@@ -62,7 +62,7 @@ class SdoServer:
         return _HEAD.pack(0x60, *self._place) + bytes(4)
 
     def _size(self) -> int:
-        """Of an object whose transfer does not say it."""
+        """Return the size of an object whose transfer does not state it [byte]."""
         entry = self._dictionary.entry(*self._place)
         return 4 if entry.type == "text" else entry.bits // 8
 

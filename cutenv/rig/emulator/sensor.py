@@ -1,4 +1,4 @@
-"""The emulated force sensor: answers RDT requests over UDP, shows its configuration over HTTP, and can go wrong."""
+"""Emulated force sensor: it answers RDT requests over UDP, shows its configuration over HTTP, and can have faults."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ Address: TypeAlias = tuple[str, int]
 Loads: TypeAlias = tuple[float, float, float, float, float, float]
 Counts: TypeAlias = tuple[int, int, int, int, int, int]
 
-_POLL = 0.1  # [s] after which the thread looks whether it is to end
-_CLIENTS = 8  # at most; the one that has waited longest is forgotten
-_HELD = 0.25  # share of the records that are overtaken by the next, while they are reordered
+_POLL = 0.1  # [s] after which the thread checks whether it has to end
+_CLIENTS = 8  # at most; the oldest is dropped
+_HELD = 0.25  # share of the records that the next one overtakes, during reordering
 _LARGEST = 2**31 - 1
 
 _PAGE = """<?xml version="1.0" encoding="UTF-8"?>
@@ -42,26 +42,26 @@ _PAGE = """<?xml version="1.0" encoding="UTF-8"?>
 
 @dataclass
 class SensorFaults:
-    """What goes wrong from now on.
+    """Faults of the sensor, effective at once.
 
     Attributes
     ----------
     frozen : bool
-        The counts stay as they are, whatever the load; records go on.
+        True to keep the counts constant, whatever the load; records go on.
     frozen_axis : int
-        The count of this axis of force alone (0, 1 or 2; -1: none) stays as it is.
+        Index of the one force axis whose count stays constant (0, 1 or 2; -1: none).
     status : int
-        Bits that are added to the status.
+        Bits added to the status.
     loss : float
-        Share of the records that are lost on the way, drawn at random.
+        Share of the records that are lost, drawn at random.
     reorder : bool
-        Every fourth record or so, drawn at random, is overtaken by the next one.
+        True to let the next record overtake about every fourth one, drawn at random.
     latency : float
-        Added to the way of every record [s]; they keep their order, and what is on its way is caught up when it falls.
+        Delay added to every record [s]; their order is kept, and delayed records are sent at once when it falls.
     saturated : bool
-        The forces stand at the end of the range, with the status that belongs to it.
+        True to set the forces to the end of the range, with the corresponding status.
     silent : bool
-        Nothing is sent, as if the cable were pulled; the sequence goes on.
+        True to send nothing, as if the cable were unplugged; the sequence goes on.
     """
 
     frozen: bool = False
@@ -75,37 +75,37 @@ class SensorFaults:
 
 
 class SensorServer:
-    """A Net F/T on this computer: obeys start (with count), stop, reset of the latch and bias.
+    """Emulated Net F/T on this computer: obeys start (with count), stop, reset of the latch, and bias.
 
     A real sensor serves one client; this one serves several at once, so that one can watch another.
 
     Parameters
     ----------
     host : str
-        Where it listens; nothing beyond this computer unless it is told to.
+        Address to listen on; by default reachable from this computer only.
     port, page_port : int
-        For UDP and for HTTP; 0: free ones.
+        Ports for UDP and HTTP; 0 takes free ones.
     counts_per_newton, counts_per_newton_metre : int
-        As its page shows them.
+        Scales shown on its page.
     force_range, torque_range : float
-        Greatest load [N], [N m]: beyond, readings are cut off and the status says so.
+        Greatest load [N], [N m]: beyond it, readings are clipped and the status reports it.
     rate : float
-        Records a second [Hz] that its page shows; whoever calls :meth:`send` keeps it.
+        Rate of the records [Hz] shown on its page; the caller of :meth:`send` has to keep it.
     first_sequence : int
-        Of a stream.
+        First sequence number of a stream.
     seed : int
-        Of loss and reordering.
+        Seed of loss and reordering.
     clock : Clock, optional
-        For latency; the machine's if it is not given.
+        Clock for the latency; the machine's by default.
 
     Attributes
     ----------
     faults : SensorFaults
-        To be changed at any time.
+        Faults, which may be changed at any time.
     garbage : int
-        Packets that were no requests, and ignored.
+        Number of packets that were not requests, and were ignored.
     unsent : int
-        Records that the operating system would not take.
+        Number of records that the operating system did not accept.
     """
 
     def __init__(
@@ -164,7 +164,7 @@ class SensorServer:
 
     @property
     def clients(self) -> int:
-        """How many are being streamed to."""
+        """Number of clients that receive the stream."""
         with self._lock:
             return len(self._streams)
 
@@ -185,13 +185,13 @@ class SensorServer:
                     del self._streams[address]
 
     def send_bytes(self, packet: bytes) -> None:
-        """Send any bytes at all to every client, past all faults."""
+        """Send any bytes to every client, unaffected by faults."""
         with self._lock:
             for address in self._streams:
                 self._put(address, packet)
 
     def page_text(self) -> str:
-        """What its page shows, as XML."""
+        """Return the configuration page as XML."""
         return _PAGE.format(
             status=self.faults.status, force=self._scales[0], torque=self._scales[3], rate=round(self._rate)
         )
@@ -253,7 +253,7 @@ class SensorServer:
     def _put(self, address: Address, packet: bytes) -> None:
         try:
             self._socket.sendto(packet, address)
-        except OSError:  # UDP promises nothing: what cannot be sent is lost, and counted
+        except OSError:  # UDP guarantees nothing: what cannot be sent is lost, and counted
             self.unsent += 1
 
     def _answer(self) -> None:
@@ -262,7 +262,7 @@ class SensorServer:
                 packet, address = self._socket.recvfrom(2048)
             except TimeoutError:
                 continue
-            except ConnectionError:  # some systems tell here that a client has gone
+            except ConnectionError:  # some systems report here that a client has gone
                 continue
             try:
                 command, count = parse_request(packet)
@@ -290,8 +290,8 @@ class SensorServer:
 class _Stream:
     def __init__(self, sequence: int, left: int) -> None:
         self.sequence = sequence
-        self.left = left  # below zero for ever
-        self.on_way: deque[tuple[float, bytes]] = deque()  # when it was sent [s]
+        self.left = left  # below zero: endless
+        self.on_way: deque[tuple[float, bytes]] = deque()  # with time of sending [s]
         self.overtaken: bytes | None = None
 
 
@@ -302,7 +302,7 @@ def _six(counts: list[int]) -> Counts:
 
 def _page_server(sensor: SensorServer, host: str, port: int) -> http.server.ThreadingHTTPServer:
     class Page(http.server.BaseHTTPRequestHandler):
-        timeout = 2.0  # [s]: a client that says nothing holds no thread
+        timeout = 2.0  # [s]: a silent client holds no thread
 
         def do_GET(self) -> None:
             if self.path.partition("?")[0] != "/netftapi2.xml":
@@ -316,7 +316,7 @@ def _page_server(sensor: SensorServer, host: str, port: int) -> http.server.Thre
             self.wfile.write(text)
 
         def log_message(self, format: str, *args: Any) -> None:
-            """Say nothing: who asks for the page is not news."""
+            """Do not log requests for the page."""
 
     server = http.server.ThreadingHTTPServer((host, port), Page)
     server.daemon_threads = True

@@ -1,4 +1,4 @@
-"""The state machine of a CiA 402 drive: what a controlword does in which state, and what the statusword then says."""
+"""State machine of a CiA 402 drive: effect of a controlword in each state, and the statusword of each state."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class Status(IntEnum):
     TARGET_REACHED = 0x0400
     INTERNAL_LIMIT = 0x0800
     AT_REST = 0x1000
-    """In profile velocity mode; in homing mode: home is found."""
+    """Bit set at rest in profile velocity mode, or, in homing mode, when home is found."""
     FOLLOWING_ERROR = 0x2000
 
 
 class Command(IntEnum):
-    """What the low byte of a controlword (6040) asks for, as CiA 402 masks it."""
+    """Command in the low byte of a controlword (6040), as CiA 402 masks it."""
 
     DISABLE_VOLTAGE = 0
     QUICK_STOP = 1
@@ -50,7 +50,7 @@ HALT = 0x100
 
 
 def command(controlword: int) -> Command:
-    """The command in a controlword, without its fault reset."""
+    """Return the command in a controlword, without its fault reset."""
     if not controlword & 0x02:
         return Command.DISABLE_VOLTAGE
     if not controlword & 0x04:
@@ -79,16 +79,16 @@ _NEXT = {
 
 
 def after(state: DriveState, controlword: int, before: int, *, quick_stop_option: int) -> DriveState:
-    """The state after a controlword.
+    """Return the state after a controlword.
 
     Parameters
     ----------
     state : DriveState
-        Present one.
+        Present state.
     controlword, before : int
-        The new one, and the one before it: a fault is reset by a rising edge of bit 7.
+        New controlword and the one before it: a rising edge of bit 7 resets a fault.
     quick_stop_option : int
-        605A: from 5 on the drive stays in quick stop, and may be enabled again.
+        Value of object 605A: from 5 on the drive stays in quick stop, and may be enabled again.
     """
     if state is S.FAULT:
         return S.DISABLED if controlword & FAULT_RESET and not before & FAULT_RESET else S.FAULT

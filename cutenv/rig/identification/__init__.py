@@ -1,4 +1,4 @@
-"""From an empty axis that is stepped, shaken and turned round, and a sensor at rest: the constants of a rig."""
+"""Identification of a rig's constants, from an empty axis under steps, sines and reversals, and a sensor at rest."""
 
 from cutenv.rig.identification.experiment import Recorded, estimated, perform
 from cutenv.rig.identification.plan import Plan, Sine

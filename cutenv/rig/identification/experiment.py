@@ -1,4 +1,4 @@
-"""The experiment on a released rig, and what its recording comes to."""
+"""Experiment on a released rig, and the estimates from its recording."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from cutenv.rig.plant import RigPlant
 from cutenv.rig.settings import RigSettings
 
 APPROACH = 0.005
-"""Of the way to where the experiment starts [m/s]."""
+"""Speed of the approach to where the experiment starts [m/s]."""
 _TICKS = 20  # [ms] between commands, as between decisions
 _PAUSE = 0.4  # [s] of rest before each stretch
 _REST_TICKS = 100
 
 
 class Recorded(NamedTuple):
-    """What axis and sensor have answered.
+    """Response of axis and sensor.
 
     Attributes
     ----------
     steps, sines : tuple of Stretch
-        As the plan orders them; of each speed there is a step away from the clamp and one back.
+        Parts in the plan's order; for each speed there is a step away from the clamp and one back.
     turns : Stretch
         The slow reversals.
     force : array of shape (n,)
         Readings along the cut at rest [N].
     rate : float
-        Of those readings [Hz].
+        Rate of those readings [Hz].
     axes : array of shape (n, 3)
-        The same readings of all three axes of the sensor [N]; none where they were not kept.
+        The same readings of all three axes of the sensor [N]; empty if they were not kept.
     """
 
     steps: tuple[Stretch, ...]
@@ -52,29 +52,29 @@ class Recorded(NamedTuple):
 
 
 def perform(plant: RigPlant, plan: Plan, tell: Callable[[str], None] = lambda message: None) -> Recorded:
-    """Move the empty axis as planned, and record what it answers.
+    """Move the empty axis as planned, and record its response.
 
     Parameters
     ----------
     plant : RigPlant
-        Opened, prepared and released; the blade in air.  It is left at rest where it started, and released.
+        Opened, prepared and released, with the blade in air. It ends at rest where it started, and released.
     plan : Plan
-        What is done.
+        Planned moves.
     tell : callable
-        Told what happens next.
+        Called with a message about the next part.
 
     Raises
     ------
     RigStopped
         If the supervisor stops the blade.
     RigError
-        If commands had to be made smaller, so that the answer is not to the plan.
+        If commands were reduced to a limit, so that the response is not to the plan.
     """
     recorder = Recorder("xyz".index(plant.settings.sensor.cut_axis))
     came_from = plant.position
     plant.witness = recorder
     try:
-        tell(f"way to {1e3 * plan.start:.1f} mm")
+        tell(f"move to {1e3 * plan.start:.1f} mm")
         plant.travel(plan.start, speed=APPROACH)
         moves = _Moves(plant, recorder)
         tell(f"sensor at rest, {plan.rest:g} s")
@@ -94,7 +94,7 @@ def perform(plant: RigPlant, plan: Plan, tell: Callable[[str], None] = lambda me
         plant.witness = None
     if plant.supervisor.limited > moves.limited:
         raise RigError(
-            "commands were made smaller on the way, so the answer is not to what was asked: widen the limits of the"
+            "commands were reduced to a limit, so the response is not to the plan: widen the limits of the"
             " rig's file, or start farther from the ends of travel."
         )
     force = recorder.force_along(*rest)
@@ -103,7 +103,7 @@ def perform(plant: RigPlant, plan: Plan, tell: Callable[[str], None] = lambda me
 
 
 class _Moves:
-    """Moves the blade and notes what it was told."""
+    """Moves of the blade, with the commands recorded."""
 
     def __init__(self, plant: RigPlant, recorder: Recorder) -> None:
         self._plant, self._recorder = plant, recorder
@@ -120,7 +120,7 @@ class _Moves:
             self._command(speed, _TICKS)
 
     def _recorded(self, moves: Callable[[], None]) -> Stretch:
-        """What ``moves`` does, with the rest before and after it."""
+        """Record ``moves``, with the rest before and after it."""
         start = self._plant.clock.now()
         self._hold(0.0, _PAUSE)
         moves()
@@ -128,7 +128,7 @@ class _Moves:
         return self._recorder.stretch(start, self._plant.clock.now())
 
     def rest(self, duration: float) -> tuple[float, float]:
-        """Stand still; from when to when."""
+        """Stand still for ``duration`` [s]; return start and end on the clock [s]."""
         self._hold(0.0, _PAUSE)
         start = self._plant.clock.now()
         while self._plant.clock.now() < start + duration:
@@ -136,7 +136,7 @@ class _Moves:
         return start, self._plant.clock.now()
 
     def step(self, speed: float, hold: float) -> Stretch:
-        """From rest to ``speed``, and to rest again."""
+        """Move from rest to ``speed`` [m/s], and to rest again, each held for ``hold`` [s]."""
 
         def moves() -> None:
             self._hold(speed, hold)
@@ -145,7 +145,7 @@ class _Moves:
         return self._recorded(moves)
 
     def turns(self, plan: Plan) -> Stretch:
-        """To and fro, slowly."""
+        """Move slowly to and fro."""
 
         def moves() -> None:
             for k in range(plan.turns + 1):
@@ -155,7 +155,7 @@ class _Moves:
         return self._recorded(moves)
 
     def sine(self, speed: Callable[[float], float], duration: float) -> Stretch:
-        """A speed over time."""
+        """Move at a speed [m/s] given as a function of time [s]."""
 
         def moves() -> None:
             begun = self._plant.clock.now()
@@ -167,12 +167,12 @@ class _Moves:
 
 
 def estimated(settings: RigSettings, plan: Plan, recorded: Recorded) -> Identification:
-    """What recorded arrays tell of a rig; takes some seconds of computing, so leave the rig before.
+    """Estimate a rig's constants from recorded arrays; takes some seconds, so close the rig before.
 
     Raises
     ------
     RigError
-        If the axis has not moved, or too little was recorded.
+        If the axis did not move, or too little was recorded.
     """
     steps, sines, turns, force, rate, axes = recorded
     axis = settings.blade

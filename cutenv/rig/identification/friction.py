@@ -1,4 +1,4 @@
-"""What the motor's torque tells of an empty axis: friction from steady speeds, play from slow reversals."""
+"""Friction from the motor's torque at steady speeds, and play from slow reversals of an empty axis."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from cutenv.rig.identification.recording import Array, Stretch
 from cutenv.rig.settings import Axis
 
 TORQUE_STEP = 1e-3
-"""Of the reported torque, over the rated one: drives count per mille."""
-_LAGS = 5.0  # after which a speed counts as steady
-_FEWEST = 8  # samples of a steady speed
-_BEGUN = 0.5  # of the speed, from which an axis that turned round counts as moving again
-_SIDE = 4  # samples at least on each side of a step of torque
-_CLEAR = 6.0  # standard errors that the step must have
-_COUNTS = 0.4  # of a count of torque, that it must have on average
-_ROOM = 0.8  # of the way between two turns, within which a play can be told
+"""Resolution of the reported torque over the rated one: drives count per mille."""
+_LAGS = 5.0  # lags after which a speed counts as steady
+_FEWEST = 8  # least number of samples of a steady speed
+_BEGUN = 0.5  # share of the speed, from which an axis that reversed counts as moving again
+_SIDE = 4  # least number of samples on each side of a step of torque
+_CLEAR = 6.0  # standard errors by which the step must exceed zero
+_COUNTS = 0.4  # least step, on average, in counts of torque
+_ROOM = 0.8  # share of the way between two turns, within which a play can be measured
 
 
 class Friction(NamedTuple):
-    """Of the whole axis, as a force on its carriage: Coulomb's part [N] with its standard error, and the viscous."""
+    """Friction of the whole axis, as a force on its carriage: Coulomb's part [N], its standard error, and viscous."""
 
     coulomb: float
     error: float
     viscous: float
-    """[N s/m]"""
+    """Viscous friction [N s/m]."""
 
 
 class Play(NamedTuple):
-    """Between motor and carriage [m] with its standard error, and what pushing the carriage takes [N]."""
+    """Play between motor and carriage [m], its standard error, and the force that pushes the carriage [N]."""
 
     backlash: float
     error: float
@@ -41,20 +41,20 @@ class Play(NamedTuple):
 
 
 class Unseen(NamedTuple):
-    """It cannot be told, for this reason."""
+    """Reason why a quantity cannot be measured."""
 
     why: str
 
 
 def force_per_torque(axis: Axis) -> float:
-    """On the carriage [N] at the motor's rated torque; positive: away from the clamp."""
+    """Return the force on the carriage [N] at the motor's rated torque; positive: away from the clamp."""
     return axis.direction * axis.rated_torque * 2.0 * math.pi * axis.gear / axis.lead
 
 
 def coulomb_friction(
     steps: Sequence[Stretch], axis: Axis, *, lag: float, acceleration: float, dead_time: float
 ) -> Friction | Unseen:
-    """Friction from the torque at steady speeds both ways: |F| = Coulomb's + viscous |v|, beside a constant load.
+    """Estimate friction from torque at steady speeds both ways: |F| = Coulomb's + viscous |v|, plus a constant load.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def coulomb_friction(
     axis : Axis
         Gear, lead and rated torque.
     lag, acceleration, dead_time : float
-        Of the axis [s], [m/s2], [s]: when a speed is steady.
+        Lag [s], acceleration [m/s2] and dead time [s] of the axis, after which a speed is steady.
     """
     speeds, forces = [], []
     for step in steps:
@@ -95,10 +95,10 @@ def coulomb_friction(
 
 
 def play(turns: Stretch, axis: Axis) -> Play | Unseen:
-    """Backlash from slow reversals: while the play is crossed, the carriage's own friction is missing in the torque.
+    """Estimate backlash from slow reversals: while the play is crossed, the torque lacks the carriage's friction.
 
-    All reversals are laid over each other by the way since the motor turned round; one step of torque is fitted.  The
-    standard error comes from leaving out one reversal after the other.
+    All reversals are superposed by the distance since the motor reversed, and one step of torque is fitted. The
+    standard error is a jackknife over reversals.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def _turning(turns: Stretch) -> NDArray[np.int64]:
 
 
 def _leg(turns: Stretch, number: int) -> tuple[Array, Array]:
-    """Way since the motor turned round [m] and torque along it, of the samples from where it moves again."""
+    """Return the distance since the motor reversed [m] and the torque there, from where it moves again."""
     turning = _turning(turns)
     begin = turns.command_time[turning[number]]
     later = turning[number + 1 :]
@@ -151,7 +151,7 @@ def _leg(turns: Stretch, number: int) -> tuple[Array, Array]:
     way = math.copysign(1.0, speed)
     position, torque, time = way * turns.position[here], way * turns.torque[here], turns.time[here]
     travelled = position - position.min()
-    # Samples are a SYNC apart, whenever they arrive: bunched ones say nothing of the speed.
+    # Samples are a SYNC apart, whenever they arrive: bunched ones do not show the speed.
     moving = np.gradient(position, float(np.ptp(time)) / (len(time) - 1)) > _BEGUN * abs(speed)
     moving &= np.arange(len(time)) > position.argmin()
     if not moving.any():
@@ -161,7 +161,7 @@ def _leg(turns: Stretch, number: int) -> tuple[Array, Array]:
 
 
 def _step(legs: Sequence[tuple[Array, Array]]) -> tuple[float, float] | None:
-    """Where torque steps up [m], and by how much, if it clearly does: the split with the least squares."""
+    """Return where torque steps up [m], and by how much, or None if unclear: the split with the least squares."""
     way = np.concatenate([leg[0] for leg in legs])
     torque = np.concatenate([leg[1] for leg in legs])
     order = np.argsort(way, kind="stable")
@@ -183,7 +183,7 @@ def _step(legs: Sequence[tuple[Array, Array]]) -> tuple[float, float] | None:
 
 
 def _spacing(legs: Sequence[tuple[Array, Array]], place: float) -> float:
-    """Between two samples of one leg, where the step is [m]."""
+    """Return the distance between two samples of one leg, at the step [m]."""
     gaps = []
     for way, _ in legs:
         at = int(np.searchsorted(way, place))

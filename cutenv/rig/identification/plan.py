@@ -1,4 +1,4 @@
-"""What the empty axis is made to do, within the limits of its rig."""
+"""Plan of the moves of the empty axis, within the limits of its rig."""
 
 from __future__ import annotations
 
@@ -10,52 +10,52 @@ from cutenv.rig.drivers import RigError
 from cutenv.rig.settings import RigSettings
 from cutenv.rig.supervisor import BRAKING, MARGIN
 
-_SHARES = (0.08, 0.16, 0.32, 0.6, 0.8)  # of the top speed, that are stepped to
+_SHARES = (0.08, 0.16, 0.32, 0.6, 0.8)  # [1] speeds of the steps over the top speed
 _FREQUENCIES = (0.5, 1.0, 2.0, 4.0, 8.0)  # [Hz]
-_SWING = 0.2  # of the top speed: amplitude of a slow sine
-_STEEPEST = 0.6  # of the acceleration's limit, that a fast sine asks for: a limited one would be no sine
-_CYCLES, _LEAST = 4, 2.0  # of a sine, of which the first is left out; [s]
+_SWING = 0.2  # [1] amplitude of a slow sine over the top speed
+_STEEPEST = 0.6  # [1] acceleration of a fast sine over its limit: beyond it the motion would not be a sine
+_CYCLES, _LEAST = 4, 2.0  # least number of cycles, of which the first is ignored, and least duration [s] of a sine
 _LAG = 0.1  # [s] that an axis may need besides its ramp
 _CLEARANCE = 0.002  # [m] besides
 _STEP_HOLD = 0.7  # [s] at least
 
 
 class Sine(NamedTuple):
-    """A speed that goes to and fro: frequency [Hz] and amplitude [m/s]."""
+    """Sinusoidal speed: frequency [Hz] and amplitude [m/s]."""
 
     frequency: float
     amplitude: float
 
     @property
     def duration(self) -> float:
-        """Of whole cycles [s]."""
+        """Duration in whole cycles [s]."""
         return max(_CYCLES, math.ceil(_LEAST * self.frequency)) / self.frequency
 
     def speed(self, time: float) -> float:
-        """Commanded ``time`` [s] after its beginning [m/s]."""
+        """Return the commanded speed ``time`` [s] after the beginning [m/s]."""
         return self.amplitude * math.sin(2.0 * math.pi * self.frequency * time)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """The experiment, SI.
+    """Plan of the experiment, in SI.
 
     Attributes
     ----------
     start : float
-        From where the blade goes away from the clamp, and comes back to [m].
+        Position from which the blade moves away from the clamp, and to which it returns [m].
     speeds : tuple of float
-        That are stepped to, one after the other [m/s].
+        Speeds of the steps, one after the other [m/s].
     step_hold : tuple of float
-        For how long each is held, and the rest after it [s].
+        Duration of each step, and of the rest after it [s].
     sines : tuple of Sine
-        One after the other.
+        Sines, one after the other.
     turn_speed, turn_travel : float
-        Of the slow reversals [m/s], and between two of them [m].
+        Speed of the slow reversals [m/s], and distance between two of them [m].
     turns : int
-        How many.
+        Number of slow reversals.
     rest : float
-        For which the sensor is listened to [s].
+        Duration of the sensor's recording at rest [s].
     """
 
     start: float
@@ -69,7 +69,7 @@ class Plan:
 
     @classmethod
     def within(cls, settings: RigSettings, position: float) -> Plan:
-        """The plan for a blade that stands at ``position`` [m]: it starts as near as its way there and back allows.
+        """Return the plan for a blade at ``position`` [m], with the nearest start that its travel allows.
 
         Raises
         ------
@@ -85,7 +85,7 @@ class Plan:
         )
         holds = tuple(max(speed / axis.acceleration + 4.0 * _LAG, _STEP_HOLD) for speed in speeds)
         plan = cls(start=position, speeds=speeds, step_hold=holds, sines=sines)
-        # Nearer to an end of travel, commands are made smaller.
+        # Nearer to an end of travel, commands are reduced.
         clearance = top * (BRAKING + top / (2.0 * axis.acceleration)) + _CLEARANCE
         low, high = max(limits.low, axis.low) + clearance, min(limits.high, axis.high) - clearance - plan.travel
         if low > high:
@@ -97,18 +97,18 @@ class Plan:
 
     @property
     def travel(self) -> float:
-        """From where it starts to where it turns back at the latest [m]."""
+        """Greatest distance from the start [m]."""
         steps = max(speed * hold for speed, hold in zip(self.speeds, self.step_hold, strict=True))
         return max(steps, self.turn_travel, *(sine.amplitude / (math.pi * sine.frequency) for sine in self.sines))
 
     @property
     def path(self) -> tuple[float, float]:
-        """Least and greatest position on the way [m]."""
+        """Least and greatest position [m]."""
         swing = self.turn_travel
         return self.start - swing, self.start + self.travel + swing
 
     @property
     def duration(self) -> float:
-        """Of all of it, roughly [s]."""
+        """Approximate duration of the whole experiment [s]."""
         turning = self.turns * self.turn_travel / self.turn_speed
         return self.rest + turning + 4.0 * sum(self.step_hold) + sum(sine.duration + 0.5 for sine in self.sines)

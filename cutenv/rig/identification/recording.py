@@ -1,4 +1,4 @@
-"""What was commanded, and what drive and sensor said to it: lists while it happens, arrays afterwards."""
+"""Recording of commands, and of the responses of drive and sensor: lists meanwhile, arrays afterwards."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """One part of the experiment, from rest to rest; times [s] of one clock, samples as they arrived.
+    """Part of the experiment, from rest to rest; times [s] on one clock, samples as they arrived.
 
     Attributes
     ----------
     command_time, command : array of shape (c,)
-        Speeds [m/s] that were put on the bus; each holds until the next, and before the first the axis rests.
+        Speeds [m/s] put on the bus; each holds until the next, and before the first the axis rests.
     time, position, torque : array of shape (n,)
-        Samples of the axis [m], and of its motor's torque over the rated one [1].
+        Samples of the axis's position [m], and of its motor's torque over the rated one [1].
     """
 
     command_time: Array
@@ -32,12 +32,12 @@ class Stretch:
 
 
 class Recorder:
-    """Listens to an axis and a sensor along with the supervisor.
+    """Listener to an axis and a sensor, besides the supervisor.
 
     Parameters
     ----------
     cut_axis : int
-        Of the sensor, along the cut: 0, 1 or 2.
+        Axis of the sensor along the cut: 0, 1 or 2.
     """
 
     def __init__(self, cut_axis: int = 0) -> None:
@@ -48,25 +48,25 @@ class Recorder:
         self._beats: dict[str, list[float]] = {}
 
     def command(self, time: float, speed: float) -> None:
-        """Note a speed [m/s] that is put on the bus now."""
+        """Record a speed [m/s] that is put on the bus at ``time`` [s]."""
         self._commands.append((time, speed))
 
     # A listener of the plant
 
     def motion(self, axis: str, sample: MotionSample) -> None:
-        """Keep a sample."""
+        """Record a sample."""
         self._motions.setdefault(axis, []).append(sample)
 
     def force(self, sample: ForceSample) -> None:
-        """Keep a reading."""
+        """Record a reading."""
         self._forces.append(sample)
 
     def alive(self, axis: str, time: float) -> None:
-        """Keep when a heartbeat came."""
+        """Record the arrival of a heartbeat."""
         self._beats.setdefault(axis, []).append(time)
 
     def stretch(self, start: float, end: float) -> Stretch:
-        """What was commanded and answered between two times [s]."""
+        """Return the commands and samples between two times [s]."""
         commands = np.array([each for each in self._commands if start <= each[0] < end]).reshape(-1, 2)
         motions = np.array([each[:4] for each in self._between("blade", start, end)]).reshape(-1, 4)
         return Stretch(
@@ -78,23 +78,23 @@ class Recorder:
         )
 
     def forces(self, start: float, end: float) -> list[ForceSample]:
-        """Readings between two times [s]."""
+        """Return the readings between two times [s]."""
         return [each for each in self._forces.copy() if start <= each.time < end]
 
     def force_along(self, start: float, end: float) -> Array:
-        """Readings along the cut between two times [s], in the sensor's sign [N]."""
+        """Return the readings along the cut between two times [s], in the sensor's sign [N]."""
         return np.array([each.force[self._cut_axis] for each in self.forces(start, end)])
 
     def force_axes(self, start: float, end: float) -> Array:
-        """Readings of all three axes of the sensor between two times, shape (n, 3) [N]."""
+        """Return the readings of all three axes of the sensor between two times, shape (n, 3) [N]."""
         return np.array([each.force for each in self.forces(start, end)]).reshape(-1, 3)
 
     def motion_times(self, axis: str, start: float, end: float) -> Array:
-        """When samples of an axis came, between two times [s]."""
+        """Return the arrivals of an axis's samples between two times [s]."""
         return np.array([each.time for each in self._between(axis, start, end)])
 
     def heartbeats(self, axis: str, start: float, end: float) -> Array:
-        """When they came, between two times [s]."""
+        """Return the arrivals of an axis's heartbeats between two times [s]."""
         return np.array([each for each in self._beats.get(axis, []) if start <= each < end])
 
     def _between(self, axis: str, start: float, end: float) -> list[MotionSample]:

@@ -1,4 +1,4 @@
-"""How an axis follows a commanded speed: lag, acceleration limit and dead time, fitted by the simulator's own drive."""
+"""Response of an axis to a commanded speed: lag, acceleration limit, dead time, fitted with the simulator's drive."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from cutenv.cutting.drive import Rig, advance_command, made_up
 from cutenv.cutting.records import STATE, Records
 from cutenv.rig.identification.recording import Array, Stretch
 
-_DT = 0.5e-3  # [s] of the model: its lag is exact at any, and a command is late by less than half of it
-_FAR = 100.0  # [m], where the model's carriage starts: no end stop near
+_DT = 0.5e-3  # [s] step of the model: its lag is exact for any, and a command is late by less than half of it
+_FAR = 100.0  # [m] start of the model's carriage, far from any end stop
 _SCALES = np.array([1.0, 1.0, 0.01])  # of log lag, log acceleration, dead time [s]
 _LOW, _HIGH = (math.log(2e-4), math.log(2e-3), -0.005), (math.log(1.0), math.log(50.0), 0.1)
 _STARTS = ((0.040, 0.002), (0.010, 0.015), (0.120, 0.002))  # lag, dead time [s]
-_FINEST = 1e-6  # [m] of a misfit, below which nothing is an outlier
-_CLEARLY = 1.3  # times the limit, that the fastest step must ask for before it counts as limited
+_FINEST = 1e-6  # [m] of misfit, below which nothing is an outlier
+_CLEARLY = 1.3  # [1] ratio over the limit that the fastest step must demand before it counts as limited
 
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
-    """What the velocity loop does to a command; SI, with standard errors from leaving out one step after the other.
+    """Response of the velocity loop to a command; SI, with jackknife standard errors over steps.
 
     Attributes
     ----------
     lag, dead_time : float
-        [s]; the dead time holds the way of command and sample over the bus.
+        Lag and dead time [s]; the dead time includes the transport of command and sample over the bus.
     acceleration : float or None
-        [m/s2]; None where no step was fast enough to meet a limit.
+        Acceleration limit [m/s2]; None if no step was fast enough to reach a limit.
     lag_error, dead_time_error, acceleration_error : float
         Standard errors.
     least_acceleration : float
-        That was reached [m/s2].
+        Greatest acceleration that was reached [m/s2].
     misfit : float
         Root mean square of measured minus modelled position [m].
     """
@@ -52,20 +52,20 @@ class Response:
     misfit: float
 
     def positions(self, stretch: Stretch) -> Array:
-        """Where the model is at the samples' times [m], but for where it starts."""
+        """Return the model's positions at the samples' times [m], up to a constant."""
         return modelled(stretch, self.lag, self.acceleration or _HIGH[1], self.dead_time)
 
 
 class SineCheck(NamedTuple):
-    """A sine as measured beside the model: gain and phase [rad] from commanded to measured, and what differs."""
+    """Comparison of a measured sine with the model: gain and phase [rad] from commanded to measured, and the errors."""
 
     frequency: float
     gain: float
     phase: float
     gain_error: float
-    """Measured over modelled, minus 1."""
+    """Measured gain over the modelled, minus 1."""
     phase_error: float
-    """Measured minus modelled [rad]."""
+    """Measured phase minus the modelled [rad]."""
 
 
 @compiled
@@ -78,9 +78,9 @@ def _follow(drives: Records, states: Records, targets: Array, dt: float, positio
 
 
 def modelled(stretch: Stretch, lag: float, acceleration: float, dead_time: float) -> Array:
-    """Position of the simulator's drive under a stretch's commands, at its samples' times [m], from 0 on.
+    """Return the position of the simulator's drive under a stretch's commands, at its samples' times [m], from 0 on.
 
-    A pure delay of the command is one of the answer, so ``dead_time`` [s] need not be whole milliseconds.
+    A pure delay of the command is one of the response, so ``dead_time`` [s] need not be whole milliseconds.
     """
     begin = float(stretch.command_time[0])
     end = max(float(stretch.time[-1]), begin) + 0.01
@@ -99,14 +99,14 @@ def modelled(stretch: Stretch, lag: float, acceleration: float, dead_time: float
 def fit_response(steps: Sequence[Stretch], *, nominal_acceleration: float) -> Response:
     """Fit lag, acceleration limit and dead time to steps of speed, each from rest to rest.
 
-    Least squares on position with a loss that forgives samples which arrived late; the place of each step is free.
+    Least squares on position with a loss that is robust to samples which arrived late; the offset of each step is free.
 
     Parameters
     ----------
     steps : sequence of Stretch
-        At several speeds: slow ones tell the lag, fast ones the limit.
+        Steps at several speeds: slow ones determine the lag, fast ones the limit.
     nominal_acceleration : float
-        What the drive is told [m/s2], from which the fit starts.
+        Acceleration set in the drive [m/s2], from which the fit starts.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def fit_response(steps: Sequence[Stretch], *, nominal_acceleration: float) -> Re
     """
     steps = [each for each in steps if len(each.time) >= 20 and np.ptp(each.position) > 0.0]
     if len(steps) < 3:
-        raise ValueError(f"{len(steps)} steps with motion are too few to tell how the axis follows: give 3 or more.")
+        raise ValueError(f"{len(steps)} steps with motion are too few to identify the axis: give 3 or more.")
     plain = (
         _fit(steps, np.array([math.log(lag), math.log(nominal_acceleration), dead]), None) for lag, dead in _STARTS
     )
@@ -124,7 +124,7 @@ def fit_response(steps: Sequence[Stretch], *, nominal_acceleration: float) -> Re
     found: Array = _fit(steps, first.x, usual).x
     left_out = np.array([_fit([*steps[:k], *steps[k + 1 :]], found, usual).x for k in range(len(steps))])
     n = len(steps)
-    errors = np.sqrt((n - 1) / n * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0))  # the jackknife's
+    errors = np.sqrt((n - 1) / n * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0))  # jackknife
     lag, acceleration, dead_time = math.exp(found[0]), math.exp(found[1]), float(found[2])
     asked = max(float(np.abs(step.command).max()) for step in steps) / lag
     limited = asked > _CLEARLY * acceleration
@@ -149,7 +149,7 @@ def _misfits(steps: Sequence[Stretch], at: Array) -> Array:
 
 
 def _fit(steps: Sequence[Stretch], start: Array, usual: float | None) -> Any:
-    """Fit; misfits beyond the ``usual`` one [m] count less than their squares, if there is a usual one."""
+    """Fit; misfits beyond the ``usual`` one [m] count less than their squares, if it is given."""
 
     def misfits(at: Array) -> Array:
         return _misfits(steps, at)
@@ -165,7 +165,7 @@ def _fit(steps: Sequence[Stretch], start: Array, usual: float | None) -> Any:
 
 
 def check_sine(stretch: Stretch, frequency: float, response: Response) -> SineCheck:
-    """Compare the answer to a sine of ``frequency`` [Hz] with the fitted model's; the first cycle is left out."""
+    """Compare the response to a sine of ``frequency`` [Hz] with the fitted model's; the first cycle is ignored."""
     commanded = modelled(stretch, 1e-6, 1e6, 0.0)  # a drive without lag or limit
     settled = stretch.time >= stretch.command_time[0] + 1.0 / frequency
     settled &= stretch.time <= stretch.command_time[-1]
@@ -184,7 +184,7 @@ def check_sine(stretch: Stretch, frequency: float, response: Response) -> SineCh
 
 
 def _component(time: Array, position: Array, frequency: float) -> complex:
-    """Amplitude and phase of a sine in positions that drift besides."""
+    """Return amplitude and phase of a sine in positions with a linear drift."""
     turn = 2.0 * math.pi * frequency * (time - time[0])
     columns = np.column_stack((np.cos(turn), -np.sin(turn), np.ones_like(time), time - time[0]))
     found = np.linalg.lstsq(columns, position, rcond=None)[0]

@@ -1,4 +1,4 @@
-"""What was found of a rig: each constant with its standard error and how it was found, or why it cannot be told."""
+"""Result of an identification: each constant with standard error and method, or the reason why it is missing."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ _DIGITS = 2  # of a standard error, to which a value is rounded
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """One constant, under its name in :class:`~cutenv.rig.settings.Identified`; SI.
+    """Estimate of one constant, under its name in :class:`~cutenv.rig.settings.Identified`; SI.
 
     Attributes
     ----------
     name : str
-        Of the constant.
+        Name of the constant.
     value : float or None
-        None: it cannot be told.
+        Estimated value; None if it cannot be measured.
     error : float or None
         Standard error.
     how : str
-        It was found, or why it cannot be told.
+        Method, or the reason why it cannot be measured.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Estimate:
 
     @property
     def rounded(self) -> float | None:
-        """The value to the digits that its standard error leaves."""
+        """Value rounded to the digits that its standard error justifies."""
         if self.value is None or self.value == 0.0 or not self.error:
             return self.value
         return round(self.value, _DIGITS - 1 - math.floor(math.log10(self.error)))
@@ -52,20 +52,20 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True)
 class Identification:
-    """Everything that one experiment has told.
+    """Result of one experiment.
 
     Attributes
     ----------
     plan : Plan
-        What was done.
+        Moves of the experiment.
     estimates : tuple of Estimate
-        In the order of the rig's file.
+        Estimates, in the order of the rig's file.
     response : Response
-        Of the axis.
+        Response of the axis.
     checks : tuple of SineCheck
-        What the fitted model does not explain.
+        Comparisons with sines that were not used for the fit.
     steps, sines : tuple of Stretch
-        As recorded, for a picture.
+        Recorded steps and sines, for a figure.
     """
 
     plan: Plan
@@ -76,16 +76,16 @@ class Identification:
     sines: tuple[Stretch, ...]
 
     def __getitem__(self, name: str) -> Estimate:
-        """The estimate of that name."""
+        """Return the estimate of that name."""
         return next(each for each in self.estimates if each.name == name)
 
     def identified(self, before: Identified, today: date) -> Identified:
-        """As the rig's file holds it: what could be told, rounded, and of the rest what was known ``before``."""
+        """Return the section for the rig's file: measured values, rounded, and for the rest those known ``before``."""
         found = {each.name: each.rounded for each in self.estimates if each.value is not None}
         return replace(before, date=today.isoformat(), **found)
 
     def table(self, before: Identified) -> list[str]:
-        """Lines: what was measured, with its standard error, beside the file's and the simulator's values."""
+        """Return a table as lines: measured values with standard errors, beside the file's and the simulator's."""
         simulated = {row["name"]: row["default"] for row in parameter_table(Rig, SensorParameters)}
         rows = [("constant", "measured", "std error", "file", "simulator", "how")]
         for key in IDENTIFIED.keys:
@@ -99,18 +99,18 @@ class Identification:
                     "-" if each.error is None else f"{key.from_si(each.error):.2g}",
                     _shown(key, getattr(before, key.field)),
                     _shown(key, simulated.get(key.field)),
-                    each.how if each.value is not None else f"cannot be told: {each.how}",
+                    each.how if each.value is not None else f"not measurable: {each.how}",
                 )
             )
         return aligned(rows)
 
     def drawn_steps(self) -> list[tuple[str, Array, Array, Array]]:
-        """For a picture: name, time [s], measured and modelled position [m] of each step, both from 0 on."""
+        """Return name, time [s], measured and modelled position [m] of each step, both from 0 on, for a figure."""
         names = [f"{1e3 * each.command[np.abs(each.command).argmax()]:+.3g} mm/s" for each in self.steps]
         return self._drawn(names, self.steps)
 
     def drawn_sines(self) -> list[tuple[str, Array, Array, Array]]:
-        """For a picture: name, time [s], measured and modelled position [m] of each sine."""
+        """Return name, time [s], measured and modelled position [m] of each sine, for a figure."""
         return self._drawn([f"{sine.frequency:g} Hz" for sine in self.plan.sines], self.sines)
 
     def _drawn(self, names: Iterable[str], stretches: Iterable[Stretch]) -> list[tuple[str, Array, Array, Array]]:
@@ -123,7 +123,7 @@ class Identification:
         return drawn
 
     def sine_table(self) -> list[str]:
-        """Lines: gain and phase of each sine, and how far the fitted model is from them."""
+        """Return a table as lines: gain and phase of each sine, and the fitted model's errors."""
         rows = [("sine [Hz]", "gain", "phase [deg]", "gain error [%]", "phase error [deg]")]
         for each in self.checks:
             phases = [f"{math.degrees(each.phase):.1f}", f"{math.degrees(each.phase_error):+.1f}"]
@@ -137,7 +137,7 @@ def _shown(key: Key, value: float | None) -> str:
 
 
 def aligned(rows: Iterable[tuple[str, ...]]) -> list[str]:
-    """Rows of text as lines, columns below each other."""
+    """Return rows of text as lines with aligned columns."""
     rows = list(rows)
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]

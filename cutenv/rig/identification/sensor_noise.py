@@ -1,4 +1,4 @@
-"""What the readings of a sensor at rest tell: its least step, its noise, and how its zero walks."""
+"""Properties of a sensor at rest, from its readings: least step, noise, and drift of its zero."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from scipy.special import erf, ndtr
 from cutenv.rig.identification.recording import Array
 
 BLOCK = 0.2
-"""Time over which the zero is taken to stand [s]."""
+"""Time over which the zero is assumed constant [s]."""
 _FEWEST = 25  # blocks
-_FINE = 0.5  # of the spread, below which a step no longer matters
-_DUST = 1e-9  # of the span of the readings: what rounding makes of equal ones
-_CLEAR = 2.0  # standard errors, below which a drift is none
+_FINE = 0.5  # [1] ratio to the spread, below which a step has no effect
+_DUST = 1e-9  # [1] share of the readings' span, which is only rounding of equal readings
+_CLEAR = 2.0  # standard errors that a drift must exceed
 _NO_LESS = 1e-300
-_ONCE_IN = 1e-9  # readings, in which one may stand for longer: some hundred hours
+_ONCE_IN = 1e-9  # readings, one of which may stay for longer: some hundred hours
 _TIMES_SEEN = 3
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensorAtRest:
-    """Of one axis of force.
+    """Properties of one force axis at rest.
 
     Attributes
     ----------
     resolution : float
         Smallest step of the readings [N].
     noise, noise_error : float
-        Standard deviation before readings are rounded, and its standard error [N].
+        Standard deviation before rounding, and its standard error [N].
     drift, drift_error : float
-        Standard deviation after one second of a random walk of the zero, and its standard error [N]; 0 where the walk
-        is not clear of the noise.
+        Standard deviation after one second of a random walk of the zero, and its standard error [N]; 0 if the walk is
+        not distinguishable from noise.
     drift_seen : float
-        Least drift that would have been clear [N].
+        Least drift that would have been detected [N].
     """
 
     resolution: float
@@ -49,17 +49,17 @@ class SensorAtRest:
 
 
 def longest_still(force: Array, rate: float) -> float:
-    """Time for which readings of an axis may stand at one value by their own noise [s].
+    """Return the time for which readings of an axis may stay at one value through their own noise [s].
 
-    What white noise allows whose zero lies in the middle of a step, once in 10^9 readings; but no less than three times
-    what was seen, for a sensor's filter makes neighbours alike.
+    The longest run that white noise allows once in 10^9 readings, if its zero is in the middle of a step; but at least
+    three times the longest run seen, because a sensor's filter makes neighbours alike.
 
     Parameters
     ----------
     force : array of shape (n,)
         Readings at rest [N]; at least 5 s.
     rate : float
-        Of them [Hz].
+        Rate of the readings [Hz].
     """
     changes = np.flatnonzero(np.diff(force))
     seen = int(np.diff(changes, prepend=-1, append=len(force) - 1).max())
@@ -72,19 +72,19 @@ def longest_still(force: Array, rate: float) -> float:
 
 
 def sensor_at_rest(force: Array, rate: float) -> SensorAtRest | None:
-    """Noise, resolution and drift from readings at rest; None where all readings are equal.
+    """Estimate noise, resolution and drift from readings at rest; None if all readings are equal.
 
     Parameters
     ----------
     force : array of shape (n,)
         Readings [N], with nothing touching the blade; at least 5 s.
     rate : float
-        Of them [Hz].
+        Rate of the readings [Hz].
 
     Raises
     ------
     ValueError
-        If there are too few.
+        If there are too few readings.
     """
     size = round(BLOCK * rate)
     blocks = len(force) // size
@@ -115,7 +115,7 @@ def sensor_at_rest(force: Array, rate: float) -> SensorAtRest | None:
 
 
 def _unrounded(by_block: Array, resolution: float, spread: float) -> tuple[float, Array]:
-    """Noise before rounding, and each block's zero: the greatest likelihood of the rounded levels."""
+    """Return the noise before rounding and each block's zero, by maximum likelihood of the rounded levels."""
     n = len(by_block)
     rows, values, counts = [], [], []
     for number, readings in enumerate(by_block):
@@ -141,11 +141,11 @@ def _unrounded(by_block: Array, resolution: float, spread: float) -> tuple[float
 
 
 def _walk(zeros: Array, width: float) -> tuple[float, float, float]:
-    """Standard deviation after one second of a random walk seen in means over ``width`` [s], with its standard error.
+    """Return the standard deviation after one second of a random walk, from means over ``width`` [s], and its error.
 
-    Differences of neighbouring means have a covariance of three diagonals, both for a walk (2/3 and 1/6 of its
-    variance over a width) and for noise (2 and -1 of its variance); a sine transform makes both diagonal, and what is
-    left is a likelihood of two numbers.
+    Differences of neighbouring means have a covariance of three diagonals, both for a walk (2/3 and 1/6 of its variance
+    over a width) and for noise (2 and -1 of its variance). A sine transform makes both diagonal, which leaves a
+    likelihood of two numbers.
     """
     change = np.diff(zeros)
     n = len(change)
@@ -156,11 +156,11 @@ def _walk(zeros: Array, width: float) -> tuple[float, float, float]:
         return 0.0, 0.0, 0.0
 
     def noise_beside(ratio: float) -> float:
-        """Variance of the noise, where the walk's is ``ratio`` times it."""
+        """Return the noise variance that fits best if the walk's is ``ratio`` times it."""
         return float(np.mean(power / (ratio * of_walk + of_noise)))
 
     def cost(logarithm: float) -> float:
-        """Twice the negative logarithm of the likelihood, but for a constant."""
+        """Return twice the negative log-likelihood, up to a constant."""
         ratio = math.exp(logarithm)
         return float(np.sum(np.log(ratio * of_walk + of_noise)) + n * math.log(noise_beside(ratio)))
 

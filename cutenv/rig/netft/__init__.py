@@ -1,1 +1,1 @@
-"""A force sensor that speaks Raw Data Transfer (RDT) over UDP, as ATI's Net F/T and Ethernet Axia do."""
+"""Force sensor that uses Raw Data Transfer (RDT) over UDP, as ATI's Net F/T and Ethernet Axia do."""

@@ -1,4 +1,4 @@
-"""What goes over the wire in RDT: a request of 8 bytes, a record of 36; network byte order.
+"""Packets of RDT: a request of 8 bytes, a record of 36; network byte order.
 
 Source: ATI Industrial Automation, Network Force/Torque Sensor System, document 9620-05-NET FT, "UDP interface using
 RDT"; bits of the status: Ethernet Axia, document 9610-05, table 4.7.
@@ -17,7 +17,7 @@ PORT = 49152
 HEADER = 0x1234
 """First two bytes of every request."""
 SEQUENCES = 1 << 32
-"""Sequence numbers: after the last one comes 0."""
+"""Number of sequence numbers: after the last one comes 0."""
 
 _REQUEST = struct.Struct("!HHI")
 _RECORD = struct.Struct("!IIIiiiiii")
@@ -25,11 +25,11 @@ RECORD_SIZE = _RECORD.size
 
 
 class PacketError(ValueError):
-    """Bytes that are no packet of this protocol; the message says why."""
+    """Error for bytes that are not a packet of this protocol; the message gives the reason."""
 
 
 class Command(IntEnum):
-    """What a sensor can be asked for."""
+    """Command to a sensor."""
 
     STOP = 0x0000
     START = 0x0002
@@ -40,7 +40,7 @@ class Command(IntEnum):
 class Status(IntEnum):
     """Bits of the status of an Ethernet Axia; a healthy sensor sends 0.
 
-    Of the older Net Box the bits 31 and 16 mean the same, others differ: its manual tells.
+    On the older Net Box the bits 31 and 16 have the same meaning, others differ: see its manual.
     """
 
     ERROR = 1 << 31
@@ -70,18 +70,18 @@ _MEANINGS = {
 
 
 class Record(NamedTuple):
-    """One reading as sent.
+    """Reading as sent.
 
     Attributes
     ----------
     sequence : int
-        Of the record within its stream, modulo 2**32; a gap is a lost record.
+        Number of the record within its stream, modulo 2**32; a gap is a lost record.
     sampled : int
-        Count of the sensor's own, faster sampling, modulo 2**32.
+        Counter of the sensor's own, faster sampling, modulo 2**32.
     status : int
-        See :class:`Status`; 0 is healthy.
+        Status bits, see :class:`Status`; 0 is healthy.
     counts : tuple of 6 int
-        Fx, Fy, Fz, Tx, Ty, Tz.
+        Fx, Fy, Fz, Tx, Ty, Tz in counts.
     """
 
     sequence: int
@@ -91,7 +91,7 @@ class Record(NamedTuple):
 
 
 def request_bytes(command: Command, count: int = 0) -> bytes:
-    """Return a request; ``count`` records are wanted, 0 for an endless stream.
+    """Return a request for ``count`` records, 0 for an endless stream.
 
     Raises
     ------
@@ -103,12 +103,12 @@ def request_bytes(command: Command, count: int = 0) -> bytes:
 
 
 def parse_request(packet: bytes) -> tuple[Command, int]:
-    """Command and count of a request.
+    """Parse a request into command and count.
 
     Raises
     ------
     PacketError
-        If it is not 8 bytes, does not begin with 0x1234, or asks for something that is not known.
+        If it is not 8 bytes, does not begin with 0x1234, or contains an unknown command.
     """
     if len(packet) != _REQUEST.size:
         raise PacketError(f"a request has {_REQUEST.size} bytes, this has {len(packet)}")
@@ -136,7 +136,7 @@ def record_bytes(record: Record) -> bytes:
 
 
 def parse_record(packet: bytes) -> Record:
-    """Read a record; any 36 bytes are one.
+    """Parse a record; any 36 bytes are one.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def parse_record(packet: bytes) -> Record:
 
 
 def status_meaning(status: int) -> str:
-    """What a status says, in words; bits whose meaning differs from model to model are named by number."""
+    """Return the meaning of a status in words; bits that differ between models are given by number."""
     if not status:
         return "healthy"
     known = [meaning for bit, meaning in _MEANINGS.items() if status & bit]

@@ -1,4 +1,4 @@
-"""The sensor's own page: how many counts make a unit, which unit, how often it sends."""
+"""Configuration page of the sensor: counts per unit, units, rate of the readings."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from cutenv.validation import in_range
 
 PATH = "/netftapi2.xml"
 LARGEST = 1 << 20
-"""Bytes that a page may have; a real one has about 4000."""
+"""Greatest size of a page [byte]; a real one has about 4000."""
 
-_COUNTS = (1e-3, 1e12)  # of a unit
+_COUNTS = (1e-3, 1e12)  # least and greatest number of counts in a unit
 _RATES = (1.0, 1e5)  # [Hz]
 
 _POUND = 4.4482216152605  # [N], exact by definition
@@ -37,7 +37,7 @@ FORCE_UNITS = {
     "g": _KILOGRAM / 1000.0,
     "gf": _KILOGRAM / 1000.0,
 }
-"""Newtons in a unit of force."""
+"""Newtons in each unit of force."""
 TORQUE_UNITS = {
     "nm": 1.0,
     "nmm": 0.001,
@@ -47,19 +47,19 @@ TORQUE_UNITS = {
     "kgcm": _KILOGRAM / 100.0,
     "kgfcm": _KILOGRAM / 100.0,
 }
-"""Newton metres in a unit of torque."""
+"""Newton metres in each unit of torque."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """What the sensor says of itself.
+    """Configuration that the sensor reports.
 
     Attributes
     ----------
     newtons_per_count, newton_metres_per_count : float
-        [N], [N m].
+        Force and torque for one count [N], [N m].
     rate : float or None
-        Records a second [Hz]; None if it does not say.
+        Rate of the records [Hz]; None if the page does not contain it.
     """
 
     newtons_per_count: float
@@ -73,7 +73,7 @@ def read_page(address: str, timeout: float = 3.0) -> Page:
     Raises
     ------
     RigError
-        If it does not come within ``timeout`` [s], is too large, or does not tell what is needed.
+        If it does not arrive within ``timeout`` [s], is too large, or lacks a necessary value.
     """
     if not address.startswith("http://"):
         raise RigError(f"sensor.page {address!r} must begin with http://, as http://192.168.1.1{PATH} does.")
@@ -85,7 +85,7 @@ def read_page(address: str, timeout: float = 3.0) -> Page:
         except RigError as error:
             answer.put(error)
 
-    # A thread, for urllib limits the time of each wait alone: a byte now and then would keep it waiting for ever.
+    # In a thread, because urllib limits only each single wait: a byte now and then would keep it waiting for ever.
     threading.Thread(target=ask, name="sensor's page", daemon=True).start()
     try:
         text = answer.get(timeout=timeout)
@@ -97,17 +97,17 @@ def read_page(address: str, timeout: float = 3.0) -> Page:
 
 
 def parse_page(text: bytes, address: str = "netftapi2.xml") -> Page:
-    """Read the page's XML; ``address`` is told in errors.
+    """Parse the page's XML; ``address`` is named in errors.
 
     Raises
     ------
     RigError
-        If it is no XML, declares entities, or lacks a scale or a known unit.
+        If it is not XML, declares entities, or lacks a scale or a known unit.
     """
     try:
         root = ET.fromstring(text, parser=ET.XMLParser(target=_Tree(address)))
     except (ET.ParseError, LookupError, ValueError) as error:  # a wrong encoding is one of the latter two
-        raise RigError(f"The force sensor's page {address} is no XML: {error}. Is it the sensor's address?") from None
+        raise RigError(f"The force sensor's page {address} is not XML: {error}. Is it the sensor's address?") from None
     found: dict[str, str] = {}
     for element in root.iter():
         found.setdefault(element.tag.rpartition("}")[2].lower(), (element.text or "").strip())
@@ -132,7 +132,7 @@ _CURE = "Is the sensor powered and on this network, and sensor.address (or senso
 
 
 class _Tree(ET.TreeBuilder):
-    """Refuses a document type at its first word: with it come entities, which can blow up or lead elsewhere."""
+    """Tree builder that refuses a document type: its entities can expand without limit or refer elsewhere."""
 
     def __init__(self, address: str) -> None:
         super().__init__()
@@ -145,7 +145,7 @@ class _Tree(ET.TreeBuilder):
 
 
 def _fetch(address: str, timeout: float) -> bytes:
-    # No proxies, no redirection: the sensor itself answers, or nobody.
+    # No proxies, no redirection: only the sensor itself may answer.
     opener = urllib.request.OpenerDirector()
     for handler in (
         urllib.request.HTTPHandler(),
@@ -161,7 +161,7 @@ def _fetch(address: str, timeout: float) -> bytes:
     except (OSError, HTTPException, ValueError) as error:  # ValueError: an address like http://:x
         raise RigError(f"The force sensor's page {address} cannot be read: {error}. {_CURE}") from None
     if len(text) > LARGEST:
-        raise RigError(f"The force sensor's page {address} has more than {LARGEST} bytes: that is no sensor's.")
+        raise RigError(f"The force sensor's page {address} has more than {LARGEST} bytes, which is not a sensor's.")
     return text
 
 
@@ -170,7 +170,7 @@ def _number(text: str, name: str, low: float, high: float, address: str) -> floa
         return in_range(name, float(text), low, high, "1")
     except ValueError:
         raise RigError(
-            f"The force sensor's page {address} says {name} = {text[:40]!r}, which must be {low:g} to {high:g}."
+            f"The force sensor's page {address} has {name} = {text[:40]!r}, which must be {low:g} to {high:g}."
         ) from None
 
 
@@ -179,7 +179,7 @@ def _unit(text: str, name: str, units: dict[str, float], address: str) -> float:
         return units[_plain(text)]
     except KeyError:
         raise RigError(
-            f"The force sensor's page {address} says {name} = {text[:40]!r}, a unit that is not known. Choose another"
+            f"The force sensor's page {address} has {name} = {text[:40]!r}, a unit that is not known. Choose another"
             f" on its configuration page, such as {'N' if units is FORCE_UNITS else 'N-m'}."
         ) from None
 

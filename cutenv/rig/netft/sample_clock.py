@@ -1,4 +1,4 @@
-"""When a reading was sensed: packets come with jitter, their numbers do not."""
+"""Sample times of readings: packets arrive with jitter, but their numbers are regular."""
 
 from __future__ import annotations
 
@@ -6,25 +6,24 @@ from cutenv.rig.netft.packets import SEQUENCES
 from cutenv.validation import in_range
 
 LEAK = 1e-3
-"""Seconds a second by which the least delay is allowed to grow: ten times what two quartz clocks drift apart."""
+"""Rate at which the least delay may grow [s/s]: ten times the drift between two quartz clocks."""
 FAR = 100
-"""Readings by which an old one may come late; beyond, the sensor has begun anew."""
-_AHEAD = 1.0  # [s] by which a number comes too early to be of the same stream
+"""Number of readings by which an old one may come late; beyond it, the sensor has restarted."""
+_AHEAD = 1.0  # [s] by which a number may come early and still belong to the same stream
 
 
 class SampleClock:
-    """Puts readings back on the even grid on which they were sensed.
+    """Estimator of the even time grid on which readings were sampled.
 
-    A reading ``n`` cannot arrive before it was sensed, and some arrive with almost no delay.  The least delay seen
-    (over ``n / rate``) is therefore taken for the way's own; what is above it is lateness.  The least delay leaks
-    upwards by ``LEAK``, so that it follows a sensor whose clock runs slower than this computer's; of a faster one it
-    follows by itself.  A delay that is added and stays shows at once in full, and is forgotten at that same rate:
-    10 ms of it in 10 s.
+    A reading ``n`` cannot arrive before it was sampled, and some arrive with almost no delay. The least delay seen
+    (over ``n / rate``) is therefore taken as the transport delay; anything above it is lateness. The least delay grows
+    at ``LEAK``, so that it follows a sensor whose clock runs slower than this computer's; it follows a faster one by
+    itself. An added constant delay shows at once in full, and is forgotten at that same rate: 10 ms of it in 10 s.
 
     Parameters
     ----------
     rate : float
-        Readings a second [Hz], as the sensor says.
+        Rate of the readings [Hz], as the sensor reports it.
 
     Raises
     ------
@@ -34,29 +33,29 @@ class SampleClock:
 
     def __init__(self, rate: float) -> None:
         self._period = 1.0 / in_range("rate", rate, 1e-3, 1e6, "Hz", "Give the readings a second of the sensor.")
-        self._sequence = -1  # of the last reading, none so far
+        self._sequence = -1  # of the last reading; -1: none so far
         self._elapsed = 0.0  # [s] by the sensor's numbers, since the first
         self._least = 0.0  # [s] of the clock at which reading zero would have arrived, had it come without delay
         self._arrival = 0.0
         self._time = 0.0
 
     def sensed(self, sequence: int, arrival: float) -> tuple[float, float]:
-        """Say when a reading was sensed, and how much later than usual it comes.
+        """Return when a reading was sampled, and how much later than usual it arrives.
 
         Parameters
         ----------
         sequence : int
-            Of the reading, modulo 2**32; what is missing between is no matter.
+            Number of the reading, modulo 2**32; missing ones in between do not matter.
         arrival : float
-            Of the clock [s].
+            Arrival on the clock [s].
 
         Returns
         -------
         time : float
-            When it was sensed [s], up to the least delay of the way, which nobody can know; never after its arrival,
-            and never before that of an earlier call.
+            Time of sampling [s], up to the least transport delay, which cannot be known; never after its arrival, and
+            never before that of an earlier call.
         lateness : float
-            Beyond the least delay [s], 0 or more.
+            Delay beyond the least one [s], 0 or more.
         """
         if self._sequence < 0:
             return self._begin(sequence, arrival)
@@ -65,7 +64,7 @@ class SampleClock:
             step -= SEQUENCES  # an earlier one
         elapsed = self._elapsed + step * self._period
         delay = arrival - elapsed
-        # A sensor that was restarted counts from the beginning again, or from anywhere.
+        # A restarted sensor counts from the beginning again, or from anywhere.
         if step < -FAR or delay < self._least - _AHEAD:
             return self._begin(sequence, arrival)
         self._least = min(self._least + LEAK * max(arrival - self._arrival, 0.0), delay)

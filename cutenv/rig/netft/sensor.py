@@ -1,4 +1,4 @@
-"""The driver of a Net F/T: streams readings over UDP from a thread of its own, in order, and takes their zero."""
+"""Driver of a Net F/T: it streams readings over UDP in a thread, passes them on in order, and tares them."""
 
 from __future__ import annotations
 
@@ -27,30 +27,30 @@ from cutenv.validation import in_range
 FIRST_READING = 2.0
 """Time within which the first reading must arrive [s]."""
 STEADY = 0.1
-"""By how much the means of ten parts of a tare may differ, of each force [N]: more is no rest."""
+"""Greatest difference between the means of a tare's ten parts, for each force [N]: more is not rest."""
 
-_POLL = 0.1  # [s] after which the thread looks whether it is to end
-_ASK_AGAIN = 0.5  # [s]: a request over UDP can get lost
+_POLL = 0.1  # [s] after which the thread checks whether it has to end
+_ASK_AGAIN = 0.5  # parts of a tare
 _PARTS = 10  # of a tare
 
 Force = tuple[float, float, float]
 
 
 class Counters(NamedTuple):
-    """What has arrived since the sensor was opened.
+    """Counts of packets since the sensor was opened.
 
     Attributes
     ----------
     received : int
-        Readings passed on.
+        Readings that were passed on.
     lost : int
-        Missing between them, among which those that came too late.
+        Readings missing between them, including those that came too late.
     reordered : int
-        Dropped, because a later one was there already, or the same.
+        Readings dropped because the same or a later one had arrived.
     garbled : int
-        Packets of the sensor that were no records, or that fitted into no stream.
+        Packets of the sensor that were not records, or did not fit into the stream.
     foreign : int
-        Packets from elsewhere.
+        Packets from other addresses.
     """
 
     received: int = 0
@@ -63,24 +63,24 @@ class Counters(NamedTuple):
 class NetftSensor:
     """A Net F/T or Ethernet Axia as a :class:`cutenv.rig.drivers.ForceDriver`.
 
-    Readings come from the thread "force sensor"; times are those of their arrival.  Of a sensor that falls silent
-    nothing is asked again: it may have been switched off and on, and its zero with it.  Close, open and tare it.
+    Readings come from the thread "force sensor"; times are those of their arrival. A sensor that falls silent is not
+    started again: it may have been switched off and on, which loses its zero. Close, open and tare it.
 
     Parameters
     ----------
     settings : Sensor
-        Where it is.
+        Address of the sensor and other settings.
     clock : Clock
-        Of the rig.
+        Clock of the rig.
 
     Attributes
     ----------
     rate : float
-        Readings a second [Hz]: as the sensor's page says once it is open, else as the settings do.
+        Rate of the readings [Hz]: from the sensor's page once it is open, before that from the settings.
     page : Page or None
-        What the sensor says of itself, once it was opened.
+        Configuration that the sensor reports, once it was opened.
     lateness : float
-        Of the last reading, beyond the least delay [s]; see :class:`cutenv.rig.netft.sample_clock.SampleClock`.
+        Delay of the last reading beyond the least one [s]; see :class:`cutenv.rig.netft.sample_clock.SampleClock`.
     """
 
     def __init__(self, settings: Sensor, clock: Clock) -> None:
@@ -95,12 +95,12 @@ class NetftSensor:
         self._taring = threading.Lock()
         self._scale = 0.0  # [N] of a count
         self._zero: Force = (0.0, 0.0, 0.0)  # in counts
-        self._mean: _Mean | None = None  # while one is taken
+        self._mean: _Mean | None = None  # while a tare is taken
         self._received = self._lost = self._reordered = self._garbled = self._foreign = 0
 
     @property
     def counters(self) -> Counters:
-        """What has arrived so far."""
+        """Counts of packets so far."""
         return Counters(self._received, self._lost, self._reordered, self._garbled, self._foreign)
 
     def open(self, listener: ForceListener) -> None:
@@ -145,22 +145,22 @@ class NetftSensor:
         Returns
         -------
         tuple of 3 float
-            What is subtracted from now on [N]: of the sensor's own zero, so that two tares tell how far it has drifted.
+            Force subtracted from now on [N], relative to the sensor's own zero: two tares show its drift.
 
         Raises
         ------
         RigError
-            If the sensor is not open, its readings stop or report an error, or move by more than ``STEADY``: then
-            the zero stays as it was.
+            If the sensor is not open, or its readings stop, report an error, or vary by more than ``STEADY``; the zero
+            is then unchanged.
         """
-        # Never the sensor's own bias (0x42): it is not confirmed, changes the sensor for everybody else, is undone by
-        # its next restart without a word, and hides from the counts in the record how far it has drifted.
+        # Never use the sensor's own bias (0x42): it is not confirmed, affects every other program, is lost without
+        # notice at the next restart, and hides the drift from the recorded counts.
         mean = self._mean_of(samples)
         self._zero = mean
         return self._newtons(mean)
 
     def about(self) -> dict[str, float | str]:
-        """What the open sensor tells of itself, and what has arrived from it."""
+        """Return the data that the open sensor reports about itself, and the counts of packets."""
         told: dict[str, float | str] = {"address": "{}:{}".format(*self._address), "rate_Hz": self.rate}
         if self.page is not None:
             told["counts_per_N"] = 1.0 / self.page.newtons_per_count
@@ -173,19 +173,19 @@ class NetftSensor:
         if opened is None:
             return
         self._closing.set()
-        with contextlib.suppress(OSError):  # the network is gone: then nothing streams
+        with contextlib.suppress(OSError):  # the network is gone: nothing streams then
             opened.sendto(request_bytes(Command.STOP), self._address)
         if thread is not None and thread is not threading.current_thread():
             thread.join(timeout=10 * _POLL)
         opened.close()
 
     def _begin(self, listener: ForceListener) -> bool:
-        """Ask for a stream until the first reading comes."""
+        """Request a stream until the first reading arrives; return whether one did."""
         first, closing = threading.Event(), threading.Event()
         self._address, self._closing = (socket.gethostbyname(self._settings.address), self._settings.port), closing
         opened = self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         opened.settimeout(_POLL)
-        opened.bind((self._own_address(), 0))  # a port that nobody else has; what is not the sensor's is dropped
+        opened.bind((self._own_address(), 0))  # a port of our own; packets from elsewhere are dropped
         self._thread = threading.Thread(
             target=self._receive, args=(opened, closing, listener, first), name="force sensor", daemon=True
         )
@@ -197,7 +197,7 @@ class NetftSensor:
         return False
 
     def _own_address(self) -> str:
-        """Of this computer on the sensor's network: on no other does anything listen."""
+        """Return this computer's address on the sensor's network; nothing listens on other networks."""
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.connect(self._address)  # sends nothing
             return str(probe.getsockname()[0])
@@ -282,10 +282,10 @@ class NetftSensor:
 
 
 class _Stream:
-    """Where a sequence number belongs.
+    """Classifier of sequence numbers.
 
-    A number that fits nowhere is believed only when the next one follows it: one broken record does not upset the
-    stream, and a restarted sensor is back with its second.
+    A number that does not fit is accepted only when the next one follows it: one broken record does not disturb the
+    stream, and a restarted sensor is accepted with its second record.
     """
 
     OLD = -1
@@ -297,26 +297,26 @@ class _Stream:
         self._stranger = -1
 
     def place(self, sequence: int, now: float) -> int:
-        """Lost records before it, or OLD (drop it), or STRANGE (drop it, and see what follows)."""
+        """Return the records lost before it, or OLD (drop it), or STRANGE (drop it, and wait for the next)."""
         if self.last < 0:
             lost = 0
         else:
             step = (sequence - self.last) % SEQUENCES
             if step == 0 or step >= SEQUENCES - FAR:
                 return self.OLD
-            # No more can be missing than were sent since the last one came, at twice the rate to be generous.
+            # No more can be missing than were sent since the last arrival, at twice the rate to be generous.
             if step > FAR + 2.0 * self._rate * (now - self._arrival):
                 if self._stranger < 0 or not 0 < (sequence - self._stranger) % SEQUENCES <= FAR:
                     self._stranger = sequence
                     return self.STRANGE
-                step = 1  # how many were lost over a restart nobody knows
+                step = 1  # losses over a restart are unknown
             lost = step - 1
         self.last, self._arrival, self._stranger = sequence, now, -1
         return lost
 
 
 class _Mean:
-    """Mean of so many readings, and of its ten parts; filled in the sensor's thread."""
+    """Mean of so many readings, and of its ten parts; updated in the sensor's thread."""
 
     def __init__(self, samples: int) -> None:
         self.samples, self.taken, self.status = samples, 0, 0
@@ -340,6 +340,6 @@ class _Mean:
         return x, y, z
 
     def spread(self) -> float:
-        """Greatest difference between the means of two parts, of any axis [counts]."""
+        """Return the greatest difference between the means of two parts, for any axis [counts]."""
         means = [[part[axis] / part[3] for part in self._parts] for axis in range(3)]
         return max(max(axis) - min(axis) for axis in means)

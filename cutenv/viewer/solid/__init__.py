@@ -1,4 +1,4 @@
-"""A recorded cut in three dimensions, as one page that opens from disk; needs meshcat, of ``cutenv[view]``."""
+"""View of a recorded cut in 3-D, as one page that opens from disk; needs meshcat, of ``cutenv[view]``."""
 
 from __future__ import annotations
 

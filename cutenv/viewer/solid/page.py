@@ -1,4 +1,4 @@
-"""The page of a cut in 3-D: meshcat's viewer, the scene and every instant in one file that fetches nothing."""
+"""Page of a cut in 3-D: meshcat's viewer, the scene and every instant in one file that loads nothing else."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ Array = NDArray[np.float64]
 
 ARROW_PER_NEWTON = 0.01
 """Length of the force's arrow [m/N]."""
-_ARROW_ABOVE = 0.014  # the tissue [m]
+_ARROW_ABOVE = 0.014  # [m] above the tissue
 _CHART_WIDTH, _CHART_HEIGHT = 1000, 100  # of the force's chart, in its own units
 _BINS = 500  # of the chart, each from its least to its greatest force
 _HERE = Path(__file__).parent
 
 
 def write_view(path: Path, cut: ShownCut, *, colour: str = "displacement") -> int:
-    """Write the page of a cut, all at once.
+    """Write the page of a cut, as a whole or not at all.
 
     Parameters
     ----------
     path : Path
-        Of the page (.html).
+        Path of the page (.html).
     cut : ShownCut
     colour : {"displacement", "energy"}
-        What the tissue's colour shows.
+        Quantity that the tissue's colour shows.
 
     Returns
     -------
@@ -63,15 +63,15 @@ def write_view(path: Path, cut: ShownCut, *, colour: str = "displacement") -> in
 
 
 def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
-    """The page of a cut as text; the same for the same cut."""
+    """Return the page of a cut as text; equal for equal cuts."""
     one_of("colour", colour, COLOURS)
     solid = SlabSolid(cut)
-    packed = scene.commands(solid)  # meshcat is missed here, before its files are looked for
+    packed = scene.commands(solid)  # a missing meshcat is noticed here, before its files are looked for
     viewer, licences = _meshcat()
     player = (_HERE / "player.js").read_text(encoding="utf-8")
     amounts = np.stack([solid.amount(i, colour) for i in range(len(cut))])
     displacements = np.stack([solid.displacement(i) for i in range(len(cut))])
-    # 16 bits hold 10 mm in steps of 0.3 um; for the colours 256 steps do.
+    # 16 bits cover 10 mm in steps of 0.3 um; 256 steps are enough for the colours.
     step = max(float(np.abs(displacements).max()), 1e-6) / 32767
     greatest = max(float(amounts.max()), 1e-12)
     share = amounts / greatest if colour == "displacement" else np.sqrt(amounts / greatest)
@@ -107,7 +107,7 @@ def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
 
 
 def _told(solid: SlabSolid) -> dict[str, Any]:
-    """What the page's script needs to know, instant by instant; a unit in every name."""
+    """Return the data for the page's script, instant by instant; the unit is in every name."""
     cut = solid.cut
     depth = cut.depth.at(cut.position)
     poses = np.array([pose(*each) for each in zip(cut.position, cut.angle, depth, strict=True)])
@@ -141,7 +141,7 @@ def _told(solid: SlabSolid) -> dict[str, Any]:
 
 
 def _profile(lattice: Array) -> tuple[Array, Array]:
-    """Height of the upper face by place along [m]."""
+    """Return positions along the upper face, and its heights there [m]."""
     along, first = np.unique(lattice[:, 1], return_index=True)
     return along, lattice[first, 2]
 
@@ -207,7 +207,7 @@ def _legend(colour: str, greatest: float) -> str:
 
 
 def _chart(cut: ShownCut) -> tuple[str, str]:
-    """The whole record's force over time as a line, and what its top stands for."""
+    """Return the whole record's force over time as a line, and the label of its top."""
     low, high = min(float(cut.whole_force.min()), 0.0), max(float(cut.whole_force.max()), 0.1)
     borders = np.unique(np.linspace(0, len(cut.whole_force), _BINS + 1).astype(int))
     points = []
@@ -232,10 +232,10 @@ def _notes(cut: ShownCut, colour: str) -> list[str]:
         "holds the whole record.",
         f"The tissue is displaced by the finite-element model's field for the tip and the elastic force at the instant "
         f"(local effective modulus {1e-3 * cut.modulus:.1f} kPa), to scale, nothing exaggerated. Its faces slide along "
-        "the cut line and do not part: the open cut is drawn for the eye, and its front leans as the blade does.",
+        "the cut line and stay in contact: the open cut is an illustration, and its front leans as the blade does.",
         "The tip is estimated: blade less elastic force over stiffness, to 1 mm, 4 mm at worst."
         if cut.tip_source == "estimated"
-        else "The tip is estimated with the stiffness and the friction that the return stroke told.",
+        else "The tip is estimated with the stiffness and the friction from the return stroke.",
         "The depth of cut was recorded along the line; it is drawn the same across the specimen, and held beyond the "
         "last place that the blade reached. The lower face is drawn flat.",
         f"No. 10 blade of 42.5 mm by 7 mm and 0.4 mm in the lower {1e3 * HANDLE_LENGTH:.0f} mm of a No. 3 handle, to "
@@ -245,7 +245,7 @@ def _notes(cut: ShownCut, colour: str) -> list[str]:
     if not cut.angle_known:
         notes.append("The record holds no angle: the blade is drawn upright.")
     if cut.target is not None:
-        notes.append("The target is a mark on the tissue, so that its sheet goes with the tissue.")
+        notes.append("The target is a mark on the tissue, so its sheet moves with the tissue.")
     if colour == "energy":
         notes.append(
             "Strain energy density: the mean of each element, averaged where elements meet; colours by its square "
@@ -255,7 +255,7 @@ def _notes(cut: ShownCut, colour: str) -> list[str]:
 
 
 def _meshcat() -> tuple[str, str]:
-    """Meshcat's viewer and the licences that go with it."""
+    """Return meshcat's viewer, and its licences."""
     import meshcat  # an extra, and slow to import
 
     folder = Path(meshcat.viewer_assets_path())
@@ -271,5 +271,5 @@ def _base64(data: bytes) -> str:
 
 
 def _rounded(values: Array, digits: int) -> Any:
-    # A minus before zero is two different pages for one cut.
+    # "-0" and "0" would make two different pages of one cut.
     return (np.round(values, digits) + 0.0).tolist()

@@ -1,8 +1,8 @@
-"""A No. 10 blade in a No. 3 handle, made of triangles, and where it stands in the tissue.
+"""Model of a No. 10 blade in a No. 3 handle, made of triangles, and its position in the tissue.
 
 In the scalpel's own frame z runs up along the straight part of the edge from the blade's point, y toward the edge (the
-way that it cuts, 0 at that straight part), x through the blade's thickness. The measures are of common make, rounded:
-that is what the blade looks like, and nothing is computed from it.
+direction of the cut, 0 at that straight part), x through the blade's thickness. The measures are common ones, rounded:
+they serve the picture, and nothing is computed from them.
 """
 
 from __future__ import annotations
@@ -18,25 +18,26 @@ from cutenv.viewer.solid.solids import Surface, swept
 Array = NDArray[np.float64]
 
 BLADE_LENGTH = 0.0425
-"""From the point to the end of the tang, in the handle [m]: thesis, section 3.4.1, as in `cutenv.viewer.scene`."""
+"""Length from the point to the end of the tang, in the handle [m]: thesis, section 3.4.1, as in
+`cutenv.viewer.scene`."""
 CHORD = 0.007
-"""From the edge to the back [m]."""
+"""Distance from the edge to the back [m]."""
 BELLY = 0.013
-"""Length over which the edge curves from the point, which lies at the back [m]."""
+"""Length over which the edge curves from the point, which is at the back [m]."""
 THICKNESS = 0.0004
-"""Of the blade [m]."""
+"""Thickness of the blade [m]."""
 HANDLE_LENGTH = 0.05
-"""Of the part of the handle that is drawn [m]; a No. 3 handle has about 0.12."""
+"""Length of the part of the handle that is drawn [m]; a No. 3 handle has about 0.12."""
 
-_BEVEL = 0.0016  # ground to the edge over so much [m]
-_EDGE_END = 0.031  # from the point to where the blade narrows [m]
+_BEVEL = 0.0016  # [m] width of the ground bevel
+_EDGE_END = 0.031  # [m] from the point to where the blade narrows
 _HANDLE_START = 0.034  # [m] from the point
 _HANDLE_WIDTH, _HANDLE_THICKNESS = 0.009, 0.0024  # [m]
 _NECK_WIDTH = 0.0056  # [m]
 
 
 class Pose(NamedTuple):
-    """Where the scalpel's own origin stands along the specimen and above its lower face [m], and its angle [rad]."""
+    """Position of the scalpel's origin along the specimen and above its lower face [m], and its angle [rad]."""
 
     along: float
     height: float
@@ -44,33 +45,33 @@ class Pose(NamedTuple):
 
 
 def edge_outline(count: int = 24) -> Array:
-    """The edge from the point up, (y, z) in the scalpel's frame [m], shape (count, 2): a quarter ellipse and a line."""
+    """Return the edge from the point up, (y, z) [m], shape (count, 2): a quarter ellipse and a line."""
     t = np.linspace(0.0, 0.5 * math.pi, count - 1)
     belly = np.stack([-CHORD * (1.0 - np.sin(t)), BELLY * (1.0 - np.cos(t))], axis=-1)
     return np.concatenate([belly, [[0.0, _EDGE_END]]])
 
 
 def pose(position: float, angle: float, depth: float) -> Pose:
-    """Where the scalpel stands whose edge meets the surface at ``position`` and whose lowest point is ``depth`` below.
+    """Return the pose in which the edge meets the surface at ``position`` and the lowest point is ``depth`` below.
 
     Parameters
     ----------
     position : float
-        Of the edge in the tissue's surface, from the clamp [m].
+        Position of the edge in the tissue's surface, from the clamp [m].
     angle : float
-        Of the blade against the surface [rad]; below 90 degrees it leans forward.
+        Angle of the blade against the surface [rad]; below 90 degrees it leans forward.
     depth : float
-        Of the cut there [m]; the surface stands that much above the specimen's lower face.
+        Depth of the cut there [m]; the surface is that much above the specimen's lower face.
     """
     outline = edge_outline(200)
     y, z = (outline @ _turn(angle)).T
-    low = int(z.argmin())  # of a blade that leans forward some way up the belly: from there on the edge only rises
+    low = int(z.argmin())  # on a blade that leans forward, some way up the belly: from there on the edge only rises
     meets = float(np.interp(depth, z[low:] - z[low], y[low:]))
     return Pose(along=position - meets, height=-float(z[low]), angle=angle)
 
 
 def blade() -> Surface:
-    """The blade, ground on both sides."""
+    """Return the blade, ground on both sides."""
     edge = edge_outline()
     shoulder = np.array([[-0.0012, _EDGE_END + 0.0022], [-0.0012, BLADE_LENGTH]])
     front = np.concatenate([edge, shoulder])
@@ -85,7 +86,7 @@ def blade() -> Surface:
 
 
 def handle() -> Surface:
-    """The lower part of the handle: a neck in the blade's slot, which widens to a flat bar with bevelled sides."""
+    """Return the lower part of the handle: a neck in the blade's slot, which widens to a flat bevelled bar."""
     middle = -0.5 * CHORD
     stations = [
         (_HANDLE_START, 0.55 * _NECK_WIDTH, 0.5 * _HANDLE_THICKNESS),
@@ -105,7 +106,7 @@ def _bar(middle: float, width: float, thickness: float, z: float) -> list[tuple[
 
 
 def _turn(angle: float) -> Array:
-    """From (y, z) of the scalpel's frame to (along, height), to be multiplied from the right."""
+    """Return the matrix from (y, z) of the scalpel's frame to (along, height), for multiplication from the right."""
     edge = (math.cos(angle), math.sin(angle))
     forward = (math.sin(angle), -math.cos(angle))
     return np.array([forward, edge])

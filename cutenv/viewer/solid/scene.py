@@ -1,4 +1,4 @@
-"""The scene as meshcat's commands, packed as its viewer takes them: no server is started and none is asked.
+"""Scene as meshcat's commands, packed as its viewer reads them, without starting or contacting a server.
 
 Meshcat's ``Visualizer`` starts a web server that listens on every interface and outlives the program; only its
 descriptions of objects are used here. One unit of the scene is 10 cm, which suits the viewer's lights.
@@ -21,16 +21,16 @@ Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
 
 UNITS_PER_METRE = 10.0
-"""Of the scene."""
+"""Scene units in one metre."""
 
-_CLAMP_LENGTH, _CLAMP_MARGIN = 0.012, 0.005  # along the specimen, and around it [m]
-_JAW = 0.007  # height of each jaw above what it holds [m]
+_CLAMP_LENGTH, _CLAMP_MARGIN = 0.012, 0.005  # [m] along the specimen, and around it
+_JAW = 0.007  # [m] height of each jaw above what it holds
 _ARROW_RADIUS, _HEAD_RADIUS, _HEAD_LENGTH = 0.0011, 0.0026, 0.006  # [m]
 _TIP_RADIUS = 0.0016  # [m]
 
 
 def commands(solid: SlabSolid) -> list[bytes]:
-    """Everything that is in the scene, at rest and at the origin; the page moves it.
+    """Return the commands for all objects of the scene, at rest and at the origin; the page moves them.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def commands(solid: SlabSolid) -> list[bytes]:
 
 
 def in_picture(solid: SlabSolid) -> Array:
-    """Places that the first view holds, shape (n, 3) [m]: corners of the specimen, and of what the scalpel takes up."""
+    """Return places that the first view must show, shape (n, 3) [m]: corners of specimen and scalpel's range."""
     cut = solid.cut
     low, high = solid.rest.min(axis=0), solid.rest.max(axis=0)
     low -= [_CLAMP_MARGIN, _CLAMP_LENGTH, _JAW]
@@ -80,7 +80,7 @@ def _of(solid: SlabSolid, points: NDArray[np.int64], parts: NDArray[np.int64]) -
 
 
 def _clamp(solid: SlabSolid) -> Surface:
-    """Two jaws and two bolts at the edge where the cut starts."""
+    """Return two jaws and two bolts at the edge where the cut starts."""
     half = 0.5 * solid.cut.model.width + _CLAMP_MARGIN
     edge = float(solid.rest[solid.rest[:, 1] == 0.0, 2].max())
     jaws = [
@@ -100,7 +100,7 @@ def _clamp(solid: SlabSolid) -> Surface:
 
 
 class _Stage:
-    """Objects by path, each packed as it comes; named instead of meshcat's random marks: a page is repeatable."""
+    """Objects by path, each packed at once; named instead of meshcat's random ids, so that a page is repeatable."""
 
     def __init__(self) -> None:
         from meshcat import commands, geometry  # an extra, and slow to import
@@ -121,7 +121,7 @@ class _Stage:
         shininess: float = 12.0,
         coloured: bool = False,
     ) -> None:
-        """Triangles; ``coloured`` vertex by vertex, which the page does."""
+        """Add triangles; with ``coloured`` the page colours each vertex."""
         colours = np.ones_like(surface.vertices) if coloured else None
         shape = self._geometry.TriangularMeshGeometry(UNITS_PER_METRE * surface.vertices, surface.faces, colours)
         material = self._geometry.MeshPhongMaterial(
@@ -134,13 +134,13 @@ class _Stage:
         self._object(path, self._geometry.Mesh(shape, material))
 
     def lines(self, path: str, vertices: Array, colour: Colour) -> None:
-        """Points, which the page joins by lines."""
+        """Add points, which the page joins by lines."""
         shape = self._geometry.PointsGeometry(np.ascontiguousarray(UNITS_PER_METRE * vertices.T))
         material = self._geometry.LineBasicMaterial(color=_number(colour), opacity=0.75)
         self._object(path, self._geometry.LineSegments(shape, material))
 
     def arrow(self, path: str, colour: Colour) -> None:
-        """A shaft of unit length around its middle, and a head; both along y."""
+        """Add an arrow: a shaft of unit length around its middle, and a head; both along y."""
         for part, length, top, bottom in (
             ("shaft", 1.0 / UNITS_PER_METRE, _ARROW_RADIUS, _ARROW_RADIUS),
             ("head", _HEAD_LENGTH, 0.0, _HEAD_RADIUS),
@@ -154,7 +154,7 @@ class _Stage:
             self._object(f"{path}/{part}", self._geometry.Mesh(shape, material))
 
     def ball(self, path: str, colour: Colour) -> None:
-        """A small sphere."""
+        """Add a small sphere."""
         shape = self._geometry.Sphere(UNITS_PER_METRE * _TIP_RADIUS)
         material = self._geometry.MeshPhongMaterial(color=_number(colour), shininess=80)
         self._object(path, self._geometry.Mesh(shape, material))
@@ -175,7 +175,7 @@ class _Stage:
 
 
 class _Key(str):
-    """A property's name as it is written: meshcat calls ``lower()`` on it, which would spoil ``castShadow``."""
+    """Name of a property that is kept as written: meshcat calls ``lower()`` on it, which would break ``castShadow``."""
 
     def lower(self) -> str:
         return str(self)

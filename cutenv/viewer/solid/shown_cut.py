@@ -1,4 +1,4 @@
-"""What is to be seen of a recorded cut: blade, force, tip and elastic field at evenly spaced instants."""
+"""Recorded cut to be shown: blade, force, tip and elastic field at evenly spaced instants."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from cutenv.validation import in_range
 Array = NDArray[np.float64]
 
 COLOURS = ("displacement", "energy")
-"""What the tissue's colour may show."""
+"""Quantities that the tissue's colour can show."""
 INSTANTS = 160
-"""Shown of a record; a page grows with them."""
+"""Number of instants shown of a record; a page grows with it."""
 
-_FLATTEST = math.radians(10.0)  # a blade that can be drawn
+_FLATTEST = math.radians(10.0)  # least angle of a blade that can be drawn
 _CURE = (
     "A cut is drawn where the blade was: give the columns, or what was constant, as in "
     "--map time=t force=Fx position=x[mm] angle=90deg depth=20mm --unit N."
@@ -31,32 +31,32 @@ _CURE = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShownCut:
-    """A cut at the instants that are shown; SI and radians, arrays of shape (n,).
+    """Cut at the instants that are shown; SI and radians, arrays of shape (n,).
 
     Attributes
     ----------
     name : str
-        Of the record.
+        Name of the record.
     time : ndarray
-        Since the record's first instant [s].
+        Time since the record's first instant [s].
     force, position, speed, angle : ndarray
-        As recorded [N], [m], [m/s], [rad].
+        Recorded force [N], position [m], speed [m/s] and angle [rad].
     tip : ndarray
-        Of the crack, in tissue at rest [m]; estimated, 0 to the specimen's length.
+        Position of the crack tip, in tissue at rest [m]; estimated, 0 to the specimen's length.
     shift : ndarray
-        How far the elastic force carries the tip along the line [m].
+        Distance by which the elastic force carries the tip along the line [m].
     depth : DepthProfile
-        Depth of cut by place.
+        Depth of cut by position.
     modulus : float
-        Local effective modulus that tip and field rest on [Pa].
+        Local effective modulus from which tip and field are computed [Pa].
     tip_source : str
         "return stroke" or "estimated".
     angle_known : bool
-        Whether the record holds the angle; else the blade is drawn upright.
+        True if the record holds the angle; otherwise the blade is drawn upright.
     target : float or None
-        Aimed at, from the clamp [m].
+        Target length, from the clamp [m].
     model : CutModel
-        Whose field displaces the tissue.
+        Finite-element model whose field displaces the tissue.
     whole_time, whole_force : ndarray of shape (m,)
         The record's own instants [s] and force [N].
     """
@@ -80,21 +80,21 @@ class ShownCut:
 
     @classmethod
     def of(cls, trace: Trace, *, target: float | None = None, instants: int = INSTANTS) -> ShownCut:
-        """Work out what is shown of a record.
+        """Compute what is shown of a record.
 
         Parameters
         ----------
         trace : Trace
-            With position and depth, and force in newtons.
+            Record with position and depth, and force in newtons.
         target : float, optional
-            Aimed at, from the clamp [m], 0.005 to 0.15; by default the record's own ``target_length_m``, if any.
+            Target length, from the clamp [m], 0.005 to 0.15; by default the record's own ``target_length_m``, if any.
         instants : int
-            How many are shown, 2 to 2000, evenly spaced in time; no more than the record has.
+            Number of instants, 2 to 2000, evenly spaced in time; at most as many as the record has.
 
         Raises
         ------
         ValueError
-            If the record lacks what is to be drawn, or the blade lies flat or leaves the specimen.
+            If the record lacks a necessary column, or the blade lies flat or leaves the specimen.
         """
         count = int(in_range("instants", instants, 2, 2000, "1", "A page with 160 has about 6 MB."))
         try:
@@ -107,7 +107,7 @@ class ShownCut:
         _check_angle(angle)
         cut = ScoredCut(trace=trace, target_length=_target(trace, target))
         model, depth = cut.model, cut.profile
-        # Of every evenly spaced instant the reading that is nearest.
+        # The reading that is nearest to each of the evenly spaced instants.
         even = np.linspace(trace.time[0], trace.time[-1], min(count, len(trace)))
         shown = np.unique(np.searchsorted(0.5 * (trace.time[1:] + trace.time[:-1]), even))
         tip = np.clip(cut.tip[shown], 0.0, model.length)
@@ -136,7 +136,7 @@ class ShownCut:
         return len(self.time)
 
     def field(self, i: int) -> Array:
-        """Displacement of the nodes at an instant [m], shape (n_nodes, dim)."""
+        """Return the displacement of the nodes at an instant [m], shape (n_nodes, dim)."""
         a = float(self.tip[i])
         # The tip moves by F/(kappa E B); with E = B = 1 that force is kappa times the shift.
         return self.model.displacement(a, float(self.model.stiffness(a) * self.shift[i]), modulus=1.0, thickness=1.0)

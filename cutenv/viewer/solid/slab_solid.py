@@ -1,8 +1,9 @@
-"""The specimen as a solid: the finite-element lattice extruded to the depth of cut, displaced instant by instant.
+"""Specimen as a solid: the finite-element lattice extruded to the depth of cut, displaced instant by instant.
 
-The solid has points of its own, and surfaces whose vertices are such points: an upper and a lower lattice, the rim, the
-two faces of the cut, lines where elements meet, and the target's sheet. The field is plane, so that a point's height
-stays. That the cut opens is illustration, added to the field across the specimen; its front leans as the blade does.
+The solid has points of its own, and surfaces with such points as vertices: an upper and a lower lattice, the rim, the
+two faces of the cut, lines between elements, and the target's sheet. The field is plane, so a point's height is
+constant. The opening of the cut is an illustration, added to the field across the specimen; its front leans as the
+blade does.
 """
 
 from __future__ import annotations
@@ -23,23 +24,23 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 SUBDIVISIONS = (2, 8)
-"""Cells on the side of an element, across and along: the drawn tip of the cut is off by one cell at most, 1.25 mm."""
+"""Cells for one element, across and along: the drawn tip of the cut is off by one cell at most, 1.25 mm."""
 SHEET_HEIGHT = 0.012
-"""By which the target's sheet stands out of the tissue [m]."""
+"""Height of the target's sheet above the tissue [m]."""
 _AVERAGED = 0.002  # [m] to either side, over which the recorded depth is averaged
 _UP, _DOWN = 0, 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Skin:
-    """A surface or lines of the solid: its vertices as numbers of points, and 3 or 2 vertices for each part."""
+    """Surface or lines of the solid: its vertices as numbers of points, and 3 or 2 vertices for each part."""
 
     points: Indices
     parts: Indices
 
 
 class SlabSolid:
-    """The specimen of a shown cut.
+    """Specimen of a shown cut, as a solid.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ class SlabSolid:
         if cut.target is not None:
             layers += self._sheet(cut.target)
         self.rest: Array = np.concatenate(layers)
-        # The point of each place of a layer, (layer, side, across, along).
+        # Point of each place of a layer, (layer, side, across, along).
         self._number = np.arange(2 * self.n_lattice).reshape(2, *flat.shape[:-1])
 
     def _height(self, along: Array) -> Array:
@@ -75,34 +76,34 @@ class SlabSolid:
 
     @cached_property
     def lattices(self) -> dict[str, Skin]:
-        """Upper and lower face, and the rim between them."""
+        """Return the upper and lower face, and the rim between them."""
         _, sides, across, along = self._number.shape
         faces = {}
         for name, layer in (("top", _UP), ("bottom", _DOWN)):
             parts = [grid_faces(across, along) + side * across * along for side in range(sides)]
             faces[name] = Skin(points=self._number[layer].ravel(), parts=np.concatenate(parts))
         n = self._number
-        # The doubled line stands twice in what goes round, where it is closed: the ends' two copies lie together.
+        # The doubled line occurs twice in the closed rim: the two copies of its ends coincide.
         walls = [n[:, 0, 0, :], n[:, 1, -1, :], n[:, 0, :, -1], n[:, 1, :, -1], n[:, 0, :, 0], n[:, 1, :, 0]]
         faces["rim"] = _walls(walls)
         return faces
 
     @cached_property
     def cut_faces(self) -> Skin:
-        """Both sides of the cut line, the parts in order from the clamp on."""
+        """Return both sides of the cut line, with the parts in order from the clamp on."""
         walls = _walls([self._number[:, 0, -1, :], self._number[:, 1, 0, :]])
         begin = self.rest[walls.points[walls.parts], 1].min(axis=1)
         return Skin(points=walls.points, parts=walls.parts[np.argsort(begin, kind="stable")])
 
     def cut_parts(self, i: int) -> int:
-        """How many parts of :attr:`cut_faces` are cut at an instant: ahead of the tip there is no face to be seen."""
+        """Return the number of parts of :attr:`cut_faces` that are cut at an instant; none ahead of the tip."""
         faces = self.cut_faces
         begin = self.rest[faces.points[faces.parts], 1].min(axis=1)
         return int(np.count_nonzero(begin < self.cut.tip[i] - 1e-9))
 
     @cached_property
     def lines(self) -> Skin:
-        """Where elements meet in the upper face."""
+        """Return the lines between elements in the upper face."""
         top, (i, j) = self._number[_UP], SUBDIVISIONS
         along = top[:, ::i, :]
         across = top[:, :, ::j]
@@ -114,7 +115,7 @@ class SlabSolid:
 
     @cached_property
     def sheet(self) -> Skin | None:
-        """The target, as a sheet across the tissue that goes with it; None where nothing was aimed at."""
+        """Return the target as a sheet across the tissue that moves with it; None without a target."""
         count = len(self.rest) - 2 * self.n_lattice
         if count == 0:
             return None
@@ -122,7 +123,7 @@ class SlabSolid:
         return Skin(points=points, parts=grid_faces(2, count // 2))
 
     def displacement(self, i: int) -> Array:
-        """Displacement of the points at an instant, the cut drawn open, (across, along) [m], shape (n_points, 2)."""
+        """Return the points' displacement at an instant, cut open, (across, along) [m], shape (n_points, 2)."""
         field = self.slab.on_lattice(self.cut.field(i)[:, :2])
         places = self.slab.rest + field
         layers = [(self.slab.opened(places, tip) - self.slab.rest).reshape(-1, 2) for tip in self.front(i)]
@@ -133,21 +134,21 @@ class SlabSolid:
         return np.concatenate(layers)
 
     def front(self, i: int) -> tuple[float, float]:
-        """Where the cut ends in the upper and the lower face of the tissue at rest [m]."""
+        """Return the end of the cut in the upper and the lower face of the tissue at rest [m]."""
         tip = float(self.cut.tip[i])
         reach = float(self._height(np.array(tip))) / math.tan(float(self.cut.angle[i]))
         return tip, float(np.clip(tip - reach, 0.0, self.cut.model.length))
 
     def amount(self, i: int, colour: str) -> Array:
-        """What the tissue is coloured by at an instant, at the upper lattice, shape (n_lattice,).
+        """Return the quantity that colours the tissue at an instant, at the upper lattice, shape (n_lattice,).
 
         Parameters
         ----------
         i : int
             Instant.
         colour : {"displacement", "energy"}
-            Displacement of the field [m], without the opening; or strain energy density [J/m3], the elements' means
-            averaged where they meet, each side of the cut for itself.
+            Displacement of the field [m], without the opening; or strain energy density [J/m3], averaged over the
+            elements that meet at a node, separately on each side of the cut.
         """
         one_of("colour", colour, COLOURS)
         field = self.cut.field(i)
@@ -159,12 +160,12 @@ class SlabSolid:
         total, count = np.zeros(model.n_nodes), np.zeros(model.n_nodes)
         np.add.at(total, model.elements, density[:, None])
         np.add.at(count, model.elements, 1.0)
-        corners = total / np.maximum(count, 1.0)  # a mid-side node belongs to no element's corners
+        corners = total / np.maximum(count, 1.0)  # a mid-side node is not a corner of any element
         return self.slab.on_lattice(corners[:, None]).ravel()
 
 
 def _walls(rows: list[Indices]) -> Skin:
-    """Walls between the upper and the lower row of points of each, shape (2, n)."""
+    """Return walls between the upper and the lower row of points in each of ``rows``, shape (2, n)."""
     parts, start = [], 0
     for row in rows:
         parts.append(grid_faces(*row.shape) + start)

@@ -20,7 +20,7 @@ class Surface:
 
     @classmethod
     def joined(cls, *surfaces: Surface) -> Surface:
-        """Several surfaces as one."""
+        """Join several surfaces into one."""
         starts = np.cumsum([0, *(len(part.vertices) for part in surfaces)])
         return cls(
             vertices=np.concatenate([part.vertices for part in surfaces]),
@@ -29,14 +29,14 @@ class Surface:
 
 
 def grid_faces(rows: int, columns: int) -> Indices:
-    """Triangles of a grid of vertices numbered row by row, shape (2 (rows - 1) (columns - 1), 3)."""
+    """Return the triangles of a grid of vertices numbered row by row, shape (2 (rows - 1) (columns - 1), 3)."""
     number = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
     return np.concatenate([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)]).reshape(-1, 3)
 
 
 def swept(sections: Array) -> Surface:
-    """Closed skin around sections, one after the other, with flat ends; every quadrangle has corners of its own.
+    """Return a closed skin around successive sections, with flat ends; each quadrangle has its own vertices.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def swept(sections: Array) -> Surface:
 
 
 def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> Surface:
-    """A box between two corners [m]."""
+    """Return a box between two corners [m]."""
     (x0, y0, z0), (x1, y1, z1) = low, high
     outline = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
     return swept(np.array([[(x, y, z) for x, y in outline] for z in (z0, z1)]))
