@@ -80,7 +80,7 @@ def compiled_for_cores(function: Function) -> Function:
 
 
 def for_kernels(function: Function) -> Function:
-    """Compile ``function`` for callers inside kernels only; called from Python it stays plain Python, which also takes arrays.
+    """Compile ``function`` for callers inside kernels only; from Python it stays plain Python, also for arrays.
 
     Most functions are called only from compiled code.  The wrapper with which Numba makes one callable from Python
     costs a quarter to a third of the compile time.
