@@ -364,7 +364,7 @@ def test_too_few_people_get_metrics_reasons_and_no_nan() -> None:
 def test_of_three_groups_two_must_be_named() -> None:
     cuts = [cut(f"{g}{i}", {"force_rate": float(i)}, group=g) for g in "ABC" for i in (1, 2, 3, 5)]
     unnamed = Study(name="three", cuts=cuts, metrics=("force_rate",))
-    assert unnamed.notes == ("of the groups A, B, C no two were named: their separation is not told",)
+    assert unnamed.notes == ("of the groups A, B, C no two were named: their separation is not computed",)
     assert unnamed.findings[0].separation == Untold("the study has no two groups")
     named = Study(name="three", cuts=cuts, metrics=("force_rate",), groups=("C", "A"))
     assert isinstance(named.findings[0].separation, Separation)
