@@ -1,4 +1,4 @@
-"""What the numbers of a calibrated tissue rest on: how each was found, how well, and what was not measured."""
+"""Provenance of a calibrated tissue's numbers: method, interval, and what was not measured."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from cutenv.validation import one_of
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """Of one number of a tissue description.
+    """Provenance of one number of a tissue description.
 
     Attributes
     ----------
     name : str
-        The field of :class:`~cutenv.tissue.TissueDescription`.
+        Name of the field of :class:`~cutenv.tissue.TissueDescription`.
     provenance : {"measured", "derived", "assumed", "choice"}
-        "assumed" stands for what the records do not tell.
+        "assumed" if the records do not determine it.
     how : str
-        By what procedure, or why it is assumed, in words.
+        Procedure, or reason why it is assumed, in words.
     low, high : float or None
-        Ends of its 95 % interval, in the field's unit; None where nothing was measured.
+        Ends of the 95 % interval, in the field's unit; None where nothing was measured.
     """
 
     name: str
@@ -46,16 +46,16 @@ class Evidence:
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """Of what records a tissue description was made.
+    """Records and evidence from which a tissue description was made.
 
     Attributes
     ----------
     cuts, specimens : int
-        How many cuts, of how many pieces of tissue (livers, say).
+        Number of cuts, and of pieces of tissue (for example livers).
     evidence : tuple of Evidence
-        One for each number that the records were asked for.
+        Evidence for each number that was to be determined.
     notes : tuple of str
-        What a user of the numbers must know, in words.
+        Notes for users of the numbers.
     """
 
     cuts: int
@@ -78,11 +78,11 @@ class Calibration:
 
     @property
     def not_measured(self) -> tuple[str, ...]:
-        """Names of the fields that the records do not tell."""
+        """Names of the fields that the records do not determine."""
         return tuple(each.name for each in self.evidence if each.provenance in ("assumed", "choice"))
 
     def of(self, name: str) -> Evidence:
-        """The evidence of one field.
+        """Return the evidence for one field.
 
         Raises
         ------
@@ -94,12 +94,12 @@ class Calibration:
 
     @classmethod
     def from_content(cls, content: Any) -> Calibration:
-        """Read what :func:`dataclasses.asdict` and JSON made of one.
+        """Build a calibration from the JSON content of :func:`dataclasses.asdict`.
 
         Raises
         ------
         ValueError
-            If a field is missing or unknown, or its value is none.
+            If a field is missing or unknown, or its value is invalid.
         """
         try:
             evidence = tuple(Evidence(**each) for each in content["evidence"])
