@@ -354,7 +354,7 @@ def _notes(
     notes = [f"left out: {each.name}: {each.reason}" for each in refused]
     silent = sum(not len(cut.moduli) for cut in cuts)
     if silent:
-        notes.append(f"{silent} of {len(cuts)} cuts show no steady loading segment: they tell resistance, no modulus")
+        notes.append(f"{silent} of {len(cuts)} cuts show no steady loading segment: they give a resistance but no modulus")
     notes += _extrapolated(cuts)
     notes += zero_notes(cuts)
     without = sum(cut.return_stroke is None for cut in cuts)

@@ -68,7 +68,7 @@ def condensed(model: CutModel) -> Condensed:
 
 
 def _row_stiffness(model: CutModel) -> tuple[Array, int]:
-    """Stiffness of one row in the unknowns of its borders, lower one first, and how many each has.
+    """Return the stiffness of one row in the unknowns of its borders, lower one first, and their number per border.
 
     The first unknown of a border is the displacement along the cut of its node on the line.
     """
@@ -93,7 +93,7 @@ def _row_stiffness(model: CutModel) -> tuple[Array, int]:
 
 
 def _assembled(row: Array, n: int, rows: Array) -> Array:
-    """Stiffness of the half slab with these moduli of its rows, clamped at the lowest border."""
+    """Assemble the stiffness of the half slab with moduli ``rows``, clamped at the lowest border."""
     whole = np.zeros(((len(rows) + 1) * n, (len(rows) + 1) * n))
     for j, modulus in enumerate(rows):
         both = slice(j * n, (j + 2) * n)
@@ -102,7 +102,7 @@ def _assembled(row: Array, n: int, rows: Array) -> Array:
 
 
 def _fields(n_rows: int) -> list[Array]:
-    """Moduli of rows: uniform, and of fields drawn wider than tissue has them."""
+    """Return moduli of rows for the basis: uniform, and from fields with more variation than tissue has."""
     modes = field_modes(_FIELD_POINTS * n_rows + 1, 0.01 / _FIELD_POINTS, _FIELD_LENGTH)
     rng = np.random.default_rng(0)
     unit = rng.standard_normal((_FIELDS, len(modes))) @ modes
@@ -112,7 +112,7 @@ def _fields(n_rows: int) -> list[Array]:
 
 
 def _basis(shapes: Array) -> Array:
-    """Basis of a border's unknowns, shape (n, 8): the last moves the tip by one, the others do not move it."""
+    """Return a basis of a border's unknowns, shape (n, 8): the last moves the tip by one, the others do not move it."""
     leading = np.linalg.svd(shapes, full_matrices=False)[0][:, :UNKNOWNS]
     tip = leading[0]  # how each moves the tip
     rest = np.linalg.svd(tip[np.newaxis])[2][1:].T  # combinations that do not
