@@ -309,7 +309,7 @@ def _check_time(time: NDArray[np.float64]) -> None:
     if np.median(step) > _LONGEST_STEP:
         raise ValueError(
             f"time steps by {np.median(step):g} s, more than {_LONGEST_STEP} s. Give seconds: it looks like "
-            "milliseconds, which are to be divided by 1000."
+            "milliseconds; divide it by 1000."
         )
 
 

@@ -343,8 +343,8 @@ def _as_liver(speed: float, angle: float | None) -> float:
 def _check_angle(cut: MeasuredCut) -> None:
     if not is_between_the_measured(cut.angle):
         raise ValueError(
-            f"its blade stands at {math.degrees(cut.angle):.0f} degrees; the law knows 45 to 90. "
-            "Angles are against the surface, upright is 90: give the other side's as 180 less it."
+            f"its blade is at {math.degrees(cut.angle):.0f} degrees; the law holds for 45 to 90. "
+            "Angles are against the surface, upright is 90: for angles from the other side give 180 minus the angle."
         )
 
 
@@ -354,7 +354,9 @@ def _notes(
     notes = [f"left out: {each.name}: {each.reason}" for each in refused]
     silent = sum(not len(cut.moduli) for cut in cuts)
     if silent:
-        notes.append(f"{silent} of {len(cuts)} cuts show no steady loading segment: they give a resistance but no modulus")
+        notes.append(
+            f"{silent} of {len(cuts)} cuts show no steady loading segment: they give a resistance but no modulus"
+        )
     notes += _extrapolated(cuts)
     notes += zero_notes(cuts)
     without = sum(cut.return_stroke is None for cut in cuts)
@@ -365,10 +367,10 @@ def _notes(
         over = float(np.mean(unloading)) / found["intercept_90"]
         notes.append(
             f"{len(unloading)} return strokes unload with {over:.2f} of the modulus for v -> 0 at 90 degrees: "
-            "1 if the fall of the modulus with speed is growth of the cut while loading, as the law has it"
+            "1 if the fall of the modulus with speed is growth of the cut while loading, as in the law"
         )
     if len({cut.specimen for cut in cuts}) == 1 and cuts[0].specimen == "":
-        notes.append('no record names its specimen (metadata "specimen"): taken as cuts of one')
+        notes.append('no record names its specimen (metadata "specimen"): all count as cuts of one')
     flagged: dict[str, int] = {}
     for cut in cuts:
         for flag in cut.flags:

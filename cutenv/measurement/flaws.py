@@ -220,7 +220,7 @@ def _clock(trace: Trace) -> list[Flaw]:
             Flaw(
                 kind="clock",
                 rows=(int(where[0]), int(where[-1]) + 1),
-                message=f"{uneven.mean():.0%} of the steps of time differ by half from the usual {usual:.3g} s. Take "
+                message=f"{uneven.mean():.0%} of the time steps differ by half from the usual {usual:.3g} s. Take "
                 "the time from the sensor, not from the program that stores it.",
                 refuse=False,
             )
@@ -273,7 +273,7 @@ def _reversed(trace: Trace) -> list[Flaw]:
             rows=rows,
             message=f"the force is {force[where].mean():.2g}{_unit(trace)} on average "
             f"{'where the blade cuts' if new_ground is not None else 'where it is negative'}: it counts positive "
-            "against forward motion. Turn its sign (force=-column), or take the sensor's offset off.",
+            "against forward motion. Reverse its sign (force=-column), or subtract the sensor's offset.",
             refuse=new_ground is not None,
         )
     ]

@@ -45,6 +45,6 @@ def zero_notes(cuts: Sequence[MeasuredCut]) -> list[str]:
         notes.append(
             f"on the way back {len(left)} cuts show a constant {median:.2f} N (median) beside friction: the zero is "
             "not what the blade showed at rest, or friction does not follow the depth. Friction's share and the "
-            "spreads are off with it"
+            "spreads are wrong by it"
         )
     return notes

@@ -101,7 +101,7 @@ class FeatureBatch:
         if in_range("history", history, 0, 1000, "1", "A handful of decisions is enough.") % 1.0:
             raise ValueError(f"history = {history} is not a whole number of decisions.")
         if not isinstance(force, bool):
-            raise TypeError(f"force = {force!r} must be True (felt) or False (not felt).")
+            raise TypeError(f"force = {force!r} must be True (used) or False (not used).")
         self._memory, self._frames = new_memory(int(count), int(history))
         self._force = force
         self.size = feature_count(int(history))

@@ -159,8 +159,8 @@ def checked_array(name: str, values: Array32, dimensions: int) -> Array32:
     wrong = int(np.count_nonzero(~np.isfinite(array)))
     if wrong:
         raise ValueError(
-            f"{name} holds {wrong} of {array.size} numbers that are NaN or infinite: training came "
-            "apart. Take an earlier checkpoint."
+            f"{name} holds {wrong} of {array.size} numbers that are NaN or infinite: training "
+            "diverged. Take an earlier checkpoint."
         )
     array.setflags(write=False)
     return array

@@ -42,7 +42,7 @@ class Search:
 
     def __init__(self, cutting: GentleCutting) -> None:
         if not isinstance(cutting.plant, SimulatedPlant):
-            raise TypeError(f"plans are tried out in a simulation; {type(cutting.plant).__name__} is none.")
+            raise TypeError(f"plans need a SimulatedPlant to simulate, got {type(cutting.plant).__name__}.")
         start = cutting.plant.snapshot()
         self._task, progress = cutting.assessment()
         self._target = cutting.target_length

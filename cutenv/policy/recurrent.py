@@ -54,7 +54,7 @@ class RecurrentNetwork:
         rows, units = self.weight_hh.shape
         if rows != _GATES * units:
             raise ValueError(
-                f"{_PREFIX}weight_hh has shape {self.weight_hh.shape}; it must be four times as high as wide."
+                f"{_PREFIX}weight_hh has shape {self.weight_hh.shape}; it must have four times as many rows as columns."
             )
         for part in _PARTS:
             found = getattr(self, part).shape

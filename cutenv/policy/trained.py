@@ -151,7 +151,7 @@ class TrainedPolicy:
             found = hashlib.sha256(content).hexdigest()
             if found != card.sha256:
                 raise ValueError(
-                    f"its SHA-256 is {found}, but {CARD} says {card.sha256}: changed or damaged since it was saved."
+                    f"its SHA-256 is {found}, but {CARD} has {card.sha256}: changed or damaged since it was saved."
                 )
             kind = Network if card.memory is None else RecurrentNetwork
             network = kind.from_arrays(_unpacked(content), card.activation)
@@ -274,7 +274,7 @@ def _safetensors() -> Any:
         import safetensors.numpy  # an extra
     except ModuleNotFoundError:
         raise ModuleNotFoundError(
-            "Trained policies are kept with safetensors, which is not installed: pip install 'cutenv[rl]'",
+            "Trained policies are stored with safetensors, which is not installed: pip install 'cutenv[rl]'",
             name="safetensors",
         ) from None
     return safetensors.numpy

@@ -263,7 +263,7 @@ def _notes(cut: ScoredCut, chosen: Mapping[str, float], known: Mapping[str, floa
         notes.append("metrics, and no claim of skill")
     left = sorted(set(chosen) - set(known)) if known else []
     if left:
-        notes.append(f"not counted, for want of a value or of a reference: {', '.join(left)}")
+        notes.append(f"not counted, without a value or a reference: {', '.join(left)}")
     return notes + remarks(cut.trace)
 
 

@@ -267,7 +267,7 @@ class ScoredCut:
         _ = self.position, self.depth  # raises, naming the missing field
         found = DepthProfile.recorded(self.trace, by="score")
         if float(found.depth.max()) < SHALLOWEST:
-            raise Unavailable(f"the depth of cut is nowhere {1e3 * SHALLOWEST:g} mm")
+            raise Unavailable(f"the depth of cut is below {1e3 * SHALLOWEST:g} mm everywhere")
         return DepthProfile(position=found.position, depth=np.maximum(found.depth, SHALLOWEST))
 
     @cached_property

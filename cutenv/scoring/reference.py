@@ -123,4 +123,4 @@ class ReferenceSet:
                 values={name: np.array(column) for name, column in zip(names, columns, strict=True)},
             )
         except (KeyError, IndexError, TypeError, ValueError) as error:
-            raise ValueError(f"{path} is no reference set ({error}); ReferenceSet.save writes one.") from None
+            raise ValueError(f"{path} is not a reference set ({error}); ReferenceSet.save writes one.") from None

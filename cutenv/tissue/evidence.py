@@ -39,7 +39,9 @@ class Evidence:
                 raise ValueError(f"evidence's {what} = {text!r} must be text.")
         ends = [end for end in (self.low, self.high) if end is not None]
         if len(ends) == 1 or not all(isinstance(end, (int, float)) and math.isfinite(end) for end in ends):
-            raise ValueError(f"evidence of {self.name}: low = {self.low!r} and high = {self.high!r} are no interval.")
+            raise ValueError(
+                f"evidence of {self.name}: low = {self.low!r} and high = {self.high!r} are not an interval."
+            )
         if ends and ends[0] > ends[1]:
             raise ValueError(f"evidence of {self.name}: low = {self.low:g} is above high = {self.high:g}.")
 
@@ -68,11 +70,11 @@ class Calibration:
             if isinstance(number, bool) or not isinstance(number, int) or number < 1:
                 raise ValueError(f"calibration: {what} = {number!r} must be a whole number, 1 or more.")
         if self.specimens > self.cuts:
-            raise ValueError(f"calibration: {self.specimens} specimens cannot come of {self.cuts} cuts.")
+            raise ValueError(f"calibration: {self.specimens} specimens cannot come from {self.cuts} cuts.")
         names = [each.name for each in self.evidence]
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
-            raise ValueError(f"calibration: evidence of {twice} stands there twice.")
+            raise ValueError(f"calibration: evidence of {twice} is given twice.")
         if not all(isinstance(note, str) for note in self.notes):
             raise ValueError(f"calibration: notes = {self.notes!r} must be texts.")
 
@@ -105,7 +107,7 @@ class Calibration:
             evidence = tuple(Evidence(**each) for each in content["evidence"])
             rest = {name: value for name, value in content.items() if name not in ("evidence", "notes")}
             if not isinstance(content["notes"], list):
-                raise TypeError(f"notes = {content['notes']!r} is no list")
+                raise TypeError(f"notes = {content['notes']!r} is not a list")
             return cls(evidence=evidence, notes=tuple(content["notes"]), **rest)
         except (TypeError, KeyError, AttributeError) as error:
-            raise ValueError(f"calibration is not what cutenv calibrate writes ({error}); make it anew.") from None
+            raise ValueError(f"calibration is not what cutenv calibrate writes ({error}); calibrate again.") from None

@@ -64,7 +64,7 @@ class Specimen:
     def __post_init__(self) -> None:
         one_of("specimen_class", self.specimen_class, CLASSES[:3])
         in_range("friction_per_depth", self.friction_per_depth, 0.0, 1e5, "N/m", "0.4 N/cm is 40.")
-        in_range("inclined_ratio", self.inclined_ratio, 0.01, 100.0, "1", "1 is as the mean tissue.")
+        in_range("inclined_ratio", self.inclined_ratio, 0.01, 100.0, "1", "1 is the mean tissue.")
         in_range("thickness", self.thickness, 1e-4, 0.1, "m", "2.5 cm is 0.025.")
         ranges = {
             "modulus": (100.0, 1e9, "Pa", "48.4 kPa is 48400."),

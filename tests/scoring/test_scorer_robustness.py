@@ -111,9 +111,9 @@ def test_a_saturated_force_says_so() -> None:
 
 
 def test_a_reversed_force_says_so() -> None:
-    check_refused(changed(cut(ONE_WAY), force=-cut(ONE_WAY).force), "Turn its sign", "peak_force", "tip_error")
+    check_refused(changed(cut(ONE_WAY), force=-cut(ONE_WAY).force), "Reverse its sign", "peak_force", "tip_error")
     alone = force_alone(cut(ONE_WAY))
-    check_refused(changed(alone, force=-alone.force), "Turn its sign", "peak_force", "force_rate")
+    check_refused(changed(alone, force=-alone.force), "Reverse its sign", "peak_force", "force_rate")
 
 
 def test_two_cuts_in_one_record_say_so() -> None:

@@ -383,7 +383,7 @@ def card_in_numbers() -> ScoreCard:
         ([cut("P1", {}, group="a"), cut("P1", {}, group="b")], {}, "operator P1 is in groups 'a' and 'b'"),
         ([cut("P1", {})], {"metrics": ("force_rates",)}, "Did you mean 'force_rate'"),
         ([cut("P1", {})], {"metrics": ("force_rate",)}, "force_rate is missing in 1 of 1 cuts: made up"),
-        ([cut("P1", {})], {}, "no metric could be had from these cuts: force_rate is missing"),
+        ([cut("P1", {})], {}, "no metric could be computed from these cuts: force_rate is missing"),
         ([cut("P1", {}, group="a")], {"groups": ("a", "c")}, "group must be one of 'a', got 'c'"),
         ([cut("P1", {}, group="a")], {"target_group": "c"}, "target group must be one of"),
         ([cut("P1", {})], {"target": 1.0}, "needs exactly one metric"),

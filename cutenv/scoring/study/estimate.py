@@ -42,7 +42,7 @@ def series_of(name: str, series: Sequence[ArrayLike], *, fewest: int, people: in
     """
     columns = tuple(array_in_range(f"{name}[{i}]", each, -_LARGEST, _LARGEST, "1") for i, each in enumerate(series))
     if len(columns) < people:
-        raise ValueError(f"{name} has {len(columns)} rows; give {people} or more: with fewer, nothing follows about people.")
+        raise ValueError(f"{name} has {len(columns)} rows; give {people} or more: fewer are too few for statistics.")
     for i, column in enumerate(columns):
         if column.ndim != 1 or len(column) < fewest:
             raise ValueError(f"{name}[{i}] has shape {column.shape}; give {fewest} values or more, shape (n,).")

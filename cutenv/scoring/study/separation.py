@@ -103,8 +103,8 @@ def _difference(a: Array, b: Array, level: float) -> Estimate:
     variance = ((m - 1) * a.var(ddof=1) + (n - 1) * b.var(ddof=1)) / df
     if vanishes(variance, np.concatenate((a, b))):
         raise ValueError(
-            f"nobody differs within the groups (first: {a[0]:g} for all, second: {b[0]:g}): a difference over their "
-            "spread needs some. A metric that counts seldom events may have none; take another."
+            f"nobody differs within the groups (first: {a[0]:g} for all, second: {b[0]:g}): the standardised "
+            "difference needs spread. A metric that counts rare events may have none; choose another."
         )
     d = float((a.mean() - b.mean()) / math.sqrt(variance))
     scale = math.sqrt(1.0 / m + 1.0 / n)

@@ -141,7 +141,7 @@ class Study:
             raise ValueError("a study needs cuts; there is none.")
         units = sorted({cut.card.force_unit for cut in self.cuts})
         if len(units) > 1:
-            raise ValueError(f"force is in {' and in '.join(units)}; study cuts of one unit by themselves.")
+            raise ValueError(f"force is in {' and in '.join(units)}; study cuts of one unit at a time.")
         for metric in self.metrics:
             one_of("metric", metric, METRICS)
         known = tuple(dict.fromkeys(cut.group for cut in self.cuts))
@@ -163,7 +163,7 @@ class Study:
             notes.append(f"of the groups {', '.join(known)} no two were named: their separation is not computed")
         findings = [found for metric in self._chosen() if (found := self._find(metric, notes)) is not None]
         if not findings:
-            raise ValueError(f"no metric could be had from these cuts: {'; '.join(notes)}.")
+            raise ValueError(f"no metric could be computed from these cuts: {'; '.join(notes)}.")
         object.__setattr__(self, "findings", tuple(findings))
         object.__setattr__(self, "notes", tuple(notes))
 
