@@ -1,4 +1,4 @@
-"""What every agent's program takes: one dataclass of arguments is its configuration and its command line."""
+"""Arguments of every agent's program: one dataclass is its configuration and its command line."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from vectorised import CutVecEnv
 from cutenv.policy import SCRIPTS
 from cutenv.tissue.specimen import CLASSES
 
-MAX_ENVIRONMENTS = 1000  # seeds that one training run may take of TRAINING_SEEDS
+MAX_ENVIRONMENTS = 1000  # seeds of TRAINING_SEEDS that one training run may use
 
 
 @dataclass(frozen=True, kw_only=True)
 class AgentArguments:
-    """What every agent's run depends on; every field is an option of the command line."""
+    """Arguments common to every agent's runs; every field is an option of the command line."""
 
     name: str = option("", "folder below runs/; default: date and time")
     seed: int = option(0, "of networks, exploration and training specimens")
@@ -62,7 +62,7 @@ class AgentArguments:
 
     @classmethod
     def limits(cls) -> dict[str, tuple[float, float]]:
-        """What the numbers must lie within."""
+        """Return the admissible ranges of the numbers."""
         return {
             "seed": (0, len(TRAINING_SEEDS) // MAX_ENVIRONMENTS - 1),
             "minutes": (0.0, 1e6),
@@ -81,39 +81,39 @@ class AgentArguments:
 
     @classmethod
     def completed(cls, chosen: Mapping[str, Any]) -> dict[str, Any]:
-        """What is chosen for a new run, with what follows from it; SystemExit for a contradiction."""
+        """Return the choices for a new run, with what follows from them; SystemExit for a contradiction."""
         return dict(chosen)
 
     @property
     def environment(self) -> dict[str, Any]:
-        """Keywords of the environment that the agent is trained and tested in."""
+        """Return the keyword arguments of the environment in which the agent is trained and tested."""
         return {"specimen_class": self.specimen_class, "control_hz": self.control_hz, **self.angle}
 
     @property
     def angle(self) -> dict[str, Any]:
-        """Keywords of the environment that tell whether the blade is turned, and where it stands if not."""
+        """Return the keyword arguments of the environment for the blade's angle: free, or fixed at a value."""
         return {"angle_mode": self.angle_mode} | (
             {"fixed_angle_deg": self.fixed_angle_deg} if self.angle_mode == "fixed" else {}
         )
 
     @property
     def features(self) -> dict[str, Any]:
-        """Keywords of :class:`cutenv.policy.Features`; the force is named where it is not felt."""
+        """Return the keyword arguments of :class:`cutenv.policy.Features`; the force only if it is not used."""
         return {"history": self.history} | ({} if self.force == "felt" else {"force": False})
 
     @property
     def training_seeds(self) -> range:
-        """Seeds of the training environments."""
+        """Return the seeds of the training environments."""
         first = self.seed * MAX_ENVIRONMENTS
         return range(first, first + self.environments)
 
     @property
     def validation_seeds(self) -> range:
-        """Seeds of the specimens on which checkpoints are compared."""
+        """Return the seeds of the specimens on which checkpoints are compared."""
         return VALIDATION_SEEDS[: self.validation_specimens]
 
     def environments_at(self, seeds: range) -> CutVecEnv:
-        """Environments with those seeds."""
+        """Make environments with those seeds."""
         return CutVecEnv(seeds, dead_zone=self.dead_zone, **self.features, **self.environment)
 
 
@@ -121,9 +121,9 @@ Given = TypeVar("Given", bound=AgentArguments)
 
 
 def parse(kind: type[Given], about: str | None, prefix: str, quick: Mapping[str, Any]) -> tuple[Given, Path, bool]:
-    """The command line: arguments, folder of the run, whether to resume it.
+    """Parse the command line: arguments, folder of the run, whether to resume it.
 
-    ``prefix`` begins the name of a run that is given none; ``quick`` is what ``--quick`` replaces.
+    ``prefix`` begins the name of a run without a given one; ``quick`` contains the values that ``--quick`` sets.
     """
     parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
     for field in dataclasses.fields(kind):
@@ -159,7 +159,7 @@ def parse(kind: type[Given], about: str | None, prefix: str, quick: Mapping[str,
 
 
 def resumed(kind: type[Given], run: Path, chosen: Mapping[str, Any]) -> Given:
-    """The arguments of an interrupted run, with those chosen anew; SystemExit for what would have no effect."""
+    """Return the arguments of an interrupted run, updated by those given; SystemExit for one without effect."""
     if checkpoint_of(run) is None:
         raise SystemExit(f"{run} holds no {' or '.join(NAMES)}; give the folder of an interrupted run.")
     kept = json.loads((run / "run.json").read_text())["arguments"]

@@ -1,14 +1,14 @@
-"""Clone a script by behaviour cloning, without any trial, compare the clone with every baseline, report.
+"""Clone a script by behaviour cloning alone, compare the clone with every baseline, report.
 
     python agents/bc.py                     some three minutes on 2 cores; writes runs/<name>/
     python agents/bc.py --quick             some two minutes
-    python agents/bc.py --dataset ID        taught by a Minari data set (agents/datasets.py) instead of a script
-    python agents/bc.py --resume runs/NAME  goes on from the checkpoint of an interrupted run
+    python agents/bc.py --dataset ID        clones a Minari data set (agents/datasets.py) instead of a script
+    python agents/bc.py --resume runs/NAME  continues from the checkpoint of an interrupted run
 
-The clone sees what an agent of ppo.py sees, and is a network of the same size; it is what that agent starts from,
-taught longer.  It cannot be better than its teacher but by chance: it shows what trial adds.  Kept is the epoch that
-does best on validation specimens.  Decision rate and angle mode are those of the data set, if one teaches; the
-specimens of validation and comparison are drawn in the simulator as ever.
+The clone has the same inputs and network size as an agent of ppo.py, which starts from such a clone, trained for less
+time.  It cannot be better than its teacher except by chance: it shows what reinforcement learning adds.  The epoch that
+is best on validation specimens is kept.  Decision rate and angle mode are those of the data set, if one is given; the
+specimens of validation and comparison are always sampled in the simulator.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ if TYPE_CHECKING:
 
 QUICK = {"demonstrations": 50_000, "epochs": 20, "validations": 4, "validation_specimens": 50, "specimens": 30}
 NAME = "behaviour cloning"
-_MOMENTS = ("exp_avg", "exp_avg_sq", "step")  # Adam's, of each parameter
+_MOMENTS = ("exp_avg", "exp_avg_sq", "step")  # Adam's state for each parameter
 
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments(AgentArguments):
-    """What a run depends on; every field is an option of the command line."""
+    """Arguments of a run; every field is an option of the command line."""
 
     dataset: str = option("", "id of a Minari data set that teaches, not a script; it brings rate and angle mode along")
     demonstrations: int = option(400_000, "decisions of the script")
@@ -58,13 +58,13 @@ class Arguments(AgentArguments):
 
     @classmethod
     def limits(cls) -> dict[str, tuple[float, float]]:
-        """What the numbers must lie within."""
+        """Return the admissible ranges of the numbers."""
         own = {"demonstrations": (1, 10**9), "epochs": (1, 10**6), "batch_size": (1, 10**9)}
         return super().limits() | own | {"learning_rate": (1e-9, 1.0)}
 
     @classmethod
     def completed(cls, chosen: Mapping[str, Any]) -> dict[str, Any]:
-        """What is chosen, with what a data set brings along; SystemExit for what contradicts it."""
+        """Return the choices, with what a data set implies; SystemExit for what contradicts it."""
         if not chosen.get("dataset"):
             return dict(chosen)
         for name in ("demonstrations", "script", "demonstration_noise"):
@@ -86,12 +86,12 @@ class Arguments(AgentArguments):
 
     @property
     def teacher(self) -> str:
-        """Who is cloned, in words."""
+        """Return the name of the teacher, in words."""
         return f"data set {self.dataset!r}" if self.dataset else repr(self.script)
 
 
 class Clone:
-    """The network that is taught; :func:`progress.validate` asks it as it asks a model of Stable-Baselines3."""
+    """The trained network; :func:`progress.validate` calls it like a model of Stable-Baselines3."""
 
     def __init__(self, arguments: Arguments) -> None:
         torch.manual_seed(arguments.seed)
@@ -105,24 +105,24 @@ class Clone:
         )
 
     def __call__(self, seen: torch.Tensor) -> torch.Tensor:
-        """Actions for what environments show; the hidden state, which comes last, is cut off."""
+        """Return actions for features; the hidden state, which comes last, is cut off."""
         return self.module(seen[..., : self._inputs])
 
     def predict(
         self, seen: np.ndarray, state: None, episode_start: Any, deterministic: bool
     ) -> tuple[np.ndarray, None]:
-        """The actions, and no state."""
+        """Return the actions, and no state."""
         with torch.no_grad():
             return self(torch.as_tensor(seen)).numpy(), None
 
     def network(self) -> Network:
-        """The same in NumPy."""
+        """Return the same network in NumPy."""
         dense = [layer for layer in self.module if isinstance(layer, torch.nn.Linear)]
         return Network(tuple((layer.weight.detach().numpy(), layer.bias.detach().numpy()) for layer in dense), "tanh")
 
 
 def save_checkpoint(path: Path, clone: Clone, cloning: Cloning, seconds: float) -> None:
-    """Write network, Adam's moments, the number of epochs and the time that they took, all at once."""
+    """Write network, Adam's moments, number of epochs and training time, atomically."""
     content = {f"network.{name}": values for name, values in clone.module.state_dict().items()}
     for n, moments in cloning.optimizer.state_dict()["state"].items():
         content |= {f"adam.{n}.{name}": moments[name] for name in _MOMENTS}
@@ -131,7 +131,7 @@ def save_checkpoint(path: Path, clone: Clone, cloning: Cloning, seconds: float) 
 
 
 def load_checkpoint(path: Path, clone: Clone, cloning: Cloning) -> float | None:
-    """Go on where :func:`save_checkpoint` was; return its seconds, None if it is of a version that kept none."""
+    """Continue from :func:`save_checkpoint`; return its seconds, None for a version without them."""
     content = safetensors.torch.load_file(path)
     clone.module.load_state_dict(
         {name.removeprefix("network."): values for name, values in content.items() if name.startswith("network.")}
@@ -147,9 +147,9 @@ def load_checkpoint(path: Path, clone: Clone, cloning: Cloning) -> float | None:
 
 
 def taught_by(arguments: Arguments) -> tuple[Lessons, dict[str, Any]]:
-    """What the clone is taught, and what its card says of that; SystemExit for a data set that does not fit."""
+    """Return the training data, and its description for the card; SystemExit for a data set that does not fit."""
     if not arguments.dataset:
-        shown = demonstrations(  # the same again after an interruption: they hang on seeds alone
+        shown = demonstrations(  # the same again after an interruption: they depend only on seeds
             arguments.environments_at(arguments.training_seeds),
             BASELINES[arguments.script],
             decisions=arguments.demonstrations,
@@ -172,13 +172,13 @@ def taught_by(arguments: Arguments) -> tuple[Lessons, dict[str, Any]]:
 
 
 def source_of(dataset: MinariDataset) -> str:
-    """Who cut, as far as a data set tells."""
+    """Return who made the cuts, if the data set states it."""
     metadata = dataset.storage.metadata
     return str(metadata.get("cutenv", {}).get("source", metadata.get("algorithm_name", "unknown")))
 
 
 def train(arguments: Arguments, run: Path, facts: dict[str, Any], resume: bool) -> None:
-    """Teach; leaves ``policy/``, ``learning_curve.csv`` and, while it goes on, ``checkpoint.safetensors``."""
+    """Train; writes ``policy/``, ``learning_curve.csv`` and, until it is finished, ``checkpoint.safetensors``."""
     begun = time.monotonic()
     torch.set_num_threads(1)  # as in ppo.py
     clone = Clone(arguments)
@@ -220,7 +220,7 @@ def train(arguments: Arguments, run: Path, facts: dict[str, Any], resume: bool) 
                 if events is not None:
                     events.add_scalar(f"validation/{name}", point[name], cloning.epoch)
         if last or cloning.epoch % every == 0 or time.monotonic() - saved > arguments.checkpoint_seconds:
-            if curve:  # first: what it is ahead of the checkpoint by is dropped again
+            if curve:  # saved first: what it is ahead of the checkpoint by is dropped again
                 write_csv(run / "learning_curve.csv", curve)
             save_checkpoint(run / "checkpoint.safetensors", clone, cloning, time.monotonic() - begun)
             saved = time.monotonic()
@@ -231,7 +231,7 @@ def train(arguments: Arguments, run: Path, facts: dict[str, Any], resume: bool) 
 
 
 def event_writer(arguments: Arguments, run: Path) -> Any:
-    """Of TensorBoard's events, if they are wanted."""
+    """Return a writer of TensorBoard events, if they are wanted."""
     if not arguments.tensorboard:
         return None
     from torch.utils.tensorboard import SummaryWriter
@@ -240,7 +240,7 @@ def event_writer(arguments: Arguments, run: Path) -> Any:
 
 
 def main() -> None:
-    """Teach, evaluate, report."""
+    """Train, evaluate, report."""
     arguments, run, resume = parse(Arguments, __doc__, "bc", QUICK)
     facts = record_run(arguments, run, NAME)
     try:

@@ -5,9 +5,9 @@
     python agents/benchmark.py --only PPO "probe and creep"
     python agents/benchmark.py --quick          the whole machinery in some ten minutes; no result
     python agents/benchmark.py --table          the table again from the CSV files
-    python agents/benchmark.py --against           where it differs from the published one beyond both intervals
+    python agents/benchmark.py --against        differences from the published one beyond both intervals
 
-What is on disk is not done again: interrupt it when you like, and start it again.  agents/protocol.py says what is
+What is on disk is not done again: you may interrupt it and start it again.  agents/protocol.py defines what is
 compared, and how; the folder holds runs/ (one for each agent and training seed), cuts/ (every score of every cut),
 sweeps/ (with other constants), summary.csv, leaderboard.md and leaderboard.html.
 """
@@ -38,42 +38,42 @@ from cutenv.policy import BASELINES, BOUND, GRID, IDLE
 AGENTS = Path(__file__).parent
 SWEPT = ("PPO", "recurrent PPO", "behaviour cloning", "probe and creep", BEST_FEED)
 _CORE_SECONDS = {BOUND: 0.27, "planner, nominal": 0.12, "nothing": 0.06, "random": 0.06}
-"""Of one cut with its score card, as measured on the machine of the README's timings; the others take this:"""
+"""Time of one cut with its score card, as measured on the machine of the README's timings [s]; for others:"""
 _CORE_SECONDS_ELSE = 0.02
 _CLONING_S, _STARTING_S = 90.0, 20.0  # of a run of bc.py; of any run beside its training: imports, export
 
 
 @dataclass(frozen=True)
 class Part:
-    """One thing that takes part: a script, or an agent with one training seed."""
+    """One participant: a script, or an agent with one training seed."""
 
     contestant: str
     seed: int | None
 
     @property
     def label(self) -> str:
-        """Name and training seed."""
+        """Name and training seed, for people."""
         return self.contestant if self.seed is None else f"{self.contestant}, seed {self.seed}"
 
     @property
     def slug(self) -> str:
-        """The same as part of a file's name."""
+        """Name and training seed as part of a file name."""
         return slug(self.contestant) + ("" if self.seed is None else f"-seed{self.seed}")
 
 
 class Benchmark:
-    """What of the comparison is done and what is left, in a folder.
+    """State of a comparison in a folder: what is done and what is left.
 
     Parameters
     ----------
     folder : Path
-        Of all files.
+        Folder of all files.
     protocol : Protocol
-        What is compared.
+        Definition of the comparison.
     only : sequence of str
-        Names of those that take part; empty: everyone.
+        Names of the participants; empty: all.
     processes : int
-        Trainings, and evaluations, side by side.
+        Number of processes for training and evaluation.
     """
 
     def __init__(self, folder: Path, protocol: Protocol, only: Sequence[str], processes: int) -> None:
@@ -81,39 +81,39 @@ class Benchmark:
         self.names = [name for name in (*ENTRIES, *SCRIPTED) if not only or name in only]
 
     def parts(self) -> list[Part]:
-        """Everything that takes part."""
+        """Return all participants."""
         seeds = self.protocol.training_seeds
         return [Part(name, seed) for name in self.names for seed in (seeds if name in ENTRIES else (None,))]
 
     def run_of(self, part: Part) -> Path:
-        """Folder of a training run."""
+        """Return the folder of a training run."""
         return self.folder / "runs" / part.slug
 
     def cuts_of(self, part: Part, specimen_class: str) -> Path:
-        """File of a part's cuts."""
+        """Return the file of a participant's cuts."""
         return self.folder / "cuts" / f"{part.slug}--{specimen_class}.csv"
 
     def untrained(self) -> list[Part]:
-        """Runs that are left to train."""
+        """Return the runs that are left to train."""
         return [part for part in self.parts() if part.seed is not None and not is_trained(self.run_of(part))]
 
     def uncut(self) -> list[tuple[Part, str]]:
-        """Parts that are left to evaluate, and on what."""
+        """Return the participants that are left to evaluate, with the class of specimens."""
         classes = self.protocol.classes
         return [(part, name) for part in self.parts() for name in classes if not self.cuts_of(part, name).is_file()]
 
     def swept(self) -> list[Part]:
-        """Parts that meet other constants."""
+        """Return the participants that are evaluated with other constants."""
         return [part for part in self.parts() if part.contestant in SWEPT]
 
     def unswept(self) -> list[Any]:
-        """Settings that are left, each with its file."""
+        """Return the settings that are left, each with its file."""
         files = ((setting, self.folder / "sweeps" / f"{setting.name}.csv") for setting in settings())
         wanted = {part.label for part in self.swept()}
         return [(setting, path) for setting, path in files if wanted - {row["policy"] for row in rows_of(path)}]
 
     def plan(self) -> float:
-        """Print what is left to do and how long it takes [s]; return that."""
+        """Print what is left to do; return how long it takes [s]."""
         p = self.protocol
         training = sum(
             _STARTING_S + (min(_CLONING_S, 60.0 * p.training_minutes) if part.contestant.startswith("behaviour")
@@ -149,7 +149,7 @@ class Benchmark:
         entry, run = ENTRIES[part.contestant], self.run_of(part)
         (self.folder / "runs").mkdir(parents=True, exist_ok=True)
         if run.exists() and checkpoint_of(run) is None:
-            shutil.rmtree(run)  # interrupted before there was anything to go on from
+            shutil.rmtree(run)  # interrupted before there was a checkpoint
         command = ["--resume", str(Path("runs") / part.slug)] if run.exists() else self.training_arguments(entry, part)
         with (self.folder / "runs" / f"{part.slug}.log").open("a") as log:
             done = subprocess.run(
@@ -162,7 +162,7 @@ class Benchmark:
         return part
 
     def training_arguments(self, entry: Entry, part: Part) -> list[str]:
-        """Of an agent's program, for a new run."""
+        """Return the arguments of an agent's program for a new run."""
         p = self.protocol
         own = ["--name", part.slug, "--seed", str(part.seed), "--minutes", str(p.training_minutes), "--specimens", "0"]
         shown = ["--demonstrations", str(p.demonstrations)]
@@ -170,11 +170,11 @@ class Benchmark:
 
     @property
     def feeds(self) -> Path:
-        """File of the constant feeds on validation specimens."""
+        """Return the file of the constant feeds on validation specimens."""
         return self.folder / "feeds.csv"
 
     def best_feed(self, pool: Executor) -> str:
-        """The constant feed that does best on validation specimens."""
+        """Return the name of the best constant feed on validation specimens."""
         if not self.feeds.is_file():
             seeds, shared = VALIDATION_SEEDS[: self.protocol.feed_specimens], {"specimen_class": "mixed"}
             grid = {name: Contestant(BASELINES[name]()) for name in GRID}
@@ -183,7 +183,7 @@ class Benchmark:
         return best_script(rows, GRID)
 
     def entrant(self, part: Part, pool: Executor) -> Contestant:
-        """The policy of a part, and the environment that it needs."""
+        """Return the policy of a participant, and the environment that it needs."""
         if part.seed is not None:
             return contestant(str(self.run_of(part) / "policy"))
         if part.contestant == BEST_FEED:
@@ -202,7 +202,7 @@ class Benchmark:
             write_csv(self.cuts_of(part, specimen_class), rows)
 
     def sweep(self, pool: Executor) -> None:
-        """Evaluate with other constants what is left."""
+        """Evaluate what is left with other constants."""
         (self.folder / "sweeps").mkdir(parents=True, exist_ok=True)
         seeds = self.protocol.test_seeds[: self.protocol.sweep_specimens]
         for setting, path in self.unswept():
@@ -215,7 +215,7 @@ class Benchmark:
 
 
 def is_trained(run: Path) -> bool:
-    """Whether a run came to its end: only then does it tell how long it took."""
+    """Return True if a run is finished: only then is its training time known."""
     facts = run / "run.json"
     return (
         (run / "policy" / "card.json").is_file()
@@ -239,7 +239,7 @@ def differs(published: Path, folder: Path) -> int:
 
 
 def main() -> None:
-    """The command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, help="folder; default runs/benchmark, with --quick runs/benchmark-quick")
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help=f"of {', '.join((*ENTRIES, *SCRIPTED))}")

@@ -1,4 +1,4 @@
-"""What an interrupted run goes on from, if there is anything."""
+"""Checkpoint from which an interrupted run resumes, if there is one."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ NAMES = ("checkpoint.zip", "checkpoint.safetensors")
 
 
 def checkpoint_of(run: Path) -> Path | None:
-    """The checkpoint of a run, if there is one; an unfinished one, which a kill leaves beside it, is none."""
+    """Return the checkpoint of a run, if there is one; an unfinished file beside it, left by a kill, does not count."""
     return next((run / name for name in NAMES if (run / name).is_file()), None)
 
 
 def end_interrupted(run: Path, again: str) -> NoReturn:
-    """Say how an interrupted run goes on, or that it does not, and end as programs do on Ctrl-C."""
+    """Print how an interrupted run is resumed, or that it cannot be, and exit like a program on Ctrl-C."""
     checkpoint = checkpoint_of(run)
     if checkpoint is not None:
         print(f"\ninterrupted; {checkpoint} is usable.\nGo on with: {again}")

@@ -1,7 +1,7 @@
-"""Behaviour cloning: teach a policy network what a script does, alone or as the start of learning by trial.
+"""Behaviour cloning: train a policy network to imitate a script, alone or before reinforcement learning.
 
-The script acts with some noise, so that the clone learns how to come back from small mistakes; what it is taught is
-what the script would have done.
+The script acts with some noise, so that the clone learns how to recover from small mistakes; the targets are the
+actions that the script would have taken without noise.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ from vectorised import CutVecEnv
 from cutenv.policy import Policy
 from cutenv.task.observation import SPEED_SCALE
 
-_REST = 1e-6 / SPEED_SCALE  # of an action's speed, below which it means rest
+_REST = 1e-6 / SPEED_SCALE  # an action's speed below which it means rest
 
 Batch = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
-"""What is shown, shape (..., size), what is taught, shape (..., 2), and 1 or 0 for what counts or not, shape (...)."""
+"""Inputs, shape (..., size), target actions, shape (..., 2), and weights 1 or 0, shape (...)."""
 
 
 class Demonstrations(NamedTuple):
-    """Decisions of a script in n environments, one after the other."""
+    """Decisions of a script in n environments, in order."""
 
     shown: np.ndarray
-    """What the environments showed, shape (decisions, n, size)."""
+    """Features from the environments, shape (decisions, n, size)."""
     taught: np.ndarray
-    """What the script would do about it, shape (decisions, n, 2)."""
+    """Actions that the script would take, shape (decisions, n, 2)."""
     begun: np.ndarray
-    """Whether a cut begins there, shape (decisions, n)."""
+    """True where a cut begins, shape (decisions, n)."""
 
     def decisions(self) -> Lessons:
-        """One by one, for a network that remembers nothing."""
+        """Return the decisions one by one, for a feed-forward network."""
         return Lessons(self.shown.reshape(-1, self.shown.shape[-1]), self.taught.reshape(-1, self.taught.shape[-1]))
 
     def cuts(self) -> CutLessons:
-        """Cut by cut, the unfinished ones too, for a network that remembers."""
+        """Return the decisions cut by cut, unfinished ones too, for a recurrent network."""
         result = CutLessons([], [])
         for n in range(self.begun.shape[1]):
             beginnings = np.flatnonzero(self.begun[:, n])
@@ -51,29 +51,29 @@ class Demonstrations(NamedTuple):
 
 
 class Lessons:
-    """Decisions with what is taught about them; ``batch_size`` counts decisions."""
+    """Data set of decisions and target actions; ``batch_size`` counts decisions."""
 
     def __init__(self, shown: np.ndarray, taught: np.ndarray) -> None:
         self.shown, self.taught = torch.as_tensor(shown), torch.as_tensor(taught)
 
     def count(self, batch_size: int) -> int:
-        """How many batches make an epoch."""
+        """Return the number of batches in an epoch."""
         return -(-len(self.shown) // batch_size)
 
     def batches(self, batch_size: int, generator: torch.Generator) -> Iterator[Batch]:
-        """All of them once, in random order."""
+        """Yield all decisions once, in random order."""
         for batch in torch.randperm(len(self.shown), generator=generator).split(batch_size):
             yield self.shown[batch], self.taught[batch], torch.ones(len(batch))
 
 
 class CutLessons(NamedTuple):
-    """Whole cuts, shapes (decisions, size) and (decisions, 2), padded to the longest of a batch."""
+    """Data set of whole cuts, shapes (decisions, size) and (decisions, 2), padded to the longest of a batch."""
 
     shown: list[torch.Tensor]
     taught: list[torch.Tensor]
 
     def _groups(self, batch_size: int) -> list[list[int]]:
-        """Cuts of like length together, so that little is padded: about ``batch_size`` decisions."""
+        """Group cuts of similar length, so that little is padded: about ``batch_size`` decisions in each group."""
         groups: list[list[int]] = [[]]
         for cut in sorted(range(len(self.shown)), key=lambda n: len(self.shown[n])):
             if groups[-1] and (len(groups[-1]) + 1) * len(self.shown[cut]) > batch_size:
@@ -82,11 +82,11 @@ class CutLessons(NamedTuple):
         return groups
 
     def count(self, batch_size: int) -> int:
-        """How many batches make an epoch."""
+        """Return the number of batches in an epoch."""
         return len(self._groups(batch_size))
 
     def batches(self, batch_size: int, generator: torch.Generator) -> Iterator[Batch]:
-        """All of them once, the batches in random order; axes (decision, cut, ...)."""
+        """Yield all cuts once, the batches in random order; axes (decision, cut, ...)."""
         groups = self._groups(batch_size)
         for k in torch.randperm(len(groups), generator=generator).tolist():
             counts = [torch.ones(len(self.shown[n])) for n in groups[k]]
@@ -98,7 +98,7 @@ class CutLessons(NamedTuple):
 
 
 def before_dead_zone(actions: np.ndarray, width: float) -> np.ndarray:
-    """The actions, shape (n, 2), that :func:`cutenv.policy.past_dead_zone` maps to ``actions``."""
+    """Invert the dead zone: return actions, shape (n, 2), that :func:`cutenv.policy.past_dead_zone` maps to these."""
     result = np.array(actions, np.float32)
     speed = result[:, 0]
     moved = np.copysign(np.abs(speed) * (1.0 - width) + width, speed)
@@ -109,7 +109,7 @@ def before_dead_zone(actions: np.ndarray, width: float) -> np.ndarray:
 def demonstrations(
     environments: CutVecEnv, make_script: Callable[[], Policy], *, decisions: int, noise: float, seed: int
 ) -> Demonstrations:
-    """``decisions`` in all; ``noise`` is the standard deviation of what is added to the actions in every other cut."""
+    """Record ``decisions`` in all; noise of standard deviation ``noise`` is added to the actions in every other cut."""
     rng = np.random.default_rng(seed)
     count = environments.num_envs
     scripts = [make_script() for _ in range(count)]
@@ -132,20 +132,20 @@ def demonstrations(
 
 
 class Cloning:
-    """Fitting a network to what was taught by least squares, epoch after epoch.
+    """Least-squares training of a network on demonstrations, epoch after epoch.
 
-    An epoch's order depends on seed and number alone, so that an interrupted cloning goes on as if it had not been.
+    An epoch's order depends only on seed and number, so that an interrupted cloning continues without a difference.
 
     Parameters
     ----------
     network : callable
-        From what is shown to actions.
+        Network from features to actions.
     parameters : list of torch.nn.Parameter
-        Of the network, that are fitted.
+        Parameters of the network that are trained.
     lessons : Lessons or CutLessons
-        What is taught.
+        Data set of demonstrations.
     epochs, batch_size, learning_rate, seed
-        The rate falls along half a cosine to zero.
+        Hyperparameters; the learning rate falls along half a cosine to zero.
     """
 
     def __init__(
@@ -163,10 +163,10 @@ class Cloning:
         self._epochs, self._batch_size, self._rate, self._seed = epochs, batch_size, learning_rate, seed
         self.optimizer = torch.optim.Adam(parameters, lr=learning_rate)
         self.epoch = 0
-        """How many are done."""
+        """Number of epochs done."""
 
     def go_on(self) -> None:
-        """One epoch."""
+        """Train for one epoch."""
         generator = torch.Generator().manual_seed(1000 * self._seed + self.epoch)
         per_epoch = self._lessons.count(self._batch_size)
         for k, batch in enumerate(self._lessons.batches(self._batch_size, generator)):
@@ -180,7 +180,7 @@ class Cloning:
         self.epoch += 1
 
     def error(self) -> float:
-        """Root of the mean squared difference between the network's actions and the taught ones."""
+        """Return the root mean square difference between the network's actions and the targets."""
         total = counted = 0.0
         with torch.no_grad():
             for batch in self._lessons.batches(self._batch_size, torch.Generator().manual_seed(0)):
@@ -203,7 +203,7 @@ def clone(
     learning_rate: float = 2e-3,
     seed: int = 0,
 ) -> float:
-    """Clone all at once, see :class:`Cloning`; return the root of the mean squared error."""
+    """Run all epochs, see :class:`Cloning`; return the root mean square error."""
     cloning = Cloning(
         network, parameters, lessons, epochs=epochs, batch_size=batch_size, learning_rate=learning_rate, seed=seed
     )

@@ -1,6 +1,6 @@
 """Compare a trained agent with every baseline on held-out specimens, and report: tables, CSV files, picture and page.
 
-python agents/compare.py runs/NAME         once more for a finished run
+python agents/compare.py runs/NAME         again for a finished run
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def compare(
 ) -> None:
     """Evaluate the agent of a run beside all baselines; write and print the scores, draw a cut, write the page.
 
-    ``facts`` is what ``run.json`` holds; everything is written into ``run``.  ``baselines_of`` is another run on the
-    same specimens, whose baselines are taken over instead of being run again: they cut the same.
+    ``facts`` is the content of ``run.json``; everything is written into ``run``.  ``baselines_of`` is another run on
+    the same specimens, whose baseline results are reused: the baselines cut the same.
     """
     arguments, agent = facts["arguments"], facts["agent"]
     learned = {agent: run / "policy"}
@@ -56,7 +56,7 @@ def compare(
     contestants = {
         **{name: contestant(str(folder)) for name, folder in learned.items()},
         **{name: Contestant(make()) for name, make in BASELINES.items()},
-        "random": Contestant(RandomAction(), rate),  # as often as the agent: rarer changes go further
+        "random": Contestant(RandomAction(), rate),  # at the agent's rate: rarer changes move the blade further
     }
     own = {name: one for name, one in contestants.items() if baselines_of is None or name in learned}
     rows = evaluate(own, seeds, shared, processes=processes)
@@ -109,7 +109,7 @@ def compare(
 
 
 def known_rows(path: Path, policies: Sequence[str], seeds: Sequence[int]) -> list[dict[str, Any]]:
-    """Rows of another comparison; SystemExit unless they are of the same specimens."""
+    """Return the rows of another comparison; SystemExit unless they are for the same specimens."""
     with path.open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["policy"] in policies]
     result: list[dict[str, Any]] = [
@@ -123,14 +123,14 @@ def known_rows(path: Path, policies: Sequence[str], seeds: Sequence[int]) -> lis
 
 
 def typical(rows: Sequence[Mapping[str, Any]], seeds: Sequence[int], agent: str) -> int:
-    """The specimen on which the agent's return is its median: neither a show-piece nor an accident."""
+    """Return the specimen on which the agent has its median return: neither the best nor an accident."""
     own = sorted((row["return"], row["seed"]) for row in rows if row["policy"] == agent)
     assert len(own) == len(seeds)
     return int(own[len(own) // 2][1])
 
 
 def picture(name: str, one: Contestant, seed: int, shared: Mapping[str, Any]) -> CutPicture:
-    """A cut of a specimen, to be drawn."""
+    """Return a cut of a specimen for drawing."""
     env = gymnasium.make(ENVIRONMENT, **{**shared, **one.arguments})
     scores, readings = run_cut(env, one.policy, seed)
     unwrapped: Any = env.unwrapped
@@ -145,7 +145,7 @@ def picture(name: str, one: Contestant, seed: int, shared: Mapping[str, Any]) ->
 
 
 def grid_rows(summary: Sequence[Mapping[str, Any]]) -> list[dict[str, float]]:
-    """Return and success of every constant feed."""
+    """Return return and success of every constant feed."""
     values = {(row["policy"], row["score"]): row for row in summary}
     return [
         {
@@ -159,7 +159,7 @@ def grid_rows(summary: Sequence[Mapping[str, Any]]) -> list[dict[str, float]]:
 
 
 def shown_facts(facts: Mapping[str, Any]) -> dict[str, str]:
-    """What a reader of the page wants to know of a run."""
+    """Return the facts about a run that are shown on its page."""
     arguments = facts["arguments"]
     result = {
         "specimen class": arguments["specimen_class"],
@@ -183,7 +183,7 @@ def shown_facts(facts: Mapping[str, Any]) -> dict[str, str]:
 
 
 def read_rows(path: Path) -> list[dict[str, float]]:
-    """Rows of numbers from a CSV file; an empty cell is an absent number."""
+    """Return rows of numbers from a CSV file; an empty cell is a missing number."""
     if not path.is_file():
         return []
     with path.open(encoding="utf-8") as file:
@@ -191,7 +191,7 @@ def read_rows(path: Path) -> list[dict[str, float]]:
 
 
 def main() -> None:
-    """The command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("run", type=Path, metavar="RUN", help="folder of a finished run")
     parser.add_argument("--processes", type=int, help="side by side; default one per core")

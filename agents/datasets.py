@@ -1,4 +1,4 @@
-"""Record cuts as a Minari data set with the force in newtons: of a script, a trained agent or a person.
+"""Record cuts as a Minari data set with the force in newtons: by a script, a trained agent or a person.
 
     python agents/datasets.py --dataset cutenv/probe-v0 --policy "probe and creep" --cuts 100
     python agents/datasets.py --dataset cutenv/agent-v0 --policy ppo-free
@@ -7,9 +7,9 @@
 A policy is named as in agents/evaluate.py; records are those of ``cutenv play`` or of a rig (``cutenv.recording``).
 The data set lies where Minari keeps them, MINARI_DATASETS_PATH or ~/.minari/datasets; nothing is downloaded.
 
-``minari.load_dataset(id)`` gives it back, and ``recover_environment()`` the environment; reset there with an episode's
-seed, a simulated cut's actions earn the recorded rewards again.  ``agents/bc.py --dataset ID`` clones what it shows;
-:func:`lessons` makes of it what a clone is taught.
+``minari.load_dataset(id)`` loads it, and ``recover_environment()`` the environment; after a reset with an episode's
+seed, a simulated cut's actions give exactly the recorded rewards.  ``agents/bc.py --dataset ID`` clones its policy;
+:func:`lessons` converts it into inputs and targets for cloning.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ if TYPE_CHECKING:
 
 ACTIONS = ("target speed / 2.54 cm/s", "(target angle - 67.5 deg) / 22.5 deg")
 _ID = re.compile(r"([-\w]+/)*[-\w]+-v\d+")
-_NOT_TOLD = "`(author|author_email|code_permalink|eval_env)` is set to None"  # Minari warns of each
+_NOT_TOLD = "`(author|author_email|code_permalink|eval_env)` is set to None"  # Minari warns about each
 
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments:
-    """What a data set depends on; every field is an option of the command line."""
+    """Arguments for a data set; every field is an option of the command line."""
 
     dataset: str = option("", "its id, such as cutenv/probe-and-creep-v0")
     policy: str = option("", "baseline, shipped policy, or folder of a trained one that cuts")
@@ -75,12 +75,12 @@ class Arguments:
 
     @property
     def environment(self) -> dict[str, Any]:
-        """Keywords of the environment."""
+        """Return the keyword arguments of the environment."""
         return {name: getattr(self, name) for name in ("specimen_class", "angle_mode", "control_hz")}
 
 
 def of_policy(arguments: Arguments) -> tuple[dict[str, Any], list[Demonstration]]:
-    """Keywords of the environment, and a policy's cuts in it."""
+    """Return the keyword arguments of the environment, and a policy's cuts in it."""
     chosen = contestant(arguments.policy)
     keywords = arguments.environment | dict(chosen.arguments)
     env = gymnasium.make(ENVIRONMENT, **keywords)
@@ -89,12 +89,12 @@ def of_policy(arguments: Arguments) -> tuple[dict[str, Any], list[Demonstration]
 
 
 def of_records(arguments: Arguments) -> tuple[dict[str, Any], list[Demonstration]]:
-    """Keywords of the environment that assesses as these were assessed, and the recorded cuts.
+    """Return the keyword arguments of an environment that would assess the cuts likewise, and the recorded cuts.
 
     Raises
     ------
     ValueError
-        If a record lacks what is needed; names file, cut and field.
+        If a record lacks what is needed; the message names file, cut and field.
     """
     target = arguments.target_mm / 1e3 if arguments.target_mm else None
     found = []
@@ -117,13 +117,13 @@ def write(
     Parameters
     ----------
     dataset_id : str
-        With a version, such as ``cutenv/probe-and-creep-v0``.
+        Id with a version, such as ``cutenv/probe-and-creep-v0``.
     source : str
-        Who cut, for people.
+        Who made the cuts, for people.
     keywords : dict
-        Of the environment.
+        Keyword arguments of the environment.
     demonstrations : sequence of Demonstration
-        At least one, all of policies or all of records.
+        At least one, all by policies or all recorded.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def write(
 
 
 def opened(dataset_id: str) -> MinariDataset:
-    """A data set that lies on this machine.
+    """Open a data set on this machine.
 
     Raises
     ------
@@ -195,12 +195,12 @@ def opened(dataset_id: str) -> MinariDataset:
 
 
 def environment_of(dataset: MinariDataset) -> dict[str, Any]:
-    """What the actions of a data set mean: ``control_hz``, ``angle_mode`` and a fixed angle of its environment.
+    """Return what the actions of a data set assume: ``control_hz``, ``angle_mode`` and a fixed angle.
 
     Raises
     ------
     ValueError
-        If it tells no environment of this package.
+        If it does not belong to an environment of this package.
     """
     spec = dataset.env_spec
     if spec is None or spec.id != ENVIRONMENT:
@@ -217,12 +217,12 @@ def environment_of(dataset: MinariDataset) -> dict[str, Any]:
 def lessons(
     dataset: MinariDataset, *, history: int, dead_zone: float, force: bool = True
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What a clone is taught by a data set: features, shape (n, size), and actions before the dead zone, shape (n, 2).
+    """Convert a data set for cloning: features, shape (n, size), and actions before the dead zone, shape (n, 2).
 
     Parameters
     ----------
     dataset : minari.MinariDataset
-        Of an environment with this package's observation; ``filter_episodes`` chooses some cuts.
+        Data set with this package's observation; ``filter_episodes`` selects some cuts.
     history, force
         See :class:`cutenv.policy.Features`.
     dead_zone : float
@@ -231,7 +231,7 @@ def lessons(
     Raises
     ------
     ValueError
-        If its observations are not those of cutenv, or it holds no decision.
+        If its observations are not those of cutenv, or it contains no decision.
     """
     cuts = list(lessons_by_cut(dataset, history=history, dead_zone=dead_zone, force=force))
     if not cuts:
@@ -243,8 +243,8 @@ def lessons(
 def lessons_by_cut(
     dataset: MinariDataset, *, history: int, dead_zone: float, force: bool = True
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """:func:`lessons` of every cut by itself, for a network that remembers."""
-    from cloning import before_dead_zone  # brings torch, which recording does not need
+    """Yield :func:`lessons` for every cut by itself, for a recurrent network."""
+    from cloning import before_dead_zone  # imports torch, which recording does not need
 
     if dataset.observation_space.shape != (len(COMPONENTS),):
         raise ValueError(
@@ -268,7 +268,7 @@ def _check_free(dataset_id: str) -> Path:
 
 
 def main() -> None:
-    """Record, and tell what was recorded."""
+    """Record, and print a summary."""
     try:
         arguments = parse(Arguments, __doc__)
         folder = _check_free(arguments.dataset)

@@ -1,8 +1,8 @@
-"""One cut as a data set holds it, decision after decision: a policy's in the simulator, or a person's as recorded.
+"""One cut for a data set, decision after decision: by a policy in the simulator, or a person's as recorded.
 
-A person commands no speed.  What stands for the action is what the blade did until the next decision, its mean speed
-and its angle at the end, for that is what a rig that holds position can be told to do; the reward is the one that a
-rig assesses, from estimates of the tip.
+A person commands no speed.  The action is reconstructed from the motion of the blade until the next decision, its
+mean speed and its final angle, because that is what a rig that holds position can be commanded; the reward is computed
+as on a rig, from the estimated tip.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ FELT = {
     "depth_m": "of cut at the blade, as measured beforehand",
     "is_success": "1 where the cut has ended well",
 }
-"""What the infos of every data set hold at every observation, the first included."""
+"""Info quantities of every data set, at every observation, the first included."""
 HIDDEN = {
     "tip_m": "crack tip, which only the simulator knows",
     "true_force_N": "on the blade at the decision, without noise, resolution and delay of the sensor",
 }
-"""And those of a simulated cut."""
+"""Additional info quantities of a simulated cut."""
 ESTIMATED = {"tip_estimate_m": "crack tip, as a rig estimates it from the force"}
-"""And those of a recorded one."""
+"""Additional info quantities of a recorded cut."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,18 +53,18 @@ class Demonstration:
     Attributes
     ----------
     observations : ndarray of shape (n + 1, 12), float32
-        As the environment showed them, or would have.
+        Observations as the environment returned them, or would have.
     actions : ndarray of shape (n, 2), float32
-        In [-1, 1].
+        Actions in [-1, 1].
     rewards : ndarray of shape (n,)
     terminated : bool
-        Whether the cut came to one of the task's ends; else the record ended before.
+        True if the cut reached one of the task's ends; False if the record ended before.
     infos : dict of ndarray of shape (n + 1,)
         :data:`FELT` and :data:`HIDDEN` or :data:`ESTIMATED`, the unit in the name.
     seed : int or None
-        With which the environment's ``reset`` lays the same specimen there; None for a recorded cut.
+        Seed with which the environment's ``reset`` gives the same specimen; None for a recorded cut.
     about : dict
-        Facts about this cut: target length, and the record's own.
+        Facts about this cut: target length, and the record's metadata.
     """
 
     observations: np.ndarray
@@ -77,7 +77,7 @@ class Demonstration:
 
 
 def simulated(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Demonstration:
-    """A policy's cut of the specimen of ``seed``."""
+    """Record a policy's cut of the specimen of ``seed``."""
     observation, info = env.reset(seed=seed)
     policy.reset(np.random.default_rng(seed))
     cutting = env.unwrapped.cutting  # type: ignore[attr-defined]
@@ -102,23 +102,23 @@ def simulated(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Demons
 def recorded(
     trace: Trace, *, control_hz: int, target_length: float | None = None, deadline: float = 30.0
 ) -> Demonstration:
-    """A person's or a rig's recorded cut.
+    """Convert a person's or a rig's recorded cut.
 
     Parameters
     ----------
     trace : Trace
-        With force in newtons, position, angle and depth, from the clamp on.
+        Record with force in newtons, position, angle and depth, from the clamp on.
     control_hz : int
-        Decisions a second; divides 1000.
+        Number of decisions per second; must divide 1000.
     target_length : float, optional
-        Aimed at [m], where the record has no ``target_length_m`` of its own.
+        Length aimed at [m], if the record has no ``target_length_m``.
     deadline : float
-        For the cut [s].
+        Time limit for the cut [s].
 
     Raises
     ------
     ValueError
-        If the record lacks what an observation is made of (named), has too few readings, or no target is known.
+        If the record lacks a field for the observation (the message names it), has too few readings, or has no target.
     """
     plant = ReplayPlant(trace)
     ticks, readings = round(1.0 / (TICK * control_hz)), plant.readings
@@ -151,7 +151,7 @@ def recorded(
 
 
 def _task(plant: ReplayPlant, target_length: float | None, deadline: float, ticks: int) -> GentleCutting:
-    """The environment's task with ``reward_from="estimate"``, on a record."""
+    """Make the environment's task with ``reward_from="estimate"`` for a record."""
     if target_length is None:
         raise ValueError("the record tells no target_length_m, which observation and reward need. Give --target-mm.")
     tissue = measured_liver()
@@ -169,12 +169,12 @@ def _task(plant: ReplayPlant, target_length: float | None, deadline: float, tick
 
 
 def _at_rest(cutting: GentleCutting, angle: float) -> dict[str, float]:
-    """:data:`FELT` before anything was felt: at rest at the clamp, the force tared."""
+    """Return :data:`FELT` before the first reading: at rest at the clamp, the force tared."""
     return dict.fromkeys(FELT, 0.0) | {"angle_deg": math.degrees(angle), "depth_m": float(cutting.plant.depth[0])}
 
 
 def _felt(cutting: GentleCutting) -> dict[str, float]:
-    """:data:`FELT` after a decision."""
+    """Return :data:`FELT` after a decision."""
     readings = cutting.readings
     assert readings is not None  # a decision was made
     force, last = readings["force"], readings[-1]

@@ -44,20 +44,20 @@ TEST_SEEDS = range(2_000_000, 3_000_000)
 """Seeds of environments; a specimen is keyed by seed and episode, so disjoint seeds are disjoint specimens."""
 
 SHOWN = ("return", "success", "tip_error_mm", "peak_force_N", "largest_jump_mm", "time_s")
-_CHUNK = 10  # cuts that a process is given at once
-_SIDE_BY_SIDE = 100  # of a trained policy, which makes them together
+_CHUNK = 10  # cuts that a process gets at once
+_SIDE_BY_SIDE = 100  # the same for a trained policy, which makes them in a batch
 
 
 @dataclass(frozen=True)
 class Contestant:
-    """A policy and the environment arguments that it needs (its decision rate, say)."""
+    """A policy and the environment arguments that it needs (for example its decision rate)."""
 
     policy: Policy
     arguments: Mapping[str, Any] = field(default_factory=dict)
 
 
 def finished_cut(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> FinishedCut:
-    """One episode."""
+    """Run one episode."""
     observation, _ = env.reset(seed=seed)
     policy.reset(np.random.default_rng(seed))
     unwrapped: Any = env.unwrapped
@@ -84,13 +84,13 @@ def finished_cut(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Fin
 
 
 def run_cut(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> tuple[dict[str, Any], np.ndarray]:
-    """One episode: its scores, and every reading at 1 kHz (hidden tip included), shape (n,)."""
+    """Run one episode; return its scores, and every reading at 1 kHz (hidden tip included), shape (n,)."""
     cut = finished_cut(env, policy, seed)
     return cut.scores(), cut.readings
 
 
 def _end_with_parent() -> None:
-    """A worker whose parent was killed would wait for work for ever."""
+    """End this worker with its parent: otherwise it would wait for work for ever if the parent was killed."""
 
     def watch() -> None:
         parent = multiprocessing.parent_process()
@@ -102,14 +102,14 @@ def _end_with_parent() -> None:
 
 
 def _begin_worker() -> None:
-    """One core each: the processes are as many as the cores."""
+    """Limit a worker to one core: there are as many processes as cores."""
     set_cores(1)
     _end_with_parent()
 
 
 @contextlib.contextmanager
 def workers(processes: int | None = None) -> Iterator[Executor]:
-    """Processes to evaluate in, by default one per core; what is left to do is dropped where an error ends it."""
+    """Yield processes for evaluation, by default one per core; pending work is dropped after an error."""
     # Fresh processes: a fork of one that runs threads (torch, Numba) may hang.
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(processes or os.cpu_count(), context, initializer=_begin_worker) as pool:
@@ -146,10 +146,10 @@ def evaluate(
     metrics: bool = False,
     pool: Executor | None = None,
 ) -> list[dict[str, Any]]:
-    """Scores of every contestant on every seed, one row a cut, in order; all meet the same specimens.
+    """Return the scores of every contestant on every seed, one row per cut, in order; all cut the same specimens.
 
-    ``arguments`` are keywords of the environment; ``processes`` run side by side, by default one per core, or those of
-    the ``pool`` of :func:`workers`.  With ``metrics`` the score card's are added.
+    ``arguments`` are keyword arguments of the environment; ``processes`` run in parallel, by default one per core, or
+    those of the ``pool`` from :func:`workers`.  With ``metrics`` the score card's are added.
     """
     with contextlib.ExitStack() as stack:
         pool = stack.enter_context(workers(processes)) if pool is None else pool
@@ -165,7 +165,7 @@ def evaluate(
 
 
 def mean_with_interval(values: Iterable[float]) -> dict[str, float]:
-    """Mean and 95 % interval (normal, 1.96 standard errors) of independent values."""
+    """Return mean and 95 % interval (normal, 1.96 standard errors) of independent values."""
     x = np.array(list(values), dtype=float)
     error = 1.96 * x.std(ddof=1) / math.sqrt(len(x)) if len(x) > 1 else math.nan
     return {
@@ -177,7 +177,7 @@ def mean_with_interval(values: Iterable[float]) -> dict[str, float]:
 
 
 def by_policy(rows: Iterable[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
-    """Rows of each policy, in order of appearance."""
+    """Return the rows of each policy, in order of appearance."""
     result: dict[str, list[Mapping[str, Any]]] = {}
     for row in rows:
         result.setdefault(row["policy"], []).append(row)
@@ -185,7 +185,7 @@ def by_policy(rows: Iterable[Mapping[str, Any]]) -> dict[str, list[Mapping[str, 
 
 
 def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Mean and 95 % interval of every numeric score for each policy."""
+    """Return mean and 95 % interval of every numeric score for each policy."""
     return [
         {"policy": policy, "score": score, **mean_with_interval(float(row[score]) for row in own)}
         for policy, own in by_policy(rows).items()
@@ -197,7 +197,7 @@ def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
 def differences(
     rows: Iterable[Mapping[str, Any]], policy: str, scores: Sequence[str] = ("return", "success")
 ) -> list[dict[str, Any]]:
-    """Paired differences of ``policy`` from every other on the same specimens, with 95 % intervals."""
+    """Return paired differences of ``policy`` from every other on the same specimens, with 95 % intervals."""
     each = by_policy(rows)
     own = {row["seed"]: row for row in each[policy]}
     return [
@@ -214,13 +214,13 @@ def differences(
 
 
 def best_script(summary: Iterable[Mapping[str, Any]], candidates: Iterable[str]) -> str:
-    """The candidate with the highest mean return."""
+    """Return the candidate with the highest mean return."""
     returns = {row["policy"]: row["mean"] for row in summary if row["score"] == "return"}
     return max((name for name in candidates if name in returns), key=returns.__getitem__)
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows to a CSV file, all at once: never half a file under the final name."""
+    """Write rows to a CSV file atomically: never half a file under the final name."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     with replacing(path) as part, part.open("w", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=names, restval="")
@@ -253,7 +253,7 @@ def print_differences(rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def contestant(name: str) -> Contestant:
-    """The baseline or shipped policy of that name, or the one in that folder; an error names what there is."""
+    """Return the baseline or shipped policy of that name, or the one in that folder; raise with a list otherwise."""
     if name in BASELINES:
         return Contestant(BASELINES[name]())
     if name in SHIPPED or Path(name).is_dir():
@@ -266,7 +266,7 @@ def contestant(name: str) -> Contestant:
 
 
 def main() -> None:
-    """The command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("policies", nargs="*", metavar="POLICY", help="baseline, folder of a trained policy, or all")
     parser.add_argument("--list", action="store_true", help="print the names of the baselines")

@@ -1,4 +1,4 @@
-"""A cut that is over: every reading of it, and every score that is made of them."""
+"""A finished cut: all its readings, and all scores computed from them."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ class FinishedCut:
     Parameters
     ----------
     seed : int
-        Of the environment, whose first episode it was.
+        Seed of the environment, whose first episode it was.
     end : str
-        Why it ended.
+        Reason why it ended.
     success : bool
-        Whether it succeeded.
+        True if it succeeded.
     truth : mapping
         ``info["truth"]`` at the end.
     reward_totals : mapping of str to float
-        Every term of the reward, added up.
+        Every term of the reward, summed over the cut.
     over_limit_N : float
-        Largest force above the limit.
+        Largest force above the limit [N].
     readings : Records
-        At 1 kHz, :data:`cutenv.cutting.records.READING`, shape (n,); hidden tip included.
+        Readings at 1 kHz, :data:`cutenv.cutting.records.READING`, shape (n,); hidden tip included.
     depth, resistance : array, shape (301,)
-        Of the specimen along the line [m], [J/m2].
+        Depth [m] and fracture resistance [J/m2] of the specimen along the line.
     """
 
     seed: int
@@ -52,7 +52,7 @@ class FinishedCut:
     resistance: np.ndarray
 
     def scores(self) -> dict[str, Any]:
-        """What the task and the simulator know of it."""
+        """Return the scores by the task and the simulator."""
         truth, readings = self.truth, self.readings
         beyond = truth["tip_m"] - truth["target_length_m"]
         return {
@@ -75,7 +75,7 @@ class FinishedCut:
         }
 
     def metrics(self) -> dict[str, float | str]:
-        """Every metric of the score card, by :func:`metric_column`; one that cannot be had is an empty cell."""
+        """Return every metric of the score card, by :func:`metric_column`; an unavailable one is an empty cell."""
         readings = self.readings
         along = SPACING * np.arange(len(self.depth))
         trace = Trace(
@@ -95,7 +95,7 @@ class FinishedCut:
 
 
 def metric_column(name: str) -> str:
-    """The column of a metric of the score card, with its unit: ``metric_peak_force_N``."""
+    """Return the column of a metric of the score card, with its unit: ``metric_peak_force_N``."""
     unit = METRICS[name].unit.replace("F", "N")
     suffix = "" if unit == "1" else "_" + unit.replace("/", "_per_").replace(" ", "_")
     return METRIC_PREFIX + name + suffix

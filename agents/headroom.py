@@ -1,11 +1,11 @@
-"""What there is to learn: every baseline on 500 specimens of each class, with the rewards as drafted and as they are.
+"""Baseline table before training: every baseline on 500 specimens of each class, with drafted and final rewards.
 
     python agents/headroom.py                      half an hour on 2 cores; writes runs/headroom/
     python agents/headroom.py --print              prints what is in runs/headroom/
 
-The draft is printed beside because it was found wanting, and corrected before any agent was trained: see
-:data:`cutenv.task.weights.DRAFT`.  Nobody's cuts depend on the reward but the planner's that knows the truth; in class
-mixed, where the draft was judged, it plans anew for either; everything else is paid by either for the same cuts.
+The draft is printed too because it was found wanting, and corrected before any agent was trained: see
+:data:`cutenv.task.weights.DRAFT`.  Only the cuts of the planner that knows the truth depend on the reward; in class
+mixed, for which the draft was judged, it plans for each; all other cuts are only rewarded twice.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ DEADLINE = 30.0  # [s]
 
 
 def repaid(row: Mapping[str, Any], weights: RewardWeights) -> float:
-    """Return of a cut under other weights, from its terms under the present ones, none of which may be zero."""
+    """Return the return of a cut under other weights, from its terms under the present ones, all non-zero."""
     present, total = dataclasses.asdict(RewardWeights()), float(row["reward_progress"])
     for name, weight in dataclasses.asdict(weights).items():
         total += float(row[f"reward_{name}"]) * weight / present[name]
@@ -42,7 +42,7 @@ def repaid(row: Mapping[str, Any], weights: RewardWeights) -> float:
 
 
 def measure(specimen_class: str, specimens: int, processes: int | None) -> list[dict[str, Any]]:
-    """One row a cut: its scores, ``return`` as it is and ``draft_return`` as drafted."""
+    """Return one row per cut: its scores, with ``return`` for the final and ``draft_return`` for the drafted reward."""
     seeds, shared = TEST_SEEDS[:specimens], {"specimen_class": specimen_class}
     contestants = {name: Contestant(make()) for name, make in BASELINES.items()}
     rows = evaluate(contestants, seeds, shared, processes=processes, description=specimen_class)
@@ -62,17 +62,17 @@ def measure(specimen_class: str, specimens: int, processes: int | None) -> list[
 
 
 def table(rows: Sequence[Mapping[str, Any]], score: str) -> dict[str, Mapping[str, Any]]:
-    """Mean and interval of a score, by policy."""
+    """Return mean and interval of a score, by policy."""
     return {row["policy"]: row for row in summarise(rows) if row["score"] == score}
 
 
 def best(values: Mapping[str, Mapping[str, Any]], names: Sequence[str]) -> str:
-    """The name with the highest mean."""
+    """Return the name with the highest mean."""
     return max(names, key=lambda name: values[name]["mean"])
 
 
 def findings(rows: Sequence[Mapping[str, Any]], score: str) -> list[str]:
-    """What the task must show, and whether it does."""
+    """Return the properties that the task must show, and whether it does."""
     values = table(rows, score)
     constant, script = best(values, list(GRID)), best(values, [*GRID, *SCRIPTS])
     lead = next(
@@ -98,7 +98,7 @@ def findings(rows: Sequence[Mapping[str, Any]], score: str) -> list[str]:
 
 
 def grid_lines(values: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Speed x angle grid of mean returns."""
+    """Return the speed x angle grid of mean returns as lines of text."""
     lines = ["constant feed [cm/s]".ljust(22) + "".join(f"{speed:9.2f}" for speed in GRID_SPEEDS)]
     for angle in GRID_ANGLES:
         cells = [values[feed_name(speed, angle)]["mean"] for speed in GRID_SPEEDS]
@@ -107,7 +107,7 @@ def grid_lines(values: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def report(rows: Sequence[Mapping[str, Any]], specimen_class: str) -> str:
-    """The tables of one class as text."""
+    """Return the tables of one class as text."""
     cuts = len({row["seed"] for row in rows})
     lines = [f"class {specimen_class}, {cuts} specimens, mean [95 % interval]", ""]
     columns = {"return": "return", "draft_return": "as drafted", "success": "success", "tip_error_mm": "tip error [mm]"}
@@ -125,7 +125,7 @@ def report(rows: Sequence[Mapping[str, Any]], specimen_class: str) -> str:
 
 
 def kept(folder: Path, specimen_class: str) -> list[dict[str, Any]]:
-    """The rows of an earlier measurement; SystemExit where there is none."""
+    """Return the rows of an earlier measurement; SystemExit if there is none."""
     path = folder / f"{specimen_class}.csv"
     if not path.is_file():
         raise SystemExit(f"{path} is missing; run 'python agents/headroom.py' first.")
@@ -138,7 +138,7 @@ def kept(folder: Path, specimen_class: str) -> list[dict[str, Any]]:
 
 
 def main() -> None:
-    """The command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--specimens", type=int, default=500, help="of each class (default 500)")
     parser.add_argument("--classes", nargs="+", choices=CLASSES, default=list(CLASSES), help="default all")

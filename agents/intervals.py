@@ -2,10 +2,10 @@
 
 *Deep Reinforcement Learning at the Edge of the Statistical Precipice*, NeurIPS 2021.  A score of an agent is an array
 of shape (training runs, specimens) for each stratum, a class of specimens.  A resample draws training runs and, crossed
-with them, specimens within each stratum, all with replacement; a script has one run.  Other than tasks in rliable,
-which have runs of their own, strata share theirs: one run is one and the same agent in all of them, and is drawn in all
-or in none.  The interquartile mean is that of the middle half of all cuts: outliers do not move it, and it wavers less
-than the median.  With three runs an interval of runs is narrow by chance at times; that is said where intervals are
+with them, specimens within each stratum, all with replacement; a script has one run.  Unlike tasks in rliable, which
+have separate runs, strata share theirs: one run is the same agent in all of them, and is drawn in all or in none.
+The interquartile mean is that of the middle half of all cuts: robust against outliers, and less variable than the
+median.  With three runs an interval over runs is sometimes too narrow by chance; this is stated where intervals are
 shown.
 """
 
@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_TRIM = 0.25  # from either end
-_TOGETHER = 100  # resamples at a time: what they need of memory
+_TRIM = 0.25  # cut off at either end
+_TOGETHER = 100  # resamples at a time, to limit memory
 
 
 @dataclass(frozen=True)
@@ -29,16 +29,16 @@ class Interval:
     high: float
 
     def holds(self, number: float) -> bool:
-        """Whether a number lies within."""
+        """Return True if a number is within the interval."""
         return self.low <= number <= self.high
 
     def meets(self, other: Interval) -> bool:
-        """Whether two intervals have a number in common."""
+        """Return True if two intervals overlap."""
         return self.low <= other.high and other.low <= self.high
 
 
 def interquartile_mean(values: np.ndarray) -> np.ndarray:
-    """Mean of the middle half along the last axis; a quarter of the count, rounded down, is cut off at either end."""
+    """Return the mean of the middle half along the last axis; a quarter, rounded down, is cut at either end."""
     count = values.shape[-1]
     cut = int(_TRIM * count)
     if cut == 0:
@@ -47,7 +47,7 @@ def interquartile_mean(values: np.ndarray) -> np.ndarray:
 
 
 def mean(values: np.ndarray) -> np.ndarray:
-    """Mean along the last axis, as :func:`interquartile_mean` is called; for shares, whose middle half tells little."""
+    """Return the mean along the last axis: a statistic for shares, whose middle half means little."""
     return values.mean(axis=-1)
 
 
@@ -59,20 +59,20 @@ def stratified(
     resamples: int = 2000,
     seed: int = 0,
 ) -> Interval:
-    """The statistic of all strata together, with its 95 % percentile interval.
+    """Compute the statistic of all strata together, with its 95 % percentile interval.
 
     Parameters
     ----------
     strata : sequence of array, shape (training runs, specimens) each
-        Finite numbers; the rows of all strata are the same runs.
+        Arrays of finite numbers; the rows of all strata are the same runs.
     statistic : callable
-        Along the last axis: :func:`interquartile_mean` or :func:`mean`.
+        Function along the last axis: :func:`interquartile_mean` or :func:`mean`.
     same_specimens : bool
-        Whether the columns of all strata belong together too, as where one seed draws a specimen of each class.
+        Whether the columns of all strata belong together too, as where one seed gives a specimen of each class.
     resamples : int
-        How many.
+        Number of bootstrap resamples.
     seed : int
-        Of the resampling; equal shapes are resampled equally.
+        Seed of the resampling; equal shapes are resampled equally.
 
     Raises
     ------
@@ -111,5 +111,5 @@ def stratified(
 
 
 def _draw(rng: np.random.Generator, resamples: int, size: int) -> np.ndarray:
-    """Members of each resample, drawn with replacement, shape (resamples, size)."""
+    """Return the members of each resample, drawn with replacement, shape (resamples, size)."""
     return rng.integers(size, size=(resamples, size))

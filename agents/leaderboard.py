@@ -1,8 +1,8 @@
-"""The table of the comparison as text for the README and as a page, both printed from summary.csv and sweeps.csv.
+"""The table of the comparison as text for the README and as a page, both generated from summary.csv and sweeps.csv.
 
 python agents/leaderboard.py                     the published table, of assets/benchmark
 python agents/leaderboard.py --page FILE         and as a page that opens without a network
-python agents/leaderboard.py runs/benchmark --publish    make another the published one
+python agents/leaderboard.py runs/benchmark --publish    make another comparison the published one
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ from cutenv.atomic import replacing
 from cutenv.policy import BOUND, IDLE, SCRIPTS
 
 PUBLISHED = Path(__file__).parents[1] / "assets" / "benchmark"
-"""The comparison that the README shows."""
+"""Folder of the comparison shown in the README."""
 _ORIGIN = "origin.json"
-_TABLES = ("protocol.json", "summary.csv", "sweeps.csv", _ORIGIN)  # all that text and page are printed from
+_TABLES = ("protocol.json", "summary.csv", "sweeps.csv", _ORIGIN)  # files from which text and page are generated
 _CUTS_KEPT = 10
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column of the table: which number of the summary, its heading, factor and digits."""
+    """One column of the table: score in the summary, heading, factor and digits."""
 
     score: str
     heading: str
@@ -64,7 +64,7 @@ COLUMNS = (
 
 
 class Table:
-    """The summary, asked by contestant, class, score and statistic."""
+    """The summary, indexed by contestant, class, score and statistic."""
 
     def __init__(self, lines: Sequence[Line], protocol: Protocol, sweeps: Sequence[dict[str, str]]) -> None:
         self.lines, self.protocol, self.sweeps = lines, protocol, sweeps
@@ -76,11 +76,11 @@ class Table:
         )
 
     def line(self, name: str, kind: str, score: str, statistic: str = "interquartile mean") -> Line | None:
-        """One number, if it is known."""
+        """Return one number of the summary, if it is known."""
         return self._by_key.get((name, kind, score, statistic))
 
     def shown(self, line: Line | None, factor: float = 1.0, digits: int = 2, sign: str = "") -> str:
-        """A number with its interval; a dash where there is none."""
+        """Format a number with its interval; a dash if there is none."""
         if line is None:
             return "–"
         value, low, high = (factor * number for number in (line.interval.value, line.interval.low, line.interval.high))
@@ -88,13 +88,13 @@ class Table:
 
     @property
     def script(self) -> str | None:
-        """The best script: what every difference but those of ablations is from."""
+        """Return the best script: all differences but those of ablations are from it."""
         scores = [line.score for line in self.lines if line.score.startswith("return minus ")]
         names = {score.removeprefix("return minus ") for score in scores} - {REFERENCE}
         return next(iter(names), None)
 
     def kind(self, name: str) -> str:
-        """What a contestant is."""
+        """Return the kind of a contestant."""
         if name in ENTRIES:
             return "ablation" if ENTRIES[name].change else "learned"
         if name == self.script:
@@ -102,11 +102,11 @@ class Table:
         return "upper bound: sees hidden state" if name == BOUND else "idle" if name in IDLE else "script"
 
     def difference(self, name: str, other: str, score: str = "return") -> Line | None:
-        """Paired, on the headline's specimens."""
+        """Return a paired difference on the headline's specimens."""
         return self.line(name, self.headline, f"{score} minus {other}", "mean")
 
     def main(self) -> tuple[list[str], list[list[str]]]:
-        """Heading and rows of the main table, the best return first."""
+        """Return heading and rows of the main table, the best return first."""
         difference = f"return minus {self.script or 'best script'}"
         columns = [column.heading for column in COLUMNS]
         heading = ["policy", "kind", columns[0], difference, *columns[1:], "training decisions", "training [min]"]
@@ -123,7 +123,7 @@ class Table:
         return heading, rows
 
     def verdicts(self) -> list[str]:
-        """Of every learned agent, one sentence."""
+        """Return one sentence about every learned agent."""
         sentences = []
         for name in self.contestants:
             found = self.difference(name, self.script or "")
@@ -133,7 +133,7 @@ class Table:
         return sentences
 
     def classes(self) -> tuple[list[str], list[list[str]]]:
-        """Return on every class of specimens."""
+        """Return a table of the return on every class of specimens."""
         kinds = [*self.protocol.classes, ALL]
         rows = [
             [name, *(self.shown(self.line(name, kind, "return"), digits=3) for kind in kinds)]
@@ -142,7 +142,7 @@ class Table:
         return ["policy", *kinds], rows
 
     def ablations(self) -> tuple[list[str], list[list[str]]]:
-        """What each ablation costs, paired by specimen and training seed."""
+        """Return a table of the cost of each ablation, paired by specimen and training seed."""
         rows = []
         for name, entry in ENTRIES.items():
             found = [self.difference(name, REFERENCE, score) for score in ("return", "success")]
@@ -152,7 +152,7 @@ class Table:
         return ["ablation", "agent", f"return minus {REFERENCE}", "success, percentage points"], rows
 
     def metrics(self) -> tuple[list[str], list[list[str]]]:
-        """Every metric of the score card."""
+        """Return a table of every metric of the score card."""
         names = metric_scores(self.lines)
         rows = []
         for score in names:
@@ -163,7 +163,7 @@ class Table:
         return ["metric", *self.contestants], rows
 
     def robustness(self) -> tuple[list[str], list[list[str]]]:
-        """Return with other constants, below that with those of training on the same specimens."""
+        """Return a table of the return with other constants, below that with training's on the same specimens."""
         names = [name for name in self.contestants if any(row["contestant"] == name for row in self.sweeps)]
         settings: dict[tuple[str, ...], dict[str, str]] = {}
         for row in self.sweeps:
@@ -180,13 +180,13 @@ class Table:
 
 
 def markdown_table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table."""
+    """Format a Markdown table."""
     lines = [heading, ["---"] * len(heading), *rows]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
 
 def markdown(folder: Path) -> str:
-    """The README's part: main table, verdicts, ablations, robustness."""
+    """Return the README's part: main table, verdicts, ablations, robustness."""
     table = read_table(folder)
     parts = [about(table), markdown_table(*table.main())]
     if table.verdicts():
@@ -202,7 +202,7 @@ def markdown(folder: Path) -> str:
 
 
 def earlier(environment: str) -> str:
-    """A sentence about a table that was made in another version of the environment; empty for the present one."""
+    """Return a sentence about a table from another version of the environment; empty for the present one."""
     if environment == ENVIRONMENT:
         return ""
     name = environment.partition("/")[2]
@@ -210,7 +210,7 @@ def earlier(environment: str) -> str:
 
 
 def about(table: Table) -> str:
-    """What the numbers are, in one paragraph."""
+    """Return a paragraph that explains the numbers."""
     p = table.protocol
     n = len(p.training_seeds)
     return (
@@ -225,15 +225,15 @@ def about(table: Table) -> str:
 
 
 def read_table(folder: Path) -> Table:
-    """The table of a comparison that was written before."""
+    """Read the table of a finished comparison."""
     return Table(read_summary(folder / "summary.csv"), kept_protocol(folder), rows_of(folder / "sweeps.csv"))
 
 
 def origin_of(folder: Path) -> dict[str, Any]:
-    """Commits and versions of the training runs, and some cuts one by one: from the runs, or as they were published.
+    """Return commits and versions of the training runs, and some single cuts: from the runs, or as published.
 
-    The cuts are a script's first ones, by seed: whoever cuts them again finds out whether the table is of the present
-    physics and reward.
+    The cuts are a script's first ones, by seed: repeating them shows whether the table belongs to the present physics
+    and reward.
     """
     if (folder / _ORIGIN).is_file():
         kept: dict[str, Any] = json.loads((folder / _ORIGIN).read_text())
@@ -268,7 +268,7 @@ def write_leaderboard(path: Path, folder: Path) -> None:
 
 
 def publish(folder: Path, to: Path = PUBLISHED) -> None:
-    """Keep of a comparison what text and page are printed from."""
+    """Copy the files of a comparison from which text and page are generated."""
     found = {name: (folder / name).read_bytes() for name in _TABLES if (folder / name).is_file()}
     found[_ORIGIN] = (json.dumps(origin_of(folder), indent=1) + "\n").encode()
     shutil.rmtree(to, ignore_errors=True)
@@ -279,7 +279,7 @@ def publish(folder: Path, to: Path = PUBLISHED) -> None:
 
 
 def main() -> None:
-    """The command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", nargs="?", type=Path, default=PUBLISHED, help="of the comparison")
     parser.add_argument("--page", type=Path, metavar="FILE", help="write the page there")

@@ -39,7 +39,7 @@ _NOT_SAID = (
 
 
 def write_page_of(path: Path, standings: Table, about: str, origin: Mapping[str, Any]) -> None:
-    """Write the page of a comparison; ``about`` says what the numbers are, ``origin`` what they were made with."""
+    """Write the page of a comparison; ``about`` explains the numbers, ``origin`` is their provenance."""
     sections = [
         Section("table", "Standings", joined(paragraph(about), _main(standings), _picture(standings))),
         Section("classes", "By class of specimens", _plain("Return, interquartile mean", *standings.classes())),
@@ -77,11 +77,11 @@ def _main(standings: Table) -> Html:
 
 
 def _cell(text: str) -> Html:
-    """A number, with its interval in small type."""
+    """Format a number, with its interval in small type."""
     number, _, interval = text.partition(" [")
     if not interval:
         return escaped(text)
-    number, interval = (part.replace("-", "\u2212") for part in (number, interval))  # as print sets it
+    number, interval = (part.replace("-", "\u2212") for part in (number, interval))  # minus signs as in print
     return Html(f'{escaped(number)} <span class="interval">[{escaped(interval)}</span>')
 
 

@@ -1,6 +1,6 @@
-"""Learning by trial with an on-policy algorithm of Stable-Baselines3: train, survive an interruption, export, compare.
+"""Reinforcement learning with an on-policy algorithm of Stable-Baselines3: train, resume, export, compare.
 
-Shared by ppo.py and recurrent_ppo.py, which say what the networks are and how they are taught before they try.
+Shared by ppo.py and recurrent_ppo.py, which define the networks and their pre-training.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ QUICK = {"timesteps": 400_000, "validations": 4, "validation_specimens": 50, "sp
 
 @dataclass(frozen=True, kw_only=True)
 class TrialArguments(AgentArguments):
-    """What a run of learning by trial depends on; every field is an option of the command line."""
+    """Arguments of a reinforcement learning run; every field is an option of the command line."""
 
     timesteps: int = option(8_000_000, "decisions to train for", resumable=True)
     history: int = option(0, "past decisions among the features")
@@ -48,56 +48,56 @@ class TrialArguments(AgentArguments):
 
     @classmethod
     def limits(cls) -> dict[str, tuple[float, float]]:
-        """What the numbers must lie within."""
+        """Return the admissible ranges of the numbers."""
         return super().limits() | {
             "timesteps": (1, 10**12),
             "rollout": (2, 10**6),
-            "batch_size": (2, 10**9),  # advantages are divided by their spread within it
+            "batch_size": (2, 10**9),  # advantages are divided by their standard deviation within it
             "epochs": (1, 10**6),
             "learning_rate": (1e-9, 1.0),
             "gamma": (0.0, 1.0),
             "gae_lambda": (0.0, 1.0),
             "averaging": (1e-6, 1.0),
             "critic_first": (0.0, 1.0),
-            "exploration": (1e-6, 10.0),  # its logarithm is what the policy holds
+            "exploration": (1e-6, 10.0),  # the policy holds its logarithm
             "last_exploration": (1e-6, 10.0),
         }
 
     @property
     def sizes(self) -> dict[str, int]:
-        """How many numbers actor and critic see, and how many units a layer has."""
+        """Return the input sizes of actor and critic, and the number of units in a layer."""
         features = feature_count(self.history)
         critic = features + (len(HIDDEN) if self.critic == "truth" else 0)
         return {"features": features, "critic": critic, "hidden": self.hidden}
 
 
 class FallingRate:
-    """A rate that falls linearly to a twentieth as training goes on; :class:`Progress` tells how far it is."""
+    """Learning rate that falls linearly to a twentieth over the training; :class:`Progress` updates it."""
 
     def __init__(self, rate: float) -> None:
         self.rate, self.share = rate, 0.0
 
     def __call__(self, remaining: float) -> float:
-        """The rate; SB3's share of decisions that remain does not know of minutes."""
+        """Return the rate; SB3's remaining share of decisions is ignored, as training may be limited by minutes."""
         return self.rate * (1.0 - 0.95 * self.share)
 
 
 @dataclass(frozen=True)
 class Learner:
-    """One algorithm: what ppo.py and recurrent_ppo.py differ in."""
+    """Definition of one algorithm: the differences between ppo.py and recurrent_ppo.py."""
 
     name: str
     algorithm: Any
     new_model: Callable[[Any, Any], Any]
-    """From arguments and environments to an untrained agent."""
+    """Function from arguments and environments to an untrained agent."""
     taught: Callable[[Any, Any], None]
-    """Teach a model's actor the demonstrated script, given the arguments."""
+    """Function that trains a model's actor to imitate the demonstrated script, given the arguments."""
     network: Callable[[Mapping[str, np.ndarray], str], Network | RecurrentNetwork]
-    """From the policy's parameters to the actor in NumPy."""
+    """Function from the policy's parameters to the actor in NumPy."""
 
 
 def common_keywords(arguments: TrialArguments) -> dict[str, Any]:
-    """What PPO and recurrent PPO of Stable-Baselines3 are both made with."""
+    """Return the keyword arguments shared by PPO and recurrent PPO of Stable-Baselines3."""
     return {
         "learning_rate": FallingRate(arguments.learning_rate),
         "n_steps": arguments.rollout,
@@ -112,9 +112,9 @@ def common_keywords(arguments: TrialArguments) -> dict[str, Any]:
 
 
 def train(learner: Learner, arguments: TrialArguments, run: Path, resume: bool) -> tuple[bool, float]:
-    """Train; return whether training came to its end, and the share of its time that the environments took."""
+    """Train; return whether training is complete, and the share of its time that the environments took."""
     begun = time.monotonic()
-    torch.set_num_threads(1)  # two pools of threads on two cores fight
+    torch.set_num_threads(1)  # two thread pools on two cores compete
     checkpoint = run / "checkpoint.zip"
     environments = arguments.environments_at(arguments.training_seeds)
     events = str(run / "tensorboard") if arguments.tensorboard else None
@@ -148,15 +148,15 @@ def train(learner: Learner, arguments: TrialArguments, run: Path, resume: bool) 
         whole = False
     share = (environments.seconds - spent) / (time.perf_counter() - trying)
     progress.save_checkpoint()
-    if whole and not (run / "policy.zip").is_file():  # ended before it was ever validated
+    if whole and not (run / "policy.zip").is_file():  # ended before the first validation
         save(model, run / "policy.zip")
     return whole, share
 
 
 def unseen_episode(model: Any) -> int:
-    """The first episode that none of a model's environments can have begun in training: each lasts a decision or more.
+    """Return the first episode that no environment of a model can have begun in training, as each lasts a decision.
 
-    The specimens that an interrupted run has cut would otherwise come again, from the first on.
+    Otherwise the specimens that an interrupted run has cut would come again, from the first on.
     """
     return 1 + int(model.num_timesteps) // int(model.n_envs)
 
@@ -170,7 +170,7 @@ def exported(learner: Learner, arguments: TrialArguments, run: Path, name: str, 
 
 
 def level_after(arguments: AgentArguments, curve: Sequence[Mapping[str, float]]) -> float | None:
-    """Seconds after which the agent did as well as the demonstrated script on validation specimens; None: never."""
+    """Return the time [s] until the agent matched the demonstrated script on validation specimens; None: never."""
     shared = {"specimen_class": arguments.specimen_class, **arguments.angle}
     several, seeds = {arguments.script: contestant(arguments.script)}, arguments.validation_seeds
     rows = evaluate(several, seeds, shared, description="script on validation specimens")
@@ -180,7 +180,7 @@ def level_after(arguments: AgentArguments, curve: Sequence[Mapping[str, float]])
 
 
 def main(learner: Learner, kind: type[TrialArguments], about: str | None, program: str) -> None:
-    """Train, export, evaluate, report; ``program`` is what the command line calls the agent's file."""
+    """Train, export, evaluate, report; ``program`` is the name of the agent's file on the command line."""
     arguments, run, resume = parse(kind, about, Path(program).stem.replace("_", "-"), QUICK)
     started = "python3 scripts/start.py train" if program == "ppo.py" else f"python agents/{program}"
     again = f"{started} --resume {run}"
@@ -188,7 +188,7 @@ def main(learner: Learner, kind: type[TrialArguments], about: str | None, progra
     begun = time.monotonic()
     try:
         whole, share = train(learner, arguments, run, resume)
-    except KeyboardInterrupt:  # before the trial, or a second time while it was being saved
+    except KeyboardInterrupt:  # before training, or a second time while it was being saved
         whole = False
     else:
         print(f"the environments took {100.0 * share:.0f} % of the time")

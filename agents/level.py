@@ -1,6 +1,6 @@
-"""After which time of its training an agent did as well as the script that it was shown, on validation specimens.
+"""Print the training time after which an agent matched the demonstrated script on validation specimens.
 
-python agents/level.py runs/NAME ...       of finished runs of ppo.py and recurrent_ppo.py; demonstrations count
+python agents/level.py runs/NAME ...       finished runs of ppo.py and recurrent_ppo.py; demonstrations count
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from learning import level_after
 
 
 def kept_arguments(run: Path) -> AgentArguments:
-    """What of a run's arguments every agent has; SystemExit where there is no run."""
+    """Return the arguments of a run that all agents share; SystemExit if there is no run."""
     path = run / "run.json"
     if not path.is_file():
         raise SystemExit(f"{path} is missing; give the folder of a finished run.")

@@ -1,4 +1,4 @@
-"""A dataclass of arguments as a command line: a field is an option, its default the option's, its help the meaning."""
+"""Command lines from dataclasses: a field is an option, its default the option's, its meaning the help text."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ _KINDS = {"str": str, "int": int, "float": float}
 
 
 def option(default: Any, meaning: str, choices: tuple[str, ...] | None = None, *, resumable: bool = False) -> Any:
-    """A field of the arguments that is an option of the command line; a tuple as default takes several texts.
+    """Declare a field that is an option of the command line; a tuple as default accepts several texts.
 
-    ``resumable`` are those that may be given anew when an interrupted run goes on.
+    Fields with ``resumable`` may be given again when an interrupted run is resumed.
     """
     return dataclasses.field(default=default, metadata={"help": meaning, "choices": choices, "resumable": resumable})
 
 
 def parse(kind: type[T], about: str | None) -> T:
-    """The arguments, of a frozen dataclass whose fields are :func:`option`, as the command line gives them."""
+    """Parse the command line into a frozen dataclass whose fields are :func:`option`."""
     parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
         flag, meaning, choices = "--" + field.name.replace("_", "-"), field.metadata["help"], field.metadata["choices"]

@@ -2,18 +2,18 @@
 
     python agents/ppo.py                     about 10 minutes on 2 cores; writes runs/<name>/
     python agents/ppo.py --quick             about two minutes
-    python agents/ppo.py --resume runs/NAME  goes on from the checkpoint of an interrupted run
+    python agents/ppo.py --resume runs/NAME  continues from the checkpoint of an interrupted run
 
-The agent decides 10 times a second: a cut is then some 80 decisions, 300 at most.  gamma = 1 has no horizon, for a cut
-ends by itself, and what it is scored by is the plain sum; with 0.995 progress made early is worth more, and the agent
-learns a haste that the reward does not ask for.  It sees features that a person would work out; its critic sees
-the hidden state too, which training needs and cutting does not.
+The agent decides 10 times a second: a cut takes some 80 decisions, 300 at most.  We use gamma = 1, because episodes end
+by themselves and the score is the plain sum of rewards; gamma = 0.995 would reward speed that the task does not ask
+for.  The agent's inputs are features that an engineer would compute; its critic also sees the hidden state (asymmetric
+actor-critic), which training needs and cutting does not.
 
-It starts as a clone of the best script and learns on by trial; for a while only the critic does, because one that knows
-nothing would spoil the clone.  Exploration is given and falls: a policy that may keep its noise leans on it.  What is
-tried on validation specimens, and kept where it does best, is the running average of the actor.
+It starts as a clone of the best script and continues by reinforcement learning; at first only the critic learns,
+because an untrained one would spoil the clone.  Exploration is scheduled and falls: a policy that may keep its noise
+comes to depend on it.  The running average of the actor is validated, and the best one is kept.
 
-What is worth changing, to see what it does: ``--angle-mode fixed``, ``--force unfelt``, ``--history 6``,
+Options worth changing to see their effect: ``--angle-mode fixed``, ``--force unfelt``, ``--history 6``,
 ``--critic features``.
 """
 
@@ -32,16 +32,16 @@ from cutenv.policy import BASELINES, Network
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments(TrialArguments):
-    """What a run depends on; every field is an option of the command line."""
+    """Arguments of a run; every field is an option of the command line."""
 
 
 def new_model(arguments: Arguments, environments: CutVecEnv) -> PPO:
-    """An untrained agent."""
+    """Make an untrained agent."""
     return PPO(SeeingCritic, environments, **common_keywords(arguments))
 
 
 def taught(model: PPO, arguments: Arguments) -> None:
-    """Teach the actor the demonstrated script."""
+    """Train the actor to imitate the demonstrated script."""
     shown = demonstrations(
         model.get_env(),
         BASELINES[arguments.script],

@@ -1,4 +1,4 @@
-"""What goes on while an agent trains: progress bar, learning curve, checkpoints, averaging, validation."""
+"""Training callback: progress bar, learning curve, checkpoints, weight averaging, validation."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def validate(model: Any, arguments: TrialArguments) -> tuple[float, float]:
-    """Mean return and success of the most likely actions on the validation specimens."""
+    """Return mean return and success of the most likely actions on the validation specimens."""
     seeds = arguments.validation_seeds
     environments = arguments.environments_at(seeds)
     observations = environments.reset()
@@ -42,16 +42,16 @@ def validate(model: Any, arguments: TrialArguments) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class Standing:
-    """What of an interrupted trial its model does not hold: the checkpoint keeps it beside the model.
+    """State of an interrupted training that its model does not contain; saved with the model in the checkpoint.
 
     Attributes
     ----------
     averages : list of ndarray
         Running average of the actor's parameters; empty before the first update.
     seconds : float
-        Of work so far, an earlier interruption included.
+        Time worked so far, before an interruption too [s].
     taught_seconds : float
-        Of them, those of the demonstration.
+        Part of it that went into the demonstration [s].
     """
 
     averages: list[np.ndarray]
@@ -60,26 +60,26 @@ class Standing:
 
     @classmethod
     def of(cls, model: Any) -> Standing | None:
-        """What a model was saved with; None for a checkpoint of an earlier version, which has no such part."""
+        """Return the state saved with a model; None for a checkpoint of an earlier version, which has none."""
         kept = getattr(model, "standing", None)
         return None if kept is None else cls(**kept)
 
 
 class Progress(BaseCallback):
-    """Progress bar, learning curve, checkpoints, and the best of them by validation.
+    """Callback that shows progress, writes the learning curve and checkpoints, and keeps the best by validation.
 
     Parameters
     ----------
     run : Path
-        The run's folder.
+        Folder of the run.
     arguments : TrialArguments
-        What it depends on.
+        Arguments of the run.
     curve : list of dict
-        The learning curve of an interrupted run, or nothing.
+        Learning curve of an interrupted run, or nothing.
     begun : float, optional
-        When the work began (``time.monotonic``); default now.
+        Time at which the work began (``time.monotonic``); default now.
     standing : Standing, optional
-        Of an interrupted run; without one, its time is told by the curve and the average begins anew.
+        State of an interrupted run; without one, its time is taken from the curve and the average begins anew.
     """
 
     def __init__(
@@ -93,28 +93,28 @@ class Progress(BaseCallback):
         super().__init__()
         self._run, self._arguments, self.curve = run, arguments, curve
         self._saved = time.monotonic()
-        told = [point.get("seconds", 0.0) for point in curve]  # all that an earlier version's checkpoint comes with
+        told = [point.get("seconds", 0.0) for point in curve]  # all that an earlier version's checkpoint has
         earlier = (told or [0.0])[-1] if standing is None else standing.seconds
         self._begun = (self._saved if begun is None else begun) - earlier
-        # Demonstrations count as time, but not as a share of the trial, by which critic and exploration go.
+        # Demonstrations count as time, but not as a share of the training, on which critic and exploration depend.
         self._taught = (told or [self.seconds])[0] if standing is None else standing.taught_seconds
         self.averages = [] if standing is None else [torch.as_tensor(values) for values in standing.averages]
 
     @property
     def seconds(self) -> float:
-        """Of work so far, before an interruption too."""
+        """Return the time worked so far, before an interruption too [s]."""
         return time.monotonic() - self._begun
 
     @property
     def share(self) -> float:
-        """Of the trial that is done: of its decisions or of its minutes, whichever is more."""
+        """Return the share of the training that is done, by decisions or by minutes, whichever is larger."""
         a, of_time = self._arguments, 0.0
         if a.minutes:
             of_time = (self.seconds - self._taught) / max(60.0 * a.minutes - self._taught, 1.0)
         return min(max(self.num_timesteps / a.timesteps, of_time), 1.0)
 
     def average(self) -> None:
-        """Follow the actor's parameters at a distance: their average cuts better, and less by chance, than the last."""
+        """Update the running average of the actor's parameters: it cuts more reliably than the last ones."""
         present = [parameter.detach() for parameter in self.model.policy.actor_parameters()]
         if not self.averages:
             self.averages = [parameter.clone() for parameter in present]
@@ -123,7 +123,7 @@ class Progress(BaseCallback):
 
     @contextlib.contextmanager
     def averaged(self) -> Iterator[None]:
-        """The model with the average for its actor."""
+        """Use the average as the model's actor within the block."""
         actor = self.model.policy.actor_parameters()
         present = [parameter.detach().clone() for parameter in actor]
         self.assign(self.averages or present)
@@ -133,7 +133,7 @@ class Progress(BaseCallback):
             self.assign(present)
 
     def assign(self, values: list[torch.Tensor]) -> None:
-        """Give the actor these parameters."""
+        """Set the actor's parameters."""
         with torch.no_grad():
             for parameter, value in zip(self.model.policy.actor_parameters(), values, strict=True):
                 parameter.copy_(value)
@@ -149,11 +149,11 @@ class Progress(BaseCallback):
         self._validated = int(self.share * self._arguments.validations)
 
     def _on_rollout_start(self) -> None:
-        # Given, not learned: a policy that may keep its noise learns to lean on it, and stalls without.
+        # Scheduled, not learned: a policy that may keep its noise comes to depend on it, and stalls without.
         self.average()
         a = self._arguments
         share = self.share
-        for parameter in self.model.policy.actor_parameters():  # a critic that knows nothing yet would spoil a clone
+        for parameter in self.model.policy.actor_parameters():  # an untrained critic would spoil the clone
             parameter.requires_grad_(not a.demonstrations or share >= a.critic_first)
         deviation = a.exploration * (a.last_exploration / a.exploration) ** share
         self.model.policy.log_std.data.fill_(math.log(deviation))
@@ -181,25 +181,25 @@ class Progress(BaseCallback):
             self.save_checkpoint()
 
     def save_checkpoint(self) -> None:
-        """Keep what the training goes on from after an interruption.
+        """Save what the training needs to continue after an interruption.
 
-        The curve comes first: between the two it is ahead, and what it is ahead by is dropped again.
+        The curve is saved first: after an interruption between the two it is ahead, and the excess is dropped.
         """
         path = self._run / "learning_curve.csv"
         if self.curve or path.is_file():
             write_csv(path, self.curve)
         averages = [values.numpy() for values in self.averages]
         standing = Standing(averages=averages, seconds=self.seconds, taught_seconds=self._taught)
-        self.model.standing = dataclasses.asdict(standing)  # plain, so that it loads anywhere
+        self.model.standing = dataclasses.asdict(standing)  # plain data, so that it loads anywhere
         save(self.model, self._run / "checkpoint.zip")
         self._saved = time.monotonic()
 
     def validate(self) -> None:
-        """Try the agent on the validation specimens, and keep it if it is the best so far."""
+        """Evaluate the agent on the validation specimens, and save it if it is the best so far."""
         best = max((point.get("validation_return", -np.inf) for point in self.curve), default=-np.inf)
         with self.averaged():
             mean_return, success = validate(self.model, self._arguments)
-            if self.curve:  # else no cut has been finished yet
+            if self.curve:  # otherwise no cut has been finished yet
                 self.curve[-1] |= {"validation_return": mean_return, "validation_success": success}
             self.logger.record("validation/return", mean_return)
             self.logger.record("validation/success", success)
@@ -212,6 +212,6 @@ class Progress(BaseCallback):
 
 
 def save(model: Any, path: Path) -> None:
-    """Save a model all at once: an interruption leaves the last whole checkpoint."""
+    """Save a model atomically: an interruption leaves the last whole checkpoint."""
     with replacing(path) as part:
         model.save(part)

@@ -1,6 +1,6 @@
-"""What the published comparison of agents is: who takes part, on which specimens, with how much training.
+"""Protocol of the published comparison of agents: participants, specimens, amount of training.
 
-Results of one version can be put beside each other; a change of any number here is a new version.
+Results of one version are comparable; a change of any number here is a new version.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from cutenv.policy import BOUND, IDLE, SCRIPTS
 from cutenv.tissue.specimen import CLASSES
 
 BEST_FEED = "best constant feed"
-"""The constant feed that did best on validation specimens: of the 28, it alone takes part."""
+"""Name of the constant feed that is best on validation specimens: the only one of the 28 that takes part."""
 REFERENCE = "PPO"
-"""The agent that ablations are compared with."""
+"""Name of the agent that ablations are compared with."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,30 +31,30 @@ class Protocol:
     Attributes
     ----------
     version : str
-        Of the protocol.
+        Version of the protocol.
     environment : str
-        Its id.
+        Id of the environment.
     training_class : str
-        Of the specimens that agents are trained and that the headline is judged on.
+        Class of the specimens on which agents are trained and the headline is evaluated.
     classes : tuple of str
         Classes of held-out specimens.
     training_seeds : tuple of int
-        One training run for each; they have no specimens in common.
+        Seeds of the training runs, one each; they have no specimens in common.
     training_minutes : float
-        Of wall clock on one core for every training run, demonstrations among them; the clock does not stop those.
+        Wall-clock time on one core for every training run, demonstrations included; these are not cut short.
     demonstrations : int
-        Decisions of a script that every agent is taught first.
+        Number of decisions of a script for pre-training every agent.
     specimens : int
-        Held-out ones of each class.
+        Number of held-out specimens of each class.
     first_specimen : int
-        The first of them in ``evaluate.TEST_SEEDS``: those before are what every run prints and what the reward was
-        tried on.
+        Index of the first of them in ``evaluate.TEST_SEEDS``: those before are printed by every run, and were used
+        when the reward was tried.
     feed_specimens : int
-        Validation specimens on which the best constant feed is chosen.
+        Number of validation specimens on which the best constant feed is chosen.
     sweep_specimens : int
-        Held-out ones for every constant that is swept.
+        Number of held-out specimens for every constant that is swept.
     resamples : int
-        Of the bootstrap.
+        Number of bootstrap resamples.
     """
 
     version: str = "2"
@@ -78,7 +78,7 @@ class Protocol:
 
     @property
     def test_seeds(self) -> range:
-        """Of the held-out specimens of each class."""
+        """Return the seeds of the held-out specimens of each class."""
         return TEST_SEEDS[self.first_specimen : self.first_specimen + self.specimens]
 
 
@@ -86,7 +86,7 @@ QUICK = Protocol(
     version="quick", classes=("mixed", "liver"), training_seeds=(0, 1), training_minutes=0.3, demonstrations=20_000,
     specimens=40,    feed_specimens=10, sweep_specimens=10, resamples=400,
 )  # fmt: skip
-"""A trial of the whole machinery, not a result."""
+"""A test of the whole machinery, not a result."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Entry:
     program: str
     arguments: tuple[str, ...] = ()
     change: str = ""
-    """What an ablation changes in :data:`REFERENCE`; empty for an agent in its own right."""
+    """Change of an ablation from :data:`REFERENCE`; empty for other agents."""
 
 
 _FIXED = ("--angle-mode", "fixed")
@@ -116,18 +116,18 @@ _ENTRIES = (
     ),
 )
 ENTRIES = {entry.name: entry for entry in _ENTRIES}
-"""Every learned agent by name."""
+"""All learned agents by name."""
 SCRIPTED = (BEST_FEED, *SCRIPTS, BOUND, *IDLE)
-"""Everything else: scripts, both planners, random and nothing."""
+"""Names of all others: scripts, both planners, random and nothing."""
 
 
 def slug(name: str) -> str:
-    """A name as part of a file's."""
+    """Return a name as part of a file name."""
     return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")
 
 
 def keep_protocol(folder: Path, protocol: Protocol) -> None:
-    """Write the protocol beside its results; SystemExit where those of another are."""
+    """Write the protocol beside its results; SystemExit if there are results of another."""
     path, content = folder / "protocol.json", content_of(protocol)
     if path.is_file() and json.loads(path.read_text()) != content:
         raise SystemExit(f"{folder} holds results of another protocol (see {path}); give another --out.")
@@ -137,7 +137,7 @@ def keep_protocol(folder: Path, protocol: Protocol) -> None:
 
 
 def kept_protocol(folder: Path) -> Protocol:
-    """The protocol of results; SystemExit where there are none."""
+    """Return the protocol of results; SystemExit if there are none."""
     path = folder / "protocol.json"
     if not path.is_file():
         raise SystemExit(f"{folder} holds no protocol.json; run agents/benchmark.py first, or give its --out folder.")
@@ -147,7 +147,7 @@ def kept_protocol(folder: Path) -> Protocol:
 
 
 def content_of(protocol: Protocol) -> dict[str, Any]:
-    """What protocol.json holds: the numbers, and with which arguments every agent is trained."""
+    """Return the content of protocol.json: the numbers, and the arguments with which every agent is trained."""
     entries = {entry.name: [entry.program, *entry.arguments] for entry in _ENTRIES}
     content: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(protocol) | {"entries": entries}))
     return content

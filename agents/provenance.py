@@ -1,4 +1,4 @@
-"""What results are of: commit and versions of a run as it began, the commits that it went on at, kept in run.json."""
+"""Provenance of a run: git commit and package versions at its start, and at each resume, in run.json."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from cutenv.atomic import replacing
 
 
 def versions(packages: Sequence[str]) -> dict[str, str]:
-    """Of these packages and of Python."""
+    """Return the versions of these packages and of Python."""
     return {name: importlib.metadata.version(name) for name in packages} | {"python": platform.python_version()}
 
 
 def git(*arguments: str) -> str | None:
-    """What git says about the checkout that the agents lie in; None where there is none."""
+    """Return the output of git about the checkout that contains the agents; None if there is none."""
     done = subprocess.run(
         ["git", *arguments], cwd=Path(__file__).parent, capture_output=True, text=True, check=False
     )  # fmt: skip
@@ -27,9 +27,9 @@ def git(*arguments: str) -> str | None:
 
 
 def origin(run: Path, packages: Sequence[str]) -> dict[str, Any]:
-    """Versions and commit for ``run.json``: the first ones, where the run goes on.
+    """Return versions and commit for ``run.json``; for a resumed run, the first ones.
 
-    Commits that differ from the first are listed as ``resumed_at_commits``, each as :func:`marked` shows it.
+    Commits that differ from the first are listed as ``resumed_at_commits``, each formatted by :func:`marked`.
     """
     present = {
         "versions": versions(packages),
@@ -48,11 +48,11 @@ def origin(run: Path, packages: Sequence[str]) -> dict[str, Any]:
 
 
 def marked(facts: Mapping[str, Any]) -> str:
-    """The commit of a run; what it does not hold all of is marked."""
+    """Return the commit of a run; it is marked if the checkout had uncommitted changes."""
     return f"{facts['commit']}{'+changes' if facts.get('uncommitted_changes') else ''}"
 
 
 def write_facts(run: Path, facts: Mapping[str, Any]) -> None:
-    """Write ``run.json``, all at once."""
+    """Write ``run.json`` atomically."""
     with replacing(run / "run.json") as part:
         part.write_text(json.dumps(facts, indent=1) + "\n")

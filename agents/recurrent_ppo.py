@@ -1,12 +1,12 @@
-"""Train an agent that remembers, with recurrent PPO (sb3-contrib), compare it with every baseline, report.
+"""Train a recurrent agent with recurrent PPO (sb3-contrib), compare it with every baseline, report.
 
     python agents/recurrent_ppo.py                     about 20 minutes on 2 cores; writes runs/<name>/
     python agents/recurrent_ppo.py --quick             some three minutes
-    python agents/recurrent_ppo.py --resume runs/NAME  goes on from the checkpoint of an interrupted run
+    python agents/recurrent_ppo.py --resume runs/NAME  continues from the checkpoint of an interrupted run
 
-As ppo.py, but the actor is a memory of its own making (one layer of LSTM), so it is given no history of decisions; its
-gradients go through whole cuts, so an update costs four times as much and fewer are made; the critic has a larger share
-of them to itself.  ``--history 6`` gives both.
+As in ppo.py, but the actor is an LSTM (one layer), so its features contain no history of decisions; its gradients
+go through whole cuts, so an update costs four times as much and fewer are made; the critic has a larger share of the
+updates to itself at the start.  ``--history 6`` gives both memory and history.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from cutenv.policy import BASELINES, RecurrentNetwork
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments(TrialArguments):
-    """What a run depends on; every field is an option of the command line."""
+    """Arguments of a run; every field is an option of the command line."""
 
     timesteps: int = option(4_000_000, "decisions to train for", resumable=True)
     epochs: int = option(4, "passes over a rollout")
@@ -34,17 +34,17 @@ class Arguments(TrialArguments):
 
     @classmethod
     def limits(cls) -> dict[str, tuple[float, float]]:
-        """What the numbers must lie within."""
+        """Return the admissible ranges of the numbers."""
         return super().limits() | {"cloning_epochs": (1, 10**6)}
 
 
 def new_model(arguments: Arguments, environments: CutVecEnv) -> RecurrentPPO:
-    """An untrained agent."""
+    """Make an untrained agent."""
     return RecurrentPPO(RememberingActor, environments, **common_keywords(arguments))
 
 
 def taught(model: RecurrentPPO, arguments: Arguments) -> None:
-    """Teach the actor the demonstrated script, cut by cut."""
+    """Train the actor to imitate the demonstrated script, cut by cut."""
     shown = demonstrations(
         model.get_env(),
         BASELINES[arguments.script],

@@ -1,4 +1,4 @@
-"""An actor that remembers, and a critic that may see the hidden state, for sb3-contrib's recurrent PPO."""
+"""Recurrent actor and a critic that may see the hidden state, for sb3-contrib's recurrent PPO."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ State = tuple[torch.Tensor, torch.Tensor]
 
 
 class First(BaseFeaturesExtractor):
-    """The first ``count`` numbers of what is seen."""
+    """Features extractor that keeps the first ``count`` numbers of the observation."""
 
     def __init__(self, observation_space: Any, count: int) -> None:
         super().__init__(observation_space, count)
 
     def forward(self, seen: torch.Tensor) -> torch.Tensor:
-        """Cut off the others."""
+        """Return the first numbers only."""
         return seen[..., : self.features_dim]
 
 
 class RememberingActor(RecurrentActorCriticPolicy):
-    """A memory (LSTM) and one layer for the actor, two layers without memory for the critic.
+    """Recurrent policy: an LSTM and one layer for the actor, two layers without memory for the critic.
 
-    A critic that sees the hidden state need not remember: the state is all that matters.
+    A critic that sees the hidden state needs no memory: the state is all that matters.
     """
 
     def __init__(self, *args: Any, features: int, critic: int, hidden: int, **kwargs: Any) -> None:
@@ -39,7 +39,7 @@ class RememberingActor(RecurrentActorCriticPolicy):
             share_features_extractor=False,
         )
         self._sizes = {"features": features, "critic": critic, "hidden": hidden}
-        # The base class gives both the same to see.
+        # The base class gives both the same inputs.
         self.pi_features_extractor = First(self.observation_space, features)
         self.vf_features_extractor = First(self.observation_space, critic)
         self.lstm_actor = nn.LSTM(features, hidden)
@@ -52,7 +52,7 @@ class RememberingActor(RecurrentActorCriticPolicy):
     def _process_sequence(
         features: torch.Tensor, lstm_states: State, episode_starts: torch.Tensor, lstm: nn.LSTM
     ) -> tuple[torch.Tensor, State]:
-        """Forget at a sequence's beginning first: the base class walks step by step through any that has a start."""
+        """Reset the memory at a sequence's beginning first: the base class steps through any sequence with a start."""
         sequences = lstm_states[0].shape[1]
         starts = episode_starts.reshape(sequences, -1).clone()
         kept = (1.0 - starts[:, 0]).view(1, sequences, 1)
@@ -61,7 +61,7 @@ class RememberingActor(RecurrentActorCriticPolicy):
         return RecurrentActorCriticPolicy._process_sequence(features, states, starts.flatten(), lstm)
 
     def actor_parameters(self) -> list[nn.Parameter]:
-        """Those of the actor; it shares none with the critic."""
+        """Return the actor's parameters; it shares none with the critic."""
         return [
             *self.lstm_actor.parameters(),
             *self.mlp_extractor.policy_net.parameters(),
@@ -69,6 +69,6 @@ class RememberingActor(RecurrentActorCriticPolicy):
         ]
 
     def actions_along(self, seen: torch.Tensor) -> torch.Tensor:
-        """The most likely actions along cuts from their beginnings, axes (decision, cut, ...), before clipping."""
+        """Return the most likely actions along whole cuts, axes (decision, cut, ...), before clipping."""
         remembered, _ = self.lstm_actor(self.pi_features_extractor(seen))
         return self.action_net(self.mlp_extractor.forward_actor(remembered))

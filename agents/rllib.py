@@ -1,16 +1,16 @@
-"""Train an agent with PPO of Ray RLlib, whose environment runners may stand on many machines.
+"""Train an agent with PPO of Ray RLlib, whose environment runners may be on many machines.
 
-    python agents/rllib.py                            on this machine, a local cluster that nobody else can reach
+    python agents/rllib.py                            on this machine, a local cluster not reachable from outside
     python agents/rllib.py --address auto --workers 64      on the cluster to which this machine belongs
-    python agents/rllib.py --resume runs/NAME         goes on from the checkpoint of an interrupted run
+    python agents/rllib.py --resume runs/NAME         continues from the checkpoint of an interrupted run
 
-Ray wants a Gymnasium of its own choice, and so a virtual environment of its own, with ``pip install '.[distributed]'``,
-on every machine of the cluster.  Each runner steps the native vector environment; what is sent to it is this folder of
-programs, and nothing else of this machine.  Ray's usage reports are off; a local cluster has no dashboard and listens
-on loopback.
+Ray requires a specific version of Gymnasium, and so a separate virtual environment, with
+``pip install '.[distributed]'``, on every machine of the cluster.  Each runner steps the native vector environment;
+only this folder of programs is sent to it, and nothing else of this machine.  Ray's usage reports are off; a local
+cluster has no dashboard and listens on loopback.
 
 It writes runs/<name>/: learning_curve.csv, checkpoint/ and policy/, which agents/evaluate.py compares and ``cutenv demo
---policy`` shows, without Ray and torch.  A checkpoint is RLlib's own kind, with pickles in it: resume only your own.
+--policy`` shows, without Ray and torch.  A checkpoint is in RLlib's format, with pickles in it: resume only your own.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _LOOPBACK = "127.0.0.1"
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments:
-    """What a run depends on; every field is an option of the command line."""
+    """Arguments of a run; every field is an option of the command line."""
 
     name: str = option("", "folder below runs/; default: date and time")
     resume: str = option("", "folder of an interrupted run to go on with; its other arguments are kept")
@@ -93,25 +93,25 @@ class Arguments:
 
     @property
     def environment(self) -> dict[str, Any]:
-        """Keywords of the environment."""
+        """Return the keyword arguments of the environment."""
         return {name: getattr(self, name) for name in ("specimen_class", "angle_mode", "control_hz")}
 
     @property
     def training_seeds(self) -> range:
-        """Seeds of the environments of all runners: the local one, which need not step, and the workers."""
+        """Return the seeds of the environments of all runners: the local one, which need not step, and the workers."""
         first = self.seed * SEEDS_OF_A_RUN
         return range(first, first + (self.workers + 1) * self.environments)
 
 
 def connect(arguments: Arguments) -> None:
-    """Join the cluster, or begin one on this machine that listens on loopback alone; before Ray is imported elsewhere.
+    """Join the cluster, or start one on this machine that listens on loopback only; before Ray is imported elsewhere.
 
     Raises
     ------
     RuntimeError
         If a local cluster can be reached from elsewhere, because Ray had been imported; it is shut down again.
     """
-    # Read when Ray is imported. Without the second, Ray listens on every network of a Linux machine.
+    # Ray reads these when it is imported. Without the second, it listens on every network of a Linux machine.
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
     if not arguments.address:
         os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
@@ -121,7 +121,7 @@ def connect(arguments: Arguments) -> None:
     if arguments.address:
         ray.init(address=arguments.address, **shared)
         return
-    # "local", or Ray joins whatever cluster somebody has begun on this machine; one core more is for learning.
+    # "local", or Ray joins any cluster that was started on this machine; one additional core is for learning.
     ray.init(address="local", num_cpus=arguments.workers + 1, include_dashboard=False, **shared)
     addresses = {node["NodeManagerAddress"] for node in ray.nodes()}
     if addresses != {_LOOPBACK}:
@@ -130,7 +130,7 @@ def connect(arguments: Arguments) -> None:
 
 
 def algorithm(arguments: Arguments, first_episode: int = 0) -> PPO:
-    """An untrained agent with its runners, whose environments begin with this episode; after :func:`connect`."""
+    """Make an untrained agent with its runners, whose environments begin with this episode; after :func:`connect`."""
     from ray.rllib.algorithms.ppo import PPOConfig
     from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
     from ray.tune.registry import register_env
@@ -178,21 +178,21 @@ def algorithm(arguments: Arguments, first_episode: int = 0) -> PPO:
 
 
 def share_seeds(*, env: RunnerEnv, env_context: Any, **_: Any) -> None:
-    """Let every runner cut specimens of its own; what the environment itself is told does not say whose it is."""
+    """Let every runner cut its own specimens; the environment's own configuration does not contain its runner."""
     env.share_seeds(env_context.worker_index)
 
 
 def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
-    """Count successes beside RLlib's returns."""
+    """Log successes beside RLlib's returns."""
     metrics_logger.log_value("success", float(episode.get_infos(-1)["is_success"]), window=200)
 
 
 def train(
     ppo: PPO, arguments: Arguments, run: Path, curve: Sequence[Mapping[str, Any]] = ()
 ) -> list[Mapping[str, Any]]:
-    """Train for so many rounds, or until interrupted; the learning curve is in the run's folder all along.
+    """Train for a number of rounds, or until interrupted; the learning curve is always up to date in the run's folder.
 
-    ``curve`` is that of a run that goes on, up to its checkpoint.
+    ``curve`` is that of a resumed run, up to its checkpoint.
     """
     curve = list(curve)
     begun = time.monotonic() - (float(curve[-1]["seconds"]) if curve else 0.0)
@@ -205,7 +205,7 @@ def train(
                 "decisions": result["num_env_steps_sampled_lifetime"],
                 "seconds": round(time.monotonic() - begun, 1),
             }
-            if not math.isnan(sampled.get("success", math.nan)):  # else no cut has come to its end yet
+            if not math.isnan(sampled.get("success", math.nan)):  # otherwise no cut has ended yet
                 point |= {"return": sampled["episode_return_mean"], "success": sampled["success"]}
             curve.append(point)
             write_csv(run / "learning_curve.csv", curve)
@@ -219,7 +219,7 @@ def train(
 
 
 def uncut_episode(arguments: Arguments, curve: Sequence[Mapping[str, Any]]) -> int:
-    """An episode that no environment of a run with this learning curve has come to: a cut takes a decision or more."""
+    """Return an episode that no environment of a run with this learning curve has reached: a cut takes a decision."""
     if not curve:
         return 0
     decisions = max(float(point["decisions"]) for point in curve)
@@ -227,7 +227,7 @@ def uncut_episode(arguments: Arguments, curve: Sequence[Mapping[str, Any]]) -> i
 
 
 def network(ppo: PPO) -> Network:
-    """The actor: its most likely action before clipping."""
+    """Return the actor: its most likely action before clipping."""
     arrays = ppo.learner_group.get_weights()["default_policy"]
     tower = "encoder.actor_encoder.net.mlp"
     prefixes = [f"{tower}.{k}" for k in range(0, 2 * sum(name.startswith(tower) for name in arrays), 2)]
@@ -236,7 +236,7 @@ def network(ppo: PPO) -> Network:
 
 
 def record_run(arguments: Arguments, run: Path, packages: Sequence[str] = PACKAGES) -> dict[str, Any]:
-    """Keep in a run's folder what the run depends on; of one that goes on, where it began."""
+    """Store in a run's folder what the run depends on; for a resumed run, also where it resumed."""
     seeds = arguments.training_seeds
     facts = {
         "agent": "PPO of RLlib",

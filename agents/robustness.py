@@ -1,6 +1,6 @@
-"""How policies do where a constant is not what it was in training: each at both ends of the range to be swept.
+"""Robustness of policies to constants that differ from training: each constant at both ends of its sweep range.
 
-No policy is trained for it, and none is told: an assumption that is wrong is met as it would be on a rig.
+No policy is trained for it or informed: a wrong assumption has the same effect as it would have on a rig.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ class Setting:
 
     @property
     def name(self) -> str:
-        """Of its file."""
+        """Name of the setting's file."""
         return f"{self.constant}={self.value:.4g}"
 
     def arguments(self, folder: Path) -> dict[str, Any]:
-        """Keywords of the environment; a tissue is written into ``folder``, for an environment reads it from a file."""
+        """Return the environment's keyword arguments; a tissue is written to ``folder``, from which it is loaded."""
         if not self.of_tissue:
             return {self.constant: self.value}
         path = folder / f"{self.name}.json"
@@ -49,7 +49,7 @@ class Setting:
 
 
 def settings() -> Iterator[Setting]:
-    """Every constant of the parameter table that has a range to sweep, at both ends that differ from its default."""
+    """Yield every constant of the parameter table that has a sweep range, at both ends that differ from its default."""
     liver = measured_liver()
     for group in (Rig, SensorParameters, Limits, Knowledge, LawParameters, TissueDescription):
         of_tissue = group is TissueDescription

@@ -1,4 +1,4 @@
-"""What is kept of a run: arguments, seeds, versions, commit; and the trained actor as a folder that needs no torch."""
+"""Files of a run: arguments, seeds, versions, commit; and the trained actor as a folder that needs no torch."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ PACKAGES = ("cutenv", "gymnasium", "numpy", "numba", "scikit-fem", "stable-basel
 
 
 def record_run(arguments: AgentArguments, run: Path, agent: str) -> dict[str, Any]:
-    """Make the run's folder and keep there what the run depends on; of one that goes on, where it began."""
-    gymnasium.make(ENVIRONMENT, **arguments.environment).close()  # refuses nonsense before anything is made
+    """Create the run's folder and store its arguments; for a resumed run, also where it resumed."""
+    gymnasium.make(ENVIRONMENT, **arguments.environment).close()  # raises for invalid arguments before anything is made
     ranges = {"training": TRAINING_SEEDS, "validation": VALIDATION_SEEDS, "test": TEST_SEEDS}
     used = {
         "training": arguments.training_seeds,

@@ -1,4 +1,4 @@
-"""The native vector environment as RLlib's environment runners step it: features in, actions before the dead zone."""
+"""The native vector environment for RLlib's environment runners: returns features, applies a dead zone to actions."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.policy.features import extract_batch, feature_count, forget, new_memory, past_dead_zone
 from cutenv.task.observation import BOUND
 
-_TOLD = ("is_success", "_is_success")  # of what an environment tells; the rest would be copied between processes
+_TOLD = ("is_success", "_is_success")  # info keys that are returned; the rest would be copied between processes
 
 
 class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """``num_envs`` cuts in one, each of its own seed; one that has ended begins anew at the next step.
+    """Vector environment of ``num_envs`` cuts, each with its own seed; a finished one is reset at the next step.
 
     Parameters
     ----------
     num_envs : int
-        Side by side.
+        Number of environments.
     first_seed : int
-        Environment i draws its specimens from seed ``first_seed + i``, whatever ``reset`` is given: RLlib's own seeds
-        of its runners overlap, and two runners would cut the same specimens; see :meth:`share_seeds`.
+        Environment i samples its specimens from seed ``first_seed + i``, whatever ``reset`` is given: RLlib's own
+        seeds of its runners overlap, and two runners would cut the same specimens; see :meth:`share_seeds`.
     history : int
-        Decisions of history among the features.
+        Number of past decisions among the features.
     dead_zone : float
-        Share of the speed's action that means rest.
+        Fraction of the range of the action's speed that means rest.
     first_episode : int
-        Of each seed; a training that goes on begins where no specimen has been cut yet.
+        First episode of each seed; a resumed training begins where no specimen has been cut yet.
     **arguments
-        Keywords of ``cutenv/GentleCut-v1``.
+        Keyword arguments of ``cutenv/GentleCut-v1``.
     """
 
     def __init__(
@@ -60,16 +60,16 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     @classmethod
     def of_runner(cls, context: Any) -> RunnerEnv:
-        """What an environment runner makes of what it is told, on the one core that it is given."""
-        set_cores(1)  # a process for each runner
+        """Make the environment of a runner from its configuration, on a single core."""
+        set_cores(1)  # each runner is a process
         return cls(**{"num_envs": 1} | dict(context))
 
     def share_seeds(self, runner: int) -> None:
-        """Take the seeds of a runner, counted from 0; its environments follow those of the runners before it."""
+        """Use the seeds of a runner, counted from 0; its environments follow those of the runners before it."""
         self._first_seed += runner * self.num_envs
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin every cut anew: at first each seed's ``first_episode``, then its next."""
+        """Reset every cut: at first to each seed's ``first_episode``, then to its next."""
         seeds, first = None, {}
         if self._fresh:
             seeds = [self._first_seed + n for n in range(self.num_envs)]
@@ -82,7 +82,7 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return seen, {}
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Take an action, shape (2,), in every environment, shape (num_envs, 2), clipped to their reach."""
+        """Step every environment with its action, shape (num_envs, 2), clipped to the range."""
         commands = past_dead_zone(np.clip(np.asarray(actions, np.float32), -1.0, 1.0), self._dead_zone)
         observations, rewards, ended, truncated, told = self._native.step(commands)
         seen = self._seen(observations)
@@ -90,6 +90,6 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return seen, rewards, ended, truncated, {name: told[name] for name in _TOLD if name in told}
 
     def _seen(self, observations: np.ndarray) -> np.ndarray:
-        """The features; those of a cut that begins remember nothing of the last."""
+        """Return the features; those of a cut that begins have no memory of the last."""
         forget(self._memory, self._frames, np.flatnonzero(self._begins))
         return extract_batch(self._memory, self._frames, observations)

@@ -1,4 +1,4 @@
-"""An actor that sees the features, and a critic that may see the hidden state as well, for Stable-Baselines3."""
+"""Asymmetric actor-critic for Stable-Baselines3: the actor sees the features, the critic the hidden state as well."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from torch import nn
 
 
 class Extractor(nn.Module):
-    """Two towers of tanh layers: the policy's sees the features, the critic's what it may see."""
+    """Two networks of tanh layers: the policy's input is the features, the critic's may include the hidden state."""
 
     def __init__(self, features: int, critic: int, hidden: int) -> None:
         super().__init__()
@@ -19,15 +19,15 @@ class Extractor(nn.Module):
         self.latent_dim_pi = self.latent_dim_vf = hidden
 
     def forward(self, seen: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Latent values of policy and critic."""
+        """Return the latent values of policy and critic."""
         return self.forward_actor(seen), self.forward_critic(seen)
 
     def forward_actor(self, seen: torch.Tensor) -> torch.Tensor:
-        """Latent values of the policy, from the features alone."""
+        """Return the latent values of the policy, from the features alone."""
         return self.policy_net(seen[..., : self._features])
 
     def forward_critic(self, seen: torch.Tensor) -> torch.Tensor:
-        """Latent values of the critic."""
+        """Return the latent values of the critic."""
         return self.value_net(seen[..., : self._critic])
 
 
@@ -36,7 +36,7 @@ def _tower(inputs: int, hidden: int) -> nn.Sequential:
 
 
 class SeeingCritic(ActorCriticPolicy):
-    """SB3's policy with :class:`Extractor`: the actor sees the first ``features`` numbers, the critic ``critic``."""
+    """SB3 policy with :class:`Extractor`: the actor uses the first ``features`` numbers, the critic ``critic``."""
 
     def __init__(self, *args: Any, features: int, critic: int, hidden: int, **kwargs: Any) -> None:
         self._sizes = {"features": features, "critic": critic, "hidden": hidden}
@@ -53,9 +53,9 @@ class SeeingCritic(ActorCriticPolicy):
         return super()._get_constructor_parameters() | self._sizes
 
     def actor_parameters(self) -> list[nn.Parameter]:
-        """Those of the actor; it shares none with the critic."""
+        """Return the actor's parameters; it shares none with the critic."""
         return [*self.mlp_extractor.policy_net.parameters(), *self.action_net.parameters()]
 
     def action_for(self, seen: torch.Tensor) -> torch.Tensor:
-        """The most likely action, before it is clipped."""
+        """Return the most likely action, before clipping."""
         return self.action_net(self.mlp_extractor.forward_actor(seen))

@@ -1,4 +1,4 @@
-"""Cuts of one trained policy side by side, bit for bit as it would make them one after the other, and much sooner."""
+"""Batched rollout of a trained policy: bit for bit the same cuts as one after the other, and much faster."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cutenv.task.records import TERMS
 
 
 def cuts_side_by_side(policy: TrainedPolicy, seeds: Sequence[int], arguments: Mapping[str, Any]) -> list[FinishedCut]:
-    """The first cut of each seed, in environments made with ``arguments``."""
+    """Make the first cut of each seed, in environments made with ``arguments``."""
     environments = GentleCutVectorEnv(len(seeds), **arguments)
     batch = policy.batch(len(seeds))
     observations, _ = environments.reset(seed=list(seeds))
@@ -28,7 +28,7 @@ def cuts_side_by_side(policy: TrainedPolicy, seeds: Sequence[int], arguments: Ma
     totals, over_limit = np.zeros((len(seeds), len(TERMS))), np.zeros(len(seeds))
     commanded: list[np.ndarray] = []
     result: dict[int, FinishedCut] = {}
-    while not over.all():  # those that are over begin anew, and are not looked at
+    while not over.all():  # finished ones are reset, and ignored
         commands = np.array(batch(observations), np.float64)
         observations, _, ended, _, told = environments.step(commands)
         all_within_reach(commands, none_waits, fixed)  # writes the fixed angle into them
@@ -57,7 +57,7 @@ def cuts_side_by_side(policy: TrainedPolicy, seeds: Sequence[int], arguments: Ma
 
 
 def replayed(start: Cuts, n: int, commands: np.ndarray, ticks: int, updates: int) -> Records:
-    """Every reading of cut ``n``, from its start by its commands, shape (decisions, 2), in [-1, 1]."""
+    """Return every reading of cut ``n``, from its start with its commands, shape (decisions, 2), in [-1, 1]."""
     readings = np.zeros(len(commands) * ticks, READING)
     speeds, angles = SPEED_SCALE * commands[:, 0], ANGLE_CENTRE + ANGLE_SCALE * commands[:, 1]
     parts = (part[n : n + 1].copy() for part in start[:5])

@@ -1,12 +1,12 @@
-"""How fast PPO trains here with the settings of ppo.py, and how much of the time the environments take.
+"""Measure how fast PPO trains with the settings of ppo.py, and the share of the time that the environments take.
 
     python agents/speed.py               some 30 seconds; prints one line of JSON
     python agents/speed.py --updates 20  for a steadier number
 
-Part of `cutenv bench`.  The agent has the skill of the shipped one, explores as at the end of training, and keeps its
-skill (it learns, but next to nothing): one that knows nothing stands still until the deadline, which is cheaper to
-simulate than cutting and beginning anew.  Teaching, validation and report are left out: they are not what a decision
-costs.
+Part of `cutenv bench`.  The agent starts with the weights of the shipped one, explores as at the end of training, and
+hardly changes (its learning rate is almost zero): an untrained one stands still until the deadline, which is cheaper to
+simulate than cutting and resets.  Pre-training, validation and report are left out: they are not part of the cost of a
+decision.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from stable_baselines3 import PPO
 from cutenv.policy import shipped
 
 SKILLED = "ppo-free"
-"""Whose skill it is."""
-_NEXT_TO_NOTHING = 1e-9  # rate of learning
+"""Name of the shipped agent whose weights are used."""
+_NEXT_TO_NOTHING = 1e-9  # learning rate
 
 
 def speed(arguments: Arguments, updates: int) -> dict[str, float]:
-    """Train for so many updates after the first one, which compiles and begins every environment."""
-    torch.set_num_threads(1)  # as in training: two pools of threads on two cores fight
+    """Train for ``updates`` updates after the first one, which compiles and resets every environment."""
+    torch.set_num_threads(1)  # as in training: two thread pools on two cores compete
     model = new_model(arguments, arguments.environments_at(arguments.training_seeds))
     rollout = arguments.environments * arguments.rollout
     give_skill(model, arguments.last_exploration)
@@ -47,7 +47,7 @@ def speed(arguments: Arguments, updates: int) -> dict[str, float]:
 
 
 def give_skill(model: PPO, exploration: float) -> None:
-    """Give the actor the weights of the shipped agent, and this standard deviation."""
+    """Set the actor to the weights of the shipped agent, with this standard deviation of exploration."""
     weights = itertools.chain.from_iterable(shipped(SKILLED).network.layers)
     with torch.no_grad():
         for own, known in zip(model.policy.actor_parameters(), weights, strict=True):

@@ -1,4 +1,4 @@
-"""What the cuts of a comparison come to: interquartile means with intervals, differences, verdicts, from CSV files."""
+"""Aggregation of a comparison's cuts: interquartile means with intervals, differences, verdicts, from CSV files."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from cutenv.policy import SCRIPTS
 HEADLINE = ("return", "success", "tip_error_mm", "over_limit_N", "peak_force_N", "largest_jump_mm", "time_s")
 """Scores with an interval for every class; the others have one for the class of the headline."""
 ALL = "all"
-"""The classes from which others are mixed, together: a stratum each, in which one seed draws one specimen each."""
+"""All pure classes together: one stratum each, in which a seed gives one specimen of each."""
 MIXTURE = "mixed"
-"""Its specimens are some of the other classes', of the same seeds: no evidence beside theirs."""
+"""Class whose specimens are some of the other classes', with the same seeds: no independent evidence."""
 UNCHANGED = "none"
-"""Stands for the constant in the rows of sweeps.csv with all constants as in training."""
+"""Value of the constant's name in the rows of sweeps.csv with all constants as in training."""
 VERDICTS = {1: "beats it", 0: "does not beat it: level", -1: "does not beat it: worse"}
 _SHARES = ("success",)
 _NOT_SCORES = ("policy", "seed", "specimen_class", "end", "target_length_mm")
@@ -44,14 +44,14 @@ class Line:
     cuts: int
 
     def as_row(self) -> dict[str, Any]:
-        """As summary.csv holds it."""
+        """Return it as a row of summary.csv."""
         own = dataclasses.asdict(self)
         found = own.pop("interval")
         return {**own, "value": found["value"], "low_95": found["low"], "high_95": found["high"]}
 
 
 def rows_of(path: Path) -> list[Row]:
-    """Rows of a CSV file, none where there is no file."""
+    """Return the rows of a CSV file, none if there is no file."""
     if not path.is_file():
         return []
     with path.open(encoding="utf-8") as file:
@@ -59,7 +59,7 @@ def rows_of(path: Path) -> list[Row]:
 
 
 def read_summary(path: Path) -> list[Line]:
-    """What :func:`summary` found, from its file."""
+    """Read the result of :func:`summary` from its file."""
     if not path.is_file():
         raise SystemExit(f"{path} is missing; run agents/benchmark.py first.")
     return [
@@ -72,7 +72,7 @@ def read_summary(path: Path) -> list[Line]:
 
 
 class Cuts:
-    """The cuts of one contestant: for every training run and class, the rows by specimen."""
+    """Cuts of one contestant: for every training run and class, the rows by specimen."""
 
     def __init__(self, folder: Path, name: str, protocol: Protocol) -> None:
         seeds = [f"-seed{seed}" for seed in protocol.training_seeds] if name in ENTRIES else [""]
@@ -92,11 +92,11 @@ class Cuts:
                     )
 
     def scores(self, kind: str) -> list[str]:
-        """Names of the numbers that are known of a class."""
+        """Return the names of the numbers that are known for a class."""
         return [name for name in self.by_class[kind][0][0] if name not in _NOT_SCORES]
 
     def strata(self, kind: str, score: str) -> list[np.ndarray]:
-        """Shape (runs, specimens) for each kind of tissue of a class; a specimen without the score is left out."""
+        """Return arrays of shape (runs, specimens) for each tissue of a class; those without the score are left out."""
         runs = self.by_class[kind]
         values = np.array([[float(row[score] or "nan") for row in rows] for rows in runs])
         tissue = np.array([row["specimen_class"] for row in runs[0]])
@@ -106,7 +106,7 @@ class Cuts:
 
 
 def summary(folder: Path, protocol: Protocol) -> list[Line]:
-    """Every number of the table."""
+    """Compute every number of the table."""
     every = {name: Cuts(folder, name, protocol) for name in (*ENTRIES, *SCRIPTED)}
     headline = protocol.training_class
     known = {name: cuts for name, cuts in every.items() if headline in cuts.by_class}
@@ -135,7 +135,7 @@ def _is(line: Line, kind: str, score: str, statistic: str) -> bool:
 
 
 def _own(name: str, cuts: Cuts, protocol: Protocol) -> list[Line]:
-    """A contestant's own scores."""
+    """Return a contestant's own scores."""
     lines = []
 
     def add(kind: str, score: str, strata: Sequence[np.ndarray], *, same_specimens: bool = False) -> None:
@@ -166,7 +166,7 @@ _NAMES = {interquartile_mean: "interquartile mean", mean: "mean"}
 
 
 def _differences(name: str, cuts: Cuts, other_name: str, other: Cuts, protocol: Protocol) -> list[Line]:
-    """Paired by specimen, and by training seed where both learn; a mean, for outliers count too."""
+    """Return differences paired by specimen, and by training seed where both learn; means, for outliers count too."""
     lines = []
     for score in ("return", "success"):
         pairs = zip(
@@ -181,11 +181,11 @@ def _differences(name: str, cuts: Cuts, other_name: str, other: Cuts, protocol: 
 
 
 def _costs(folder: Path, name: str, protocol: Protocol) -> list[Line]:
-    """Decisions and minutes of training, also those that led nowhere: mean, least and most of the runs."""
+    """Return decisions and minutes of training, discarded ones included: mean, minimum and maximum over the runs."""
     runs = [folder / "runs" / f"{slug(name)}-seed{seed}" for seed in protocol.training_seeds]
     facts = [json.loads((run / "run.json").read_text()) for run in runs if (run / "run.json").is_file()]
     if len(facts) < len(runs):
-        return []  # the cuts were kept, and the runs were not
+        return []  # the cuts were kept, but not the runs
     shown = [float(own["arguments"]["demonstrations"]) for own in facts]
     tried = [0.0 if own["agent"] == "behaviour cloning" else _tried(run) for own, run in zip(facts, runs, strict=True)]
     found = {
@@ -199,16 +199,16 @@ def _costs(folder: Path, name: str, protocol: Protocol) -> list[Line]:
 
 
 def _tried(run: Path) -> float:
-    """Decisions of the trial: to its end, not to the checkpoint that was kept."""
+    """Return the decisions of the training: to its end, not to the checkpoint that was kept."""
     curve = rows_of(run / "learning_curve.csv")
     return float(curve[-1]["decisions"]) if curve else 0.0
 
 
 def sweep_lines(folder: Path, protocol: Protocol) -> list[dict[str, Any]]:
-    """Interquartile mean of the return with every other constant, one row for contestant and setting.
+    """Return interquartile means of the return with other constants, one row per contestant and setting.
 
-    Before them stand the rows with all constants as in training, on the same specimens, which are the first of
-    ``cuts/``: from these a loss is read off.
+    They are preceded by rows with all constants as in training, on the same specimens, the first of ``cuts/``: a loss
+    is the difference from these.
     """
     from robustness import settings
 
@@ -225,7 +225,7 @@ def sweep_lines(folder: Path, protocol: Protocol) -> list[dict[str, Any]]:
     unchanged = []
     for name in dict.fromkeys(line["contestant"] for line in swept):
         runs = Cuts(folder, name, protocol).by_class.get(protocol.training_class)
-        if runs is not None:  # else the cuts were lost, and the sweeps kept
+        if runs is not None:  # otherwise the cuts were lost, but the sweeps kept
             first = [rows[: protocol.sweep_specimens] for rows in runs]
             about = {"constant": UNCHANGED, "unit": "", "default": "", "set_to": ""}
             unchanged.append(_sweep_line(name, first, about, protocol))
@@ -242,15 +242,15 @@ def _sweep_line(
 
 
 def verdict(difference: Interval) -> str:
-    """Whether an agent beats the best script: the interval of the paired difference decides."""
+    """Return whether an agent beats the best script, decided by the interval of the paired difference."""
     return VERDICTS[1 if difference.low > 0.0 else -1 if difference.high < 0.0 else 0]
 
 
 def disagreements(one: Sequence[Line], other: Sequence[Line]) -> tuple[list[str], int]:
-    """Where two summaries of one protocol differ beyond their intervals, and how many numbers were compared.
+    """Return where two summaries of one protocol differ beyond their intervals, and how many numbers were compared.
 
-    Compared is what both have of the table: the headline's scores, the differences, and the return of every class.
-    The cost of training is not: it hangs on the machine.
+    Only numbers that both have are compared: the headline's scores, the differences, and the return of every class.
+    The cost of training is not: it depends on the machine.
     """
 
     def keyed(lines: Sequence[Line]) -> Mapping[tuple[str, ...], Interval]:
@@ -269,5 +269,5 @@ def disagreements(one: Sequence[Line], other: Sequence[Line]) -> tuple[list[str]
 
 
 def metric_scores(lines: Sequence[Line]) -> list[str]:
-    """The score card's columns that the summary knows, in their order."""
+    """Return the score card's columns that are in the summary, in order."""
     return list(dict.fromkeys(line.score for line in lines if line.score.startswith(METRIC_PREFIX)))

@@ -1,7 +1,7 @@
-"""The native vector environment for Stable-Baselines3, which takes no ``VectorEnv`` of Gymnasium's.
+"""The native vector environment as a Stable-Baselines3 VecEnv, since SB3 does not accept Gymnasium's ``VectorEnv``.
 
-:class:`NativeVecEnv` adapts it as it is; :class:`CutVecEnv` shows what :class:`cutenv.policy.Features` makes of an
-observation, followed by the hidden state, which only a critic reads, and takes actions before the dead zone.
+:class:`NativeVecEnv` adapts it unchanged; :class:`CutVecEnv` returns the features of :class:`cutenv.policy.Features`
+followed by the hidden state, which only a critic reads, and applies a dead zone to the actions.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from cutenv.task.records import ENDS
 
 
 class NativeVecEnv(VecEnv):
-    """``len(seeds)`` environments that step in one call; each draws its specimens from its own seed.
+    """Vector environment of ``len(seeds)`` cuts that step in one call; each samples its specimens from its own seed.
 
     Parameters
     ----------
     seeds : sequence of int
-        Of the environments; the first reset of each begins with its seed's first episode, number 0.
+        Seeds of the environments; the first reset of each begins with its seed's first episode, number 0.
     **arguments
-        Keywords of ``cutenv/GentleCut-v1``.
+        Keyword arguments of ``cutenv/GentleCut-v1``.
     """
 
     def __init__(self, seeds: Sequence[int], **arguments: Any) -> None:
@@ -40,31 +40,31 @@ class NativeVecEnv(VecEnv):
         """Number of the episode with which :meth:`reset` begins every environment."""
         self._batch = self.native.batch
         self.seconds = 0.0
-        """Spent in :meth:`reset` and :meth:`step_wait` so far."""
+        """Time spent in :meth:`reset` and :meth:`step_wait` so far [s]."""
         self._returns, self._lengths = np.zeros(len(seeds)), np.zeros(len(seeds), int)
         self._begun = time.monotonic()
         self._actions = np.zeros((len(seeds), 2), np.float32)
         super().__init__(len(seeds), self.space(), self.native.single_action_space)
 
     def space(self) -> gymnasium.Space[Any]:
-        """Of what an environment shows."""
+        """Return the observation space of one environment."""
         return self.native.single_observation_space
 
     @property
     def observations(self) -> np.ndarray:
-        """The environment's own, shape (n, 12): written over by the next step."""
+        """The environments' own observations, shape (n, 12): overwritten by the next step."""
         return self._batch.observations
 
     def see(self) -> np.ndarray:
-        """What the environments show after a step."""
+        """Return the observations after a step."""
         return self.observations.copy()
 
     def see_beginning(self, begun: np.ndarray) -> np.ndarray:
-        """What the environments numbered ``begun`` show at their beginning."""
+        """Return the first observations of the environments with indices ``begun``."""
         return self.observations[begun]
 
     def reset(self) -> np.ndarray:
-        """Begin every environment anew at :attr:`first_episode` of its seed."""
+        """Reset every environment to episode :attr:`first_episode` of its seed."""
         start = time.perf_counter()
         self.native.reset(seed=self.specimen_seeds, options={"episode": self.first_episode})
         self._returns[:] = self._lengths[:] = 0
@@ -73,11 +73,11 @@ class NativeVecEnv(VecEnv):
         return seen
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Take the actions, shape (n, 2), that :meth:`step_wait` carries out."""
+        """Store the actions, shape (n, 2), for :meth:`step_wait`."""
         self._actions[:] = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Observations, rewards, ends and infos; a finished environment is begun anew at once."""
+        """Step; return observations, rewards, ends and infos. A finished environment is reset at once."""
         start = time.perf_counter()
         rewards, (ends, *_) = self._batch.decide(self._actions)
         self._returns += rewards
@@ -101,43 +101,43 @@ class NativeVecEnv(VecEnv):
         return seen, rewards.astype(np.float32), ended, infos
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: no resources are held."""
 
     def env_is_wrapped(
         self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: Any = None
     ) -> list[bool]:
-        """No environment is wrapped; returns and lengths are in the infos all the same."""
+        """Return False for each: no environment is wrapped; returns and lengths are in the infos all the same."""
         return [wrapper_class is Monitor] * len(list(self._get_indices(indices)))
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute, the same for all environments."""
+        """Return an attribute, the same for all environments."""
         value = getattr(self.native.single, attr_name)
         return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Refused: an environment is what it was made as."""
+        """Raise: attributes of an environment cannot be changed."""
         raise NotImplementedError(f"{attr_name} cannot be set; make the environments anew with other keywords.")
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Refused: there are no single environments."""
+        """Raise: there are no single environments."""
         raise NotImplementedError(f"{method_name} cannot be called; the environments step in one.")
 
 
 class CutVecEnv(NativeVecEnv):
-    """:class:`NativeVecEnv` with features, hidden state and dead zone.
+    """A :class:`NativeVecEnv` with features, hidden state and dead zone.
 
     Parameters
     ----------
     seeds : sequence of int
-        Of the environments.
+        Seeds of the environments.
     history : int
-        Decisions of history among the features.
+        Number of past decisions among the features.
     dead_zone : float
-        Share of the speed's action that means rest.
+        Fraction of the range of the action's speed that means rest.
     force : bool
-        Whether the features feel the force.
+        Whether the features use the force.
     **arguments
-        Keywords of ``cutenv/GentleCut-v1``.
+        Keyword arguments of ``cutenv/GentleCut-v1``.
     """
 
     def __init__(
@@ -149,18 +149,18 @@ class CutVecEnv(NativeVecEnv):
         super().__init__(seeds, **arguments)
 
     def space(self) -> gymnasium.Space[Any]:
-        """Of features and hidden state."""
+        """Return the space of features and hidden state."""
         return gymnasium.spaces.Box(-np.inf, np.inf, (self.features + len(HIDDEN),), np.float32)
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Take the actions, shape (n, 2), before the dead zone."""
+        """Store the actions, shape (n, 2), after applying the dead zone."""
         super().step_async(past_dead_zone(actions, self.dead_zone))  # clipped by the environment
 
     def see(self) -> np.ndarray:
-        """Features and hidden state, once per decision: features keep it in mind."""
+        """Return features and hidden state; to be called once per decision, because features have a memory."""
         return reveal(self._batch.cuts, self._seen(self.observations), self._all)
 
     def see_beginning(self, begun: np.ndarray) -> np.ndarray:
-        """The same of some at their beginning: what was kept in mind of their last cut is forgotten first."""
+        """Return features and hidden state of environments that begin; the features' memory is reset first."""
         self._seen.forget(begun)
         return reveal(self._batch.cuts, self._seen(self.observations[begun], begun), begun)

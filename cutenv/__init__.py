@@ -1,6 +1,6 @@
 """Gentle cutting of soft tissue: measured forces, a law that conserves energy, tasks for agents and people.
 
-Importing it registers the environments with Gymnasium by name; what is heavy waits until one is made.
+Importing it registers the environments with Gymnasium by name; heavy modules are imported when one is made.
 """
 
 from __future__ import annotations

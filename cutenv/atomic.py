@@ -1,4 +1,4 @@
-"""Files that are whole or not there: written under another name, flushed to the disk, and then renamed."""
+"""Atomic file writes: to a temporary name, flushed to the disk (fsync), then renamed, so never half a file."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-_SHOWN = 40  # characters of the name that the unfinished file shares: a name has room for 255 bytes
+_SHOWN = 40  # characters of the name kept in the temporary one: a file name may have 255 bytes
 
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give the name of an unfinished file that takes the place of ``path`` when the block ends.
+    """Yield a temporary path whose file replaces ``path`` when the block ends.
 
-    Until then `path` is what it was, or missing; an exception in the block removes the unfinished file. A
-    process that is killed leaves it behind, as ``NAME.DIGITS.part.SUFFIX`` beside `path`; it may be deleted.
+    Until then `path` is unchanged or missing; an exception in the block removes the temporary file. A process
+    that is killed leaves it behind, as ``NAME.DIGITS.part.SUFFIX`` beside `path`; it may be deleted.
 
     Parameters
     ----------
     path : path
-        Of the finished file; a link stays, and what it points to is replaced.
+        The finished file; a link stays, and what it points to is replaced.
 
     Yields
     ------
     Path
-        In the same folder and with the same suffix, not existing yet, and nobody else's: two processes that
-        write the same file do not mix, the last one to finish stands.
+        Temporary path in the same folder, with the same suffix and a random name: two processes that write the
+        same file do not mix, and the last one to finish wins.
 
     Raises
     ------
@@ -58,13 +58,13 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def _flush(file: Path) -> None:
-    """Let the content reach the disk before its name does: after a power cut a name must not stand for less."""
+    """Flush the content to the disk before the rename, so that after a power cut no name stands for a partial file."""
     with file.open("r+b") as opened:
         os.fsync(opened.fileno())
 
 
 def _flush_folder(folder: Path) -> None:
-    """Let the new name reach the disk, where folders can be opened: not on Windows, which keeps them itself."""
+    """Flush the directory (fsync), so that the rename survives a power cut (POSIX only; Windows does it itself)."""
     if os.name == "nt":
         return
     descriptor = os.open(folder, os.O_RDONLY)

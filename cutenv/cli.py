@@ -1,4 +1,4 @@
-"""The command line: one sub-command for each thing that cutenv does, loaded when it is asked for.
+"""The command line: one sub-command for each use of cutenv, its module imported only when it is called.
 
 A sub-command's module has ``main(argv)`` with its own parser: the help stands where the options are used,
 and ``cutenv --help`` answers at once.
@@ -98,7 +98,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="cutenv",
         description=cutenv.__doc__.partition("\n")[0] if cutenv.__doc__ else None,
-        epilog=f"commands:\n{listed}\n\n'cutenv COMMAND --help' tells its options.",
+        epilog=f"commands:\n{listed}\n\n'cutenv COMMAND --help' prints its options.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         usage="cutenv [-h] [--version] COMMAND ...",
     )

@@ -1,4 +1,4 @@
-"""The one door to Numba: a typed decorator whose on-disk cache never outlives the source.
+"""The project's Numba decorators: typed, and with an on-disk cache that never outlives the source.
 
 Numba's cache watches only the file of the function that it stores.  A kernel that inlines the cutting law from
 another file would keep running yesterday's law after an edit or an upgrade, so the kernels are kept in a folder that is
@@ -28,7 +28,7 @@ _PREFIX = "kernels-"
 
 
 def source_digest(package: Path = _PACKAGE) -> str:
-    """A name for the present source of the whole package: constants of any module may be compiled in."""
+    """Return a digest of the package's present source, all modules: constants of any may be compiled in."""
     content = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
         content.update(path.read_bytes())
@@ -36,10 +36,10 @@ def source_digest(package: Path = _PACKAGE) -> str:
 
 
 def kernel_folder(package: Path = _PACKAGE) -> Path | None:
-    """The folder that keeps compiled kernels of the present source; None where nothing can be written.
+    """Return the folder of the compiled kernels of the present source; None where nothing can be written.
 
-    Below ``NUMBA_CACHE_DIR`` if that is set, else beside the source, else in the user's cache.  Folders of earlier
-    sources beside it are removed.
+    Below ``NUMBA_CACHE_DIR`` if that is set, else beside the source, else in the user's cache.  Folders for earlier
+    versions of the source beside it are removed.
     """
     given = os.environ.get("NUMBA_CACHE_DIR")
     places = [Path(given) / package.name] if given else [package / "__pycache__", _user_cache() / package.name]
@@ -69,36 +69,36 @@ _announced = bool(os.environ.get("NUMBA_DISABLE_JIT"))
 def compiled(function: Function) -> Function:
     """Compile ``function`` with Numba: float64, no fast-math (bit-for-bit repeatable), cached on disk.
 
-    With the environment variable ``NUMBA_DISABLE_JIT=1`` it stays plain Python, which the tests compare with.
+    With the environment variable ``NUMBA_DISABLE_JIT=1`` it stays plain Python, against which the tests compare.
     """
     return _compiled(function)
 
 
 def compiled_for_cores(function: Function) -> Function:
-    """Like :func:`compiled`, and other threads run meanwhile: for loops that are worth one; see :mod:`cutenv.cores`."""
+    """Compile like :func:`compiled`, but release the GIL while it runs: for kernels of :mod:`cutenv.cores`."""
     return _compiled(function, nogil=True)
 
 
 def for_kernels(function: Function) -> Function:
-    """Compile ``function`` for the kernels that call it; for all others it stays plain Python, for arrays as well.
+    """Compile ``function`` for callers inside kernels only; from Python it stays plain Python, also for arrays.
 
-    Most functions are called by kernels alone.  What Numba adds so that Python can call one makes up a quarter to a
-    third of the time that compiling takes.
+    Most functions are called only from compiled code.  The wrapper with which Numba makes one callable from Python
+    costs a quarter to a third of the compile time.
     """
     return _for_kernels(function)
 
 
 def inlined(function: Function) -> Function:
-    """Like :func:`for_kernels`, and made part of every kernel that calls it.
+    """Compile like :func:`for_kernels` and force-inline into every kernel that calls it.
 
-    For what is called in inner loops over many cuts: only a loop that calls nothing becomes vector instructions, and a
-    call that takes arrays counts references to them, about which cores quarrel.
+    For functions called in inner loops over many cuts: LLVM vectorises only loops without calls, and array arguments
+    cost atomic reference counts, over which threads contend.
     """
     return _for_kernels(function, forceinline=True)
 
 
 class _WithoutCollecting(event.Listener):
-    """While kernels of this package are compiled, garbage is not collected: that saves some 5 % of the time."""
+    """Listener that stops garbage collection while kernels of this package compile: saves some 5 % of the time."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -131,7 +131,7 @@ _events.register("numba:compile", _WithoutCollecting())
 
 
 def announce(*kernels: Callable[..., Any]) -> None:
-    """Say on stderr that the first use will take its time, if one of these kernels is not yet on disk; once."""
+    """Print on stderr, once, that the first use compiles for some seconds, if one of ``kernels`` is not on disk."""
     global _announced
     if _announced or _FOLDER is None:
         return
@@ -145,12 +145,12 @@ def _for_kernels(function: Function, **options: bool) -> Function:
     inside: Any = _compiled(function, no_cpython_wrapper=True, **options)
     if inside is not function:  # Python must not call what lacks the wrapper; Numba looks for the type
         shown: Any = function
-        shown._numba_type_, shown._inside = numba.types.Dispatcher(inside), inside  # which the type does not hold
+        shown._numba_type_, shown._inside = numba.types.Dispatcher(inside), inside  # the type refers to it weakly
     return function
 
 
 def _compiled(function: Function, **options: bool) -> Function:
-    # Numba reads the folder once, when it decorates; other packages' kernels stay where they are.
+    # Numba reads the folder once, when it decorates; the caches of other packages stay where they are.
     settings: Any = numba.config
     njit: Any = numba.njit  # whose types lack the wrappers
     before = settings.CACHE_DIR

@@ -1,8 +1,8 @@
-"""Spread a compiled loop over the cores.
+"""Thread pool that runs a compiled loop on several cores.
 
-Threads of Python's own run compiled code that has let go of the interpreter's lock.  Numba's parallel loops would do
-the same, but take some four seconds each to compile, must not be forked, and wait for work by turning in a loop, which
-robs whatever else runs beside them.
+Python threads run kernels that have released the interpreter's lock (GIL).  Numba's parallel loops would do the same,
+but take some four seconds each to compile, must not be forked, and busy-wait for work, which slows whatever else runs
+on the machine.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from cutenv.portions import all_finished, portions
 from cutenv.validation import in_range
 
 FEWEST = 32
-"""Members of a batch, below which waking another thread (some 50 microseconds) costs more than it saves."""
+"""Smallest number of items per thread: below it, waking a thread (some 50 microseconds) costs more than it saves."""
 
-_PATIENCE = 100_000  # looks at what is finished, some 100 microseconds, before a core is left to others
+_PATIENCE = 100_000  # polls for the last chunks, some 100 microseconds, before the thread blocks
 
 _cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
-_threads: tuple[int, ThreadPoolExecutor] | None = None  # and the process that they belong to
+_threads: tuple[int, ThreadPoolExecutor] | None = None  # id of the process that owns the pool, and the pool
 
 
 def set_cores(count: int) -> None:
-    """Use so many cores from now on; by default all that the process may use, or ``CUTENV_CORES``."""
+    """Set the number of threads; by default all cores that the process may use, or ``CUTENV_CORES``."""
     global _cores, _threads
     _cores = int(in_range("cores", count, 1, 4096, "1", "Give a whole number of cores."))
     _threads = None
 
 
 def cores() -> int:
-    """How many cores are used."""
+    """Return the number of threads in use."""
     return _cores
 
 
@@ -47,11 +47,11 @@ def over_cores(
     fewest: int = FEWEST,
     meanwhile: Callable[[], None] | None = None,
 ) -> None:
-    """Call ``kernel(portions, core, *arguments)`` on as many cores as there are ``fewest`` members for.
+    """Run ``kernel(queue, thread, *arguments)`` on up to one thread for every ``fewest`` items.
 
-    The kernel takes portions of the ``count`` members (:mod:`cutenv.portions`) until there are none.  Who comes late
-    finds the less to do; nobody waits for a thread that has not even begun.  ``meanwhile`` is called while other
-    threads wake: for what needs nothing that the kernel fills.
+    The kernel claims chunks of the ``count`` items (:mod:`cutenv.portions`) until there are none.  A thread that wakes
+    late finds less to do, and nobody waits for a thread that has not begun.  ``meanwhile`` is called while the other
+    threads wake: for work that does not need what the kernel fills.
     """
     workers = max(min(_cores, count // fewest), 1)
     of_batch = portions(count, workers)
@@ -61,7 +61,7 @@ def over_cores(
             meanwhile()
         kernel(of_batch, 0, *arguments)
     finally:
-        # The last portion of another is finished sooner than its thread could say so.
+        # The last chunk of another thread is done before its future is set, so poll the queue first.
         if others and not all_finished(of_batch, _PATIENCE):
             for other in others:
                 other.result()
@@ -70,7 +70,7 @@ def over_cores(
 
 
 def _pool() -> ThreadPoolExecutor:
-    """Threads of this process: a fork inherits none."""
+    """Return the thread pool of this process; a forked child makes its own."""
     global _threads
     if _threads is None or _threads[0] != os.getpid():
         _threads = os.getpid(), ThreadPoolExecutor(max(_cores - 1, 1), "cutenv")

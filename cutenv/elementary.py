@@ -1,13 +1,13 @@
-"""Elementary functions of plain float64 arithmetic, so that every machine computes the same bits.
+"""Elementary functions in plain float64 arithmetic, so that every machine computes the same bits.
 
-The exponential function, logarithm and tangent of a machine's own library differ from machine to machine in the last
-places, and so would every specimen drawn with them.  Here they are made of additions, multiplications, divisions and
-shifts in a fixed order, which IEEE 754 rounds alike everywhere; Numba without fast-math neither reorders nor fuses
-them.  Nothing branches, so that loops over many numbers become vector instructions.
+The exponential, logarithm and tangent of a machine's own library differ from machine to machine in the last places,
+and so would every specimen sampled with them.  Here they consist of additions, multiplications, divisions and shifts
+in a fixed order, which IEEE 754 rounds alike everywhere; Numba without fast-math neither reorders nor fuses them.
+They have no branches, so that loops over many numbers become vector instructions.
 
-Kernels call these instead of those of ``math`` and ``numpy``.  ``sqrt``, ``floor`` and ``copysign`` are exact in any
-library and stay, as does ``x**2``, which Numba multiplies.  Errors are measured beside numbers of fifty digits, in
-``tests/derived/test_elementary.py``; whole cuts are compared by ``scripts/same_bits.py``.
+Kernels call these instead of those in ``math`` and ``numpy``.  ``sqrt``, ``floor`` and ``copysign`` are exact in any
+library and are used as they are, as is ``x**2``, which Numba multiplies.  Errors are measured against 50-digit
+numbers in ``tests/derived/test_elementary.py``; ``scripts/same_bits.py`` compares whole cuts.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from cutenv.intrinsics import bits_of, float_of
 # ln 2 in two parts: multiples of the first, up to 2^20, are exact.
 _LN2_HIGH, _LN2_LOW = float.fromhex("0x1.62e42feep-1"), float.fromhex("0x1.a39ef35793c76p-33")
 _PER_LN2 = float.fromhex("0x1.71547652b82fep+0")
-_ROUNDING = 1.5 * 2.0**52  # added to a number below 2^51, it leaves no bits behind the point
+_ROUNDING = 1.5 * 2.0**52  # added to a number below 2^51, it rounds it to an integer
 _ROUNDING_BITS = 0x4338000000000000
 _ONE_BITS = 0x3FF0000000000000
 _ROOT_HALF_BITS = 0x3FE6A09E667F3BCD  # of sqrt(1/2)
-_LOWEST, _HIGHEST = -746.0, 710.0  # beyond which the exponential function is 0 and infinite
+_LOWEST, _HIGHEST = -746.0, 710.0  # beyond these the exponential is 0 and infinite
 _SUBNORMAL = 2.0**-1022
 _LARGEST = float.fromhex("0x1.fffffffffffffp+1023")
 _E2, _E3, _E4, _E5, _E6, _E7, _E8, _E9, _E10, _E11, _E12, _E13 = (1.0 / math.factorial(n) for n in range(2, 14))
@@ -33,9 +33,9 @@ _L3, _L5, _L7, _L9, _L11, _L13, _L15, _L17, _L19, _L21 = (2.0 / n for n in range
 
 @inlined
 def _reduced(x: float) -> tuple[float, int]:
-    """E and n, by which exp(x) = 2^n (1 + E) and |E| < 0.42, of ``x`` between -746 and 710.
+    """Return E and n with exp(x) = 2^n (1 + E) and |E| < 0.42, for ``x`` between -746 and 710.
 
-    By Taylor's series up to half of ln 2, where the terms left out are below 4e-18.
+    Taylor series up to half of ln 2, where the omitted terms are below 4e-18.
     """
     rounded = x * _PER_LN2 + _ROUNDING
     n = bits_of(rounded) - _ROUNDING_BITS
@@ -49,22 +49,22 @@ def _reduced(x: float) -> tuple[float, int]:
 
 @inlined
 def exp(x: float) -> float:
-    """The exponential function, within 1 unit in the last place; infinite above 709.78, 0 below -745.13."""
+    """Compute the exponential function, within 1 unit in the last place; infinite above 709.78, 0 below -745.13."""
     within = x if x < _HIGHEST else _HIGHEST
     within = within if within > _LOWEST else _LOWEST
     excess, n = _reduced(within)
-    half = n >> 1  # two factors, for 2^1024 and 2^-1075 are none themselves
+    half = n >> 1  # two factors, because 2^1024 and 2^-1075 are not floats themselves
     value = (1.0 + excess) * float_of(_ONE_BITS + (half << 52)) * float_of(_ONE_BITS + ((n - half) << 52))
     return value if x == x else x
 
 
 @inlined
 def log(x: float) -> float:
-    """The natural logarithm, within 1 unit in the last place; minus infinity of 0, not a number below.
+    """Compute the natural logarithm, within 1 unit in the last place; minus infinity at 0, NaN below.
 
     x = 2^n (1 + f) with f between -0.3 and 0.42; ln(1 + f) is twice the inverse hyperbolic tangent of f / (2 + f), by
-    Taylor's series, where the terms left out are below 1e-18 of it.  Put together in the order of K. C. Ng's logarithm
-    (fdlibm, 1993), which adds the largest part last.
+    its Taylor series, whose omitted terms are below 1e-18 of it.  The parts are added in the order of K. C. Ng's
+    logarithm (fdlibm, 1993), the largest last.
     """
     small = x < _SUBNORMAL
     bits = bits_of(x * 2.0**54 if small else x)
@@ -77,16 +77,16 @@ def log(x: float) -> float:
     series = z * (_L3 + z * (_L5 + z * (_L7 + z * (_L9 + z * (_L11 + z * further)))))
     half = 0.5 * f * f
     value = n * _LN2_HIGH - ((half - (s * (half + series) + n * _LN2_LOW)) - f)
-    value = value if x <= _LARGEST else x  # infinity, or not a number
+    value = value if x <= _LARGEST else x  # infinity, or NaN
     value = value if x != 0.0 else -math.inf
     return math.nan if x < 0.0 else value
 
 
 @inlined
 def tanh(x: float) -> float:
-    """The hyperbolic tangent, within 3 units in the last place."""
+    """Compute the hyperbolic tangent, within 3 units in the last place."""
     twice = 2.0 * abs(x)
-    excess, n = _reduced(twice if twice < 44.0 else 44.0)  # where it is 1 in every digit
+    excess, n = _reduced(twice if twice < 44.0 else 44.0)  # from there on tanh is 1 to the last digit
     scale = float_of(_ONE_BITS + (n << 52))
     grown = scale * excess + (scale - 1.0)  # exp(2 |x|) - 1
     value = math.copysign(grown / (grown + 2.0), x)
@@ -94,16 +94,16 @@ def tanh(x: float) -> float:
 
 
 _QUARTER, _HALF = 0.25 * math.pi, 0.5 * math.pi
-_REST = 6.123233995736766e-17  # of pi/2, which a float does not hold
+_REST = 6.123233995736766e-17  # remainder of pi/2 beyond its float
 _S3, _S5, _S7, _S9, _S11, _S13, _S15 = ((-1.0) ** (n // 2) / math.factorial(n) for n in range(3, 16, 2))
 _C4, _C6, _C8, _C10, _C12, _C14, _C16 = ((-1.0) ** (n // 2) / math.factorial(n) for n in range(4, 17, 2))
 
 
 @inlined
 def cotangent(angle: float) -> float:
-    """The cotangent of ``angle`` [rad], -45 to 225 degrees, within 3 units in the last place.
+    """Compute the cotangent of ``angle`` [rad], -45 to 225 degrees, within 3 units in the last place.
 
-    By Taylor's series of sine and cosine, up to 45 degrees, where the terms left out are below 1e-16.
+    Taylor series of sine and cosine, up to 45 degrees, where the omitted terms are below 1e-16.
     """
     from_upright = (_HALF - angle) + _REST
     beyond = from_upright < 0.0

@@ -1,4 +1,4 @@
-"""A documented constant: its unit, its admissible range, where it comes from, and what range to sweep."""
+"""Documented constants: value, unit, admissible range, provenance, and the range to sweep."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def parameter(
     why: str,
     sweep: tuple[float, float] | None = None,
 ) -> Any:
-    """A dataclass field for one physical constant; ``why`` names the table, the derivation or the reason."""
+    """Declare a dataclass field for one physical constant; ``why`` names the table, the derivation or the reason."""
     metadata = {
         "unit": unit,
         "low": low,
@@ -33,7 +33,7 @@ def parameter(
 
 
 def check_parameters(parameters: Any) -> None:
-    """Refuse a dataclass whose documented constants leave their ranges (call it in ``__post_init__``)."""
+    """Raise if a documented constant of a dataclass is out of its range (call it in ``__post_init__``)."""
     for field in dataclasses.fields(parameters):
         about = field.metadata
         if "unit" not in about:
@@ -49,7 +49,7 @@ def check_parameters(parameters: Any) -> None:
 
 
 def parameter_table(*groups: Any) -> list[dict[str, Any]]:
-    """Every documented constant of the dataclasses given, as rows: name, default, unit, provenance, why, sweep."""
+    """Return all documented constants of dataclasses as rows: name, default, unit, provenance, why, sweep."""
     return [
         {
             "name": field.name,

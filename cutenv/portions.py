@@ -1,7 +1,7 @@
-"""Portions of a batch that several cores take one after the other, so that none waits while there is work left.
+"""Work queue for a batch that several threads share: chunks are claimed with atomic counters, so that none idles.
 
-Each core begins with a stretch of its own, the same at every pass: what it last wrote is still in its cache.  When
-that is used up it takes from those of the others, which were fetched late or have other things to do as well.
+Each thread starts with its own contiguous range, the same one at every pass, because what it last wrote is still in
+its cache.  When that range is used up it steals chunks from the ranges of threads that woke late or are busy.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from cutenv.compiled import compiled_for_cores, inlined
 from cutenv.intrinsics import array_data, lowered, typed
 
 Portions: TypeAlias = NDArray[np.int64]
-"""Of one pass over a batch, shape (cores, 8): a line of a cache for each core, so that none waits for another's."""
-_NEXT, _END, _FINISHED = range(3)  # of the core's stretch the next member and the end; how many it has finished
-_LINE = 8
+"""Work queue of one pass over a batch, shape (threads, 8): one cache line for each thread avoids false sharing."""
+_NEXT, _END, _FINISHED = range(3)  # columns: next unclaimed item and end of the thread's range; items it has done
+_LINE = 8  # 64-bit words in a cache line
 _WORD = ir.IntType(64)
-_plain = threading.Lock()  # only where nothing is compiled
+_plain = threading.Lock()  # used only where nothing is compiled
 
 
 def portions(count: int, cores: int = 1) -> Portions:
-    """Of a batch of ``count`` members in stretches for so many cores, none of them claimed."""
+    """Make a work queue: split ``count`` items into one contiguous range per thread."""
     passed = np.zeros((cores, _LINE), np.int64)
     passed[:, _END] = count * np.arange(1, cores + 1) // cores
     passed[1:, _NEXT] = passed[:-1, _END]
@@ -35,7 +35,7 @@ def portions(count: int, cores: int = 1) -> Portions:
 
 @inlined
 def claim(passed: Portions, core: int, size: int) -> tuple[int, int]:
-    """Take the next members for ``core``, at most ``size``: the first, and the one after the last; 0 and 0 for none."""
+    """Claim the next chunk for thread ``core``, at most ``size`` items: (first, end), or (0, 0) when none is left."""
     for k in range(len(passed)):
         stretch = (core + k) % len(passed)
         end = passed[stretch, _END]
@@ -48,13 +48,13 @@ def claim(passed: Portions, core: int, size: int) -> tuple[int, int]:
 
 @inlined
 def finish(passed: Portions, core: int, size: int) -> None:
-    """Tell that ``core`` is done with ``size`` members: others may read what it made of them."""
+    """Mark ``size`` items as done by ``core``; a release operation, so that others may read the results."""
     count_up(passed, core, _FINISHED, size)
 
 
 @compiled_for_cores
 def all_finished(passed: Portions, patience: int) -> bool:
-    """Look up to ``patience`` times, a nanosecond or two each, whether all members are done with."""
+    """Poll up to ``patience`` times, a nanosecond or two each; return True as soon as all items are done."""
     core, left = 0, passed[len(passed) - 1, _END]
     for _ in range(patience + len(passed)):
         if core == len(passed):
@@ -67,7 +67,7 @@ def all_finished(passed: Portions, patience: int) -> bool:
 
 
 def count_up(passed: Any, core: Any, which: Any, size: Any) -> Any:
-    """Add to one of a core's numbers, in one instruction that no other core interrupts; what it was before."""
+    """Add ``size`` atomically to one counter of a thread (acquire-release) and return its value before."""
     with _plain:
         before = int(passed[core, which])
         passed[core, which] += size
@@ -75,7 +75,7 @@ def count_up(passed: Any, core: Any, which: Any, size: Any) -> Any:
 
 
 def counted(passed: Any, core: Any, which: Any) -> Any:
-    """One of a core's numbers, and with it what was written before it was counted up."""
+    """Load one counter of a thread atomically (acquire): what was written before it was raised is visible too."""
     return int(passed[core, which])
 
 

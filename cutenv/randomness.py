@@ -18,13 +18,13 @@ from cutenv.elementary import exp, log
 
 Integer: TypeAlias = int | np.integer[Any]
 
-# What a number is for: numbers of different streams have nothing to do with each other.
-# Of NumPy's type: of a plain number Numba would compile a version of every function for each value.
+# Streams: one for each use; numbers of different streams are independent.
+# NumPy integers, because Numba would compile every function anew for each value of a plain Python number.
 SENSOR_NOISE, SENSOR_DRIFT, TASK, CUT, MODULUS_FIELD, RESISTANCE_FIELD, VESSELS, DEPTH_ERROR = (
     np.uint64(stream) for stream in range(1, 9)
 )
 CLASS_DRAW, LENGTH_DRAW = np.int64(0), np.int64(1)
-"""Numbers of stream TASK."""
+"""Counters within stream TASK: tissue class and target length."""
 
 _WORD = np.uint64(0xFFFFFFFF)
 _SHIFT = np.uint64(32)
@@ -37,7 +37,7 @@ _ROUNDS = 10
 def philox(
     key_0: np.uint64, key_1: np.uint64, c0: np.uint64, c1: np.uint64, c2: np.uint64, c3: np.uint64
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
-    """Philox-4x32-10: four 32-bit words (held in uint64) from a 2-word key and a 4-word counter."""
+    """Compute Philox-4x32-10: four 32-bit words (held in uint64) from a 2-word key and a 4-word counter."""
     for _ in range(_ROUNDS):
         p0 = _MULTIPLIER_0 * c0
         p1 = _MULTIPLIER_1 * c2
@@ -51,7 +51,7 @@ def philox(
 def words_at(
     seed: Integer, episode: Integer, stream: Integer, counter: Integer
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
-    """Four 32-bit words for (seed, episode, stream, counter)."""
+    """Return four 32-bit random words for (seed, episode, stream, counter)."""
     s = np.uint64(seed)
     e = np.uint64(episode)
     return philox(s & _WORD, s >> _SHIFT, np.uint64(counter) & _WORD, e & _WORD, e >> _SHIFT, np.uint64(stream) & _WORD)
@@ -59,7 +59,7 @@ def words_at(
 
 @for_kernels
 def uniform_at(seed: Integer, episode: Integer, stream: Integer, counter: Integer) -> float:
-    """One number evenly distributed in [0, 1), with 53 bits, for (seed, episode, stream, counter)."""
+    """Return one uniform number in [0, 1), with 53 random bits, for (seed, episode, stream, counter)."""
     high, low, _, _ = words_at(seed, episode, stream, counter)
     return float((high << np.uint64(21)) | (low >> np.uint64(11))) * 2.0**-53
 
@@ -68,7 +68,7 @@ def uniform_at(seed: Integer, episode: Integer, stream: Integer, counter: Intege
 def four_normals_at(
     seed: Integer, episode: Integer, stream: Integer, block: Integer
 ) -> tuple[float, float, float, float]:
-    """Four independent standard normal numbers for (seed, episode, stream, block), one of each word."""
+    """Return four independent standard normal numbers for (seed, episode, stream, block), one from each word."""
     w0, w1, w2, w3 = words_at(seed, episode, stream, block)
     first = 4 * block
     return (
@@ -81,15 +81,15 @@ def four_normals_at(
 
 @compiled
 def normal_at(seed: Integer, episode: Integer, stream: Integer, counter: Integer) -> float:
-    """One standard normal number for (seed, episode, stream, counter)."""
+    """Return one standard normal number for (seed, episode, stream, counter)."""
     words = words_at(seed, episode, stream, counter // 4)
     return _normal(words[int(counter % 4)], seed, episode, stream, counter)
 
 
 def _ziggurat() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Widths, shape (257,), of 256 layers of equal area under exp(-x^2/2), and the curve's height at each.
+    """Compute the ziggurat: widths, shape (257,), of 256 layers of equal area under exp(-x^2/2), and its heights there.
 
-    The lowest layer has the tail beyond R in it, and the width that its area would have as a rectangle.
+    The lowest layer includes the tail beyond R; its width is that of a rectangle of the same area.
     """
     widths = np.zeros(_LAYERS + 1)
     widths[0], widths[1] = _AREA / exp(-0.5 * _R * _R), _R
@@ -100,18 +100,18 @@ def _ziggurat() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 _LAYERS = 256
-_R = 3.6541528853610088  # where the tail begins, so that the topmost layer closes at x = 0
+_R = 3.6541528853610088  # where the tail begins, such that the topmost layer closes at x = 0
 _AREA = 0.004928673233974655  # of every layer: R exp(-R^2/2) and the tail, sqrt(pi/2) erfc(R/sqrt(2))
 WIDTHS, _HEIGHTS = _ziggurat()
-_AGAIN = np.uint64(1 << 16)  # added to a stream: words for the few numbers that one word does not settle
+_AGAIN = np.uint64(1 << 16)  # added to a stream: further words for the few numbers that one word does not decide
 
 
 @for_kernels
 def _normal(word: np.uint64, seed: Integer, episode: Integer, stream: Integer, counter: Integer) -> float:
-    """A standard normal number of one 32-bit word, by the ziggurat method: 8 bits for the layer, 1 sign, 23 across.
+    """Turn one 32-bit word into a standard normal number by the ziggurat method: 8 bits layer, 1 sign, 23 position.
 
-    Marsaglia and Tsang, "The ziggurat method for generating random variables", J. Stat. Softw. 5(8), 2000; with bits of
-    their own for layer and place, as Doornik (2005) asks for.  One word settles 98.8 % of the numbers.
+    Marsaglia and Tsang, "The ziggurat method for generating random variables", J. Stat. Softw. 5(8), 2000; with
+    separate bits for layer and position, as Doornik (2005) recommends.  One word decides 98.8 % of the numbers.
     """
     layer, sign, across = in_layer(word)
     x = across * float(WIDTHS[layer])
@@ -122,9 +122,9 @@ def _normal(word: np.uint64, seed: Integer, episode: Integer, stream: Integer, c
 
 @inlined
 def in_layer(word: np.uint64) -> tuple[Integer, float, float]:
-    """A word's layer, sign and place across the layer, 0 to 1.
+    """Split a word into layer, sign and position across the layer, 0 to 1.
 
-    Its place times the layer's width is the number's size, and is settled if it is below the width of the next layer.
+    Position times width of the layer is the magnitude; it is accepted at once if below the width of the next layer.
     """
     layer = np.int64(word & np.uint64(255))
     sign = 1.0 - 2.0 * float((word >> np.uint64(8)) & np.uint64(1))
@@ -135,7 +135,7 @@ def in_layer(word: np.uint64) -> tuple[Integer, float, float]:
 def normal_at_the_rim(
     layer: Integer, x: float, seed: Integer, episode: Integer, stream: Integer, counter: Integer
 ) -> float:
-    """The size of the number where ``x`` lies in the rim of its layer, with fresh words until it is settled."""
+    """Return the magnitude where ``x`` falls in the rim of its layer: rejection sampling with further words."""
     attempt = 0
     while True:
         w0, w1, w2, w3 = words_at(seed, episode, stream + _AGAIN, 64 * counter + attempt)
@@ -155,7 +155,7 @@ def normal_at_the_rim(
 
 
 def generator(seed: int, episode: int = 0) -> np.random.Generator:
-    """A NumPy generator for one episode, keyed (not sequenced) by ``seed`` and ``episode``.
+    """Return a NumPy generator for one episode, keyed (not sequenced) by ``seed`` and ``episode``.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def generator(seed: int, episode: int = 0) -> np.random.Generator:
 
 
 def check_key(seed: int, episode: int) -> None:
-    """Refuse a ``seed`` or an ``episode`` outside 0 to 2**64 - 1."""
+    """Raise ValueError if ``seed`` or ``episode`` is outside 0 to 2**64 - 1."""
     for name, value in (("seed", seed), ("episode", episode)):
         if not 0 <= int(value) < 2**64:
             raise ValueError(f"{name} = {value} is outside 0 to 2**64 - 1. Give a non-negative integer.")

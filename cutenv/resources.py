@@ -1,4 +1,4 @@
-"""Where the measured data lie: in a checkout beside the package, in an installed wheel inside it."""
+"""Paths of the measured data: beside the package in a checkout, inside it in an installed wheel."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def path(name: str) -> Path:
     """
     if not isinstance(name, str):
         raise TypeError(f"name must be a string such as 'tables/table_5_6.csv', got {name!r}")
-    # The packaged folder wins: beside an installed package a folder "assets" would be somebody else's.
+    # The packaged folder comes first: beside an installed package, a folder "assets" belongs to somebody else.
     assets = _PACKAGED if _PACKAGED.is_dir() else _CHECKOUT
     if not assets.is_dir():
         raise FileNotFoundError(

@@ -1,6 +1,6 @@
-"""What a reward charges and a score reports under the same name: one line of code for both.
+"""Quantities that the reward charges and the score reports under the same name, each defined once for both.
 
-In Python and inside compiled kernels; all but :func:`wedge` take floats or arrays.
+They work in Python and inside compiled kernels; all but :func:`wedge` take floats or arrays.
 """
 
 from __future__ import annotations
@@ -18,44 +18,44 @@ Array = NDArray[np.float64]
 T = TypeVar("T", float, Array)
 
 TIP_TOLERANCE = 0.003
-"""Tip error of a success, and scale of its cost [m]."""
+"""Tip error up to which a cut is a success, and scale of its cost [m]."""
 ANGLE_TOLERANCE = math.radians(10.0)
-"""From upright, of a success [rad]."""
+"""Deviation from upright up to which a cut is a success [rad]."""
 FORCE_LIMIT_PER_DEPTH = 1000.0
-"""Where a task ends for safety by default, and what a score calls too much [N/m]."""
+"""Force per depth at which a task ends for safety by default, and which a score counts as too much [N/m]."""
 SMALLEST_RUN = 0.3e-3
-"""Advance of an estimated tip beyond the blade's own, below which it is noise and not an unstable run [m]."""
+"""Advance of the estimated tip beyond the blade's own below which it is noise, not an unstable run [m]."""
 RUN_WINDOW = 0.020
-"""Time over which such a run is looked for, longer than the sensor's noise [s]."""
+"""Time window in which such a run is searched for, longer than the sensor's noise [s]."""
 
 
 @for_kernels
 def tip_error(tip: T, target: float) -> T:
-    """How far the crack tip is from the target [m]."""
+    """Return the distance from the crack tip to the target [m]."""
     return abs(tip - target)
 
 
 @for_kernels
 def overshoot(tip: T, target: float) -> T:
-    """How far the crack tip is beyond the target [m]."""
+    """Return the distance by which the crack tip is beyond the target [m], 0 before it."""
     beyond: T = np.maximum(tip - target, 0.0)
     return beyond
 
 
 @for_kernels
 def lag(blade: T, tip: T) -> T:
-    """How far the crack tip is behind the blade [m]."""
+    """Return the distance by which the crack tip is behind the blade [m], 0 if it is not."""
     behind: T = np.maximum(blade - tip, 0.0)
     return behind
 
 
 @for_kernels
 def wedge(angle: float, depth: float) -> float:
-    """How wide a wedge a blade leaning at ``angle`` [rad] leaves uncut, in the unit of ``depth``."""
+    """Return the width of the wedge that a blade at ``angle`` [rad] leaves uncut, in the unit of ``depth``."""
     return depth * cotangent(angle)
 
 
 @for_kernels
 def force_per_depth(force: T, depth: T) -> T:
-    """Force on the blade over the depth of the cut [N/m]."""
+    """Return the force on the blade over the depth of cut [N/m]."""
     return force / depth

@@ -1,4 +1,4 @@
-"""What a rig can record of a cut: one instant (`Reading`), and the whole cut (`Trace`)."""
+"""A recorded cut, reduced to what a rig can measure: one instant (`Reading`), and the whole cut (`Trace`)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from cutenv.validation import array_in_range, one_of
 
 FORCE_UNITS = ("N", "1")
-"""Units of force: newtons, or a pure number where a record was normalised."""
+"""Units of force: newtons, or "1" for a record whose force was normalised."""
 
 _SENSED = ("position", "speed", "angle", "depth")
 _RANGES: dict[str, tuple[float, float, str, str]] = {
@@ -28,15 +28,15 @@ _FORCE_RANGES: dict[str, tuple[float, float, str, str]] = {
     "N": (-1e3, 1e3, "N", 'Give newtons; 2000 looks like millinewtons. Without a unit: force_unit="1".'),
     "1": (-1e9, 1e9, "1", "Give numbers, in whatever one unit the record was normalised to."),
 }
-# A cut is felt many times a second; a step of this length is milliseconds taken for seconds.
+# A cut is sampled many times a second; steps as long as this are milliseconds taken for seconds.
 _LONGEST_STEP = 0.5  # [s]
 _GAP = 10.0  # median steps: a longer step is a gap in the record, over which speed is not integrated
 _DISAGREEMENT = 10.0  # a wrong unit is off by 10 or more, a noisy or commanded speed by less
-_STILL = 1e-3  # [m] that noise of the speed may add up to
+_STILL = 1e-3  # [m] to which noise of the speed may integrate
 
 
 def limits(name: str, force_unit: str = "N") -> tuple[float, float]:
-    """Least and greatest value that a trace takes for a field, in SI; force in its unit.
+    """Return the smallest and largest value that a trace accepts for a field, in SI; force in its unit.
 
     Raises
     ------
@@ -49,18 +49,18 @@ def limits(name: str, force_unit: str = "N") -> tuple[float, float]:
 
 
 class Reading(NamedTuple):
-    """One instant of a cut: only what a rig can measure; what is not known is None.
+    """One instant of a cut: only what a rig can measure; unknown fields are None.
 
     Attributes
     ----------
     time : float
-        [s].
+        Time [s].
     force : float
-        On the blade along the cut line, positive against forward motion; in the trace's force unit.
+        Force on the blade along the cut line, positive against forward motion; in the trace's force unit.
     position, speed : float or None
-        Of the blade, from the clamp on [m], [m/s].
+        Position [m] (from the clamp) and speed [m/s] of the blade.
     angle : float or None
-        Of the blade against the surface [rad]; upright is pi/2.
+        Angle of the blade against the surface [rad]; upright is pi/2.
     depth : float or None
         Depth of cut at the blade [m].
     """
@@ -80,26 +80,26 @@ class Trace:
     Parameters
     ----------
     time : array_like of shape (n,)
-        [s], strictly increasing; n is 2 or more.
+        Time [s], strictly increasing; n is 2 or more.
     force : array_like of shape (n,)
-        On the blade along the cut line, positive against forward motion [N], -1000 to 1000.
+        Force on the blade along the cut line, positive against forward motion [N], -1000 to 1000.
     position : array_like of shape (n,), optional
-        Of the blade [m], growing from the clamp on, -0.05 to 0.5.
+        Position of the blade [m], growing from the clamp, -0.05 to 0.5.
     speed : array_like of shape (n,), optional
-        Of the blade [m/s], -1 to 1; must agree with `position` within a factor of 10.
+        Speed of the blade [m/s], -1 to 1; must agree with `position` within a factor of 10.
     angle : array_like of shape (n,), optional
-        Of the blade against the surface [rad], 0 to pi; upright is pi/2.
+        Angle of the blade against the surface [rad], 0 to pi; upright is pi/2.
     depth : array_like of shape (n,), optional
         Depth of cut at the blade [m], 0 to 0.1.
     force_unit : {"N", "1"}
-        "1": the force is normalised, and nothing that needs newtons can be had from the trace.
+        "1": the force is normalised, and nothing that needs newtons can be computed from the trace.
     metadata : mapping
-        Whatever JSON can hold, by name; kept as JSON would give it back.
+        Additional information by name, JSON-serialisable; stored as JSON returns it.
 
     Raises
     ------
     TypeError
-        If a field is no array of numbers, or the metadata are not what JSON can hold.
+        If a field is not an array of numbers, or the metadata cannot be serialised to JSON.
     ValueError
         If a value is not finite or looks like another unit, lengths differ, or time does not increase.
 
@@ -148,7 +148,7 @@ class Trace:
         force_unit: str = "N",
         metadata: Mapping[str, Any] | None = None,
     ) -> Trace:
-        """Collect instants into a trace; a field is known if every reading knows it.
+        """Collect readings into a trace; a field is known if every reading has it.
 
         Parameters
         ----------
@@ -157,12 +157,12 @@ class Trace:
         force_unit : {"N", "1"}
             Unit of their force.
         metadata : mapping, optional
-            As in `Trace`.
+            Same as for `Trace`.
 
         Raises
         ------
         ValueError
-            If a field is known to some readings only, or as in `Trace`.
+            If a field is known to some readings only, or for the same reasons as in `Trace`.
         """
         columns = {
             name: list(values) for name, values in zip(Reading._fields, zip(*readings, strict=True), strict=False)
@@ -188,7 +188,7 @@ class Trace:
 
     @property
     def duration(self) -> float:
-        """From the first instant to the last [s]."""
+        """Time from the first reading to the last [s]."""
         return float(self.time[-1] - self.time[0])
 
     @property
@@ -197,14 +197,14 @@ class Trace:
         return (len(self) - 1) / self.duration
 
     def require(self, *names: str, by: str) -> tuple[NDArray[np.float64], ...]:
-        """Return the named fields, or say which function needs which missing one.
+        """Return the named fields, shape (n,) each; raise, naming the caller, if the trace lacks one.
 
         Parameters
         ----------
         *names : str
             Among "time", "force", "position", "speed", "angle", "depth".
         by : str
-            The function that needs them, for the message.
+            Name of the function that needs them, for the message.
 
         Returns
         -------
@@ -214,7 +214,7 @@ class Trace:
         Raises
         ------
         ValueError
-            If one is missing from the trace, or is no field of a trace.
+            If one is missing from the trace, or is not a field of a trace.
         """
         for name in names:
             one_of("field", name, Reading._fields)
@@ -226,7 +226,7 @@ class Trace:
         return tuple(getattr(self, name) for name in names)
 
     def require_newtons(self, *, by: str) -> NDArray[np.float64]:
-        """Return the force [N], shape (n,), or say which function needs newtons.
+        """Return the force [N], shape (n,); raise, naming the caller, if it is normalised.
 
         Raises
         ------
@@ -309,12 +309,12 @@ def _check_time(time: NDArray[np.float64]) -> None:
     if np.median(step) > _LONGEST_STEP:
         raise ValueError(
             f"time steps by {np.median(step):g} s, more than {_LONGEST_STEP} s. Give seconds: it looks like "
-            "milliseconds, which are to be divided by 1000."
+            "milliseconds; divide it by 1000."
         )
 
 
 def _check_speed(time: NDArray[np.float64], position: NDArray[np.float64], speed: NDArray[np.float64]) -> None:
-    """Refuse a speed in another unit than the position: integrated, it spans ten times as much or little."""
+    """Raise if speed, integrated, and position span lengths that differ tenfold: one is in another unit."""
     step = np.diff(time)
     steady = step <= _GAP * np.median(step)
     by_speed = float(np.ptp(np.cumsum(np.append(0.0, (0.5 * (speed[1:] + speed[:-1]) * step)[steady]))))

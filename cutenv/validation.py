@@ -1,4 +1,4 @@
-"""Checks at the door: refuse bad input with the field, the value, the range and the cure."""
+"""Input checks: errors that name the field, the value, the admissible range and the cure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 T = TypeVar("T")
 
-_MANY = 16  # choices, beyond which the nearest is named before they are listed
+_MANY = 16  # number of choices beyond which the nearest is named before all are listed
 
 
 def in_range(name: str, value: float, low: float, high: float, unit: str, cure: str = "") -> float:
@@ -20,11 +20,11 @@ def in_range(name: str, value: float, low: float, high: float, unit: str, cure: 
     Parameters
     ----------
     name, unit : str
-        How the reader calls the field, and its unit ("1" for a pure number).
+        Name of the field as the reader knows it, and its unit ("1" for a pure number).
     value, low, high : float
-        In ``unit``.
+        Value and inclusive limits, in ``unit``.
     cure : str
-        What to do about it, in the reader's words.
+        Advice appended to the message.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def in_range(name: str, value: float, low: float, high: float, unit: str, cure: 
 def array_in_range(
     name: str, values: ArrayLike, low: float, high: float, unit: str, cure: str = ""
 ) -> NDArray[np.float64]:
-    """Like :func:`in_range` for an array of any shape; names the first offending value."""
+    """Return ``values`` as float64 if all lie in the range, like :func:`in_range`; errors name the first bad value."""
     try:
         raw = np.asarray(values)
         if raw.dtype.kind not in "iuf":
@@ -62,7 +62,7 @@ def array_in_range(
 
 
 def one_of(name: str, value: T, choices: Iterable[T]) -> T:
-    """Return ``value`` if it is one of ``choices``; otherwise raise and name the nearest."""
+    """Return ``value`` if it is one of ``choices``; otherwise raise ValueError and suggest the nearest."""
     known = list(choices)
     if value not in known:
         nearest = difflib.get_close_matches(str(value), [str(choice) for choice in known], n=1, cutoff=0.5)

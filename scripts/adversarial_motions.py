@@ -1,6 +1,6 @@
-"""Motions that no drive makes: a blade that jitters, leaps, flips or pumps, to try the energy account with.
+"""Motions that no drive makes: a blade that jitters, leaps, flips or pumps, to test the energy account.
 
-Not a program: ``scripts/check_physics.py`` and ``tests/properties/test_adversaries.py`` lead a blade along them.
+Not a program: ``scripts/check_physics.py`` and ``tests/properties/test_adversaries.py`` move a blade along them.
 """
 
 from __future__ import annotations
@@ -50,4 +50,4 @@ MOTIONS: dict[str, Callable[[np.random.Generator], Motion]] = {
     "pumping at 25 Hz": lambda rng: _pumping(UPRIGHT),
     "pumping at 25 Hz, inclined": lambda rng: _pumping(INCLINED),
 }
-"""One position and angle each millisecond, by name; chance comes from the generator."""
+"""One position and angle each millisecond, by name; random numbers come from the generator."""

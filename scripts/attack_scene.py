@@ -1,4 +1,4 @@
-"""Where attacks on a rig are made: a blade that cuts on an emulated rig, and what came of it by the emulator's word."""
+"""Scene of the attacks on a rig: a blade that cuts on an emulated rig, and the outcome as the emulator reports it."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ from cutenv.rig.drivers import RigError
 from cutenv.rig.emulator.process import RunningEmulator, start
 
 FARTHEST = 0.005
-"""Way that a blade may go from an attack that has to stop it [m]."""
+"""Distance within which an attack that must stop the blade has to stop it [m]."""
 _STANDS = 2e-4  # [m/s]
 _AFTER = 0.4  # [s] of cutting before the attack
-_WATCHED = 1.2  # [s] after it
-_LOOKED = 0.4  # [s] between the two last looks
+_WATCHED = 1.2  # [s] of observation after it
+_LOOKED = 0.4  # [s] between the two last observations
 
 Attack = Callable[["Scene"], None]
 
 
 @dataclass(kw_only=True)
 class Outcome:
-    """What came of an attack; SI.
+    """Outcome of an attack; SI units.
 
     Attributes
     ----------
     cause : str or None
-        Of the stop; None: the cut went on.
+        Cause of the stop; None: the cut went on.
     way : float or None
-        Of the blade from the attack to its rest, or to the end; None: nobody is left to tell.
+        Travel of the blade from the attack to its rest, or to the end; None: unknown.
     moves : bool
-        Whether it moves in the end though it was stopped, or though nobody commands it.
+        True if it moves in the end though it was stopped, or though nothing commands it.
     refused : bool
-        Whether commands are refused after a stop.
+        True if commands are refused after a stop.
     stalls : int
-        Delays of this machine meanwhile.
+        Number of delays of this machine meanwhile.
     notes : list of str
-        What else was seen; what is wrong begins with "!".
+        Other observations; those that are wrong begin with "!".
     """
 
     cause: str | None = None
@@ -52,22 +52,22 @@ class Outcome:
 
     @property
     def safe(self) -> bool:
-        """Whether nothing moves that was stopped, and nothing else is wrong."""
+        """True if nothing moves that was stopped, and nothing else is wrong."""
         return not self.moves and self.refused and not any(note.startswith("!") for note in self.notes)
 
     @property
     def stops(self) -> bool:
-        """Whether it was stopped, near by."""
+        """True if it was stopped, within the allowed distance."""
         return self.safe and self.cause is not None and (self.way is None or abs(self.way) < FARTHEST)
 
     @property
     def goes_on(self) -> bool:
-        """Whether the cut went on; a machine that stalls may stop it as well."""
+        """True if the cut went on; a machine that stalls may stop it as well."""
         return self.safe and (self.cause is None or self.stalls > 0)
 
 
 class Scene:
-    """An emulated rig on which a blade cuts; made anew where an attack leaves it of no use."""
+    """An emulated rig on which a blade cuts; recreated when an attack leaves it unusable."""
 
     def __init__(self) -> None:
         self._emulator: RunningEmulator | None = None
@@ -88,11 +88,11 @@ class Scene:
         return self._rig
 
     def note(self, text: str) -> None:
-        """Keep what was seen; with "!" before what is wrong."""
+        """Store an observation; with "!" in front if it is wrong."""
         self.notes.append(text)
 
     def attacked(self, attack: Attack, seed: int) -> Outcome:
-        """Cut, attack from another thread, and see what came of it."""
+        """Cut, attack from another thread, and return the outcome."""
         self.notes = []
         rig, outcome, at = self.rig, Outcome(notes=self.notes), {}
         rig.begin(seed)
@@ -102,7 +102,7 @@ class Scene:
             at.update(self._truth())
             try:
                 attack(self)
-            except Exception as error:  # an attack that fails is none
+            except Exception as error:  # an attack that raises is not an attack
                 self.note(f"! the attack itself: {type(error).__name__}: {error}")
 
         timer = threading.Timer(_AFTER, run)
@@ -141,7 +141,7 @@ class Scene:
             return {}
 
     def renew(self, *, whole: bool = False) -> None:
-        """Leave the rig, and the emulator too if it is of no use."""
+        """Close the rig, and the emulator too if it is unusable, so that they are recreated."""
         rig, self._rig = self._rig, None
         if rig is not None:
             rig.close()

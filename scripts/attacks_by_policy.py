@@ -1,4 +1,4 @@
-"""Attacks by the policy, through the environment: what it returns, how long it takes, what else it does."""
+"""Attacks by the policy, through the environment: wrong actions, late actions, exceptions, misuse."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from cutenv.rig.causes import RigStopped
 from cutenv.rig.drivers import RigError
 
 Found = tuple[list[str], list[str]]
-"""What was wrong, and what else was seen."""
-_GOOD = 30  # decisions before the policy turns bad
-_BAD = 100  # decisions at most after that
-_ATTEMPTS = 5  # to get a cut under way
-_RESETS = 5  # of one rig, one after the other
+"""Defects found, and other observations."""
+_GOOD = 30  # decisions before the policy misbehaves
+_BAD = 100  # largest number of decisions after that
+_ATTEMPTS = 5  # to start a cut
+_RESETS = 5  # in a row, of one rig
 
 
 class _Cut:
-    """A cut on an emulated rig of its own with records, and what the carriage does by the emulator's word."""
+    """A recorded cut on its own emulated rig, with the motion of the carriage as the emulator reports it."""
 
     def __init__(self, folder: str) -> None:
         self.folder = Path(folder)
@@ -54,7 +54,7 @@ class _Cut:
         return float(self._control.truth()["position_m"])
 
     def judged(self, *, stopped: str | None) -> Found:
-        """What is wrong in the end: that it moves, that its cause is another one, that its record cannot be read."""
+        """Return what is wrong in the end: motion, another cause of the stop, an unreadable record."""
         supervisor, wrong = self.env.session.plant.supervisor, []
         seen = [str(supervisor.report)]
         cause = None if supervisor.report is None else supervisor.report.cause.value
@@ -76,7 +76,7 @@ class _Cut:
 
 
 def _returned(action: Callable[[int], Any], stopped: str | None, *, wait: float = 0.0) -> Found:
-    """The policy returns these actions, after so much time each."""
+    """Run a policy that returns these actions, each after a delay of ``wait`` [s]."""
     with tempfile.TemporaryDirectory() as folder:
         cut = _Cut(folder)
         try:
@@ -91,32 +91,32 @@ def _returned(action: Callable[[int], Any], stopped: str | None, *, wait: float 
 
 
 def infinite() -> Found:
-    """It returns infinity."""
+    """Return infinity as an action."""
     return _returned(lambda i: np.array([math.inf, 0.0]), "not a number")
 
 
 def text() -> Found:
-    """It returns a text."""
+    """Return text as an action."""
     return _returned(lambda i: "forward", "not a number")
 
 
 def alternating() -> Found:
-    """It returns full speed to and fro: every limit may stop it, and nothing may move then."""
+    """Return full speed forward and backward in turn: every limit may stop it, and nothing may move then."""
     return _returned(lambda i: np.array([1.0 if i % 2 else -1.0, 1.0 if i % 2 else -1.0]), None)
 
 
 def nearly_late() -> Found:
-    """It takes 15 of its 20 ms for each decision: a busy machine may stop it, an idle one should not."""
+    """Take 15 of the 20 ms for each decision: a busy machine may stop it, an idle one should not."""
     return _returned(lambda i: np.array([0.3, 1.0]), None, wait=0.015)
 
 
 def late() -> Found:
-    """It takes 100 ms."""
+    """Take 100 ms for a decision."""
     return _returned(lambda i: np.array([0.3, 1.0]), "clock overrun", wait=0.1)
 
 
 def raising() -> Found:
-    """It raises, and nobody catches it."""
+    """Raise an exception that nothing catches."""
     with tempfile.TemporaryDirectory() as folder:
         cut = _Cut(folder)
         try:
@@ -132,7 +132,7 @@ def raising() -> Found:
 
 
 def resetting() -> Found:
-    """It resets the environment in the middle of a cut, and cuts again."""
+    """Reset the environment in the middle of a cut, and cut again."""
     with tempfile.TemporaryDirectory() as folder:
         cut = _Cut(folder)
         cut.env.reset(seed=5)
@@ -141,7 +141,7 @@ def resetting() -> Found:
 
 
 def deleting_its_record() -> Found:
-    """It deletes the record of the cut: the blade stops, and nothing is promised of the record."""
+    """Delete the record of the cut: the blade stops, and nothing is promised about the record."""
     with tempfile.TemporaryDirectory() as folder:
         cut = _Cut(folder)
         for file in cut.folder.glob("*.csv"):

@@ -21,7 +21,7 @@ from cutenv.rig.drivers import RigError
 
 
 def _paused(pid: int, seconds: float) -> None:
-    """Stop a process, by another one that has it go on."""
+    """Stop a process, and let another one continue it after ``seconds``."""
     helper = f"kill -STOP {pid}; sleep {seconds}; kill -CONT {pid}"
     subprocess.run(["sh", "-c", helper], check=True)
 
@@ -41,22 +41,22 @@ def pauses(milliseconds: int) -> Attack:
 
 
 def emulator_paused(scene: Scene) -> None:
-    """SIGSTOP to the emulator for 300 ms while the blade moves: bus and sensor fall silent together."""
+    """Send SIGSTOP to the emulator for 300 ms while the blade moves: bus and sensor fall silent together."""
     _paused(scene.emulator.pid, 0.3)
 
 
 def emulator_killed(scene: Scene) -> None:
-    """The emulator is killed while the blade moves."""
+    """Kill the emulator while the blade moves."""
     os.kill(scene.emulator.pid, signal.SIGKILL)
 
 
 def interpreter_held(scene: Scene) -> None:
-    """A library holds the interpreter for 200 ms."""
+    """Hold the interpreter for 200 ms in a library."""
     ctypes.PyDLL(None).usleep(200_000)
 
 
 def switches_withheld(scene: Scene) -> None:
-    """Threads are to change once a second only, and one counts."""
+    """Let threads switch once a second only, while one counts."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(1.0)
     try:
@@ -68,7 +68,7 @@ def switches_withheld(scene: Scene) -> None:
 
 
 def garbage_collected(scene: Scene) -> None:
-    """Three million objects are searched for garbage."""
+    """Search three million objects for garbage."""
     kept = [[i] for i in range(1_000_000)]
     gc.unfreeze()
     gc.collect()
@@ -76,7 +76,7 @@ def garbage_collected(scene: Scene) -> None:
 
 
 def many_threads(scene: Scene) -> None:
-    """Two hundred threads that count for 0.3 s."""
+    """Let two hundred threads count for 0.3 s."""
     ends = time.monotonic() + 0.3
 
     def count() -> None:
@@ -91,7 +91,7 @@ def many_threads(scene: Scene) -> None:
 
 
 def busy_processes(scene: Scene) -> None:
-    """As many processes as there are cores, twice over, count for half a second."""
+    """Let twice as many processes as there are cores count for half a second."""
     code = "import time; e = time.monotonic() + 0.5\nwhile time.monotonic() < e: sum(range(1000))"
     others = [subprocess.Popen(["nice", sys.executable, "-c", code]) for _ in range(2 * (os.cpu_count() or 1))]
     for other in others:
@@ -99,14 +99,14 @@ def busy_processes(scene: Scene) -> None:
 
 
 def memory_filled(scene: Scene) -> None:
-    """Half a gigabyte is taken and written to."""
+    """Allocate half a gigabyte and write to it."""
     taken = bytearray(512 << 20)
     taken[::4096] = b"x" * len(taken[::4096])
     del taken
 
 
 def memory_refused(scene: Scene) -> None:
-    """The system gives no more memory for half a second."""
+    """Let the system refuse more memory for half a second."""
     before = resource.getrlimit(resource.RLIMIT_AS)
     with open("/proc/self/statm", encoding="ascii") as file:
         taken = int(file.read().split()[0]) * resource.getpagesize()
@@ -118,7 +118,7 @@ def memory_refused(scene: Scene) -> None:
 
 
 def files_refused(scene: Scene) -> None:
-    """The system opens no more files for half a second."""
+    """Let the system refuse to open files for half a second."""
     before = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (3, before[1]))
     try:
@@ -138,20 +138,20 @@ def _replaced(holder: Any, name: str, value: Any) -> Iterator[None]:
 
 
 def wall_clock_set(scene: Scene) -> None:
-    """The wall clock is set back by a year."""
+    """Set the wall clock back by a year."""
     true = time.time
     with _replaced(time, "time", lambda: true() - 3.15e7):
         time.sleep(0.4)
 
 
 def socket_taken_away(scene: Scene) -> None:
-    """The descriptor of the CAN connection is closed under the driver."""
+    """Close the descriptor of the CAN connection under the driver."""
     network = scene.rig.plant._axes[0]._network  # type: ignore[attr-defined]
     network._bus._socket.close()
 
 
 def forked_child(scene: Scene) -> None:
-    """A policy forks, and its child closes the rig, stops and commands the drive."""
+    """Fork in a policy, and let its child close the rig, stop and command the drive."""
     plant = scene.rig.plant
     actions: tuple[Callable[[], object], ...] = (
         plant.close, plant._axes[0].quick_stop, plant._axes[0].close, lambda: plant.advance(0.0, 1.5, 20),
@@ -166,7 +166,7 @@ def forked_child(scene: Scene) -> None:
 
 
 def closed_by_another_thread(scene: Scene) -> None:
-    """The session is closed from this thread while the other one cuts."""
+    """Close the session from this thread while the other one cuts."""
     begun = time.monotonic()
     scene.rig.session.close()
     scene.note(f"closed in {1e3 * (time.monotonic() - begun):.0f} ms")

@@ -1,4 +1,4 @@
-"""Attacks by others on the CAN bus and in the sensor's network."""
+"""Attacks by other participants on the CAN bus and in the sensor's network."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from cutenv.rig.netft.packets import Command, request_bytes
 
 @contextmanager
 def on_the_bus(scene: Scene) -> Iterator[Any]:
-    """Another client of the gateway: a function that sends a frame."""
+    """Connect another client to the gateway; yield a function that sends a frame."""
     import can
 
     bus = Socketcand(scene.emulator.settings.bus)
-    time.sleep(0.05)  # the hub lets it speak and listen
+    time.sleep(0.05)  # until the hub has accepted it
     try:
         yield lambda number, data=b"": bus.send(
             can.Message(arbitration_id=number, data=data, is_extended_id=False), timeout=1.0
@@ -35,37 +35,37 @@ def on_the_bus(scene: Scene) -> Iterator[Any]:
 
 
 def foreign_quick_stop(scene: Scene) -> None:
-    """One quick stop of another master."""
+    """Send one quick stop as another master."""
     with on_the_bus(scene) as send:
         send(0x201, struct.pack("<HiB", 0x0B, 0, 3))
 
 
 def foreign_speed_once(scene: Scene) -> None:
-    """One command of another master: 3 cm/s."""
+    """Send one command as another master: 3 cm/s."""
     with on_the_bus(scene) as send:
         send(0x201, struct.pack("<HiB", 0x0F, 3_960_000, 3))
 
 
 def foreign_stop_of_the_node(scene: Scene) -> None:
-    """Network management: stop the node."""
+    """Stop the node by network management (NMT)."""
     with on_the_bus(scene) as send:
         send(0x000, b"\x02\x01")
 
 
 def foreign_pre_operational(scene: Scene) -> None:
-    """Network management: pre-operational, all nodes."""
+    """Set all nodes to pre-operational by network management (NMT)."""
     with on_the_bus(scene) as send:
         send(0x000, b"\x80\x00")
 
 
 def foreign_reset_of_the_node(scene: Scene) -> None:
-    """Network management: reset the node."""
+    """Reset the node by network management (NMT)."""
     with on_the_bus(scene) as send:
         send(0x000, b"\x81\x01")
 
 
 def foreign_sync(scene: Scene) -> None:
-    """Another master's SYNC every 5 ms for half a second."""
+    """Send SYNC every 5 ms for half a second as another master."""
     with on_the_bus(scene) as send:
         for _ in range(100):
             send(0x080)
@@ -73,7 +73,7 @@ def foreign_sync(scene: Scene) -> None:
 
 
 def foreign_heartbeat(scene: Scene) -> None:
-    """Another master's heartbeat under our number, saying that it is stopped."""
+    """Send a heartbeat with state "stopped" under our number as another master."""
     with on_the_bus(scene) as send:
         for _ in range(10):
             send(0x77F, b"\x04")
@@ -81,19 +81,19 @@ def foreign_heartbeat(scene: Scene) -> None:
 
 
 def spoofed_boot(scene: Scene) -> None:
-    """A boot-up message in the drive's name."""
+    """Send a boot-up message in the drive's name."""
     with on_the_bus(scene) as send:
         send(0x701, b"\x00")
 
 
 def spoofed_emergency(scene: Scene) -> None:
-    """An emergency in the drive's name."""
+    """Send an emergency message in the drive's name."""
     with on_the_bus(scene) as send:
         send(0x081, struct.pack("<HB5x", 0x8611, 0x20))
 
 
 def spoofed_position(scene: Scene) -> None:
-    """Samples in the drive's name that say the blade is elsewhere."""
+    """Send samples in the drive's name with another position of the blade."""
     with on_the_bus(scene) as send:
         for _ in range(5):
             send(0x181, struct.pack("<HiB", 0x27, 1_980_000, 3))
@@ -102,7 +102,7 @@ def spoofed_position(scene: Scene) -> None:
 
 
 def short_and_long_frames(scene: Scene) -> None:
-    """Frames of every length, as each of the drive's."""
+    """Send frames of every length under each of the drive's identifiers."""
     with on_the_bus(scene) as send:
         for number in (0x181, 0x281, 0x081, 0x701, 0x581):
             for length in (0, 1, 3, 5):
@@ -112,14 +112,14 @@ def short_and_long_frames(scene: Scene) -> None:
 
 
 def flood_of_foreign_frames(scene: Scene) -> None:
-    """Two thousand frames that are nobody's."""
+    """Send two thousand frames with unused identifiers."""
     with on_the_bus(scene) as send:
         for i in range(2000):
             send(0x300 + i % 64, bytes(8))
 
 
 def gateway_full_of_clients(scene: Scene) -> None:
-    """Thirty connections to the gateway that say nothing."""
+    """Open thirty silent connections to the gateway."""
     settings = scene.emulator.settings.bus
     held = [socket.create_connection((settings.host, settings.port), timeout=2.0) for _ in range(30)]
     time.sleep(0.5)
@@ -128,7 +128,7 @@ def gateway_full_of_clients(scene: Scene) -> None:
 
 
 def gateway_hears_garbage(scene: Scene) -> None:
-    """Another client of the gateway sends noise."""
+    """Send noise as another client of the gateway."""
     settings, noise = scene.emulator.settings.bus, random.Random(1)
     for _ in range(20):
         with socket.create_connection((settings.host, settings.port), timeout=2.0) as other:
@@ -136,7 +136,7 @@ def gateway_hears_garbage(scene: Scene) -> None:
 
 
 def second_program(scene: Scene) -> None:
-    """A second program, or another environment of this one, wants the same rig: refused, and nothing stops."""
+    """Start a second program, or another environment, for the same rig: refused, and the first goes on."""
     plant = rig_plant(scene.emulator.settings)
     try:
         plant.open()
@@ -148,7 +148,7 @@ def second_program(scene: Scene) -> None:
 
 
 def foreign_packets_to_us(scene: Scene) -> None:
-    """A thousand packets to our port of the sensor, from elsewhere."""
+    """Send a thousand packets to our port of the sensor from elsewhere."""
     opened = scene.rig.plant._sensor._socket
     if opened is None:
         raise RuntimeError("the sensor is not open")
@@ -165,17 +165,17 @@ def _ask_sensor(scene: Scene, command: Command) -> None:
 
 
 def foreign_start(scene: Scene) -> None:
-    """Somebody else has the sensor's stream sent to himself; the emulated one serves both, a real one serves one."""
+    """Start the sensor's stream for another client; the emulated sensor serves both, a real one only the new one."""
     _ask_sensor(scene, Command.START)
 
 
 def foreign_end(scene: Scene) -> None:
-    """Somebody else ends the sensor's stream."""
+    """End the sensor's stream from elsewhere."""
     _ask_sensor(scene, Command.STOP)
 
 
 def foreign_bias(scene: Scene) -> None:
-    """Somebody else sets the sensor's zero in the middle of a cut: a step of the force."""
+    """Set the sensor's zero from elsewhere in the middle of a cut: a step of the force."""
     _ask_sensor(scene, Command.BIAS)
 
 
@@ -184,11 +184,11 @@ STOPPED = (
     foreign_reset_of_the_node, foreign_sync, foreign_heartbeat, spoofed_boot, spoofed_emergency,
     spoofed_position,
 )  # fmt: skip
-"""Those that have to stop the blade."""
+"""Attacks that have to stop the blade."""
 IGNORED = (
     short_and_long_frames, flood_of_foreign_frames, gateway_full_of_clients, gateway_hears_garbage,
     second_program, foreign_packets_to_us,
 )  # fmt: skip
-"""Those that must not."""
+"""Attacks that must not stop it."""
 EITHER = (foreign_bias, foreign_start, foreign_end)
-"""Those that may: the blade has to do as it was told, or stand."""
+"""Attacks that may stop it: the blade has to follow its commands, or stand."""

@@ -1,4 +1,4 @@
-"""Whether this machine lets a program run in time: how late a thread is that should run every 2 ms."""
+"""Check whether this machine lets a program run in time: lateness of a thread that should run every 2 ms."""
 
 from __future__ import annotations
 
@@ -10,39 +10,39 @@ from cutenv.rig.clock import SystemClock
 from cutenv.rig.real_time import PRIORITY, preferred
 
 LOOKED = 4.0
-"""Time for which is looked [s]."""
+"""Duration of the check [s]."""
 LATE = 0.015
-"""Lateness of a thread that stops a cut before long: readings of the force are stale after 20 ms [s]."""
+"""Lateness of a thread that soon stops a cut: readings of the force are stale after 20 ms [s]."""
 MANY = 2
-"""So many of these in :data:`LOOKED`, from which half of all trials would be stopped before their fault."""
+"""Number of these in :data:`LOOKED` from which half of all trials would be stopped before their fault."""
 
 
 class TooBusy(Exception):
-    """No trials can be made here now; the message says what to ask for."""
+    """Error raised if no trials can be run here now; the message contains what to ask for."""
 
 
 @dataclass(frozen=True)
 class Lateness:
-    """What was seen of the machine.
+    """Lateness of threads on this machine.
 
     Attributes
     ----------
     late : list of float
-        Each time a thread was late by more than :data:`LATE` [s].
+        Delays of a thread by more than :data:`LATE` [s].
     preferred : bool
-        Whether the system let it run before others.
+        Whether the system gave it priority.
     """
 
     late: list[float]
     preferred: bool
 
     def check(self) -> None:
-        """Refuse a machine that is too busy.
+        """Raise if the machine is too busy.
 
         Raises
         ------
         TooBusy
-            Says how late it is, and for which priority to ask.
+            With the lateness, and the priority to ask for.
         """
         if len(self.late) < MANY:
             return
@@ -65,7 +65,7 @@ class Lateness:
 
 
 def look() -> Lateness:
-    """Watch for some seconds, with the priority that a rig would have."""
+    """Measure the lateness for some seconds, with the priority that a rig would have."""
     clock = SystemClock()
     with preferred() as allowed:
         watch = HostWatch(clock)

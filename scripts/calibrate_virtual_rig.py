@@ -1,11 +1,11 @@
-"""The measurement loop, told step by step: cut virtual livers on a virtual rig, forget what they were, find it again.
+"""The measurement loop, step by step: cut virtual livers on a virtual rig, and recover their properties from records.
 
     python scripts/calibrate_virtual_rig.py                     84 cuts of six livers, about a minute
     python scripts/calibrate_virtual_rig.py --livers 2 --out runs/rig    fewer, into a folder that is kept
 
 The protocol is the thesis's (sections 3.1, 5.1 and 6.2): seven speeds from 0.1 to 2.54 cm/s, 90 and 45 degrees, several
-livers, every cut 4 inches forward and back again, force felt through a sensor with noise, delay and a resolution
-of 0.05 N.  What the records show is put beside what the livers were drawn from.
+livers, every cut 4 inches forward and back again, force from a sensor with noise, delay and a resolution of 0.05 N.
+The results from the records are compared with the properties of the livers.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ from cutenv.trace import Trace
 INCH = 0.0254
 SPEEDS = tuple(float(v) / 100.0 for v in table("5.6")["speed_cm_s"])
 ANGLES_DEG = (90.0, 45.0)
-RETURN_SPEED = 0.0127  # at the least [m/s]: the way back tells friction at any speed, and takes no one's time
+RETURN_SPEED = 0.0127  # at least [m/s]: the way back shows friction at any speed, so no time is spent on it
 DWELL = 0.2  # at either end [s]
 
 
 def session(
     tissue: TissueDescription, livers: int, seed: int, speeds: Sequence[float] = SPEEDS
 ) -> list[tuple[Trace, Specimen]]:
-    """Step 1: cut. Records as a rig would have made them, and beside each the truth, which stays here."""
+    """Cut (step 1). Return records as a rig would have made them, and with each the truth, which is kept apart."""
     cuts = []
     protocol = list(itertools.product(range(livers), ANGLES_DEG, speeds))
     for number, (liver, angle_deg, speed) in enumerate(tqdm(protocol, desc="cutting", unit="cut", leave=False)):
@@ -59,7 +59,7 @@ def session(
 
 
 def truth(tissue: TissueDescription, specimens: list[Specimen]) -> dict[str, float]:
-    """What was put in: the tissue's constants, and means and spreads of the very specimens that were cut."""
+    """Return the truth: the tissue's constants, and means and spreads of the very specimens that were cut."""
     n = round(4 * INCH / SPACING)
     places = np.arange(n) * SPACING
     modulus, resistance = ([getattr(s, name)[:n] for s in specimens] for name in ("modulus", "fracture_resistance"))
@@ -69,7 +69,7 @@ def truth(tissue: TissueDescription, specimens: list[Specimen]) -> dict[str, flo
     means = np.array([np.average(R, weights=B) for R, B in zip(resistance, depths, strict=True)])
     between = np.log(means).var(ddof=1) - mean_field_variance(places, within[1], tissue.correlation_length)
     material = float(np.mean([E.mean() for E in modulus]))  # of these livers, by chance
-    # Records tell the local effective modulus of the material itself: its own modulus times the loading ratio.
+    # Records give the local effective modulus of the material itself: its own modulus times the loading ratio.
     lines = {name: getattr(tissue, name) for name in ("intercept_90", "slope_90", "intercept_45", "slope_45")}
     return {
         "modulus": material,
@@ -88,7 +88,7 @@ def truth(tissue: TissueDescription, specimens: list[Specimen]) -> dict[str, flo
 
 
 def compare(tissue: TissueDescription, put_in: dict[str, float]) -> tuple[str, int]:
-    """Step 4: what was found beside what was put in; how many intervals miss it."""
+    """Compare results with the truth (step 4); return the table and the number of intervals that miss it."""
     assert tissue.calibration is not None
     units = {field.name: field.metadata.get("unit", "") for field in dataclasses.fields(tissue)}
     lines = [f"{'':25s} {'':6s} {'put in':>11s} {'found':>11s}  95 % interval"]
@@ -108,7 +108,7 @@ def compare(tissue: TissueDescription, put_in: dict[str, float]) -> tuple[str, i
 
 
 def main() -> int:
-    """Cut, save, calibrate from the files alone, compare."""
+    """Cut, save, calibrate from the files alone, and compare."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--livers", type=int, default=6, help="each is cut 14 times")
     parser.add_argument("--seed", type=int, default=5, help="of livers and sensor noise")

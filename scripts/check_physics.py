@@ -1,10 +1,10 @@
-"""Check the physics on drawn specimens: stiffness, reloading, energy, drawing, measurement and the speed of resets.
+"""Check the physics on sampled specimens: stiffness, reloading, energy, sampling, measurement and speed of resets.
 
     python scripts/check_physics.py                        30 specimens, 10,000 draws: about a minute
     python scripts/check_physics.py --specimens 3 --only stiffness account
 
-A third of the specimens are livers, a third have vessels, a third come from other seeds.  The table says what was found
-beside what is promised; a line without a promise is a finding.  The exit status is 1 if a promise is not kept.
+A third of the specimens are livers, a third have vessels, a third come from other seeds.  The table shows the results
+and what is promised; a line without a promise is a finding.  The exit status is 1 if a promise is not kept.
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ Array = NDArray[np.float64]
 
 SEED, OTHER_SEEDS = 1, 1000  # of the livers and those with vessels; the first of the others
 STIFFNESS = 0.01
-"""Largest error of K beside the finite-element model's [1]."""
+"""Largest relative error of K against the finite-element model [1]."""
 SPEEDS = (0.001, 0.0127, 0.0254)  # [m/s]
-TURNS = (0.03, 0.035, 0.04, 0.045, 0.05)  # where the blade is drawn back to the clamp and comes again [m]
+TURNS = (0.03, 0.035, 0.04, 0.045, 0.05)  # where the blade is drawn back to the clamp and returns [m]
 RELOAD = 0.0005
-"""Largest error of the force on coming back, over the one when the blade was drawn back: 1.000 when rounded [1]."""
+"""Largest relative change of the force on return, against that when the blade was drawn back [1]."""
 RESIDUAL, LEAST_WORK = 1e-12, 1e-3
 """Largest residual of the energy account over the work [1], or over 1 mJ where that is more."""
 FURTHEST = 0.10
-"""Up to which cuts lead [m]."""
+"""Largest length of the cuts [m]."""
 CUT_LENGTH = 0.11
-"""Of the cuts that are measured [m]."""
+"""Length of the cuts that are measured [m]."""
 ETA90 = 0.03
-"""Largest error of eta90, of all cuts together [1]."""
+"""Largest error of eta90, from all cuts together [1]."""
 
 
 class Row(NamedTuple):
@@ -67,7 +67,7 @@ class Row(NamedTuple):
 
 
 def drawn(count: int) -> list[Specimen]:
-    """By turns a liver, one with vessels, and one of another seed that may be either."""
+    """Sample specimens in turn: a liver, one with vessels, and one of another seed that may be either."""
     kinds = ("liver", "vascular", "mixed")
     return [
         Specimen.drawn(SEED if n % 3 < 2 else OTHER_SEEDS + n, n, specimen_class=kinds[n % 3]) for n in range(count)
@@ -75,7 +75,7 @@ def drawn(count: int) -> list[Specimen]:
 
 
 def check_stiffness(specimens: Sequence[Specimen]) -> Iterator[Row]:
-    """K(a), cut through, beside ``CutModel`` with the same moduli of the rows of elements, at all 301 points."""
+    """Compare K(a), cut through, with ``CutModel`` for the same moduli of the rows of elements, at all 301 points."""
     places, errors = np.arange(N_POINTS) * SPACING, []
     for specimen in specimens:
         through = dataclasses.replace(specimen, depth=np.full(N_POINTS, specimen.thickness))
@@ -90,7 +90,7 @@ def check_stiffness(specimens: Sequence[Specimen]) -> Iterator[Row]:
 
 
 def reload_ratios(specimen: Specimen, speed: float, angle: float) -> list[tuple[float, bool]]:
-    """Elastic force on coming back to each of :data:`TURNS` over the one before, and whether a crack had just run."""
+    """Return the elastic force on return to each of :data:`TURNS` over the one before, and whether a crack just ran."""
     profile, law = profile_records([specimen])[0], law_records([specimen])[0]
     state = new_state(1, angle)[0]
 
@@ -109,7 +109,7 @@ def reload_ratios(specimen: Specimen, speed: float, angle: float) -> list[tuple[
 
 
 def check_reloading(specimens: Sequence[Specimen]) -> Iterator[Row]:
-    """Unloading and reloading are elastic: the force comes back to where the blade was drawn back."""
+    """Check that unloading and reloading are elastic: the force recovers where the blade was drawn back."""
     ratios: dict[str, list[float]] = {}
     for angle, speed in itertools.product((UPRIGHT, INCLINED), SPEEDS):
         for ratio, ran in itertools.chain(*(reload_ratios(specimen, speed, angle) for specimen in specimens)):
@@ -125,7 +125,7 @@ def check_reloading(specimens: Sequence[Specimen]) -> Iterator[Row]:
 def _lead(
     state: Any, profile: Any, law: Any, positions: Array, angles: Array, readings: Any, energies: Array, shares: Array
 ) -> None:
-    """Lead a blade; fill ``shares`` with the residual over the work, or over 1 mJ, after each update."""
+    """Move a blade; fill ``shares`` with the residual over the work, or over 1 mJ, after each update."""
     for i in range(len(positions)):
         now = slice(i, i + 1)
         follow(state, profile, law, positions[now], angles[now], TICK, readings[now])
@@ -134,7 +134,7 @@ def _lead(
 
 
 def worst_residual(specimen: Specimen, motion: str, episode: int) -> float:
-    """Of the energy account, at any instant of a motion, over the work or 1 mJ [1]."""
+    """Return the largest residual of the energy account during a motion, over the work or 1 mJ [1]."""
     positions, angles = MOTIONS[motion](generator(SEED, episode))
     angles, shares = np.ascontiguousarray(np.broadcast_to(angles, positions.shape)), np.zeros(len(positions))
     state, profile, law = new_state(1, angles[0])[0], profile_records([specimen])[0], law_records([specimen])[0]
@@ -143,16 +143,16 @@ def worst_residual(specimen: Specimen, motion: str, episode: int) -> float:
 
 
 def check_account(specimens: Sequence[Specimen]) -> Iterator[Row]:
-    """Work = stored + fracture + friction + loss + ledger under motions that no drive makes."""
+    """Check work = stored + fracture + friction + loss + ledger under motions that no drive makes."""
     for motion in MOTIONS:
         worst = float(np.max([worst_residual(specimen, motion, n) for n, specimen in enumerate(specimens)]))
         yield Row(f"residual of the energy: {motion}", f"{worst:.1e}", f"at most {RESIDUAL:.0e}", worst <= RESIDUAL)
 
 
 def runs_out_of_energy(specimen: Specimen, stiffness: Array) -> bool:
-    """Whether somewhere up to 10 cm no force lets a crack run on.
+    """Return True if somewhere up to 10 cm no force lets a crack run on.
 
-    Growth ahead of a blade at rest under the force F releases F - K' F^2/(2 K^2) per length, at the most K^2/(2 K'),
+    Growth ahead of a blade at rest under the force F releases F - K' F^2/(2 K^2) per length, at most K^2/(2 K'),
     and takes R B.
     """
     last = round(FURTHEST / SPACING)
@@ -161,7 +161,7 @@ def runs_out_of_energy(specimen: Specimen, stiffness: Array) -> bool:
 
 
 def check_drawing(keys: int) -> Iterator[Row]:
-    """Every key gives a specimen, none is drawn again; how many have a place where no crack can run on."""
+    """Check that every key gives a specimen; count those with a position where no crack can run on."""
     drawn_of: Counter[str] = Counter()
     stopping: Counter[str] = Counter()
     for episode in range(keys):
@@ -182,13 +182,13 @@ def check_drawing(keys: int) -> Iterator[Row]:
 
 
 def check_measurement(specimens: int) -> Iterator[Row]:
-    """R, LEM, friction and eta90 in and out, by ``scripts/measure_recovery.py``."""
+    """Check the recovery of R, LEM, friction and eta90, by ``scripts/measure_recovery.py``."""
     cuts, true_eta90 = measure_recovery.cut_specimens(CUT_LENGTH, specimens, SEED), measured_liver().eta90
     for name, promised in measure_recovery.PROMISED.items():
         found = measure_recovery.recovery(cuts, measure_recovery.CONDITIONS[name])
         where = f"{name.strip()}, {100 * CUT_LENGTH:g} cm"
         measured = f"{found.cuts} of {len(cuts)}"
-        if "no return stroke" in name:  # one without a steady segment then tells nothing
+        if "no return stroke" in name:  # a record without a steady segment then gives nothing
             yield Row(f"cuts measured, {where}", measured)
         else:
             yield Row(f"cuts measured, {where}", measured, "all", found.refused == 0)
@@ -201,7 +201,7 @@ def check_measurement(specimens: int) -> Iterator[Row]:
 
 
 def check_resets() -> Iterator[Row]:
-    """A batch begins anew in fewer than so many of its own steps, in one process."""
+    """Check that a batch resets in fewer than so many of its own steps, in one process."""
     rate = rates(MANY, rounds=2)
     steps = rate.native / rate.resets
     what = f"resetting {MANY} environments, in steps of the batch"
@@ -209,7 +209,7 @@ def check_resets() -> Iterator[Row]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Check, print, and return 1 if a promise is not kept."""
+    """Check and print; return 1 if a promise is not kept."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--specimens", type=int, default=30)
     parser.add_argument("--keys", type=int, default=10_000, help="specimens drawn to see that none is refused")

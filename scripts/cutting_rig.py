@@ -1,4 +1,4 @@
-"""A rig that cuts on an emulated one for trials, made ready again after every stop; a watch for the host's stalls."""
+"""A rig that cuts on an emulated one for trials, made ready after every stop; and a watch for the host's stalls."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from cutenv.rig.supply import SpecimenKey
 from cutenv.tissue.specimen import Specimen
 
 SPEED = 0.015
-"""Of the cuts [m/s]."""
+"""Speed of the cuts [m/s]."""
 PERIOD = 0.020
-"""From command to command [s]."""
+"""Control period, from command to command [s]."""
 STALL = 0.005
-"""Lateness of a thread that should run every 2 ms, from which the host counts as stalled [s]."""
+"""Lateness of a thread that should run every 2 ms, above which the host counts as stalled [s]."""
 WATCHED = 0.002
 """Period of that thread [s]."""
 UPRIGHT = math.pi / 2
-"""Of the blade [rad]."""
+"""Angle of the blade [rad]."""
 LATCHED_FOR = 0.5
-"""For which commands are tried after a stop [s]."""
-_BACK = 0.02  # [m/s], to the clamp
-_ATTEMPTS = 5  # to begin a cut
-_FAR = 0.09  # [m], from which the cut goes on in another specimen
+"""Time for which commands are tried after a stop [s]."""
+_BACK = 0.02  # speed back to the clamp [m/s]
+_ATTEMPTS = 5  # at beginning a cut
+_FAR = 0.09  # [m], position from which the cut continues in another specimen
 
 
 class HostWatch:
-    """Notes when a thread of this process that should run every 2 ms was late: the machine was busy elsewhere."""
+    """Records when a thread of this process that should run every 2 ms was late: the machine was busy elsewhere."""
 
     def __init__(self, clock: Any) -> None:
         self.stalls: list[tuple[float, float]] = []
-        """When it ran again, and how late [s]."""
+        """Time at which it ran again, and lateness [s]."""
         self._last = clock.now()
         self._turns = clock.every(WATCHED, self._note, "host watch")
 
@@ -49,7 +49,7 @@ class HostWatch:
             self.stalls.append((now, late))
 
     def stop(self) -> None:
-        """Watch no longer."""
+        """Stop watching."""
         self._turns.stop()
 
 
@@ -59,9 +59,9 @@ class CuttingRig:
     Parameters
     ----------
     settings : RigSettings
-        Of the emulated rig.
+        Settings of the emulated rig.
     control : EmulatorControl
-        To lay specimens.
+        Control for mounting specimens.
     """
 
     def __init__(self, settings: RigSettings, control: EmulatorControl) -> None:
@@ -78,7 +78,7 @@ class CuttingRig:
         self._laid = False
 
     def close(self) -> None:
-        """Leave the emulated rig."""
+        """Disconnect from the emulated rig."""
         self.host.stop()
         self.session.close()
 
@@ -88,9 +88,9 @@ class CuttingRig:
         self._open()
 
     def begin(self, seed: int, *, specimen_class: str = "liver") -> None:
-        """Reset, and be ready to cut on; first, and where the specimen ends, lay another at the clamp and tare.
+        """Reset and make ready to cut; at first, and at the end of a specimen, mount another at the clamp and tare.
 
-        A busy host may stop the blade on its way: then once more.
+        A busy host may stop the blade on its way: then it tries again.
         """
         for attempt in range(_ATTEMPTS):
             try:
@@ -121,7 +121,7 @@ class CuttingRig:
         plant.begin()
 
     def cut(self, seconds: float) -> StopReport | None:
-        """Cut for that long; the report of a stop on the way."""
+        """Cut for ``seconds``; return the report of a stop on the way."""
         ends = self.clock.now() + seconds
         try:
             while self.clock.now() < ends:
@@ -131,7 +131,7 @@ class CuttingRig:
         return None
 
     def refuses(self) -> bool:
-        """Whether commands are refused, for half a second."""
+        """Return True if commands are refused, for half a second."""
         for _ in range(5):
             try:
                 self.plant.supervisor.drive(SPEED, UPRIGHT, PERIOD)

@@ -4,10 +4,10 @@
     python scripts/derive_eta90.py --write    also writes assets/derived/eta90.json
 
 A homogeneous specimen as stiff as that very cut is cut at its speed; eta90 is the value for which the mean length of
-a unit is that between the table's segments. The table's moduli take the cut for 1 cm deep, so they tell K whatever
-its depth was; the force that starts a run is in proportion to the depth, which is not printed. It is assumed to be
-that 1 cm, and swept. Biased upward: the table lists only significant segments. The interval is a bootstrap over the
-table's segments (spacing and modulus).
+a unit is that between the table's segments. The table's moduli assume that the cut is 1 cm deep, so they give K
+whatever its depth was; the force that starts a run is proportional to the depth, which is not printed. It is assumed
+to be that 1 cm, and swept. Biased upward: the table lists only significant segments. The interval is a bootstrap
+over the table's segments (spacing and modulus).
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from cutenv.tissue.specimen import Specimen
 from cutenv.tissue.tables import table
 
 SPEED = 0.0038  # of the cut of Table 4.1, thesis 4.4 [m/s]
-THICKNESS = 0.01  # for which the table's moduli are meant, thesis 4.2 [m]
+THICKNESS = 0.01  # assumed by the table's moduli, thesis 4.2 [m]
 DEPTH = 0.01  # of that cut: assumed [m]
-DEPTHS = (0.007, 0.0143)  # in which that modulus is the mean liver's, and mean of all cuts: the sweep [m]
+DEPTHS = (0.007, 0.0143)  # at which that modulus is the mean liver's, and the mean of all cuts: the sweep [m]
 ETAS = np.linspace(0.10, 0.70, 25)
 STIFFNESSES = np.array([0.5, 0.7, 0.85, 1.0, 1.15, 1.3, 1.6])  # of the cut's mean modulus
 
 
 def cut_along(specimen: Specimen, end: float, speed: float) -> NDArray[np.void]:
-    """Readings of a blade led from the clamp to ``end`` [m] at ``speed`` [m/s], upright."""
+    """Return the readings of a blade moved from the clamp to ``end`` [m] at ``speed`` [m/s], upright."""
     positions = np.arange(1, math.ceil(end / (speed * TICK)) + 1) * speed * TICK
     readings = np.zeros(len(positions), READING)
     state = new_state(1, math.pi / 2)
@@ -47,7 +47,7 @@ def cut_along(specimen: Specimen, end: float, speed: float) -> NDArray[np.void]:
 
 
 def apparent_over_true(tissue: TissueDescription) -> float:
-    """Mean of W / (B x) over R at the cut lengths of Table 6.1, for the mean tissue cut slowly [1]."""
+    """Return the mean of W / (B x) over R at the cut lengths of Table 6.1, for the mean tissue cut slowly [1]."""
     resistance = tissue.fracture_resistance
     specimen = Specimen.homogeneous(
         modulus=tissue.intercept_90, fracture_resistance=resistance, depth=DEPTH, tissue=tissue
@@ -60,9 +60,9 @@ def apparent_over_true(tissue: TissueDescription) -> float:
 
 
 def unit_length(eta90: float, modulus: float, start: float, end: float, depth: float = DEPTH) -> float:
-    """Mean spacing of crack runs [m] between ``start`` and ``end`` [m] in a cut ``depth`` [m] deep.
+    """Return the mean spacing of crack runs [m] between ``start`` and ``end`` [m] in a cut ``depth`` [m] deep.
 
-    ``modulus`` [Pa] is the quasi-static one as if it were 1 cm deep.
+    ``modulus`` [Pa] is the quasi-static one for a cut 1 cm deep.
     """
     tissue = tables_only(**following_means(), eta90=eta90)
     corrected = tissue.fracture_resistance / apparent_over_true(tissue)
@@ -78,7 +78,7 @@ def unit_length(eta90: float, modulus: float, start: float, end: float, depth: f
 
 
 def main() -> None:
-    """Derive, print and, if asked, write."""
+    """Derive and print; write if requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="write assets/derived/eta90.json")
     parser.add_argument("--resamples", type=int, default=10_000, help="bootstrap resamples")

@@ -1,18 +1,18 @@
-"""Derive what a cut that is only B deep changes in the stiffness of a slab of thickness T, from 20-node bricks.
+"""Derive the effect of a partial depth of cut B on the stiffness of a slab of thickness T, from 20-node bricks.
 
     python scripts/derive_partial_depth.py            derives the table and prints it
     python scripts/derive_partial_depth.py --write    also writes assets/derived/partial_depth.json
     python scripts/derive_partial_depth.py --check    checks field and depth together on another, finer mesh
 
-The 2-D model knows slabs that are cut through. Here the thesis's slab (8 x 15 x 2.5 cm) is built of bricks, 8 x 15 in
+The 2-D model assumes slabs that are cut through. Here the thesis's slab (8 x 15 x 2.5 cm) is built of bricks, 8 x 15 in
 the plane as in the 2-D model, with thin layers under the surface. The blade moves all nodes of the tip from the
 surface down to its depth B equally; below it the tissue is whole. Load and faces lie on the mirror plane, so that an
 opened cut behind the tip changes nothing, and one half of the slab is enough.
 
-Two numbers are kept for every tip and depth. The *stiffness ratio* is K over that of a cut through the same slab. It
+Two numbers are stored for every tip and depth. The *stiffness ratio* is K over that of a cut through the same slab. It
 does not vanish with B: an edge of no depth still pushes a patch as wide as an element, the size over which the plane
-model spreads its point load. The *local share* says how much of the modulus that a shallow blade meets is that of the
-two rows of elements at its tip, the rest being what the 2-D model finds: fitted to drawn fields of moduli.
+model spreads its point load. The *local share* is the weight of the two rows of elements at the tip in the modulus that
+a shallow blade meets, the rest being the 2-D model's average: fitted to random fields of moduli.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ LAYERS = np.array([0, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 12.5, 15, 17, 19, 21, 2
 FINER = 1e-3 * np.array(
     [0, 0.3, 0.7, 1.2, 1.7, 2.2, 2.7, 3.3, 3.9, 4.5, 5.5, 6.6, 7.7, 9, 10.5, 12, 13.7, 15.5, 17.5, 19.5, 21.5, 23.3, 25]
 )  # fmt: skip
-"""Of the mesh of the check, none but the surfaces where the table's are [m]."""
+"""Layer borders of the check's finer mesh; only the surfaces coincide with the table's [m]."""
 FIELD_CV, FIELDS, CHECKED = 0.4, 12, 6
 CORRELATION = 0.020  # [m]
 
 
 def stiffness_by_depth(borders: Array, row_modulus: Array, across: int = 4, along: int = ROWS) -> Array:
-    """K over width-independent modulus, for each tip and each border as depth, shape (along, n_borders) [m].
+    """Return K over width-independent modulus, for each tip and each border as depth, shape (along, n_borders) [m].
 
     ``row_modulus``, shape (15,), is that of each centimetre along the cut, relative to a common one.
     """
@@ -86,12 +86,12 @@ def stiffness_by_depth(borders: Array, row_modulus: Array, across: int = 4, alon
         for n, depth in enumerate(borders):
             moved = np.flatnonzero(z[line] <= depth + 1e-9)
             forces = np.linalg.solve(compliance[np.ix_(moved, moved)], np.ones(len(moved)))
-            found[tip, n] = 2.0 * forces.sum()  # of both halves
+            found[tip, n] = 2.0 * forces.sum()  # both halves
     return found
 
 
 def drawn_field(number: int) -> Array:
-    """A field of moduli of mean 1 along the cut, shape (301,)."""
+    """Return a random field of moduli of mean 1 along the cut, shape (301,)."""
     modes = field_modes(N_POINTS, SPACING, CORRELATION)
     sigma = lognormal_sigma(FIELD_CV)
     unit = np.random.default_rng(number).standard_normal(len(modes)) @ modes
@@ -99,13 +99,13 @@ def drawn_field(number: int) -> Array:
 
 
 def plane_ratio(rows: Array) -> Array:
-    """K of the 2-D model with these rows over that with modulus 1, at each tip, shape (15,)."""
+    """Return K of the 2-D model with these rows over that with modulus 1, at each tip, shape (15,)."""
     tips = CutModel().tips
     return np.asarray(CutModel(relative_modulus=np.tile(rows, 8)).stiffness(tips) / CutModel().stiffness(tips))
 
 
 def derive() -> tuple[Array, Array]:
-    """Stiffness ratio and local share, each of shape (15, 51): by tip and depth."""
+    """Return stiffness ratio and local share, each of shape (15, 51): by tip and depth."""
     uniform = stiffness_by_depth(LAYERS, np.ones(ROWS))
     ratio = uniform / uniform[:, -1:]
     products, squares = np.zeros_like(ratio), np.zeros_like(ratio)
@@ -124,7 +124,7 @@ def derive() -> tuple[Array, Array]:
 
 
 def check() -> None:
-    """Print how far K by the table is from bricks of a finer mesh, for drawn livers and depths between the layers."""
+    """Print the error of K by the table against bricks of a finer mesh: sampled livers, depths between layers."""
     liver = measured_liver()
     tips = np.arange(1, 13)  # [cm]
     depths = FINER[(FINER >= liver.edge_depth) & (FINER < THICKNESS)]
@@ -159,7 +159,7 @@ def check() -> None:
 
 
 def main() -> None:
-    """Derive, print and, if asked, write or check."""
+    """Derive and print; write or check if requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="write assets/derived/partial_depth.json")
     parser.add_argument("--check", action="store_true", help="only check the table in use")

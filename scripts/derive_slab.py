@@ -1,4 +1,4 @@
-"""Condense the 2-D model of a slab with a field of moduli, and show how far K(a) is from the full model.
+"""Condense the 2-D model of a slab with a field of moduli, and print the error of K(a) against the full model.
 
 python scripts/derive_slab.py            prints errors and the time that a specimen takes
 python scripts/derive_slab.py --write    condenses first, and writes assets/derived/slab.json
@@ -24,7 +24,7 @@ MODEL = {"element": "quad8", "formulation": "plane_stress", "poisson": 0.3}
 
 
 def write() -> None:
-    """Condense and keep."""
+    """Condense the model and write the result."""
     content = {
         "source": "CutModel condensed by rows of elements (cutenv.tissue.condensation)",
         "script": "scripts/derive_slab.py --write",
@@ -35,7 +35,7 @@ def write() -> None:
 
 
 def show() -> None:
-    """Print errors beside ``CutModel``, by the spread of the field."""
+    """Print errors against ``CutModel``, by the spread of the field."""
     from cutenv.tissue.slab import ROWS, row_means, slab_of, stiffness_along
 
     slab = slab_of(*MODEL.values())
@@ -67,7 +67,7 @@ def show() -> None:
 
 
 def main() -> None:
-    """Write if asked, then show."""
+    """Write if requested, then print the errors."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="write assets/derived/slab.json")
     if parser.parse_args().write:

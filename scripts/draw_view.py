@@ -1,8 +1,8 @@
-"""Draw assets/pictures/view.png: a virtual cut as ``cutenv view`` shows it, photographed in a headless Chromium.
+"""Draw assets/pictures/view.png: a virtual cut in ``cutenv view``, photographed in a headless Chromium.
 
     python scripts/draw_view.py
 
-Needs Debian's ``chromium``; takes half a minute, for the browser draws in software.
+Needs Debian's ``chromium``; takes half a minute, because the browser draws in software.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from cutenv.viewer.solid import ShownCut, write_view
 
 PICTURE = Path(__file__).parents[1] / "assets" / "pictures" / "view.png"
 SIZE = "1100,760"  # px, of the window
-COLOURS = 256  # of the picture, which makes the file half as large
+COLOURS = 256  # of the picture, which halves the file
 LEGS = [
     Leg(position=0.045, speed=0.0127, angle=math.radians(60.0)),
     Leg(position=0.084, speed=0.0127, angle=math.radians(75.0)),
@@ -31,7 +31,7 @@ LEGS = [
 
 
 def photograph(page: Path, picture: Path) -> None:
-    """A picture of a page as a browser opens it.
+    """Take a picture of a page in a browser.
 
     Raises
     ------

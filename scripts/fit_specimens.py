@@ -1,18 +1,17 @@
-"""Fit the specimens' spread to the thesis's tables by virtual measurement, and show the fit.
+"""Fit the specimens' spread to the thesis's tables by virtual measurement, and print the fit.
 
     python scripts/fit_specimens.py            prints measured tables beside virtual ones
     python scripts/fit_specimens.py --fit      fits first, and writes assets/derived/*.json
 
-Virtual livers are drawn, four cuts each, and cut over 12 cm at 0.1, 1.27 and 2.54 cm/s, 90 degrees, by the simulated
-rig with its sensor. Their records are measured as the thesis measured: for Tables 5.2 to 5.4 without depth, friction
-or the lag of the tip, for Table 5.6 by the force per depth of cut, for Table 6.1 as the blade's work over depth and
-travel.
+Virtual livers are sampled, four cuts each, and cut over 12 cm at 0.1, 1.27 and 2.54 cm/s, 90 degrees, by the simulated
+rig with its sensor. Their records are evaluated as in the thesis: for Tables 5.2 to 5.4 without depth, friction or the
+lag of the tip, for Table 5.6 by the force per depth of cut, for Table 6.1 as the blade's work over depth and travel.
 
-What is fitted: mean of the material's modulus (to Table 5.6), its spread between cuts (to Tables 5.2 to 5.4), the
-length over which the bulge rises (to Table 5.5 over Table 5.6, the depth that the moduli see, less its standard
-error: where the depth rises more gently, fewer cuts are stopped by tissue that stiffens ahead of the tip), mean of
-the fracture resistance and its spread between cuts (to Table 6.1). The spread within a cut is not: the bulge alone
-shows that of Table 5.2.
+Fitted are: mean of the material's modulus (to Table 5.6), its spread between cuts (to Tables 5.2 to 5.4), the length
+over which the bulge rises (to Table 5.5 over Table 5.6, the depth that affects the moduli, less its standard error:
+where the depth rises more gently, fewer cuts are stopped by tissue that stiffens ahead of the tip), mean of the
+fracture resistance and its spread between cuts (to Table 6.1). The spread within a cut is not: the bulge alone
+reproduces that of Table 5.2.
 """
 
 from __future__ import annotations
@@ -44,28 +43,28 @@ from cutenv.tissue.tables import table
 
 SPEEDS = {"5.2": 0.001, "5.3": 0.0127, "5.4": 0.0254}  # of each table [m/s]
 TRAVEL = 0.12  # thesis 3.3.2 [m]
-SIGNIFICANT_DROP = 0.2  # of a segment that the thesis would list: four times its sensor's resolution [N]
+SIGNIFICANT_DROP = 0.2  # smallest drop of a segment that the thesis would list: four times its sensor's resolution [N]
 FEWEST_SEGMENTS = 3
 CUTS_OF_TABLE_6_1 = 40 / 7
-"""Of each of its seven lengths; how many of each is not said."""
+"""Number of cuts of each of its seven lengths; the thesis gives only the total."""
 UPRIGHT = math.pi / 2
 UNITS = {"modulus": "Pa", "fracture_resistance": "J/m2", "rise_length": "m"}
-DEPTH_POWER = 1.3  # by which the rise follows a depth that is missed
+DEPTH_POWER = 1.3  # exponent of the rise length's correction for a missed depth
 
 
 class Cut(NamedTuple):
-    """What one virtual cut shows."""
+    """Results of one virtual cut."""
 
     table: str
-    moduli: np.ndarray  # as the thesis measured: no depth, blade for tip [Pa]
+    moduli: np.ndarray  # as measured in the thesis: no depth, blade taken as tip [Pa]
     corrected: float  # mean of the moduli by force per depth, over that of Table 5.6 at this speed [1]
-    length: float  # of the cut whose apparent resistance follows [m]
+    length: float  # of the cut to which the apparent resistance belongs [m]
     apparent: float  # [J/m2]
-    depth: float  # that the moduli see: mean without depth over mean with depth, of a model 1 cm thick [m]
+    depth: float  # that affects the moduli: mean without depth over mean with depth, of a model 1 cm thick [m]
 
 
 def virtual_cuts(tissue: TissueDescription, livers: int, seed: int) -> Iterator[Cut]:
-    """Draw and cut ``livers`` livers, four cuts each; every table gets every third liver."""
+    """Sample and cut ``livers`` livers, four cuts each; every table gets every third liver."""
     lengths = table("6.1")["cut_length_m"]
     number = 0
     for liver in range(livers):
@@ -107,9 +106,9 @@ def virtual_cuts(tissue: TissueDescription, livers: int, seed: int) -> Iterator[
 
 
 class Statistics(NamedTuple):
-    """Of many virtual cuts, beside their measured counterparts.
+    """Statistics of many virtual cuts, to compare with their measured counterparts.
 
-    Every cut tells its apparent resistance, those with three segments their modulus as well.
+    Every cut contributes its apparent resistance, those with three segments their modulus as well.
     """
 
     modulus_ratio: float  # mean depth-normalised modulus over the fit [1]
@@ -117,11 +116,11 @@ class Statistics(NamedTuple):
     within_cv: float  # mean of SD over mean within a cut [1]
     resistance: float  # mean apparent [J/m2]
     resistance_cv: float  # [1]
-    depth: float  # that the moduli see [m]
+    depth: float  # that affects the moduli [m]
 
 
 def statistics(cuts: list[Cut]) -> Statistics:
-    """The virtual counterpart of the tables' statistics."""
+    """Compute the virtual counterpart of the tables' statistics."""
     relative = []
     for name in SPEEDS:
         means = np.array([cut.moduli.mean() for cut in cuts if cut.table == name])
@@ -133,12 +132,12 @@ def statistics(cuts: list[Cut]) -> Statistics:
         within_cv=float(np.nanmean([cut.moduli.std() / cut.moduli.mean() for cut in cuts])),
         resistance=float(apparent.mean()),
         resistance_cv=float(apparent.std() / apparent.mean()),
-        depth=float(np.exp(np.nanmean(np.log([cut.depth for cut in cuts])))),  # as mean_depth_of_cut has it
+        depth=float(np.exp(np.nanmean(np.log([cut.depth for cut in cuts])))),  # the same as in mean_depth_of_cut
     )
 
 
 def targets() -> Statistics:
-    """What the tables say."""
+    """Return the statistics of the tables."""
     spread = modulus_spread()
     resistance = measured_fracture_resistance()
     return Statistics(
@@ -152,12 +151,12 @@ def targets() -> Statistics:
 
 
 def measure(tissue: TissueDescription, livers: int, seed: int, what: str) -> list[Cut]:
-    """All virtual cuts, with a progress bar."""
+    """Make all virtual cuts, with a progress bar."""
     return list(tqdm(virtual_cuts(tissue, livers, seed), total=livers * CUTS_PER_LIVER, desc=what, unit="cut"))
 
 
 def fit(livers: int, rounds: int) -> TissueDescription:
-    """Move each constant by what its statistic misses, on the same random numbers every round."""
+    """Correct each constant by the error of its statistic, with the same random numbers every round."""
     tissue = measured_liver()
     goal = targets()
     for number in range(rounds):
@@ -165,7 +164,7 @@ def fit(livers: int, rounds: int) -> TissueDescription:
         found = statistics(cuts)
 
         def spread(old: float, missed: tuple[float, float]) -> float:
-            """Independent spreads add in squares."""
+            """Return a corrected spread: independent spreads add in squares."""
             return math.sqrt(max(old**2 + missed[0] ** 2 - missed[1] ** 2, 0.02**2))
 
         tissue = dataclasses.replace(
@@ -181,7 +180,7 @@ def fit(livers: int, rounds: int) -> TissueDescription:
 
 
 def outside(what: str, measured: tuple[float, float], virtual: tuple[float, float]) -> list[str]:
-    """The line of a value, with its standard error, that a virtual one misses by more than twice that of both."""
+    """Return a line about a value, with its standard error, that a virtual one misses by over twice that of both."""
     error = math.hypot(measured[1], virtual[1])
     if abs(measured[0] - virtual[0]) <= 2.0 * error:
         return []
@@ -191,18 +190,18 @@ def outside(what: str, measured: tuple[float, float], virtual: tuple[float, floa
 
 
 def mean_and_error(values: np.ndarray) -> tuple[float, float]:
-    """Mean of the values that are known, and its standard error."""
+    """Return the mean of the finite values, and its standard error."""
     known = values[np.isfinite(values)]
     return float(known.mean()), float(known.std(ddof=1) / math.sqrt(len(known)))
 
 
 def sd_and_error(sd: float, count: float) -> tuple[float, float]:
-    """A standard deviation, and its standard error where ``count`` normal values tell it."""
+    """Return a standard deviation, and its standard error if it is that of ``count`` normal values."""
     return sd, sd / math.sqrt(2.0 * (count - 1.0))
 
 
 def misses(cuts: list[Cut]) -> tuple[int, list[str]]:
-    """How many values of Tables 5.2 to 5.4 and 6.1 are compared, and those outside two standard errors."""
+    """Return the number of values of Tables 5.2 to 5.4 and 6.1 compared, and those outside two standard errors."""
     compared, found = 0, []
     for name in SPEEDS:
         data = table(name)
@@ -233,7 +232,7 @@ def misses(cuts: list[Cut]) -> tuple[int, list[str]]:
 
 
 def show(tissue: TissueDescription, livers: int) -> None:
-    """Print the tables beside virtual ones, from random numbers that the fit has not seen."""
+    """Print the tables beside virtual ones, from random numbers that the fit has not used."""
     cuts = measure(tissue, livers, seed=2, what="checking on new specimens")
     print(f"\n{len(cuts)} virtual cuts of {livers} livers; measured | virtual\n")
     print("LEM as the thesis measured (no depth), kPa, by table")
@@ -290,7 +289,7 @@ def show(tissue: TissueDescription, livers: int) -> None:
 
 
 def main() -> None:
-    """Fit if asked, then show."""
+    """Fit if requested, then print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--fit", action="store_true", help="fit and write assets/derived/*.json")
     parser.add_argument("--livers", type=int, default=120, help="virtual livers, four cuts each")

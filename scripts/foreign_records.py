@@ -1,11 +1,11 @@
-"""How foreign record files are read: valid ones, ones with a flaw, malformed ones.
+"""Test the reading of foreign record files: valid ones, ones with a flaw, malformed ones.
 
     python scripts/foreign_records.py                 1000 valid records, 100 of each flaw, 10,000 malformed files
     python scripts/foreign_records.py --valid 50 --flawed 10 --malformed 200
 
-Valid records are cuts of drawn specimens in the simulator, felt through a sensor with mild noise, written as other
+Valid records are cuts of sampled specimens in the simulator, measured by a sensor with mild noise, written as other
 programs write them (separator, decimal comma, preamble, units), and read back. Printed are the share that is
-accepted, the false alarms of each kind of flaw, how far tare and start of the cuts are off, which injected flaws
+accepted, the false alarms of each kind of flaw, the errors of tare and start of the cuts, the injected flaws that
 are found, and how malformed files end.
 """
 
@@ -41,7 +41,7 @@ from cutenv.trace import Trace
 
 @dataclass(frozen=True, kw_only=True)
 class Dialect:
-    """How a program writes a table."""
+    """Format in which a program writes a table."""
 
     separator: str = ","
     decimal: str = "."
@@ -55,15 +55,15 @@ class Dialect:
     digits: str = ".17g"
 
     def name(self, field: str) -> str:
-        """How it calls a field of a trace."""
+        """Return the program's name for a field of a trace."""
         return self.names[list(UNITS).index(field)]
 
     def unit(self, field: str) -> str:
-        """In which unit it writes a field of a trace."""
+        """Return the program's unit for a field of a trace."""
         return self.units[list(UNITS).index(field)]
 
     def write(self, trace: Trace) -> bytes:
-        """The trace as this program would have written it."""
+        """Return the trace as this program would have written it."""
         fields = trace.known
         known = {"°": "deg"}
         factors = [UNITS[f][known.get(self.unit(f), self.unit(f))] for f in fields]
@@ -84,7 +84,7 @@ class Dialect:
         return self.newline.join([*lines, ""]).encode(self.encoding)
 
     def mapping(self, trace: Trace) -> ColumnMap:
-        """What its user says on the command line."""
+        """Return the column map that its user gives on the command line."""
         says = "{unit}" in self.header or self.units_row
         items = [f"{f}={self.name(f)}" + ("" if says or f == "force" else f"[{self.unit(f)}]") for f in trace.known]
         return ColumnMap.parse(items, unit=None if says else self.unit("force"))
@@ -145,7 +145,7 @@ class ValidRecord:
 
 
 def valid_record(seed: int) -> ValidRecord:
-    """Cut one to three drawn specimens in turn by rig or hand, resting in between; felt through a mild sensor."""
+    """Cut one to three sampled specimens in turn by rig or hand, resting in between, with a sensor of mild noise."""
     rng = np.random.default_rng(seed)
     n_cuts = int(rng.choice([1, 1, 2, 3]))
     sensor = SensorParameters(
@@ -180,7 +180,7 @@ def valid_record(seed: int) -> ValidRecord:
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     stride = int(rng.choice([1, 1, 2, 5, 10]))
     kept = np.arange(len(columns["force"])) % stride == 0
-    kept &= rng.random(len(kept)) > 0.001  # a lost reading now and then
+    kept &= rng.random(len(kept)) > 0.001  # lost readings
     offset = round(float(rng.uniform(-2.0, 2.0)), 2)
     time = np.arange(len(kept)) * 1e-3
     if with_position:
@@ -195,7 +195,7 @@ def valid_record(seed: int) -> ValidRecord:
 
 
 def _by_hand(plant: SimulatedPlant, turns: list[float], speed: float, angle: float) -> Records:
-    """To and fro as far as a hand comes that is pushed back: it does not arrive to the micrometre."""
+    """Move to and fro as a hand that is pushed back does: it does not arrive to the micrometre."""
     parts, position = [plant.advance(0.0, angle, 1).copy()], 0.0
     for turn in turns:
         way = turn - position
@@ -210,7 +210,7 @@ def _by_hand(plant: SimulatedPlant, turns: list[float], speed: float, angle: flo
 
 
 def stuck(trace: Trace, rng: np.random.Generator) -> tuple[Trace, tuple[int, int]]:
-    """The sensor hangs for a quarter of the record, from amid the cut on."""
+    """Let the sensor hang for a quarter of the record, from the middle of the cut on."""
     n = len(trace)
     first = int(np.argmax(trace.force > 0.5 * trace.force.max())) + int(rng.integers(n // 20))
     last = min(first + n // 4, n - 2)
@@ -220,14 +220,14 @@ def stuck(trace: Trace, rng: np.random.Generator) -> tuple[Trace, tuple[int, int
 
 
 def clipping(trace: Trace, rng: np.random.Generator) -> tuple[Trace, tuple[int, int]]:
-    """The amplifier reaches 60 to 80 % of the largest force."""
+    """Let the amplifier clip at 60 to 80 % of the largest force."""
     limit = float(rng.uniform(0.6, 0.8)) * float(trace.force.max())
     where = np.flatnonzero(trace.force >= limit)
     return _with(trace, force=np.minimum(trace.force, limit)), (int(where[0]), int(where[-1]))
 
 
 def gap(trace: Trace, rng: np.random.Generator) -> tuple[Trace, tuple[int, int]]:
-    """A stretch of the cut is missing."""
+    """Remove a part of the cut."""
     n = len(trace)
     first = int(rng.integers(n // 4, n // 2))
     kept = np.ones(n, bool)
@@ -236,29 +236,29 @@ def gap(trace: Trace, rng: np.random.Generator) -> tuple[Trace, tuple[int, int]]
 
 
 def reversed_sign(trace: Trace, rng: np.random.Generator) -> tuple[Trace, tuple[int, int]]:
-    """The sensor is mounted the other way round."""
+    """Mount the sensor the other way round."""
     return _with(trace, force=-trace.force), (0, len(trace) - 1)
 
 
 def constant(trace: Trace, rng: np.random.Generator) -> tuple[Trace, tuple[int, int]]:
-    """The cable is out."""
+    """Unplug the cable."""
     return _with(trace, force=np.full(len(trace), float(rng.uniform(-1.0, 1.0)))), (0, len(trace) - 1)
 
 
 def short(trace: Trace, rng: np.random.Generator) -> tuple[Trace, tuple[int, int]]:
-    """The program stopped after some readings."""
+    """Stop the program after some readings."""
     n = int(rng.integers(10, 49))
     return trace.select(slice(n)), (0, n - 1)
 
 
 def clock(trace: Trace, rng: np.random.Generator) -> tuple[Trace, tuple[int, int]]:
-    """The program stamps the readings when it finds the time."""
+    """Let the program stamp the readings when it finds the time."""
     step = np.diff(trace.time) * rng.choice([0.1, 1.0, 1.9], size=len(trace) - 1)
     return _with(trace, time=np.concatenate(([0.0], np.cumsum(step)))), (0, len(trace) - 1)
 
 
 def speed(trace: Trace, rng: np.random.Generator) -> tuple[Trace, tuple[int, int]]:
-    """The speed was commanded to another rig."""
+    """Record a speed that was commanded to another rig."""
     return _with(trace, speed=float(rng.choice([0.5, 2.0, -1.0])) * trace.speed), (0, len(trace) - 1)
 
 
@@ -280,7 +280,7 @@ FLAWS: dict[str, Callable[[Trace, np.random.Generator], tuple[Trace, tuple[int, 
 
 
 def one_cut(seed: int) -> Trace:
-    """A single cut without offset, all fields known, felt through a mild sensor; a way back in half of them."""
+    """Make a single cut without offset, all fields known, with a sensor of mild noise; half of them with a way back."""
     rng = np.random.default_rng(seed)
     specimen = Specimen.draw(generator(seed), specimen_class=str(rng.choice(["liver", "vascular", "uniform"])))
     angle = math.radians(float(rng.choice([45.0, 90.0])))
@@ -299,7 +299,7 @@ _ENOUGH = 0.95  # share of valid records that must be accepted
 
 
 def malformed(content: bytes, rng: np.random.Generator) -> bytes:
-    """One to three accidents that happen to files."""
+    """Apply one to three accidents that happen to files."""
     for _ in range(int(rng.integers(1, 4))):
         content = _ACCIDENTS[int(rng.integers(len(_ACCIDENTS)))](content, rng)
     return content
@@ -380,26 +380,26 @@ _ACCIDENTS: list[Callable[[bytes, np.random.Generator], bytes]] = [
 
 
 def small_record() -> Trace:
-    """Few readings, so that an accident meets what matters: the header, a separator, a cell."""
+    """Return a record of few readings, so that accidents hit what matters: the header, a separator, a cell."""
     time = np.arange(80) * 0.01
     force = np.where(time < 0.3, 0.0, 1.0 + np.sin(20.0 * time)) + 0.01 * np.sin(1000.0 * time)
     return Trace(time=time, force=force, position=0.01 * time)
 
 
 def end_of(path: Path, mapping: ColumnMap) -> str:
-    """How reading a file ends: read, refused, or the name of an exception that should not be."""
+    """Return how reading a file ends: read, refused, or the name of an exception that should not occur."""
     try:
         load_foreign(path, mapping)
     except RecordError:
         return "refused"
-    except Exception as error:  # what it is, is the result
+    except Exception as error:  # its kind is the result
         traceback.print_exc()
         return type(error).__name__
     return "read"
 
 
 def acceptance(n: int, folder: Path) -> tuple[list[str], bool]:
-    """Lines on how valid records are read, and whether 95 % are accepted."""
+    """Return lines on how valid records are read, and whether 95 % are accepted."""
     accepted, refused, alarms, dialects = 0, Counter[str](), Counter[str](), list(DIALECTS.values())
     offsets, starts, counts, errors = [], {True: [], False: []}, Counter[str](), Counter[str]()
     n_cuts = 0
@@ -448,7 +448,7 @@ def acceptance(n: int, folder: Path) -> tuple[list[str], bool]:
 
 
 def detection(n: int) -> list[str]:
-    """Lines on how injected flaws are found, with all fields known and with the force only."""
+    """Return lines on how injected flaws are found, with all fields known and with the force only."""
     lines = ["injected flaw: found with all fields, with force only (of these at its rows)"]
     for kind, inject in FLAWS.items():
         shares = []
@@ -466,7 +466,7 @@ def detection(n: int) -> list[str]:
 
 
 def accidents(n: int, folder: Path) -> tuple[list[str], bool]:
-    """A line on how malformed files end, and whether all end in a clear error or are read."""
+    """Return a line on how malformed files end, and whether all end in a clear error or are read."""
     ends: Counter[str] = Counter()
     trace = small_record()
     path = folder / "record.csv"
@@ -480,7 +480,7 @@ def accidents(n: int, folder: Path) -> tuple[list[str], bool]:
 
 
 def main() -> int:
-    """Print; 1 if fewer than 95 % are accepted, or a malformed file ends in anything but a clear error."""
+    """Print; return 1 if fewer than 95 % are accepted, or a malformed file ends in anything but a clear error."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--valid", type=int, default=1000)
     parser.add_argument("--flawed", type=int, default=100)

@@ -1,4 +1,4 @@
-"""Whether the scorer stands what people feed it: wild records never crash it, honest ones with mild noise are scored.
+"""Fuzz the scorer: wild records must never crash it, honest ones with mild noise must be scored.
 
 python scripts/fuzz_scorer.py                      10,000 wild records and 1000 honest ones; prints a table
 python scripts/fuzz_scorer.py --wild 500 --honest 100 --seed 3
@@ -25,9 +25,9 @@ from cutenv.tissue import Specimen, measured_liver
 from cutenv.trace import Trace
 
 ACCEPTED = 0.95
-"""Share of honest records that must get an overall score."""
+"""Smallest share of honest records that must get an overall score."""
 TARGET = 0.06  # [m]
-_BASE = 24  # simulated cuts, from which all honest records are made by noise, rate and what is left out
+_BASE = 24  # simulated cuts, from which all honest records are derived by noise, rate and omissions
 
 Values = np.ndarray
 Source = Callable[[np.random.Generator, int], Values]
@@ -82,7 +82,7 @@ ANGLES: dict[str, Source] = {
 
 
 REFUSED = {"in milliseconds", "shuffled", "in millinewtons", "a NaN in it", "in centimetres", "in degrees", "jumps"}
-"""What a trace refuses at the door, mostly; rarer here than among people, so that the scorer gets to see enough."""
+"""Flaws that a trace mostly refuses; rarer here than among people, so that enough records reach the scorer."""
 
 
 def _drawn(rng: np.random.Generator, sources: dict[str, Source], n: int, missing: float) -> Values | None:
@@ -93,7 +93,7 @@ def _drawn(rng: np.random.Generator, sources: dict[str, Source], n: int, missing
 
 
 def wild(rng: np.random.Generator) -> Trace:
-    """A record of anything; raises ValueError where a trace refuses it."""
+    """Return a random record; raises ValueError where a trace refuses it."""
     n = int(rng.choice([0, 1, 2, 3, 10, 49, 60, 400, 2000], p=[0.02, 0.02, *7 * [0.96 / 7]]))
     position = _drawn(rng, POSITIONS, n, 0.3)
     return Trace(
@@ -108,12 +108,12 @@ def wild(rng: np.random.Generator) -> Trace:
 
 
 def wild_target(rng: np.random.Generator) -> float | None:
-    """Lengths that people give, sometimes in centimetres, sometimes none [m]."""
+    """Return a target length as people give it, sometimes in centimetres, sometimes None [m]."""
     return rng.choice([None, None, 0.04, 0.06, 0.06, 0.08, 0.15, 0.15, 6.0, -1.0])
 
 
 def cut_livers(cuts: int = _BASE, seed: int = 1) -> list[Trace]:
-    """Cuts of drawn livers at many speeds and angles, half of them there and back, as a rig records them."""
+    """Cut sampled livers at many speeds and angles, half of them there and back, recorded as by a rig."""
     traces = []
     for n in range(cuts):
         rng = generator(seed, n)
@@ -127,11 +127,11 @@ def cut_livers(cuts: int = _BASE, seed: int = 1) -> list[Trace]:
 
 
 def honest(rng: np.random.Generator, cuts: list[Trace]) -> Trace:
-    """One of ``cuts`` as another lab might have recorded it: more noise, another rate, fewer columns."""
+    """Return one of ``cuts`` as another lab might have recorded it: more noise, another rate, fewer columns."""
     trace = cuts[int(rng.integers(len(cuts)))]
     trace = trace.select(slice(int(rng.integers(3)), None, int(rng.choice([1, 2, 5, 10, 20]))))
     n = len(trace)
-    if rng.random() < 0.3:  # readings that were lost
+    if rng.random() < 0.3:  # lost readings
         trace = trace.select(rng.random(n) > 0.01)
         n = len(trace)
     force = trace.force + rng.normal(rng.uniform(-0.03, 0.03), rng.uniform(0.0, 0.04), n)
@@ -147,7 +147,7 @@ def honest(rng: np.random.Generator, cuts: list[Trace]) -> Trace:
 
 
 def references(cuts: list[Trace]) -> dict[str, ReferenceSet]:
-    """Reference sets made of the cuts as they were recorded, by force unit."""
+    """Make reference sets from the unmodified cuts, by force unit."""
     alone = [Trace(time=cut.time, force=cut.force, force_unit="1") for cut in cuts]
     return {unit: _reference(traces, unit) for unit, traces in (("N", cuts), ("1", alone))}
 
@@ -159,7 +159,7 @@ def _reference(traces: list[Trace], unit: str) -> ReferenceSet:
 
 
 def check(card: ScoreCard) -> None:
-    """Every number is finite or has a reason; every form of the card can be made."""
+    """Check that every number is finite or has a reason, and that every form of the card can be made."""
     json.loads(card.to_json())
     assert str(card)
     assert card._repr_html_()
@@ -170,13 +170,13 @@ def check(card: ScoreCard) -> None:
 
 
 def _needs_words(error: Exception, field: str) -> None:
-    """A refusal says what is wrong with which field."""
+    """Check that a refusal names the field and what is wrong with it."""
     if field not in str(error) or len(str(error)) < 20:
         raise AssertionError("a refusal without a reason") from error
 
 
 def fate_of_wild(seed: int) -> str:
-    """What becomes of a wild record; anything but a refusal or a sound card raises."""
+    """Return the result for a wild record; raises unless it is a refusal or a valid card."""
     rng = np.random.default_rng(seed)
     try:
         trace, target = wild(rng), wild_target(rng)
@@ -196,7 +196,7 @@ def fate_of_wild(seed: int) -> str:
 
 
 def fate_of_honest(seed: int, cuts: list[Trace], sets: dict[str, ReferenceSet]) -> str:
-    """Whether an honest record gets a score, or why not."""
+    """Return the result for an honest record: a score, or the reason why there is none."""
     trace = honest(np.random.default_rng(seed), cuts)
     card = score(trace, target_length=TARGET, reference=sets[trace.force_unit])
     check(card)
@@ -204,19 +204,19 @@ def fate_of_honest(seed: int, cuts: list[Trace], sets: dict[str, ReferenceSet]) 
 
 
 def table(fates: collections.Counter[str]) -> str:
-    """Counts and shares."""
+    """Return counts and shares as text."""
     total = sum(fates.values())
     return "\n".join(f"  {n:6d}  {n / total:6.1%}  {fate}" for fate, n in fates.most_common())
 
 
 def main() -> int:
-    """Feed, count, print; 1 if too few honest records were scored."""
+    """Run all records and print; return 1 if too few honest records were scored."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--wild", type=int, default=10_000)
     parser.add_argument("--honest", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0, help="of the first record")
     arguments = parser.parse_args()
-    warnings.simplefilter("error")  # a warning of NumPy's is a quiet NaN
+    warnings.simplefilter("error")  # a NumPy warning may hide a quiet NaN
 
     seeds = range(arguments.seed, arguments.seed + arguments.wild)
     fates = collections.Counter(fate_of_wild(seed) for seed in tqdm(seeds, desc="wild records"))

@@ -1,10 +1,10 @@
-"""Make the reference set that comes with the package: what scripts (and agents) score on drawn livers.
+"""Make the reference set that comes with the package: scores of scripts (and agents) on sampled livers.
 
     python scripts/make_reference.py                             prints medians by script
     python scripts/make_reference.py --write                     also writes assets/reference/baselines.csv
-    python scripts/make_reference.py --policy runs/NAME/policy   takes trained policies in, too
+    python scripts/make_reference.py --policy runs/NAME/policy   includes trained policies, too
 
-Every cut is scored from what a rig can measure, the tip estimated, as a person's cut would be.
+Every cut is scored from what a rig can measure, with an estimated tip, as a person's cut would be.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def reference(names: list[str], cuts: int, specimen_class: str) -> ReferenceSet:
 
 
 def medians(found: ReferenceSet) -> str:
-    """Median of every metric, a column a policy."""
+    """Return the median of every metric as text, a column per policy."""
     names = list(dict.fromkeys(found.groups))
     lines = [" " * 24 + "  ".join(f"{name[-12:]:>12s}" for name in names)]
     groups = np.array(found.groups)
@@ -61,7 +61,7 @@ def medians(found: ReferenceSet) -> str:
 
 
 def main() -> None:
-    """Cut, score, print and, if asked, write."""
+    """Cut, score and print; write if requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cuts", type=int, default=60, help="of every policy")
     parser.add_argument("--specimen-class", default="mixed")

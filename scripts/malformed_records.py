@@ -4,9 +4,9 @@
     python scripts/malformed_records.py --files 500       fewer
     python scripts/malformed_records.py --first 1234 --files 1 --keep FOLDER      one case, kept to look at
 
-Prints how the loading of each kind of damage ended. A file that loads to other numbers than it was written
-with has a digit changed in such a way that nobody can tell. What must not happen is any error but RecordError,
-a crash of the process or a loading that does not end. Exit status 1 if it does.
+Prints how the loading of each kind of damage ended. A file that loads to other numbers than were written to it has a
+digit changed in a way that cannot be detected. What must not happen is any error but RecordError, a crash of the
+process or a loading that does not end. Exit status 1 if it does.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _AT_ONCE = 50  # files for one process
 
 @functools.cache
 def sound(suffix: str) -> tuple[tuple[bytes, list[Trace]], ...]:
-    """Files that are as they should be: one cut; three alike; two that hold different things; and their traces."""
+    """Return intact files: one cut; three of the same fields; two of different fields; and their traces."""
     rng = np.random.default_rng(0)
     time = np.arange(60) * 1e-3
     full = Trace(
@@ -60,19 +60,19 @@ def sound(suffix: str) -> tuple[tuple[bytes, list[Trace]], ...]:
 
 
 def ending(content: bytes, suffix: str, traces: list[Trace], folder: Path) -> str:
-    """How the loading of such a file ends: one of :data:`CLEAR`, or the error that it must not end in."""
+    """Return how the loading of such a file ends: one of :data:`CLEAR`, or the error that it must not end in."""
     path = folder / f"damaged{suffix}"
     path.write_bytes(content)
     try:
         return "loaded as it was" if load(path) == traces else "loaded otherwise"
     except RecordError as error:
         return "refused" if str(path) in str(error) and len(error.reason) > 20 else f"unclear: {error}"
-    except Exception as error:  # what is looked for
+    except Exception as error:  # the kind of error that this script searches for
         return f"{type(error).__name__}: {error}"[:100]
 
 
 def case(number: int) -> tuple[str, str, bytes, list[Trace]]:
-    """The case of that number: suffix, kind of damage, content, and the traces of the sound file."""
+    """Return the case of that number: suffix, kind of damage, content, and the traces of the intact file."""
     rng = np.random.default_rng(number)
     suffix = str(rng.choice(SUFFIXES))
     kind = str(rng.choice(DAMAGES[suffix]))
@@ -82,7 +82,7 @@ def case(number: int) -> tuple[str, str, bytes, list[Trace]]:
 
 
 def endings(numbers: range, folder: Path) -> list[tuple[str, str, str]]:
-    """Suffix, kind of damage and ending of some cases, in this process."""
+    """Return suffix, kind of damage and ending of some cases, run in this process."""
     found = []
     for number in numbers:
         suffix, kind, content, traces = case(number)
@@ -96,7 +96,7 @@ def _work(numbers: range, answer: multiprocessing.connection.Connection) -> None
 
 
 def guarded(numbers: range) -> list[tuple[str, str, str]]:
-    """As :func:`endings`, in a process of its own, so that a crash or a standstill counts as an ending."""
+    """Run :func:`endings` in a separate process, so that a crash or a standstill counts as an ending."""
     context = multiprocessing.get_context("spawn" if os.name == "nt" else "forkserver")
     answer, question = context.Pipe(duplex=False)
     process = context.Process(target=_work, args=(numbers, question))
@@ -119,7 +119,7 @@ def guarded(numbers: range) -> list[tuple[str, str, str]]:
 
 
 def table(found: Counter[tuple[str, str, str]]) -> str:
-    """Aligned text: a row for each format and kind of damage, a column for each ending."""
+    """Return aligned text: a row for each format and kind of damage, a column for each ending."""
     heads = ["file", "damage", *CLEAR, "anything else"]
     rows = []
     for which in [[suffix, kind] for suffix in SUFFIXES for kind in DAMAGES[suffix]]:
@@ -136,7 +136,7 @@ def _padded(column: int, cell: str, width: int) -> str:
 
 
 def main() -> int:
-    """Damage, load, print; 1 if any ending is not clear."""
+    """Damage, load and print; return 1 if any ending is not clear."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--files", type=int, default=10_000, metavar="N", help="default 10000")
     parser.add_argument("--first", type=int, default=0, metavar="N", help="number of the first case; default 0")

@@ -1,12 +1,12 @@
-"""How well records give back what was cut: R, LEM, friction and eta, in and out, under real conditions.
+"""Recovery of known properties from records: errors of R, LEM, friction and eta under realistic conditions.
 
-    python scripts/measure_recovery.py                      30 livers a length of cut, about two minutes
+    python scripts/measure_recovery.py                      30 livers per length of cut, about two minutes
     python scripts/measure_recovery.py --specimens 60 --lengths-cm 3 11
 
-Livers are drawn, cut on the virtual rig at the thesis's seven speeds and both angles, and felt through a sensor with
-noise, delay and a resolution of 0.05 N. Each record is then measured under several conditions: with the exact depth,
+Livers are sampled, cut on the virtual rig at the thesis's seven speeds and both angles, and measured by a sensor with
+noise, delay and a resolution of 0.05 N. Each record is then evaluated under several conditions: with the exact depth,
 with a depth known to 0.5 mm as the environment's lab knows it, and, on top of that, with a sensor whose zero is off or
-drifts, without rests, and without the way back. Errors are of one cut: median and 95th percentile over the specimens.
+drifts, without rests, and without the way back. Errors are of single cuts: median and 95th percentile over specimens.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ Array = NDArray[np.float64]
 
 SPEEDS = tuple(float(v) / 100.0 for v in table("5.6")["speed_cm_s"])
 ANGLES_DEG = (90.0, 45.0)
-RETURN_SPEED = 0.0127  # at the least [m/s]
+RETURN_SPEED = 0.0127  # smallest speed of the way back [m/s]
 REST = 0.3  # at either end [s]
 OFFSET, DRIFT = 0.2, 0.3  # [N], and [N] over the record
-FEWEST = 3  # segments, of whose moduli a median is taken
+FEWEST = 3  # segments needed for a median of their moduli
 PLACES = np.arange(N_POINTS) * SPACING
 
 
@@ -50,18 +50,18 @@ class KnownCut:
     measured_depth: Array  # shape (301,) [m]
     specimen: Specimen
     stiffness: Array  # shape (301,) [N/m]
-    tip: float  # at the end [m]
+    tip: float  # at the end of the cut [m]
 
     @property
     def resistance(self) -> float:
-        """R [J/m2], friction's share included, mean over the area that was cut."""
+        """True R [J/m2], friction's share included, mean over the area that was cut."""
         at = np.linspace(0.0, self.tip, 2000)
         depth = np.interp(at, PLACES, self.specimen.depth)
         fracture = (1.0 - self.specimen.tissue.friction_share) * self.specimen.fracture_resistance
         return float(np.average(np.interp(at, PLACES, fracture), weights=depth)) + self.specimen.friction_per_depth
 
     def moduli(self, found: MeasuredCut) -> Array:
-        """LEM [Pa] that a perfect slope shows where the segments are: r K/(kappa B)."""
+        """Return the LEM [Pa] that an exact slope would give at the segments: r K/(kappa B)."""
         tips = found.moduli.position
         speeds = [segment.require("speed", by="the truth")[0] for segment in found.moduli.segments]
         r = np.array([self.specimen.loading_ratio(speed, found.angle) for speed in speeds])
@@ -71,16 +71,16 @@ class KnownCut:
 
 @dataclass(frozen=True, kw_only=True)
 class Recovery:
-    """Errors of single cuts under one condition, each as median and 95th percentile; shares of the true value.
+    """Errors of single cuts under one condition, each as median and 95th percentile; relative to the true value.
 
     Attributes
     ----------
     cuts, with_modulus, refused : int
-        How many were measured, how many of them show three segments or more, how many could not be measured.
+        Number of cuts measured, of those with three segments or more, and of those that could not be measured.
     resistance, modulus, friction : tuple of float
-        Of R [1], of the median LEM of a cut [1], of friction's share of R (difference) [1].
+        Errors of R [1], of the median LEM of a cut [1], of friction's share of R (difference) [1].
     eta90 : float
-        Out of all cuts together.
+        Value from all cuts together.
     """
 
     cuts: int
@@ -93,33 +93,33 @@ class Recovery:
 
 
 def with_depth(cut: KnownCut) -> Trace:
-    """The record with the depth as a lab measured it."""
+    """Return the record with the depth that a lab measured."""
     (position,) = cut.trace.require("position", by="recovery")
     return dataclasses.replace(cut.trace, depth=np.interp(position, PLACES, cut.measured_depth))
 
 
 def with_offset(cut: KnownCut) -> Trace:
-    """The same, its force off by 0.2 N."""
+    """Return the record with depth as measured and the force off by 0.2 N."""
     trace = with_depth(cut)
     return dataclasses.replace(trace, force=trace.force + OFFSET)
 
 
 def with_drift(cut: KnownCut) -> Trace:
-    """The same, its zero drifting by 0.3 N."""
+    """Return the record with depth as measured and a zero that drifts by 0.3 N."""
     trace = with_depth(cut)
     along = (trace.time - trace.time[0]) / trace.duration
     return dataclasses.replace(trace, force=trace.force + DRIFT * along)
 
 
 def without_rests(trace: Trace) -> Trace:
-    """From the first motion to the last."""
+    """Cut a record to the time from the first motion to the last."""
     (position,) = trace.require("position", by="recovery")
     moved = np.flatnonzero(position > 1e-3)
     return trace.select(slice(int(moved[0]), int(moved[-1]) + 1))
 
 
 def forward(trace: Trace) -> Trace:
-    """Up to the turn."""
+    """Cut a record at its turning point."""
     (position,) = trace.require("position", by="recovery")
     return trace.select(slice(int(np.argmax(position)) + 1))
 
@@ -134,7 +134,7 @@ CONDITIONS: dict[str, Callable[[KnownCut], Trace]] = {
     "  no return stroke, offset 0.2 N": lambda cut: forward(with_offset(cut)),
     "exact depth, no return stroke": lambda cut: forward(cut.trace),
 }
-"""What is measured of a cut; where nothing else is said the blade rested before and after, and came back."""
+"""Versions of the record that are measured; by default the blade rested before and after, and came back."""
 
 _EXACT, _ROUGH = (0.05, 0.05, 0.02), (0.10, 0.15, 0.03)
 PROMISED: dict[str, tuple[float, float, float]] = {
@@ -153,7 +153,7 @@ MODEL = CutModel()
 
 
 def cut_specimens(length: float, specimens: int, seed: int, *, speeds: Sequence[float] = SPEEDS) -> list[KnownCut]:
-    """Drawn livers, each cut once to ``length`` [m]; ``speeds`` [m/s] and angles in turn."""
+    """Sample livers and cut each once to ``length`` [m]; ``speeds`` [m/s] and angles in turn."""
     lab, tissue, cuts = Knowledge(), measured_liver(), []
     for number in tqdm(range(specimens), desc=f"cutting {100 * length:g} cm", unit="cut", leave=False):
         specimen = Specimen.draw(generator(seed, number), specimen_class="liver", tissue=tissue)
@@ -175,7 +175,7 @@ def cut_specimens(length: float, specimens: int, seed: int, *, speeds: Sequence[
 
 
 def recovery(cuts: Sequence[KnownCut], condition: Callable[[KnownCut], Trace]) -> Recovery:
-    """Measure every cut by itself under a condition, and compare with what was put in."""
+    """Measure every cut by itself under a condition, and compare with the truth."""
     resistance, modulus, friction = [], [], []
     initiation: list[InitiationEstimate] = []
     refused = 0

@@ -1,4 +1,4 @@
-"""Force statistics and loading segments of 207 real hand-held scalpel cuts: record and measurement meet real data.
+"""Force statistics and loading segments of 207 real hand-held scalpel cuts.
 
     python scripts/real_records.py                reads ../shared/data beside the repository
     python scripts/real_records.py --data FILE    reads another copy of the file
@@ -6,9 +6,9 @@
 
 The cuts are elliptical excisions in a skin phantom with a No. 10 blade: 18 trials, 180 samples a cut at 30
 Hz, of which the first 120 are the cut.  The force is a pure number, normalised to the largest of the data
-set; there is no position, so neither a modulus nor a fracture resistance can be had from them.  Loading segments are
+set; there is no position, so neither a modulus nor a fracture resistance can be computed.  Loading segments are
 lines against time: they have a rate (dF/dt) and the drop that ended them, and no slope.  In a hand's cut a drop need
-not be a run of the crack: a hand that slows down or eases off lets the force fall too, and the record does not tell.
+not be a run of the crack: the force also falls if a hand slows down or eases off, and the record does not show which.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def read_cuts(path: Path) -> list[Trace]:
 
 
 def force_statistics(cuts: list[Trace]) -> dict[str, float]:
-    """Statistics of the cutting phase of one trial's cuts; force is a pure number, its rate per second.
+    """Compute statistics of the cutting phase of one trial's cuts; force is a pure number, its rate per second.
 
     ``mean`` and ``peak`` are means over the cuts, ``sd`` the mean standard deviation within a cut,
     ``cv_of_means`` and ``cv_of_peaks`` standard deviations between cuts (population) over their means,
@@ -92,7 +92,7 @@ def force_statistics(cuts: list[Trace]) -> dict[str, float]:
 
 
 def by_trial(traces: list[Trace]) -> dict[str, list[Trace]]:
-    """The cuts of each trial, in the order of the file."""
+    """Return the cuts of each trial, in the order of the file."""
     trials: dict[str, list[Trace]] = {}
     for trace in traces:
         trials.setdefault(trace.metadata["trial"], []).append(trace)
@@ -100,12 +100,12 @@ def by_trial(traces: list[Trace]) -> dict[str, list[Trace]]:
 
 
 def segments_of(cut: Trace, smallest_drop: float = SMALLEST_DROP) -> list[Segment]:
-    """Loading segments of the cutting phase; the smallest drop is the same for all cuts, so that they compare."""
+    """Find the loading segments of the cutting phase; the smallest drop is the same for all cuts, for comparison."""
     return loading_segments(cut.select(slice(0, CUT_SAMPLES)), smallest_drop=smallest_drop)
 
 
 def segment_statistics(cuts: list[Trace], smallest_drop: float = SMALLEST_DROP) -> dict[str, float]:
-    """Loading segments of one trial's cuts; force is a pure number, its rate per second.
+    """Compute statistics of the loading segments of one trial's cuts; force is a pure number, its rate per second.
 
     ``drops`` and ``drops_sd`` are mean and standard deviation (population) of their number in a cut, ``drop`` their
     mean size, ``straight`` the share of straight ramps. Of these ``first_rate`` is the median rate of the ramps
@@ -131,13 +131,13 @@ def segment_statistics(cuts: list[Trace], smallest_drop: float = SMALLEST_DROP) 
 
 
 def straight_rates(found: list[list[Segment]]) -> tuple[list[float], list[float]]:
-    """Rates [1/s] of the straight ramps of some cuts: those that begin a cut, and all later ones."""
+    """Return the rates [1/s] of the straight ramps of some cuts: those that begin a cut, and all later ones."""
     straight = [s for segments in found for s in segments if s.r_squared >= STRAIGHT]
     return [s.rate for s in straight if s.after_standstill], [s.rate for s in straight if not s.after_standstill]
 
 
 def table(traces: list[Trace]) -> str:
-    """Force statistics as aligned text: a row for each trial, and one for all cuts together."""
+    """Return force statistics as aligned text: a row for each trial, and one for all cuts together."""
     heads = ["trial", "cuts", "mean", "peak", "SD", "CV of means", "CV of peaks", "RMS dF/dt [1/s]"]
     rows = []
     for trial, cuts in [*by_trial(traces).items(), ("all", traces)]:
@@ -147,7 +147,7 @@ def table(traces: list[Trace]) -> str:
 
 
 def segment_table(traces: list[Trace], smallest_drop: float = SMALLEST_DROP) -> str:
-    """Loading segments as aligned text: a row for each trial, and one for all cuts together."""
+    """Return loading segments as aligned text: a row for each trial, and one for all cuts together."""
     heads = [
         "trial",
         "cuts",
@@ -169,13 +169,13 @@ def segment_table(traces: list[Trace], smallest_drop: float = SMALLEST_DROP) -> 
 
 
 def aligned(heads: list[str], rows: list[list[str]]) -> str:
-    """Columns to the right under their heads."""
+    """Return right-aligned columns under their heads."""
     widths = [max(6, *(len(row[i]) for row in [heads, *rows])) for i in range(len(heads))]
     return "\n".join("  ".join(f"{cell:>{w}}" for cell, w in zip(row, widths, strict=True)) for row in [heads, *rows])
 
 
 def draw_cuts(traces: list[Trace], path: Path, smallest_drop: float = SMALLEST_DROP) -> None:
-    """Force against time of some cuts, with their segments and drops."""
+    """Draw force against time of some cuts, with their segments and drops."""
     from thesis_figures.style import FORCE, STRAIN, STRESS, named, panels, save
 
     trials = by_trial(traces)
@@ -218,7 +218,7 @@ def draw_cuts(traces: list[Trace], path: Path, smallest_drop: float = SMALLEST_D
 
 
 def draw_trials(traces: list[Trace], path: Path, smallest_drop: float = SMALLEST_DROP) -> None:
-    """By trial: number of drops in a cut, their sizes, and loading rates."""
+    """Draw by trial: number of drops in a cut, their sizes, and loading rates."""
     from thesis_figures.style import INCLINED, UPRIGHT, named, panels, save
 
     trials = by_trial(traces)
@@ -258,7 +258,7 @@ def draw_trials(traces: list[Trace], path: Path, smallest_drop: float = SMALLEST
 
 
 def draw(traces: list[Trace], folder: Path, smallest_drop: float) -> list[Path]:
-    """Both pictures into ``folder``, which is made if it is missing."""
+    """Draw both pictures into ``folder``, which is created if missing."""
     from matplotlib import rc_context
     from thesis_figures.style import STYLE
 
@@ -271,7 +271,7 @@ def draw(traces: list[Trace], folder: Path, smallest_drop: float) -> list[Path]:
 
 
 def main() -> int:
-    """Read, print; 2 if the file is missing or another."""
+    """Read and print; return 2 if the file is missing or another."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=DATA, metavar="FILE", help="scalpel_excision_forces.csv")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="draw real_cuts.png and real_trials.png there")

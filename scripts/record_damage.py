@@ -57,7 +57,7 @@ def stretch_lost(content: bytes, rng: np.random.Generator) -> bytes:
 
 
 def stretch_zeroed(content: bytes, rng: np.random.Generator) -> bytes:
-    """Zeros where a block of the disk was never written."""
+    """Write zeros, as where a block of the disk was never written."""
     start, length = rng.integers(len(content)), int(rng.integers(1, 600))
     return content[:start] + bytes(len(content[start : start + length])) + content[start + length :]
 
@@ -75,17 +75,17 @@ def whole_doubled(content: bytes, rng: np.random.Generator) -> bytes:
 
 
 def noise(content: bytes, rng: np.random.Generator) -> bytes:
-    """Nothing but noise."""
+    """Return nothing but noise."""
     return rng.bytes(rng.integers(0, 2000))
 
 
 def noise_after_beginning(content: bytes, rng: np.random.Generator) -> bytes:
-    """Noise behind the first bytes, by which the format is known."""
+    """Write noise after the first bytes, by which the format is recognised."""
     return content[:8] + rng.bytes(rng.integers(0, 2000))
 
 
 def in_another_encoding(content: bytes, rng: np.random.Generator) -> bytes:
-    """Text in UTF-16, as some spreadsheets write it."""
+    """Encode text in UTF-16, as some spreadsheets write it."""
     return content.decode("latin-1").encode(str(rng.choice(["utf-16", "utf-16-le", "utf-32"])))
 
 
@@ -118,7 +118,7 @@ def line_lost(lines: Lines, rng: np.random.Generator) -> Lines:
 
 
 def lines_swapped(lines: Lines, rng: np.random.Generator) -> Lines:
-    """Change the places of two lines."""
+    """Swap two lines."""
     i, k = rng.integers(len(lines), size=2)
     changed = list(lines)
     changed[i], changed[k] = changed[k], changed[i]
@@ -136,7 +136,7 @@ def header_doubled(lines: Lines, rng: np.random.Generator) -> Lines:
 
 
 def unit_changed(lines: Lines, rng: np.random.Generator) -> Lines:
-    """Another unit, or none, in one header."""
+    """Change or remove the unit in one header."""
     unit = rng.choice([b"ms", b"mN", b"parsec", b"cm", b"deg", b"", b"kN", b"N m", b"mm_s"])
     chosen = rng.integers(100)
     return _header_changed(
@@ -149,13 +149,13 @@ def unit_changed(lines: Lines, rng: np.random.Generator) -> Lines:
 
 
 def headers_lost(lines: Lines, rng: np.random.Generator) -> Lines:
-    """No headers at all."""
+    """Remove all headers."""
     place = _header(lines)
     return [*lines[:place], *lines[place + 1 :]]
 
 
 def decimal_commas(lines: Lines, rng: np.random.Generator) -> Lines:
-    """As a spreadsheet writes numbers in half of Europe; columns parted by semicolons or still by commas."""
+    """Write decimal commas as in half of Europe; columns separated by semicolons or still by commas."""
     place = _header(lines)
     mark = bytes(rng.choice([b";", b",", b"\t"]))
     changed = [line.replace(b",", b"~").replace(b".", b",").replace(b"~", mark) for line in lines[place:]]
@@ -163,7 +163,7 @@ def decimal_commas(lines: Lines, rng: np.random.Generator) -> Lines:
 
 
 def cell_changed(lines: Lines, rng: np.random.Generator) -> Lines:
-    """Something in a cell that is no reading."""
+    """Write something into a cell that is not a reading."""
     text = _NO_READINGS[rng.integers(len(_NO_READINGS))]
     rows = [i for i in range(_header(lines) + 1, len(lines)) if lines[i]]
     if not rows:
@@ -175,7 +175,7 @@ def cell_changed(lines: Lines, rng: np.random.Generator) -> Lines:
 
 
 def cell_lost(lines: Lines, rng: np.random.Generator) -> Lines:
-    """A row with a cell too few."""
+    """Write a row with a cell too few."""
     row = rng.integers(len(lines))
     cells = lines[row].split(b",")
     del cells[rng.integers(len(cells))]
@@ -183,12 +183,12 @@ def cell_lost(lines: Lines, rng: np.random.Generator) -> Lines:
 
 
 def comments_lost(lines: Lines, rng: np.random.Generator) -> Lines:
-    """No schema, no metadata."""
+    """Remove schema and metadata."""
     return [line for line in lines if not line.startswith(b"#")]
 
 
 def json_damaged(lines: Lines, rng: np.random.Generator) -> Lines:
-    """Other JSON, or none, in a comment."""
+    """Write other JSON, or none, into a comment."""
     text = _NO_METADATA[rng.integers(len(_NO_METADATA))]
     chosen = [i for i, line in enumerate(lines) if line.startswith(b"#") and b":" in line]
     if not chosen:
@@ -198,7 +198,7 @@ def json_damaged(lines: Lines, rng: np.random.Generator) -> Lines:
 
 
 def _header(lines: Lines) -> int:
-    """Place of the row of headers."""
+    """Return the index of the row of headers."""
     return next(i for i, line in enumerate(lines) if not line.startswith(b"#"))
 
 
@@ -226,11 +226,11 @@ DAMAGES: Mapping[str, tuple[str, ...]] = {
     suffix: tuple(damage.__name__ for damage in (*ANY_FILE, *(TEXT_FILE if suffix == ".csv" else ())))
     for suffix in SUFFIXES
 }
-"""Suffix -> names of the kinds of damage that are done to such files."""
+"""Names of the kinds of damage that are done to files of each suffix."""
 
 
 def damaged(content: bytes, kind: str, rng: np.random.Generator) -> bytes:
-    """Content of a file with damage of that kind, one of :data:`DAMAGES`."""
+    """Return the content of a file with damage of that kind, one of :data:`DAMAGES`."""
     for whole in ANY_FILE:
         if whole.__name__ == kind:
             return whole(content, rng)

@@ -1,11 +1,11 @@
-"""How far the results of a measurement move when its record is disturbed, or that the record is refused.
+"""Changes of a measurement's results when its record is disturbed, or refusal of the record.
 
     python scripts/record_robustness.py                     about three minutes
     python scripts/record_robustness.py --records 200       fewer for the share that is accepted
 
-Virtual cuts of known tissue are disturbed as rigs, programs and people disturb records. Beside every disturbance stands
-what it does to fracture resistance, local effective modulus, friction and initiation, the worst of several cuts. The
-bounds that are allowed stand here, and the property tests hold the measurement to the same ones.
+Virtual cuts of known tissue are disturbed as rigs, programs and people disturb records. For every disturbance the table
+gives its effect on fracture resistance, local effective modulus, friction and initiation, the worst of several cuts.
+The bounds that are allowed are defined here, and the property tests use the same ones.
 """
 
 from __future__ import annotations
@@ -37,76 +37,76 @@ from cutenv.trace import Trace
 INCH = 0.0254
 MODEL = CutModel()
 SPEEDS = (0.001, 0.0254)
-"""Between which the modulus was measured [m/s]."""
+"""Range in which the modulus was measured [m/s]."""
 FEWEST = 3
-"""Segments or units, from which on they count."""
+"""Smallest number of segments or units at which their results are used."""
 RESOLUTION = 0.05
-"""Of the thesis's sensor (section 3.1) [N]: a disturbed force is read with it again."""
+"""Resolution of the thesis's sensor (section 3.1) [N]: a disturbed force is quantised with it again."""
 
 ACCEPTED = 0.95
-"""Least share of valid records with mild noise that is accepted."""
+"""Smallest share of valid records with mild noise that must be accepted."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """By how much the numbers of one record may move."""
+    """Largest allowed changes of one record's results."""
 
     resistance: float
-    """Relative."""
+    """Relative change."""
     modulus: float
-    """Of the median over the segments, relative to what an exact slope shows where they are."""
+    """Relative change of the median over the segments, normalised by the exact slopes at their positions."""
     friction_share: float
-    """Difference of shares."""
+    """Absolute change."""
     eta90: float
-    """Difference."""
+    """Absolute change."""
 
 
 BOUNDS = {
-    # The same numbers, but for rounding.
+    # The same numbers, except for rounding.
     "other units": Bounds(resistance=1e-9, modulus=1e-9, friction_share=1e-9, eta90=1e-9),
     "other clock": Bounds(resistance=1e-6, modulus=1e-6, friction_share=1e-6, eta90=1e-6),
-    # Energy is a sum over all readings, a slope one over a ramp; the force at a hilltop hangs on the last few readings.
+    # Energy is a sum over all readings, a slope one over a ramp; that at a hilltop depends on the last few readings.
     "noise": Bounds(resistance=0.005, modulus=0.05, friction_share=0.005, eta90=0.12),
     "sample rate": Bounds(resistance=0.01, modulus=0.05, friction_share=0.005, eta90=0.06),
     "jitter": Bounds(resistance=0.005, modulus=0.02, friction_share=0.005, eta90=0.02),
     "encoder": Bounds(resistance=0.005, modulus=0.02, friction_share=0.005, eta90=0.03),
     "gap": Bounds(resistance=0.01, modulus=0.03, friction_share=0.005, eta90=0.03),
-    # The cut stops and starts elsewhere, so that other ramps and fewer units tell of an uneven tissue.
+    # The cut stops and starts elsewhere, so that other ramps and fewer units represent an uneven tissue.
     "strokes": Bounds(resistance=0.03, modulus=0.03, friction_share=0.01, eta90=0.12),
-    # The blade rests before these cuts, so that the sensor's zero is seen and taken off.
+    # The blade rests before these cuts, so that the sensor's zero is measured and subtracted.
     "offset": Bounds(resistance=1e-9, modulus=1e-9, friction_share=1e-9, eta90=1e-9),
-    # Left in, a zero that is off by f is taken for friction on the way back: R moves by f/B, which is f/(R B) of it,
+    # Left in, a zero that is off by f counts as friction on the way back: R moves by f/B, which is f/(R B) of it,
     # and friction by as much the other way. With B 1.5 cm and R 200 J/m2, 0.2 N are 7 %.
     "offset left in": Bounds(resistance=0.15, modulus=0.15, friction_share=0.15, eta90=0.15),
 }
-"""By kind of disturbance, over its whole range; held by ``tests/properties/test_record_robustness.py``."""
+"""Bounds by kind of disturbance, over its whole range; ``tests/properties/test_record_robustness.py`` checks them."""
 
 RATES = (100.0, 10_000.0)
-"""Slowest and fastest sensor [Hz]."""
+"""Sampling rates of the slowest and the fastest sensor [Hz]."""
 NOISE = 0.1
-"""Most noise that is added [N]: four times that of the virtual sensor."""
+"""Largest noise that is added [N]: four times that of the virtual sensor."""
 OFFSET = 0.2
-"""Most by which the sensor's zero is off [N]."""
+"""Largest offset of the sensor's zero [N]."""
 JITTER = 2.0
-"""Most by which a reading's stamp is wrong, in steps of time."""
+"""Largest error of a reading's time stamp, in time steps."""
 ENCODER = 50e-6
-"""Coarsest step of position [m]."""
+"""Coarsest encoder resolution [m]."""
 
 
 class Numbers(NamedTuple):
-    """What one record tells; NaN for what it does not."""
+    """Results from one record; NaN where it gives none."""
 
     resistance: float
-    """[J/m2]"""
+    """Fracture resistance [J/m2]."""
     modulus: float
-    """Over what an exact slope shows, median over the segments [1]; NaN if none is steady."""
+    """Median over the segments of the modulus over that of an exact slope [1]; NaN if none is steady."""
     friction_share: float
-    """NaN without a return stroke."""
+    """Share of friction; NaN without a return stroke."""
     eta90: float
-    """NaN without two steady ramps in a row."""
+    """Initiation excess; NaN without two steady ramps in a row."""
 
     def moved(self, before: Numbers) -> Numbers:
-        """By how much each differs, the resistance relative; NaN where one of the two does not tell."""
+        """Return the change of each result, relative for the resistance; NaN where one of the two is missing."""
         return Numbers(
             self.resistance / before.resistance - 1.0,
             self.modulus - before.modulus,
@@ -115,24 +115,24 @@ class Numbers(NamedTuple):
         )
 
     def within(self, bounds: Bounds) -> bool:
-        """Whether a move stays within bounds; what is not told is not wrong."""
+        """Return True if all changes are within bounds; missing results are not wrong."""
         return not any(abs(moved) > bound for moved, bound in zip(self, dataclasses.astuple(bounds), strict=True))
 
 
 class Refused(NamedTuple):
-    """A record that is not measured."""
+    """A record that is refused."""
 
     reason: str
 
 
 class Known(NamedTuple):
-    """A record, and what was cut."""
+    """A record with its ground truth."""
 
     trace: Trace
     specimen: Specimen
 
     def measured(self, disturbed: Trace | None = None) -> Numbers | Refused:
-        """Judge and measure the record, or another one of the same cut, as ``cutenv calibrate`` does."""
+        """Check and measure the record, or another one of the same cut, as ``cutenv calibrate`` does."""
         trace = self.trace if disturbed is None else disturbed
         wrong = [flaw.message for flaw in flaws(trace) if flaw.refuse]
         if wrong:
@@ -164,7 +164,7 @@ class Known(NamedTuple):
 def record(
     seed: int, speed: float, angle_deg: float, turns: tuple[float, ...] = (4 * INCH, 0.0), noise: float = 0.02
 ) -> Known:
-    """A cut of a drawn liver through ``turns`` [m] at a speed [m/s], after half a second at rest."""
+    """Record a cut of a sampled liver through ``turns`` [m] at a speed [m/s], after half a second at rest."""
     specimen = Specimen.draw(generator(seed), specimen_class="liver", tissue=measured_liver())
     angle = math.radians(angle_deg)
     plant = SimulatedPlant(specimen, seed=seed, angle=angle, sensor=SensorParameters(force_noise=noise))
@@ -183,42 +183,42 @@ def noisier(trace: Trace, rng: np.random.Generator, sd: float) -> Trace:
 
 
 def resampled(trace: Trace, rate: float) -> Trace:
-    """Read every column at another rate [Hz], in between along a line."""
+    """Resample every column to another rate [Hz] by linear interpolation."""
     time = np.arange(trace.time[0], trace.time[-1], 1.0 / rate)
     columns = {name: np.interp(time, trace.time, getattr(trace, name)) for name in trace.known if name != "time"}
     return Trace(time=time, **columns, metadata=trace.metadata)
 
 
 def offset(trace: Trace, force: float) -> Trace:
-    """Move the sensor's zero [N]."""
+    """Add an offset to the sensor's zero [N]."""
     return dataclasses.replace(trace, force=trace.force + force)
 
 
 def offset_left_in(trace: Trace, force: float) -> Trace:
-    """Move the zero of a record that says that its zero has been taken off [N]."""
+    """Add an offset to the zero of a record whose metadata claim that the zero was subtracted [N]."""
     return dataclasses.replace(offset(trace, force), metadata={**trace.metadata, TAKEN_OFF: {"before": 0.0}})
 
 
 def with_gap(trace: Trace, at: float, seconds: float) -> Trace:
-    """Lose the readings of some time from a share ``at`` of the record on."""
+    """Remove the readings of some time, beginning at a share ``at`` of the record."""
     start = trace.time[0] + at * trace.duration
     return trace.select((trace.time < start) | (trace.time >= start + seconds))
 
 
 def reversed_sign(trace: Trace) -> Trace:
-    """Count the force the other way."""
+    """Reverse the sign of the force."""
     return dataclasses.replace(trace, force=-trace.force)
 
 
 def jittered(trace: Trace, rng: np.random.Generator, steps: float) -> Trace:
-    """Stamp every reading at a wrong time, by up to so many steps of time; the stamps in order."""
+    """Give every reading a wrong time stamp, off by up to so many time steps; the stamps stay in order."""
     step = trace.duration / (len(trace) - 1)
     time = np.sort(trace.time + rng.uniform(-steps, steps, len(trace)) * step)
     return dataclasses.replace(trace, time=np.maximum.accumulate(time + 1e-9 * np.arange(len(trace))))
 
 
 def by_encoder(trace: Trace, step: float) -> Trace:
-    """Read the position by an encoder of so coarse steps [m]; the speed is then not known."""
+    """Quantise the position with an encoder's resolution [m]; the speed is then unknown."""
     assert trace.position is not None
     return dataclasses.replace(trace, position=np.round(trace.position / step) * step, speed=None)
 
@@ -251,7 +251,7 @@ def _felt(trace: Trace, force: np.ndarray) -> Trace:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Disturbance:
-    """What is done to a record; its kind tells how far the results may move, None that it must be refused."""
+    """A disturbance of a record; its kind determines the bounds, None means that it must be refused."""
 
     name: str
     kind: str | None
@@ -259,7 +259,7 @@ class Disturbance:
 
 
 def disturbances() -> list[Disturbance]:
-    """Every row of the table but those of another protocol."""
+    """Return all rows of the table except those of another protocol."""
     rows: list[Disturbance] = []
 
     def add(name: str, kind: str | None, disturb: Callable[[Trace, np.random.Generator], Trace]) -> None:
@@ -295,18 +295,18 @@ PROTOCOLS = {
     "back to the start half-way": (2 * INCH, 0.0, 4 * INCH, 0.0),
     "back twice, part of the way": (1.5 * INCH, 0.5 * INCH, 3 * INCH, 1 * INCH, 4 * INCH, 0.0),
 }
-"""Turns of the blade [m] with return strokes besides the last one."""
+"""Turning points of the blade [m] with return strokes before the last one."""
 
 
 class Outcome(NamedTuple):
-    """What became of the cuts under one disturbance."""
+    """Results of the cuts under one disturbance."""
 
     moves: list[Numbers]
     refused: list[str]
 
     @property
     def worst(self) -> list[float]:
-        """Largest move of each number; NaN where no record tells it."""
+        """Return the largest change of each result; NaN where no record gives one."""
         largest = [
             [abs(value) for value in column if not math.isnan(value)] for column in zip(*self.moves, strict=True)
         ]
@@ -314,7 +314,7 @@ class Outcome(NamedTuple):
 
 
 def outcome(results: Iterable[tuple[Numbers | Refused, Numbers]]) -> Outcome:
-    """Put results of disturbed records beside those before."""
+    """Compare results of disturbed records with those before."""
     pairs = list(results)
     return Outcome(
         [after.moved(before) for after, before in pairs if isinstance(after, Numbers)],
@@ -323,14 +323,14 @@ def outcome(results: Iterable[tuple[Numbers | Refused, Numbers]]) -> Outcome:
 
 
 def undisturbed(known: Known) -> Numbers:
-    """What the record tells as it is."""
+    """Return the results of the undisturbed record."""
     numbers = known.measured()
     assert isinstance(numbers, Numbers), numbers
     return numbers
 
 
 def outcomes() -> Iterator[tuple[str, str | None, Outcome]]:
-    """Name, kind and outcome of every row of the table."""
+    """Yield name, kind and outcome of every row of the table."""
     cuts = [record(*condition) for condition in CONDITIONS]
     before = [undisturbed(cut) for cut in cuts]
     for row in disturbances():
@@ -342,7 +342,7 @@ def outcomes() -> Iterator[tuple[str, str | None, Outcome]]:
 
 
 def row_of(name: str, kind: str | None, found: Outcome) -> tuple[str, bool]:
-    """One line of the table, and whether it keeps to the bounds."""
+    """Return one line of the table, and whether it is within the bounds."""
     refused = f"{len(found.refused)} of {len(found.refused) + len(found.moves)}" if found.refused else ""
     if kind is None:
         kept = not found.moves
@@ -353,7 +353,7 @@ def row_of(name: str, kind: str | None, found: Outcome) -> tuple[str, bool]:
 
 
 def random_record(n: int) -> Known:
-    """A valid record, mildly noisy: 1 to 4 inches, 0.3 to 2.54 cm/s, 45 to 90 degrees, three in four with way back."""
+    """Sample a valid record, mildly noisy: 1 to 4 inches, 0.3 to 2.54 cm/s, 45 to 90 degrees, 3 of 4 with way back."""
     rng = np.random.default_rng(n)
     length = float(rng.uniform(1.0, 4.0)) * INCH
     return record.__wrapped__(
@@ -366,13 +366,13 @@ def random_record(n: int) -> Known:
 
 
 def refusals(count: int) -> list[str]:
-    """Reasons for which some of ``count`` valid records are refused."""
+    """Return the reasons for which some of ``count`` valid records are refused."""
     results = (random_record(n).measured() for n in range(count))
     return [result.reason for result in results if isinstance(result, Refused)]
 
 
 def main() -> int:
-    """Print both tables; 1 if a bound is missed."""
+    """Print both tables; return 1 if a bound is missed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--records", type=int, default=1000, help="valid ones, of which the accepted are counted")
     arguments = parser.parse_args()

@@ -1,11 +1,11 @@
-"""Print the thesis's numbers beside ours, misses shown, and draw its figures.
+"""Print the thesis's numbers beside ours, misses included, and draw its figures.
 
     python scripts/reproduce_thesis.py                      everything, about two minutes; figures into figures/
     python scripts/reproduce_thesis.py --quick              fewer speeds, specimens and policies
     python scripts/reproduce_thesis.py --only plane-strain  one comparison or figure, by its short name
     python scripts/reproduce_thesis.py --markdown FILE      the summary as a Markdown table, for the README
 
-How well drawn livers show the measured spread is printed by scripts/fit_specimens.py.
+scripts/fit_specimens.py prints how well sampled livers reproduce the measured spread.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ MARKS = {True: "ok", False: "MISS", None: "--"}
 
 
 def aligned(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Text columns under ``header``, two spaces apart."""
+    """Return text columns under ``header``, two spaces apart."""
     widths = [max(len(row[i]) for row in [header, *rows]) for i in range(len(header))]
     lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) for row in [header, *rows]]
     lines.insert(1, "  ".join("-" * w for w in widths))
@@ -32,7 +32,7 @@ def aligned(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def text_of(name: str, comparison: Comparison) -> str:
-    """Every row of one comparison, then its notes."""
+    """Return all rows of one comparison, then its notes."""
     rows = [(MARKS[row.agrees], row.what, row.reference, row.ours, row.tolerance) for row in comparison.rows]
     title = f"{name}: {comparison.title} [{comparison.source}]  {comparison.verdict}"
     notes = "".join(f"\n     note: {note}" for note in comparison.notes)
@@ -40,7 +40,7 @@ def text_of(name: str, comparison: Comparison) -> str:
 
 
 def summary_of(done: dict[str, Comparison]) -> str:
-    """One line a comparison, then the misses by name and their number."""
+    """Return one line per comparison, then the misses by name and their number."""
     rows = [(name, c.title, c.source, c.ours, c.tolerance, c.verdict) for name, c in done.items()]
     text = aligned(("name", "what", "reference", "ours", "tolerance", "verdict"), rows)
     misses = [
@@ -53,7 +53,7 @@ def summary_of(done: dict[str, Comparison]) -> str:
 
 
 def markdown_of(done: dict[str, Comparison]) -> str:
-    """The summary as a Markdown table."""
+    """Return the summary as a Markdown table."""
     lines = ["| what | reference | ours | tolerance | verdict |", "|---|---|---|---|---|"]
     for c in done.values():
         verdict = f"**{c.verdict}**" if c.misses else c.verdict
@@ -62,7 +62,7 @@ def markdown_of(done: dict[str, Comparison]) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Compare, print, draw; return the number of rows that miss."""
+    """Compare, print and draw; return the number of rows that miss."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=ROOT / "figures", help="folder of the figures")
     parser.add_argument(

@@ -1,11 +1,11 @@
-"""Attacks on a rig over sockets, processes, clocks, load and memory: each a small function, made on an emulated rig.
+"""Attacks on a rig over sockets, processes, clocks, load and memory: each a small function, run on an emulated rig.
 
     python scripts/rig_attacks.py                               each once, some minutes
     python scripts/rig_attacks.py --only foreign_sync --times 5
     python scripts/rig_attacks.py --list
 
-A blade cuts at 1.5 cm/s when the attack comes.  Of each it is known beforehand whether it has to stop the blade (within
-5 mm), must not, or may; in any case nothing may move that was stopped.  Exit code 1 if one did not hold.
+A blade cuts at 1.5 cm/s when the attack comes.  For each it is defined beforehand whether it has to stop the blade
+(within 5 mm), must not, or may; in any case nothing may move that was stopped.  Exit code 1 if one of them fails.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ ATTACKS: dict[str, tuple[Attack, str]] = {
     for wanted, attacks in (("stopped", part.STOPPED), ("ignored", part.IGNORED), ("either", part.EITHER))
     for attack in attacks
 }
-"""Name -> attack on a blade that cuts, and what has to come of it."""
+"""Attacks by name, each with the required outcome."""
 POLICIES = {policy.__name__: policy for policy in attacks_by_policy.POLICIES}
-"""Name -> trial of a policy on an environment of its own: what was wrong, or nothing."""
+"""Trials of a policy by name, each on its own environment: what was wrong, or nothing."""
 
 
 def made(scene: Scene, name: str, seed: int) -> tuple[bool, str]:
-    """Make one attack; whether it held, and what was seen."""
+    """Run one attack; return whether it was withstood, and the observations."""
     if name in POLICIES:
         wrong, seen = POLICIES[name]()
         return not wrong, "; ".join([*(f"! {each}" for each in wrong), *seen])
@@ -57,7 +57,7 @@ def made(scene: Scene, name: str, seed: int) -> tuple[bool, str]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Make the attacks; 0 if all held."""
+    """Run the attacks; return 0 if all were withstood."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     known = [*ATTACKS, *POLICIES]
     parser.add_argument("--only", choices=known, nargs="+", default=known, metavar="ATTACK")

@@ -1,4 +1,4 @@
-"""Trials of what ends the rig's own process, or its parent: the rig cuts in a process of its own."""
+"""Trials of faults that end the rig's own process or its parent: the rig cuts in a separate process."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from cutenv.rig.drivers import RigError
 from cutenv.rig.emulator.control import EmulatorControl
 from cutenv.rig.emulator.process import RunningEmulator, emulated_settings
 
-_PATIENCE = 60.0  # [s] with a child process
+_PATIENCE = 60.0  # [s] to wait for a child process
 
 
 class CutProcess:
-    """A rig that cuts in a process of its own; see :func:`cut_until_stopped`.
+    """A rig that cuts in a separate process; see :func:`cut_until_stopped`.
 
     Parameters
     ----------
     emulator : RunningEmulator
-        What it cuts on.
+        Emulated rig on which it cuts.
     seed : int
-        Of the specimen.
+        Seed of the specimen.
     kept : bool
-        Whether a process stands between this one and it, which may then be killed.
+        Whether there is a process between this one and it, which can then be killed.
     """
 
     def __init__(self, emulator: RunningEmulator, *, seed: int, kept: bool = False) -> None:
@@ -53,12 +53,12 @@ class CutProcess:
         self._read = b""
 
     def line(self) -> dict[str, Any]:
-        """The next line of JSON that it prints.
+        """Return the next line of JSON from the process.
 
         Raises
         ------
         RigError
-            If there is none in time, or it has ended.
+            If none arrives in time, or the process has ended.
         """
         output = self.process.stdout
         assert output is not None
@@ -67,14 +67,14 @@ class CutProcess:
             ready, _, _ = select.select([output], [], [], max(deadline - time.monotonic(), 0.0))
             read = os.read(output.fileno(), 4096) if ready else b""
             if not read:
-                raise RigError("the process that cuts says nothing any more; it has said above why.")
+                raise RigError("the process that cuts prints nothing any more; the reason is printed above.")
             self._read += read
         line, _, self._read = self._read.partition(b"\n")
         told: dict[str, Any] = json.loads(line)
         return told
 
     def end(self) -> None:
-        """End it, whatever it does."""
+        """End the process, whatever it is doing."""
         if self.process.poll() is None:
             self.process.kill()
         self.process.wait(_PATIENCE)
@@ -91,7 +91,7 @@ _SIGNALS = {
 
 
 def trial_in_child(emulator: RunningEmulator, fault: str, *, seed: int, after: float) -> Trial:
-    """The same for a fault of :data:`IN_CHILD`: the rig cuts in a process of its own, and nobody cuts in this one."""
+    """Run one trial of a fault in :data:`IN_CHILD`: the rig cuts in a separate process, none in this one."""
     child = CutProcess(emulator, seed=seed, kept=fault == "parent_death")
     control = emulator.control
     try:
@@ -120,14 +120,14 @@ def trial_in_child(emulator: RunningEmulator, fault: str, *, seed: int, after: f
 
 
 def _enabled(control: EmulatorControl) -> bool:
-    """Whether a drive is powered and follows its target."""
+    """Return True if a drive is powered and follows its target."""
     return any(node["state"] == "operation enabled" for node in control.state()["nodes"])
 
 
 def cut_until_stopped(ready: dict[str, Any], seed: int, tell: Callable[[dict[str, Any]], None]) -> None:
-    """What the child does: cut until it is stopped, see that it stays so, and tell.
+    """Run in the child: cut until stopped, check that it stays stopped, and report.
 
-    Ends by itself once its parent is gone: what it prints is then read by the one above.
+    It ends by itself once its parent is gone: the process above then reads what it prints.
     """
     control = EmulatorControl(ready["control"])
     rig = CuttingRig(emulated_settings(ready), control)

@@ -1,16 +1,16 @@
-"""Everything that can go wrong with a rig, many times each, in real time on an emulated one in a process of its own.
+"""All faults of a rig, many times each, in real time on an emulated one in a separate process.
 
     python scripts/rig_faults.py                              10 trials of each fault, about a quarter of an hour
     python scripts/rig_faults.py --only kill_9 --trials 3
     python scripts/rig_faults.py --json runs/rig-faults.json  for the README: scripts/update_readme.py rig-faults
 
-The blade cuts drawn specimens at 1.5 cm/s when the fault comes, at a drawn instant.  All times are of one clock.  The
-machine's own delays are counted (a thread of the rig or of the emulator that was late by more than 5 ms), and the times
-of such trials are kept apart.  A rig that such a delay has stopped before the fault came makes no trial; it is counted,
-and another one is made.  A machine that is too busy for that is told so at once (exit code 3), with what to ask for.
+The blade cuts sampled specimens at 1.5 cm/s when the fault occurs, at a random instant.  All times are of one clock.
+The machine's own delays are counted (a thread of the rig or of the emulator that was late by more than 5 ms), and the
+times of such trials are kept apart.  If such a delay has stopped the rig before the fault, the trial does not
+count, and is repeated.  A machine that is too busy is refused at once (exit code 3), with what to ask for.
 
-Trials are kept as they are made, in runs/rig-faults.part.json.  A run that was broken off goes on where it left off
-when the command is given again; --anew begins from the first.
+Trials are stored as they are made, in runs/rig-faults.part.json.  An interrupted run continues where it left off when
+the command is given again; --anew starts from the beginning.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from cutenv.rig.emulator.process import RunningEmulator, start
 
 DEFAULT = Path("runs") / "rig-faults.json"
 PART = Path("runs") / "rig-faults.part.json"
-_ATTEMPTS = 8  # at a trial that the host's stalls keep from happening
-_LOOKED_AT = (1, 4)  # attempts in vain, after which it is asked whether the machine is too busy
+_ATTEMPTS = 8  # at a trial that the host's stalls prevent
+_LOOKED_AT = (1, 4)  # failed attempts after which the machine's load is checked
 HEADER = (
     "fault", "found out as", "stopped", "latched", "stated [ms]", "found out after [ms]", "quick stop on the bus [ms]",
     "at rest [ms]", "way since the fault [mm]", "host stalled",
@@ -47,17 +47,17 @@ HEADER = (
 
 
 class Trials:
-    """Makes trials on one emulator after another: some faults leave one that is of no more use.
+    """Runs trials, on a new emulator where a fault has left the last one unusable.
 
     Parameters
     ----------
     check : callable, optional
-        Asked after trials in vain; raises :class:`TooBusy` where more would be so too.
+        Called after failed attempts; raises :class:`TooBusy` if more would fail too.
 
     Attributes
     ----------
     before : Counter
-        How often the rig had stopped before the fault came, by fault.
+        Number of times that the rig had stopped before the fault, by fault.
     """
 
     def __init__(self, check: Callable[[], None] | None = None) -> None:
@@ -67,7 +67,7 @@ class Trials:
         self._rig: CuttingRig | None = None
 
     def one(self, fault: str, random: np.random.Generator) -> Trial:
-        """One trial of the fault, at an instant drawn by ``random``.
+        """Run one trial of the fault, at an instant sampled by ``random``.
 
         Raises
         ------
@@ -87,7 +87,7 @@ class Trials:
                 self.before[fault] += 1
                 continue
             if fault == "slip":
-                self.close()  # its carriage is not where the encoder says any more
+                self.close()  # its carriage is no longer where the encoder reports
             if not done.before:
                 return done
             print(f"{fault}: no trial, stopped before ({done.detail or done.speed})", file=sys.stderr)
@@ -123,13 +123,13 @@ class Trials:
 
 
 def _spread(values: Sequence[float | None], scale: float = 1e3, digits: int = 1) -> str:
-    """Median and greatest, for a cell."""
+    """Return median and maximum as the text of a cell."""
     known = [scale * value for value in values if value is not None]
     return f"{statistics.median(known):.{digits}f}, {max(known):.{digits}f}" if known else "-"
 
 
 def row(fault: str, trials: Sequence[Trial], before: int) -> tuple[str, ...]:
-    """One line of the table: median and greatest of the trials in which the host did not stall."""
+    """Return one line of the table: median and maximum over the trials in which the host did not stall."""
     calm = [each for each in trials if not each.stalls]
     stalled = [each for each in trials if each.stalls]
     stated = sorted({round(1e3 * each.stated) for each in trials if each.stated is not None})
@@ -156,7 +156,7 @@ def row(fault: str, trials: Sequence[Trial], before: int) -> tuple[str, ...]:
 
 
 def rows(kept: dict[str, Any]) -> list[tuple[str, ...]]:
-    """The table of trials that were kept by :func:`as_json`."""
+    """Return the table of trials stored by :func:`as_json`."""
     by_fault: dict[str, list[Trial]] = {}
     for each in kept["trials"]:
         by_fault.setdefault(each["fault"], []).append(Trial(**each))
@@ -164,19 +164,19 @@ def rows(kept: dict[str, Any]) -> list[tuple[str, ...]]:
 
 
 def as_json(trials: Sequence[Trial], before: Counter[str], seed: int = 0) -> dict[str, Any]:
-    """What is kept of it; times in seconds, ways in metres."""
+    """Return trials as JSON content; times in seconds, distances in metres."""
     return {"trials": [dataclasses.asdict(each) for each in trials], "before": dict(before), "seed": seed}
 
 
 def write(kept: dict[str, Any], file: Path) -> None:
-    """Keep trials in a file, which is replaced whole."""
+    """Write trials to a file, atomically."""
     file.parent.mkdir(parents=True, exist_ok=True)
     with replacing(file) as part:
         part.write_text(json.dumps(kept, indent=1))
 
 
 def left_off(file: Path, seed: int) -> tuple[list[Trial], Counter[str]]:
-    """The trials of a run that was broken off, and how often the rig had stopped before; none of another seed's."""
+    """Return the trials of an interrupted run with this seed, and how often the rig had stopped before the fault."""
     if not file.exists():
         return [], Counter()
     kept = json.loads(file.read_text(encoding="utf-8"))
@@ -186,7 +186,7 @@ def left_off(file: Path, seed: int) -> tuple[list[Trial], Counter[str]]:
 
 
 def text(lines: Sequence[tuple[str, ...]]) -> str:
-    """The table, its columns under each other."""
+    """Return the table as aligned text."""
     widths = [max(map(len, column)) for column in zip(HEADER, *lines, strict=True)]
     return "\n".join(
         "  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip()
@@ -195,7 +195,7 @@ def text(lines: Sequence[tuple[str, ...]]) -> str:
 
 
 def markdown(kept: dict[str, Any]) -> str:
-    """The table for the README."""
+    """Return the table for the README."""
     lines = [HEADER, tuple("---" for _ in HEADER), *rows(kept)]
     table = "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
     made = f"{len(kept['trials'])} trials, {sum(kept['before'].values())} more that a stop came before."
@@ -205,7 +205,7 @@ def markdown(kept: dict[str, Any]) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Make the trials; 0 if all is as promised, 1 if something is not, 3 if the machine is too busy."""
+    """Run the trials; return 0 if all is as promised, 1 if something is not, 3 if the machine is too busy."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
     add("--trials", type=int, default=10, metavar="N", help="of each fault; default 10")
@@ -247,12 +247,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def check_host() -> None:
-    """Raise :class:`TooBusy` on a machine that is."""
+    """Raise :class:`TooBusy` if the machine is."""
     look().check()
 
 
 def planned(arguments: argparse.Namespace, made: Sequence[Trial]) -> list[tuple[str, int]]:
-    """Fault and number of every trial that is still to be made: those of a fault are made in order."""
+    """Return fault and number of every trial that is still to be run: those of a fault are run in order."""
     return [(fault, number) for fault in arguments.only for number in range(len(_of(fault, made)), arguments.trials)]
 
 

@@ -1,13 +1,13 @@
-"""Cut after cut on an emulated rig for minutes, and how well its clock was kept.
+"""Soak test: cut after cut on an emulated rig for minutes, and the timing of its clock.
 
     python scripts/rig_soak.py                             5 minutes of cutting, in some ten
     python scripts/rig_soak.py --minutes 60 --ordinary     without priority over other processes
     python scripts/rig_soak.py --json runs/rig-soak.json   for the README: scripts/update_readme.py rig-soak
 
 Decisions at 50 Hz by a slow feed that ends where it estimates the tip at the target, force at 1 kHz, SYNC every 5 ms,
-ways back to the clamp between cuts, drive and sensor in a process of their own.  The minutes are those of cuts.  A stop
-that the machine's own delay has brought about is the price of a busy computer: it is counted, the operator (nobody,
-here) resets it, and the next cut begins.
+ways back to the clamp between cuts, drive and sensor in a separate process.  The minutes are those of cuts.  A stop
+caused by the machine's own delay is the price of a busy computer: it is counted, the operator (here the script) resets
+it, and the next cut begins.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ PERCENTILES = (50.0, 99.0, 99.9, 100.0)
 
 
 class Times:
-    """What happened when; all [s].
+    """Times of events during the cuts; all [s].
 
     Attributes
     ----------
     series : dict
-        A list of times by the name of what they are.
+        Lists of times by name.
     """
 
     def __init__(self) -> None:
@@ -65,7 +65,7 @@ class Times:
         self._synced = self._felt = 0.0
 
     def listen(self, plant: RigPlant) -> None:
-        """Note what the drivers tell the plant, before it hears it."""
+        """Record the times of the drivers' events before they reach the plant."""
         force, motion = plant.force, plant.motion
 
         def felt(sample: ForceSample) -> None:
@@ -83,7 +83,7 @@ class Times:
 
     @contextmanager
     def synced(self) -> Any:
-        """Note when each SYNC is put on the bus."""
+        """Record when each SYNC is put on the bus."""
         repeat = network.CanNetwork._repeat
 
         def noted(self_: network.CanNetwork, number: int, data: bytes) -> None:
@@ -95,7 +95,7 @@ class Times:
             yield
 
     def take(self, plant: RigPlant) -> None:
-        """Take over what a cut's clock was like."""
+        """Store the clock statistics of a cut."""
         timing = plant.timing
         periods = np.array(timing.periods)
         self.series["from command to command"] += timing.periods
@@ -106,7 +106,7 @@ class Times:
 
 
 def cut(env: RigCutEnv, policy: Policy, *, seed: int, episode: int, most: int) -> dict[str, Any]:
-    """One cut, or the first ``most`` decisions of it; the last info."""
+    """Make one cut, or the first ``most`` decisions of it; return the last info."""
     observation, info = env.reset(seed=seed, options={"episode": episode})
     policy.reset(np.random.default_rng([seed, episode]))
     ended, made = False, 0
@@ -117,7 +117,7 @@ def cut(env: RigCutEnv, policy: Policy, *, seed: int, episode: int, most: int) -
 
 
 def soak(minutes: float, *, seed: int, real_time: bool) -> dict[str, Any]:
-    """Cut for that long, ways back not counted; what is kept of it."""
+    """Cut for ``minutes``, ways back not counted; return the results."""
     policy, keywords = chosen_policy(POLICY)
     env = RigCutEnv(rig="emulator", specimen_class="liver", **keywords)
     rehearse(env, policy, seed=seed)
@@ -166,7 +166,7 @@ def soak(minutes: float, *, seed: int, real_time: bool) -> dict[str, Any]:
 
 @contextmanager
 def ordinary(real_time: bool) -> Any:
-    """Within the block, no process may take priority, unless ``real_time``."""
+    """Prevent processes within the block from taking priority, unless ``real_time``."""
     if real_time:
         yield
         return
@@ -175,7 +175,7 @@ def ordinary(real_time: bool) -> Any:
 
 
 def text(kept: dict[str, Any]) -> str:
-    """What is printed, and stands in the README."""
+    """Return the summary that is printed, and shown in the README."""
     counts, stalls = kept["counts"], kept["host_stalls_ms"]
     allowed = ", ".join(f"{name}: {'yes' if yes else 'no'}" for name, yes in kept["real_time"].items())
     lines = [
@@ -202,7 +202,7 @@ def text(kept: dict[str, Any]) -> str:
 
 
 def main() -> int:
-    """Soak, print, keep."""
+    """Run the soak test, print and store its results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
     add("--minutes", type=float, default=5.0, metavar="M", help="of cutting; default 5")

@@ -1,7 +1,7 @@
-"""One trial of a fault in real time: a rig cuts on an emulated one, something goes wrong, and what came of it.
+"""Trial of a fault in real time: a rig cuts on an emulated one, a fault occurs, and the outcome is recorded.
 
-Times are those of the machine's monotonic clock, which is the same in all its processes; what the blade really did is
-told by the emulator.  ``scripts/rig_faults.py`` makes many trials and prints the table.
+Times are those of the machine's monotonic clock, which is the same in all its processes; the emulator reports the
+motion of the blade.  ``scripts/rig_faults.py`` runs many trials and prints the table.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from cutenv.rig.emulator.faults import FAULTS
 from cutenv.rig.settings import RigSettings
 
 SENSOR_DELAY = 0.010
-"""By which the emulated sensor's readings are behind the force, as the simulated one's [s]."""
+"""Delay of the emulated sensor's readings, as in the simulated one [s]."""
 WAY = 0.003
-"""Allowed beyond a stated time [s]: a millisecond of the emulator, a frame's or packet's way, an event's."""
+"""Allowance beyond a stated time [s]: a millisecond of the emulator, transport of a frame or packet, an event."""
 _WINDOW = 0.1  # [s], over which lost readings are counted
-_DIES = 0.010  # [s] that the system takes to end a killed process, whose threads go on until then
-_STAYS = 5e-5  # [m]: what a stopped carriage may still give way
+_DIES = 0.010  # [s] that the system takes to end a killed process, whose threads run until then
+_STAYS = 5e-5  # [m] by which a stopped carriage may still give way
 _STANDS_WITHIN = 1.0  # [s] of detection
 _UNSTOPPED = 3.0  # [s] without a stop, after which a trial ends
-_LAG = 0.040  # [s] of the velocity loop
+_LAG = 0.040  # [s], time constant of the velocity loop
 
 OWN = ("nan_command", "exception", "late_policy", "sigterm", "ctrl_c", "parent_death", "kill_9")
 """Faults on the rig's own side of the wires."""
 GAP = 0.060
-"""For which a bus is off that comes back before the drive's own watch runs out [s]."""
+"""Duration for which a bus is off that comes back before the drive's own watchdog expires [s]."""
 GAPS = {"bus_gap": "bus_off"}
 """Faults of the emulator that end by themselves after :data:`GAP`: a frame sent meanwhile is lost."""
 IN_CHILD = ("sigterm", "ctrl_c", "parent_death", "kill_9")
@@ -68,21 +68,21 @@ EXPECTED: dict[str, tuple[Cause, ...]] = {
     "parent_death": (Cause.ORPHANED,),
     "kill_9": (Cause.HEARTBEAT,),
 }
-"""What each fault may be found out as: a stuck encoder that shows speed zero at once is an acceleration, say.  A
-carriage that slips behind its motor's encoder is seen by nobody; it stands, or goes less far than it is told."""
+"""Causes as which each fault may be detected: for example, a stuck encoder with speed zero is an acceleration.  A
+carriage that slips behind its motor's encoder cannot be detected; it stands, or moves less than commanded."""
 BY_THE_DRIVE = ("bus_off", "power_loss", "kill_9")
-"""Faults in which no frame gets to the drive: its own watch for the heartbeat stops it, or it coasts."""
+"""Faults in which no frame reaches the drive: its own watchdog for the heartbeat stops it, or it coasts."""
 
 
 def stated_detection(fault: str, cause: Cause, settings: RigSettings) -> float | None:
-    """Longest time from a fault to the decision to stop it for that cause, of what grows at this speed [s].
+    """Return the longest time from a fault to the decision to stop for that cause, from what grows at this speed [s].
 
-    None for readings that overtake each other: about a fifth of them are lost, as many as are allowed.
+    None for readings out of order: about a fifth of them are lost, as many as are allowed.
     """
     if fault == "reordering":
         return None
     if fault == "kill_9":
-        return DRIVE_PATIENCE + _DIES  # of the drive's own watch
+        return DRIVE_PATIENCE + _DIES  # the drive's own watchdog
     limits = settings.limits
     stated = detection_times(limits, sync=settings.bus.sync)[cause]
     if cause is Cause.FORCE_LOST:
@@ -104,55 +104,55 @@ def stated_detection(fault: str, cause: Cause, settings: RigSettings) -> float |
 
 @dataclass(kw_only=True)
 class Trial:
-    """What came of one fault; times of the machine's clock [s], None for what did not happen."""
+    """Outcome of one fault; times of the machine's clock [s], None for what did not happen."""
 
     fault: str
     seed: int
     injected: float
     speed: float
-    """Of the carriage just before, if the fault is the rig's own; else as it was told [m/s]."""
+    """Speed of the carriage just before, if the fault is the rig's own; else the commanded one [m/s]."""
     cause: str | None = None
     detail: str = ""
     stated: float | None = None
-    """From the fault to the decision, at the longest [s]."""
+    """Longest time from the fault to the decision, as stated [s]."""
     crossed: float | None = None
-    """When the true force passed the limit."""
+    """Time at which the true force passed the limit."""
     detected: float | None = None
     received: float | None = None
-    """Quick stop, by the drive."""
+    """Time at which the drive received the quick stop."""
     standstill: float | None = None
     way: float | None = None
-    """Of the carriage, from the fault to its rest [m]."""
+    """Travel of the carriage from the fault to its rest [m]."""
     way_detected: float | None = None
-    """From the decision on, by the rig's own report [m]."""
+    """Travel after the decision, by the rig's own report [m]."""
     refused: bool = False
-    """Whether commands were refused afterwards."""
+    """True if commands were refused afterwards."""
     moved: float | None = None
-    """Half a second later, from where it had come to rest [m]."""
+    """Displacement half a second later, from where it had come to rest [m]."""
     stalls: list[float] | None = None
-    """How late the host's processes were around the trial, one each [s]."""
+    """Lateness of the host's processes around the trial [s]."""
 
     @property
     def before(self) -> bool:
-        """Whether the rig had stopped before the fault, or for a force that is the tissue's own: no trial of it."""
+        """True if the rig had stopped before the fault, or for the tissue's own force: not a trial of it."""
         early = self.detected is not None and self.detected < self.injected - WAY
         by_tissue = self.crossed is not None and Cause.FORCE not in EXPECTED[self.fault] and self.cause == Cause.FORCE
         return early or by_tissue or self.speed < 0.5 * SPEED
 
     @property
     def stopped(self) -> bool:
-        """Whether the blade came to rest in time after a decision."""
+        """True if the blade came to rest in time after a decision."""
         late = _since(self.standstill, self.detected)
         return late is not None and late < _STANDS_WITHIN
 
     @property
     def latched(self) -> bool:
-        """Whether it stayed so."""
+        """True if it stayed at rest."""
         return self.refused and self.moved is not None and abs(self.moved) < _STAYS
 
     @property
     def times(self) -> dict[str, float | None]:
-        """From fault to decision, from there to the quick stop on the bus, and to standstill [s]."""
+        """Times from fault to decision, from there to the quick stop on the bus, and to standstill [s]."""
         return {
             "detection": _since(self.detected, self.injected),
             "quick_stop": _since(self.received, self.detected),
@@ -160,9 +160,9 @@ class Trial:
         }
 
     def wrong(self) -> list[str]:
-        """What is not as promised; the host's stalls excuse a late decision, or another one, and nothing else."""
+        """Return what is not as promised; the host's stalls excuse only a late decision, or another one."""
         if self.fault == "slip":
-            return [] if self.cause is None else [f"stopped for {self.cause}, which nobody can know"]
+            return [] if self.cause is None else [f"stopped for {self.cause}, which cannot be known"]
         found = []
         if self.cause is None or (self.cause not in EXPECTED[self.fault] and not self.stalls):
             found.append(f"the cause is {self.cause} ({self.detail})")
@@ -184,18 +184,18 @@ def _since(later: float | None, earlier: float | None) -> float | None:
 
 
 class PolicyFailed(RuntimeError):
-    """What a policy raises in the trial of an exception."""
+    """Exception that a policy raises in the trial of an exception."""
 
 
 def trial(rig: CuttingRig, control: EmulatorControl, fault: str, *, seed: int, after: float) -> Trial:
-    """Cut, and let ``fault`` happen ``after`` so many seconds; the rig is ready for the next trial then.
+    """Cut, and inject ``fault`` ``after`` so many seconds; the rig is ready for the next trial then.
 
     ``fault`` is one of the emulator's, of :data:`GAPS`, or of :data:`OWN` outside of :data:`IN_CHILD`.
     """
     rig.begin(seed)
     since = len(control.events())
     truth, injected, report = _happens(rig, control, fault, after)
-    time.sleep(0.1)  # it rests by now, and the sensor of an unseen one has told more
+    time.sleep(0.1)  # it rests by now, and the sensor of an undetected fault has sent more
     refused = report is not None and rig.refuses()
     events = control.events(since)
     result = put_together(fault, seed, truth, injected, report, events, rig.settings)
@@ -214,9 +214,9 @@ def trial(rig: CuttingRig, control: EmulatorControl, fault: str, *, seed: int, a
 def _happens(
     rig: CuttingRig, control: EmulatorControl, fault: str, after: float
 ) -> tuple[dict[str, Any], float | None, StopReport | None]:
-    """Cut until the fault has happened and been found out.
+    """Cut until the fault has happened and been detected.
 
-    What the emulator tells of the carriage just before, when the rig's own fault happened [s], and the rig's report.
+    Returns the emulator's state just before, the time of the rig's own fault [s], and the rig's report.
     """
     if fault in FAULTS or fault in GAPS:
         injection = threading.Timer(after, _inject, [control, fault])
@@ -231,7 +231,7 @@ def _happens(
     if fault == "exception":
         try:
             with rig.session:
-                raise PolicyFailed("as it was told to")
+                raise PolicyFailed("raised on purpose")
         except PolicyFailed:
             return truth, injected, rig.plant.supervisor.report
     if fault == "late_policy":
@@ -259,7 +259,7 @@ def put_together(
     events: list[dict[str, Any]],
     settings: RigSettings,
 ) -> Trial:
-    """Put together what the rig and the emulator's events tell."""
+    """Combine the reports of the rig and the emulator's events."""
     if injected is None:
         event = next(event for event in events if event["what"] == "fault injected")
         injected, start, speed = event["time_s"], event["position_m"], SPEED
@@ -281,7 +281,7 @@ def put_together(
         received=first("quick stop received"),
         standstill=rests[-1]["time_s"] if rests else None,
     )
-    if fault == "kill_9":  # nobody is left to report
+    if fault == "kill_9":  # no process is left to report
         lost = first("heartbeat of the master lost")
         result.cause, result.detected = (None, None) if lost is None else (Cause.HEARTBEAT, lost)
     elif report is not None:
@@ -295,13 +295,13 @@ def put_together(
 
 
 def moved_since(control: EmulatorControl, events: list[dict[str, Any]]) -> float | None:
-    """How far the carriage is from where it came to rest last [m]."""
+    """Return the distance of the carriage from where it came to rest last [m]."""
     rests = [event["position_m"] for event in events if event["what"] == "standstill"]
     return control.truth()["position_m"] - rests[-1] if rests else None
 
 
 def stalls_around(result: Trial, events: list[dict[str, Any]], own: list[tuple[float, float]]) -> list[float]:
-    """Lateness of emulator and rig between shortly before the fault and the blade's rest [s]."""
+    """Return the lateness of emulator and rig between shortly before the fault and the blade's rest [s]."""
     stalls = own + [(event["time_s"], event["late_s"]) for event in events if event["what"] == "stall"]
     ends = max(result.standstill or 0.0, result.detected or 0.0, result.injected)
     return [late for ended, late in stalls if ended >= result.injected - PERIOD and ended - late <= ends]

@@ -1,9 +1,9 @@
-"""Whether another machine would compute the same bits: cuts with kernels, NumPy and BLAS as for other processors.
+"""Check that other machines would compute the same bits: cuts with kernels, NumPy and BLAS for other processors.
 
     python scripts/same_bits.py
 
-Each setting runs in a process of its own: specimens of every class drawn, cut by random actions for 4 seconds in 192
-environments.  Fails if kernels, NumPy or BLAS as for the plainest processor of the kind give other observations or
+Each setting runs in a separate process: specimens of every class are sampled and cut by random actions for 4 seconds in
+192 environments.  Fails if kernels, NumPy or BLAS for the plainest processor of the kind give other observations or
 rewards than those for this one.
 """
 
@@ -30,7 +30,7 @@ STEPS = 200
 
 
 def digest() -> str:
-    """Of every observation and reward."""
+    """Return the hash of every observation and reward."""
     from cutenv.envs.vector import GentleCutVectorEnv
 
     content = hashlib.sha256()

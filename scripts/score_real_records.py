@@ -5,9 +5,9 @@
     python scripts/score_real_records.py --out FOLDER   also writes the page, and every card as CSV
 
 A record holds force only, normalised to the largest of the data set (unit "1"), at 30 Hz; the first 120 of its 180
-samples are the cut, and are what is scored. Metrics that need newtons, position, angle or depth are unavailable. The
-file does not say who made a trial, so the study is one of trials: its reliability tells how alike the cuts of a trial
-are beside those of other trials, and not that a metric measures skill. Nothing here knows what raters thought of them.
+samples are the cut, and are scored. Metrics that need newtons, position, angle or depth are unavailable. The file does
+not state who made a trial, so the study is one of trials: its reliability is the similarity of the cuts within a trial
+compared to those of other trials, and not evidence that a metric measures skill. No ratings of the cuts are used.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from cutenv.trace import Trace
 
 
 def study_of(traces: list[Trace]) -> Study:
-    """The cuts as a study of trials, over every metric that all of them have and that is not fixed by the record."""
+    """Return the cuts as a study of trials, over every metric that all have and that the record does not fix."""
     cuts = [
         StudiedCut(
             card=score(trace.select(slice(0, CUT_SAMPLES)), name=f"{trace.metadata['trial']} {trace.metadata['cut']}"),
@@ -35,13 +35,13 @@ def study_of(traces: list[Trace]) -> Study:
         for trace in traces
     ]
     values = {metric: [cut.card.metrics[metric].value for cut in cuts] for metric in METRICS}
-    # The duration is that of the 120 samples, whoever cut.
+    # The duration is that of the 120 samples for every cut.
     known = [metric for metric, column in values.items() if None not in column and metric != "duration"]
     return Study(name="207 hand-held scalpel cuts", cuts=cuts, metrics=known, who="trial")
 
 
 def trial_lines(study: Study) -> list[str]:
-    """By trial the mean of every metric, and below each the standard deviation between its cuts."""
+    """Return by trial the mean of every metric, and below each the standard deviation between its cuts."""
     names = [found.metric for found in study.findings]
     lines = [f"{'trial':6s} {'cuts':>4s} " + " ".join(f"{name:>19s}" for name in names)]
     for trial in study.operators:
@@ -52,7 +52,7 @@ def trial_lines(study: Study) -> list[str]:
 
 
 def main() -> int:
-    """Read, score, print; 2 if the file is missing or another."""
+    """Read, score and print; return 2 if the file is missing or another."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=DATA, metavar="FILE", help="scalpel_excision_forces.csv")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="write real_study.html and real_study.csv there")

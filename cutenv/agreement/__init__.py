@@ -1,4 +1,4 @@
-"""Whether a rig and the simulator make the same of the same policy: paired differences, curves, the control clock."""
+"""Sim-to-real comparison of a policy on a rig and in the simulator: paired differences, curves, the control clock."""
 
 from cutenv.agreement.agreement import Agreement, Finding, Untold, Verdict
 from cutenv.agreement.clock import ClockKept

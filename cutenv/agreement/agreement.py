@@ -1,4 +1,4 @@
-"""Does a rig make of a policy what the simulator makes of it: every measure, and the verdict over all of them."""
+"""Equivalence test of rig and simulator for one policy: all measures, and the verdict over all of them."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from cutenv.agreement.measures import MEASURES, RELATIVE, Measure
 from cutenv.agreement.shift import FEWEST, Shift, holm, mean_shift, signed_rank_shift
 
 ALPHA = 0.05
-_NAMED = 3  # measures, in one line
+_NAMED = 3  # number of measures named in one line
 Answer = Literal["agree", "differ", "undecided"]
 
 
 @dataclass(frozen=True)
 class Untold:
-    """Why a measure cannot be compared."""
+    """The reason why a measure cannot be compared."""
 
     reason: str
 
@@ -35,17 +35,17 @@ class Finding:
     Attributes
     ----------
     measure : Measure
-        Which.
+        The measure.
     rig, simulator : float
-        Means over the specimens that count.
+        Means over the specimens that have it.
     noise : float
-        Root mean square of the difference that nothing but the sensor's noise makes between two simulated cuts.
+        Root mean square difference between two simulated cuts of a specimen, caused by sensor noise alone.
     shift : Shift
         Rig minus simulator.
     mean : Shift
-        The mean difference, with its t interval.
+        Mean difference, with its t interval.
     p_differ : float
-        That the shift is within its margin, adjusted for the number of measures.
+        P value of the hypothesis that the shift is within its margin, adjusted for the number of measures.
     """
 
     measure: Measure
@@ -58,13 +58,13 @@ class Finding:
 
     @property
     def answer(self) -> Answer:
-        """Of this measure."""
+        """Result for this measure."""
         if self.shift.p_within < ALPHA:
             return "agree"
         return "differ" if self.p_differ < ALPHA else "undecided"
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON holds it."""
+        """Return a JSON-serialisable dictionary."""
         shift, mean = self.shift, self.mean
         return {
             "measure": self.measure.name,
@@ -88,16 +88,16 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """Over all measures.
+    """Result over all measures.
 
     Attributes
     ----------
     answer : {"agree", "differ", "undecided"}
-        "agree": every measure is within its margin; "differ": one at least is beyond it.
+        "agree": every measure is within its margin; "differ": at least one is beyond it.
     differ, open : tuple of str
-        Measures that differ, and those that are not decided.
+        Names of the measures that differ, and of those that are undecided.
     needed : int or None
-        Specimens that would probably decide the open ones; None: more than 1000, or nothing is open.
+        Number of specimens that would probably decide the open ones; None: more than 1000, or nothing is open.
     """
 
     answer: Answer
@@ -120,18 +120,18 @@ def _listed(names: Sequence[str]) -> str:
 
 
 class Agreement:
-    """The same policy on the same specimens, on a rig and in the simulator.
+    """Comparison of the same policy on the same specimens, on a rig and in the simulator.
 
     Parameters
     ----------
     rig : sequence of ComparedCut
-        One for each specimen.
+        One cut for each specimen.
     simulator : sequence of sequence of ComparedCut
-        For each specimen two cuts or more that differ by the noise of the force sensor alone.  A rig's cut is compared
-        with their mean, and they with each other: that is what noise alone does.
+        For each specimen two cuts or more that differ only by the noise of the force sensor.  A rig's cut is compared
+        with their mean, and they with each other: that is the effect of noise alone.
     paired : bool
-        Whether both sides cut the same specimens.  Those of a real rig are nobody's draw: then the sides are two
-        samples (Welch's t), and nothing can be compared cut by cut.
+        True if both sides cut the same specimens.  A real rig's specimens are unknown to the simulator: then the
+        sides are two samples (Welch's t), and nothing can be compared cut by cut.
 
     Raises
     ------
@@ -140,16 +140,16 @@ class Agreement:
 
     Notes
     -----
-    The margin of a measure is the largest of these: what noise alone does to a single cut (root mean square of the
-    difference of two simulated ones: a rig whose typical cut lies within that is one more draw of the noise), 1 % of
-    the simulator's mean, what a force sensor shows whose zero is off by the 0.05 N that it resolves, a tenth of what
-    the task tolerates (:mod:`cutenv.agreement.measures`); and of the force over position what a record that is
-    displaced by 0.3 mm shows against itself.
+    The margin of a measure is the largest of these: the effect of noise alone on a single cut (root mean square of
+    the difference of two simulated ones: a rig whose typical cut lies within it cannot be distinguished), 1 % of the
+    simulator's mean, the effect of a force sensor's zero that is off by its resolution of 0.05 N, a tenth of what the
+    task tolerates (:mod:`cutenv.agreement.measures`); and, for the force over position, the effect of displacing a
+    record by 0.3 mm against itself.
 
-    Several dozen measures are looked at.  "agree" needs every one of them to be within its margin at 5 % (two
-    one-sided tests): the chance that this is said although one is beyond stays below 5 % without any correction
-    (Berger 1982, intersection-union).  "differ" needs one that is beyond, and there chance has several dozen tries:
-    Holm's correction keeps the chance of any false one below 5 %.
+    Several dozen measures are tested.  "agree" requires that every one of them is within its margin at 5 % (two
+    one-sided tests): the probability of this verdict although one is beyond stays below 5 % without any correction
+    (Berger 1982, intersection-union).  "differ" requires one that is beyond, and there chance has several dozen tries:
+    Holm's correction keeps the probability of any false one below 5 %.
     """
 
     def __init__(
@@ -161,7 +161,7 @@ class Agreement:
                 "each" + ", and the same ones." * paired
             )
         if short := [place for place, cuts in enumerate(simulator) if len(cuts) < 2]:
-            raise ValueError(f"specimen {short[0]} has fewer than 2 simulated cuts: noise cannot be told from it.")
+            raise ValueError(f"specimen {short[0]} has fewer than 2 simulated cuts: noise cannot be estimated from it.")
         self.rig, self.simulator, self.paired = list(rig), [list(cuts) for cuts in simulator], paired
 
     @functools.cached_property
@@ -173,12 +173,12 @@ class Agreement:
 
     @property
     def untold(self) -> dict[str, str]:
-        """Why the other measures cannot be compared, by name."""
+        """Reasons why the other measures cannot be compared, by name."""
         return {name: each.reason for name, each in self._compared.items() if isinstance(each, Untold)}
 
     @property
     def verdict(self) -> Verdict:
-        """Over all findings."""
+        """Result over all findings."""
         answers = {each.measure.name: each.answer for each in self.findings}
         differ = tuple(name for name, answer in answers.items() if answer == "differ")
         still = tuple(name for name, answer in answers.items() if answer == "undecided")
@@ -190,7 +190,7 @@ class Agreement:
 
     @property
     def too_few(self) -> bool:
-        """Whether not even the same difference at every specimen would pass for one, among so many measures."""
+        """True if not even an equal difference at every specimen would be significant among so many measures."""
         return self.paired and 2.0 * 0.5 ** len(self.rig) * len(self.findings) >= ALPHA
 
     @functools.cached_property
@@ -209,7 +209,7 @@ class Agreement:
         rig, simulator = np.array([own for own, _ in known]), np.array([theirs.mean() for _, theirs in known])
         noise, margin = _margin(measure, [theirs for _, theirs in known], self.simulator)
         differences = rig - simulator
-        # Bonett & Price 2012: with one more of each kind, a share of none in a dozen is no certainty.
+        # Bonett & Price 2012: with one more of each kind, a share of 0 in a dozen is not certainty.
         counted = np.append(differences, [1.0, -1.0]) if measure.share else differences
         error = float(counted.std(ddof=1)) / math.sqrt(len(counted))
         mean = mean_shift(float(counted.mean()), error, len(counted) - 1, margin, len(known))
@@ -223,7 +223,7 @@ class Agreement:
         )
 
     def _samples(self, measure: Measure) -> Finding | Untold:
-        """Two samples that have no specimen in common."""
+        """Compare two samples that have no specimen in common."""
         rig = np.array([own for cut in self.rig if (own := measure.value(cut, [])) is not None])
         known = [theirs for cuts in self.simulator if len(theirs := _values(measure, cuts)) >= 2]
         if min(len(rig), len(known)) < FEWEST:
@@ -244,7 +244,7 @@ class Agreement:
 
 
 def _values(measure: Measure, cuts: Sequence[ComparedCut]) -> NDArray[np.float64]:
-    """A measure of each simulated cut of a specimen, beside the others of it; those without one are left out."""
+    """Return a measure of each simulated cut of a specimen, given the others; cuts without a value are left out."""
     found = [measure.value(cut, [other for other in cuts if other is not cut]) for cut in cuts]
     return np.array([value for value in found if value is not None])
 
@@ -252,7 +252,7 @@ def _values(measure: Measure, cuts: Sequence[ComparedCut]) -> NDArray[np.float64
 def _margin(
     measure: Measure, simulated: Sequence[NDArray[np.float64]], cuts: Sequence[Sequence[ComparedCut]]
 ) -> tuple[float, float]:
-    """What noise alone does to a single cut, and the margin."""
+    """Return the effect of noise alone on a single cut, and the margin."""
     noise = math.sqrt(2.0 * float(np.mean([values.var(ddof=1) for values in simulated])))
     level = abs(float(np.mean([values.mean() for values in simulated])))
     relative = 0.0 if measure.share or measure.paired else RELATIVE * level

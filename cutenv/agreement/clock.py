@@ -1,4 +1,4 @@
-"""How well a control clock was kept over many commands."""
+"""Timing of the control clock over many commands: periods, latencies, overruns."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ class ClockKept:
     Parameters
     ----------
     nominal : float
-        Period that was asked for [s].
+        Requested period [s].
     periods : array_like of shape (n,)
-        From command to command [s].
+        Time from command to command [s].
     latencies : array_like of shape (m,)
-        From the newest reading that a decision knew to its command on the bus [s].
+        Time from the newest reading used by a decision to its command on the bus [s].
     overruns : int
-        Commands that came more than 2 ms late.
+        Number of commands more than 2 ms late.
     skipped : float
-        Time that late commands have cost [s].
+        Time lost by late commands [s].
     garbled : int
-        Packets that were no readings.
+        Number of packets that were no readings.
     """
 
     nominal: float
@@ -48,7 +48,7 @@ class ClockKept:
 
     @classmethod
     def of(cls, nominal: float, parts: Sequence[tuple[ArrayLike, ArrayLike, int, float, int]]) -> ClockKept:
-        """Put cuts together, each as periods, latencies, overruns, skipped and garbled."""
+        """Combine cuts, each given as periods, latencies, overruns, skipped and garbled."""
         periods, latencies, overruns, skipped, garbled = zip(*parts, strict=True) if parts else ((), (), (), (), ())
         return cls(
             nominal=nominal,
@@ -65,7 +65,7 @@ class ClockKept:
         return float(np.sqrt(np.mean((self.periods - self.nominal) ** 2))) if len(self.periods) else 0.0
 
     def spread(self, name: str) -> dict[str, float]:
-        """Quantiles p50, p99, p99.9 and maximum of "periods" or "latencies" [s]; empty without any."""
+        """Return the quantiles p50, p99, p99.9 and maximum of "periods" or "latencies" [s]; empty without any."""
         values: Array = getattr(self, name)
         if not len(values):
             return {}
@@ -73,7 +73,7 @@ class ClockKept:
         return {**found, "max": float(values.max())}
 
     def to_dict(self) -> dict[str, object]:
-        """As JSON can hold it, units in the names; without the single values."""
+        """Return a JSON-serialisable summary, units in the names, without the single values."""
         kept = {key: getattr(self, key) for key in ("overruns", "garbled")}
         return {
             "nominal_period_s": self.nominal,

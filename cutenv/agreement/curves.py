@@ -1,4 +1,4 @@
-"""Two records of the same cut beside each other: force along the way, position along the time."""
+"""Differences of two records of the same cut: force over position, position over time."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from cutenv.trace import Trace
 Array = NDArray[np.float64]
 
 STEP = 1e-4
-"""Of the positions at which forces are compared [m]."""
-_RETREAT = 1e-4  # [m] back from the furthest point: an encoder's flicker is less
-_SHORTEST = 0.005  # [m] of common way, below which nothing is compared
-_TIME_STEP = 0.005  # [s]: a rig's positions come so often
+"""Spacing of the positions at which forces are compared [m]."""
+_RETREAT = 1e-4  # [m] behind the furthest point: the flicker of an encoder is smaller
+_SHORTEST = 0.005  # [m], shortest common length that is compared
+_TIME_STEP = 0.005  # [s], interval of a rig's positions
 
 
 def force_over_position(trace: Trace) -> tuple[Array, Array]:
-    """Force where the blade first came to each position, up to its first retreat.
+    """Return the force where the blade first reached each position, up to its first retreat.
 
     Parameters
     ----------
     trace : Trace
-        With position.
+        Record with position.
 
     Returns
     -------
@@ -44,19 +44,19 @@ def force_over_position(trace: Trace) -> tuple[Array, Array]:
 
 
 def force_difference(first: Trace, second: Trace, *, displaced: float = 0.0) -> Array | None:
-    """First less second force at equal positions of the blade, up to the first retreat of either.
+    """Return first minus second force at equal positions of the blade, up to the first retreat of either.
 
     Parameters
     ----------
     first, second : Trace
-        With position.
+        Records with position.
     displaced : float
-        By which the second is taken to lie farther from the clamp than it does [m].
+        Distance by which the second is shifted away from the clamp [m].
 
     Returns
     -------
     ndarray of shape (n,) or None
-        In the traces' unit, ``STEP`` apart; None if they have less than 5 mm in common.
+        Difference in the traces' unit, ``STEP`` apart; None if they have less than 5 mm in common.
     """
     (at, force), (other_at, other) = force_over_position(first), force_over_position(second)
     if not len(at) or not len(other_at):
@@ -70,24 +70,24 @@ def force_difference(first: Trace, second: Trace, *, displaced: float = 0.0) -> 
 
 
 def force_rmse(first: Trace, second: Trace, *, displaced: float = 0.0) -> float | None:
-    """Root mean square of :func:`force_difference`."""
+    """Return the root mean square of :func:`force_difference`."""
     difference = force_difference(first, second, displaced=displaced)
     return None if difference is None else rms(difference)
 
 
 def force_offset(first: Trace, second: Trace) -> float | None:
-    """Size of the mean of :func:`force_difference`: a zero that wanders, where runs of the crack cancel out."""
+    """Return the absolute mean of :func:`force_difference`: it shows a drifting zero; crack runs cancel out."""
     difference = force_difference(first, second)
     return None if difference is None else abs(float(difference.mean()))
 
 
 def position_rmse(first: Trace, second: Trace) -> float | None:
-    """Root mean square of the difference of position at equal times since the start, as long as both cuts last [m].
+    """Return the root mean square difference of position at equal times since the start [m].
 
     Returns
     -------
     float or None
-        None if they have less than 0.1 s in common.
+        Over the time that both cuts last; None if they have less than 0.1 s in common.
     """
     time, position = first.require("time", "position", by="position_rmse")
     other_time, other = second.require("time", "position", by="position_rmse")
@@ -99,5 +99,5 @@ def position_rmse(first: Trace, second: Trace) -> float | None:
 
 
 def rms(values: Array) -> float:
-    """Root mean square."""
+    """Return the root mean square."""
     return float(np.sqrt(np.mean(values**2)))

@@ -1,4 +1,4 @@
-"""One cut as it is compared: what was recorded of it, and what it comes to."""
+"""One cut prepared for comparison: its record, return and score card."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from cutenv.scoring import ScoreCard, score
 from cutenv.trace import Trace
 
 FORCE_RESOLUTION = 0.05
-"""Of the force sensor, worst case in the cutting plane [N]; thesis 3.1."""
+"""Resolution of the force sensor, worst case in the cutting plane [N]; thesis 3.1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ComparedCut:
-    """One cut, on the rig or in the simulator, judged by the same means.
+    """One cut, on the rig or in the simulator, assessed in the same way.
 
     Attributes
     ----------
     trace : Trace
-        What was recorded.
+        Record of the cut.
     value : float
-        Return: the rewards added up, both sides by the same estimates.
+        Return: the sum of rewards, on both sides from the same estimates.
     success : bool
-        As the task has it.
+        Success by the definition of the task.
     end : str
-        Why the cut ended.
+        Reason why the cut ended.
     card : ScoreCard
-        Of the trace.
+        Score card of the trace.
     """
 
     trace: Trace
@@ -39,7 +39,7 @@ class ComparedCut:
 
     @functools.cached_property
     def displaced(self) -> ScoreCard:
-        """The card that the record would have if the sensor's zero were off by its resolution."""
+        """Score card that the record would have if the sensor's zero were off by its resolution."""
         return score(dataclasses.replace(self.trace, force=self.trace.force + FORCE_RESOLUTION))
 
     def __post_init__(self) -> None:

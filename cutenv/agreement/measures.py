@@ -1,4 +1,4 @@
-"""What is compared of a cut, and how much of a difference is none."""
+"""Measures by which rig and simulator are compared, and their equivalence margins."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from cutenv.agreement.cut import FORCE_RESOLUTION, ComparedCut
 from cutenv.scoring import METRICS
 
 RELATIVE = 0.01
-"""Of the simulator's mean, below which a difference is none whatever the noise: a force sensor's gain, a depth by
-caliper and a grid of SYNCs are not known better."""
+"""Smallest margin relative to the simulator's mean, whatever the noise: the gain of a force sensor, a depth by
+caliper and a time grid of SYNCs are not known better."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Measure:
-    """One number of a cut that is compared.
+    """One number of a cut that is compared between rig and simulator.
 
     Attributes
     ----------
     name, unit, meaning : str
-        "1" for a pure number.
+        Name, unit ("1" for a pure number) and description.
     least_margin : float
-        Below which a difference is none, whatever the noise of the sensor does; in the unit.
+        Smallest equivalence margin, whatever the sensor's noise; in the unit.
     share : bool
-        Whether it is a yes or no, compared by its mean.
+        True for a yes-or-no measure, compared by its mean.
     paired : bool
-        Whether it needs cuts of one specimen on both sides.
+        True if it needs cuts of the same specimen on both sides.
     value : callable
-        Of a cut, given the simulator's other cuts of its specimen; None where there is none.
+        Function of a cut and the simulator's other cuts of its specimen; None where there is no value.
     harmless : callable, optional
-        What of it, for a simulated cut, is no difference either.
+        Function of a simulated cut: a difference that is within measurement accuracy, as an additional margin.
     """
 
     name: str
@@ -46,20 +46,20 @@ class Measure:
     harmless: Callable[[ComparedCut], float | None] | None = None
 
 
-# Least margins are a tenth of what the task tolerates; what the force sensor resolves comes by its own way.
+# Smallest margins are a tenth of what the task tolerates; the resolution of the force sensor is added elsewhere.
 _LENGTH = 0.3e-3  # [m]; the tip of a success is within 3 mm
 _BY_UNIT = {
     "m": _LENGTH,
     "s": 0.1,  # of 30 s
 }
 _BY_NAME = {
-    "force_drops": 0.5,  # the typical cut has as many
+    "force_drops": 0.5,  # a typical cut has about as many
     "reversals": 0.5,
     "wedge": 0.018,  # a degree of the 10 that success allows
     "uncontrolled_share": 0.02,
 }
-_COUNTED = 0.25  # of the cuts: one in four is what a dozen specimens can tell at all
-_RETURN = 0.02  # a tenth of what lies between one honest script and the next
+_COUNTED = 0.25  # share of cuts: a dozen specimens cannot show a smaller difference than one in four
+_RETURN = 0.02  # a tenth of the typical difference between two reasonable scripts
 
 
 def _metric(name: str) -> Measure:
@@ -69,7 +69,7 @@ def _metric(name: str) -> Measure:
         return cut.card.metrics[name].value
 
     def harmless(cut: ComparedCut) -> float | None:
-        """What a zero shows that is off by what the sensor resolves."""
+        """Return the change of the metric caused by a zero that is off by the sensor's resolution."""
         own, displaced = cut.card.metrics[name].value, cut.displaced.metrics[name].value
         return None if own is None or displaced is None else abs(displaced - own)
 
@@ -86,7 +86,7 @@ def _metric(name: str) -> Measure:
 def _beside(
     compared: Callable[[ComparedCut, ComparedCut], float | None],
 ) -> Callable[[ComparedCut, Sequence[ComparedCut]], float | None]:
-    """Mean of a comparison with every other cut of the specimen in the simulator."""
+    """Average a comparison over all other simulated cuts of the specimen."""
 
     def value(cut: ComparedCut, others: Sequence[ComparedCut]) -> float | None:
         found = [each for other in others if (each := compared(cut, other)) is not None]
@@ -99,14 +99,14 @@ _TASK = (
     Measure(
         name="return",
         unit="1",
-        meaning="Rewards of the cut added up, by the estimates that a rig can make.",
+        meaning="Sum of the cut's rewards, from estimates that a rig can make.",
         least_margin=_RETURN,
         value=lambda cut, others: cut.value,
     ),
     Measure(
         name="success",
         unit="1",
-        meaning="Whether the cut was a success: finished, near the target and upright.",
+        meaning="1 if the cut was a success: finished, near the target and upright.",
         least_margin=_COUNTED,
         share=True,
         value=lambda cut, others: float(cut.success),
@@ -116,7 +116,7 @@ _BESIDE = (
     Measure(
         name="end_agreement",
         unit="1",
-        meaning="Share of the simulator's cuts of the same specimen that end as this one.",
+        meaning="Share of the simulator's cuts of the same specimen with the same kind of end.",
         least_margin=_COUNTED,
         share=True,
         paired=True,
@@ -129,13 +129,13 @@ _BESIDE = (
         least_margin=FORCE_RESOLUTION,
         paired=True,
         value=_beside(lambda cut, other: force_rmse(cut.trace, other.trace)),
-        # One run of the crack that comes a little later is a difference of newtons for a while.
+        # One run of the crack that comes slightly later makes a difference of newtons for a while.
         harmless=lambda cut: force_rmse(cut.trace, cut.trace, displaced=_LENGTH),
     ),
     Measure(
         name="force_offset",
         unit="N",
-        meaning="Mean of that difference, without its sign: a zero that wanders shows, runs of the crack cancel out.",
+        meaning="Absolute mean of that difference: it shows a drifting zero, while runs of the crack cancel out.",
         least_margin=FORCE_RESOLUTION,
         paired=True,
         value=_beside(lambda cut, other: force_offset(cut.trace, other.trace)),

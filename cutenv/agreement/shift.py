@@ -1,4 +1,4 @@
-"""How far one side lies from the other, with interval, and the two questions that are asked of it.
+"""Shift between rig and simulator with its interval, and the two hypotheses tested about it.
 
 Is the shift *within* a margin (equivalence: two one-sided tests)?  Is it *beyond* the margin?  Both can be open.
 """
@@ -16,10 +16,10 @@ from scipy.stats import t as student
 from cutenv.scoring.study.estimate import CONFIDENCE, values_of
 
 FEWEST = 6
-"""Specimens below which nothing is said: with five, no signed-rank interval has 95 %."""
-_POWER = 0.842  # normal quantile of 80 %, with which a number of specimens is to be enough
+"""Smallest number of specimens: with five, no signed-rank interval reaches 95 %."""
+_POWER = 0.842  # normal quantile of 80 %, the power for the number of specimens needed
 _ALPHA = 1.0 - CONFIDENCE
-_MOST = 1000  # specimens; more is no answer to "how many"
+_MOST = 1000  # largest number of specimens that is given as needed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,13 +31,13 @@ class Shift:
     value, low, high : float
         Typical shift and its 95 % interval.
     margin : float
-        What counts as no difference.
+        Equivalence margin.
     p_within : float
-        Of the hypothesis that the shift is as large as the margin or larger, either way: small says equivalent.
+        P value of the hypothesis that the shift is at least as large as the margin, either way: small means equivalent.
     p_beyond : float
-        Of the hypothesis that it is within the margin: small says different.  Before any correction.
+        P value of the hypothesis that it is within the margin: small means different.  Before any correction.
     number : int
-        Of specimens.
+        Number of specimens.
     """
 
     value: float
@@ -50,7 +50,7 @@ class Shift:
 
     @property
     def needed(self) -> int | None:
-        """Specimens that would probably (80 %) decide if shift and spread stay; None if more than 1000 would."""
+        """Specimens that would probably (80 %) decide if shift and spread stay; None if more than 1000 are needed."""
         clear = abs(self.margin - abs(self.value))
         error = 0.5 * (self.high - self.low) / 1.96
         if error == 0.0 or clear == 0.0:
@@ -61,14 +61,14 @@ class Shift:
 
 
 def signed_rank_shift(differences: ArrayLike, margin: float) -> Shift:
-    """The typical difference: Hodges and Lehmann's, the median of the means of pairs, with Wilcoxon's interval.
+    """Estimate the typical difference: Hodges-Lehmann (median of the means of pairs) with Wilcoxon's interval.
 
     Parameters
     ----------
     differences : array_like of shape (n,)
-        One for each specimen, 6 or more.
+        One difference for each specimen, 6 or more.
     margin : float
-        Positive, in their unit.
+        Equivalence margin, positive, in their unit.
 
     Returns
     -------
@@ -81,16 +81,16 @@ def signed_rank_shift(differences: ArrayLike, margin: float) -> Shift:
 
     Notes
     -----
-    Why not the mean: a decision that falls one reading later lets a crack run a few millimetres away, and now and then
-    a whole cut ends otherwise.  That one cut would rule the mean of a dozen, and hide what happens to all.  Such cuts
-    are not lost: success and agreement of the ends count them, by the mean.  Source: Hollander, Wolfe & Chicken,
-    Nonparametric Statistical Methods (2014), 3.1 to 3.3.  Ties count half.
+    The mean is not robust here: a decision that falls one reading later lets a crack run a few millimetres, and now
+    and then a whole cut ends differently.  One such cut would dominate the mean of a dozen and hide the typical effect.
+    Such cuts still count: success and agreement of the ends are compared by the mean.  Source: Hollander, Wolfe &
+    Chicken, Nonparametric Statistical Methods (2014), 3.1 to 3.3.  Ties count half.
     """
     d = values_of("differences", differences, fewest=FEWEST)
     i, j = np.triu_indices(len(d))
     walsh = np.sort(0.5 * (d[i] + d[j]))
     tail = _tail(len(d))
-    # Of so many sums from the end, the interval leaves out the first whose tail is still small enough.
+    # The interval drops as many of the smallest and largest Walsh averages as the tail probability allows.
     out = int(np.sum(np.cumsum(_chances(len(d))) <= 0.5 * _ALPHA))
     return Shift(
         value=float(np.median(walsh)),
@@ -104,12 +104,12 @@ def signed_rank_shift(differences: ArrayLike, margin: float) -> Shift:
 
 
 def _rank_sum(walsh: NDArray[np.float64], at: float) -> float:
-    """Wilcoxon's sum of the ranks above ``at``: as many as there are means of pairs above it."""
+    """Return Wilcoxon's sum of the ranks above ``at``: the number of Walsh averages above it."""
     return float(np.sum(walsh > at) + 0.5 * np.sum(walsh == at))
 
 
 def _chances(n: int) -> NDArray[np.float64]:
-    """Chance of each sum of ranks 0, 1, ..., n(n+1)/2 if nothing shifts: every rank is in it or not, by a coin."""
+    """Return the probability of each sum of ranks 0, 1, ..., n(n+1)/2 if nothing shifts (each rank by a fair coin)."""
     chances = np.ones(1)
     for rank in range(1, n + 1):
         longer = np.zeros(len(chances) + rank)
@@ -120,7 +120,7 @@ def _chances(n: int) -> NDArray[np.float64]:
 
 
 def _tail(n: int) -> Callable[[float], float]:
-    """Chance of a sum of ranks as large as that, or larger."""
+    """Return the function that gives the probability of a sum of ranks at least as large."""
     chances = _chances(n)
 
     def at_least(rank_sum: float) -> float:
@@ -130,7 +130,7 @@ def _tail(n: int) -> Callable[[float], float]:
 
 
 def mean_shift(value: float, error: float, degrees: float, margin: float, number: int) -> Shift:
-    """A mean with its standard error: t interval, and both questions by t tests."""
+    """Build a shift from a mean with its standard error: t interval, and t tests of both hypotheses."""
     reach = float(student.ppf(1.0 - 0.5 * _ALPHA, degrees)) * error
     above = [float(student.sf(_over(sign * value + margin, error), degrees)) for sign in (1.0, -1.0)]
     beyond = [float(student.sf(_over(sign * value - margin, error), degrees)) for sign in (1.0, -1.0)]
@@ -145,9 +145,9 @@ def _over(excess: float, error: float) -> float:
 
 
 def holm(chances: Sequence[float]) -> list[float]:
-    """P values of several hypotheses, adjusted so that all of those below 0.05 are wrong at once in 5 % at most.
+    """Adjust P values of several hypotheses so that the chance of any false rejection below 0.05 is at most 5 %.
 
-    Source: Holm, Scandinavian Journal of Statistics 6 (1979) 65-70; measures that go together do no harm to it.
+    Source: Holm, Scandinavian Journal of Statistics 6 (1979) 65-70; valid for dependent measures.
     """
     adjusted = [1.0] * len(chances)
     so_far = 0.0

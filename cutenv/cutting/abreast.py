@@ -1,11 +1,11 @@
-"""Many cuts abreast, a millisecond of all of them at a time: the same law, for several cuts in one instruction.
+"""The cutting law, batched: one millisecond of many cuts at a time, several cuts in one SIMD instruction.
 
-No physics stands here, only the order of the work.  :mod:`cutenv.cutting.law` and its neighbours say what one cut does;
-here their functions are called in loops over a row of cuts, whose numbers lie side by side.  A loop that does nothing
-but arithmetic is compiled to vector instructions, eight numbers at once on a processor that has them.  What fetches
-from each cut's own profile has loops of its own; so has turning, left out where no blade turns, and a run of a crack,
-which is followed one cut after the other.
-Bit for bit, a cut does what :func:`cutenv.cutting.simulate.update` makes of it alone.
+The functions of :mod:`cutenv.cutting.law` and its neighbours are called in loops over a row of cuts, whose state is a
+structure of arrays; :func:`_load`, :func:`_grow` and :func:`_run` repeat the sequence of ``law.move`` and ``law.cut``.
+A loop that does nothing but arithmetic is compiled to vector instructions, eight numbers at once on a processor that
+has them.  Gathering from each cut's own profile has separate loops; so has turning, skipped where no blade turns, and
+the unstable run of a crack, which is computed one cut after the other.
+Results are bit for bit those of :func:`cutenv.cutting.simulate.update` on each cut alone (tested).
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ from cutenv.randomness import SENSOR_NOISE, WIDTHS, in_layer, normal_at_the_rim,
 
 @inlined
 def update_row(row: Record, profiles: Records, sensors: Records, first: bool) -> None:
-    """One force update of every cut in a row, ``first`` since it was taken up.
+    """Advance every cut in a row by one force update; ``first`` is True for the first update since the row was loaded.
 
-    :func:`cutenv.cutting.simulate.update` does the same to one cut.
+    :func:`cutenv.cutting.simulate.update` does the same for one cut.
     """
     _drive(row)
     if row.turns > 0:
@@ -104,7 +104,7 @@ def _turn(row: Record, profiles: Records) -> None:
     for n in range(ABREAST):
         profile, i, share = profiles[row.cut[n]], row.blade_point[n], row.blade_share[n]
         row.edge_toughness[n] = between(profile.toughness, i, share)
-    for n in range(ABREAST):  # one that does not turn leans as before
+    for n in range(ABREAST):  # a blade that does not turn keeps its angle
         lean, pushing = leaning(row.next_angle[n])
         energy = sweeping(row.lean[n], lean, row.edge_toughness[n], row.depth[n])
         row.lean[n], row.pushing[n], row.angle[n] = lean, pushing, row.next_angle[n]
@@ -124,7 +124,7 @@ def _relax(row: Record) -> None:
 
 @inlined
 def _load(row: Record) -> None:
-    """Elastic motion, and where the tip would follow to."""
+    """Compute the elastic motion, and the position to which the tip would follow."""
     points = leaps = 0
     for n in range(ABREAST):
         law = law_in_row(row, n)
@@ -158,7 +158,7 @@ def _load(row: Record) -> None:
 
 @inlined
 def _leap(row: Record, profiles: Records) -> None:
-    """All but the last part of long advances of the tip."""
+    """Integrate all but the last part of long advances of the tip."""
     for n in range(row.taken):
         if row.going[n] == 0 or row.da[n] <= LONGEST_ADVANCE:
             continue
@@ -184,7 +184,7 @@ def _leap(row: Record, profiles: Records) -> None:
 
 @inlined
 def _look(row: Record, profiles: Records) -> None:
-    """What stands at the blade, and where the tip would follow to, of cuts that come to another point."""
+    """Gather the profile at the blade and at the tip's next position, for cuts that reach another grid point."""
     for n in range(ABREAST):
         i, j = row.tip_point[n], row.blade_point[n]
         if i != row.seen_tip_point[n]:
@@ -199,7 +199,7 @@ def _look(row: Record, profiles: Records) -> None:
 
 @inlined
 def _grow(row: Record) -> None:
-    """The tip follows, where the ledger lets it; the blade rubs."""
+    """Advance the tip where the ledger admits it, and add friction on the blade."""
     runs = 0
     for n in range(ABREAST):
         law = law_in_row(row, n)
@@ -229,7 +229,7 @@ def _grow(row: Record) -> None:
 
 @inlined
 def _rub(row: Record, n: int) -> None:
-    """Friction on the blade's faces."""
+    """Add friction on the blade's faces to one cut."""
     law, dx, speed, bristle, depth = law_in_row(row, n), row.dx[n], row.speed[n], row.bristle[n], row.depth[n]
     next_depth = along(row.point_depth[n], row.rise_depth[n], row.blade_share[n])
     next_bristle = deflected(law, bristle, dx)
@@ -286,7 +286,7 @@ def _feel(row: Record, sensors: Records, first: bool) -> None:
 
 @inlined
 def _draw(row: Record) -> None:
-    """Four milliseconds' noise of every cut, as :func:`cutenv.randomness.four_normals_at` has it."""
+    """Draw four milliseconds' sensor noise of every cut, as :func:`cutenv.randomness.four_normals_at` does."""
     for n in range(ABREAST):
         row.words[0, n], row.words[1, n], row.words[2, n], row.words[3, n] = words_at(
             row.seed[n], row.episode[n], SENSOR_NOISE, (row.tick[n] - 1) >> 2
@@ -320,20 +320,20 @@ def hold_some(
     ticks: int,
     felt: Records,
 ) -> None:
-    """Run n cuts through ``ticks`` updates, each under one command, and nothing else.
+    """Advance n cuts by ``ticks`` updates, each under one constant command; the bare physics loop, without a task.
 
     Parameters
     ----------
     passed, core : Portions, int
-        See :func:`cutenv.cores.over_cores`.
+        Work queue and number of the thread, see :func:`cutenv.cores.over_cores`.
     states, profiles, laws, drives, sensors : Records
-        Of the cuts, shape (n,); states and sensors are changed.
+        The cuts' structured arrays, shape (n,); states and sensors are changed.
     commands : array, shape (n, 2)
         Speed [m/s] and angle [rad].
     ticks : int
-        Milliseconds.
+        Number of updates, one millisecond each.
     felt : array, shape (n,)
-        Filled with the force measured at last [N].
+        Filled with the last force measured [N].
     """
     states, profiles, laws, drives, sensors = borrowed((states, profiles, laws, drives, sensors))
     rows = np.zeros(1, ROW)

@@ -1,4 +1,4 @@
-"""The blade's edge: how far it leans, and what turning it upright cuts."""
+"""The blade's edge: its inclination, and the energy that turning it upright takes."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from cutenv.elementary import cotangent
 
 @inlined
 def leaning(angle: float) -> tuple[float, float]:
-    """Lean (cotangent) and sin^2 of a blade at ``angle`` [rad]."""
+    """Return cotangent and sin^2 of the ``angle`` [rad] of a blade."""
     lean = cotangent(angle)
     return lean, 1.0 / (1.0 + lean**2)
 
 
 @inlined
 def sweeping(lean: float, next_lean: float, toughness: float, depth: float) -> float:
-    """Energy [J] that turning a blade takes, from one lean to the next, in tissue of R B ``toughness`` [N].
+    """Return the energy [J] of turning a blade from one cotangent to the next in tissue of R B ``toughness`` [N].
 
-    Toward upright, its leaning edge sweeps B^2 |d cot(theta)| / 2 and pays R for it.
+    Toward upright, its inclined edge sweeps B^2 |d cot(theta)| / 2 and pays R for it.
     """
     return 0.5 * toughness * depth * max(lean - next_lean, 0.0)

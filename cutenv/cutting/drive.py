@@ -1,4 +1,4 @@
-"""What moves the blade: a rig that holds position, or a hand that feels the tissue through its own compliance."""
+"""Drives of the blade: a rig that holds position, or a hand coupled to the blade by a spring and a damper."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Rig:
         check_parameters(self)
 
     def records(self, travel: float) -> Records:
-        """The drive as the compiled law takes it, shape (1,); the blade stays within 0 to ``travel`` [m]."""
+        """Return the drive as a :data:`DRIVE` array, shape (1,); the blade stays within 0 to ``travel`` [m]."""
         drives = np.zeros(1, DRIVE)
         drives["lag"] = self.motor_lag
         drives["acceleration"] = self.acceleration
@@ -56,7 +56,7 @@ class Rig:
 
 @dataclass(frozen=True, kw_only=True)
 class Hand:
-    """A person: hand and blade joined by a spring and a damper, so that a sudden drop of force makes it lurch."""
+    """A person: a spring and a damper join hand and blade, so that a sudden drop of force makes the blade lurch."""
 
     motor_lag: float = parameter(
         0.080, unit="s", low=0.001, high=1.0, provenance="assumed",
@@ -88,11 +88,11 @@ class Hand:
         if self.coupling_stiffness * TICK**2 > self.mass:
             raise ValueError(
                 f"coupling_stiffness = {self.coupling_stiffness:g} N/m on mass = {self.mass:g} kg swings too fast for "
-                f"updates of {TICK:g} s: take a stiffness below {self.mass / TICK**2:g} N/m, or more mass."
+                f"updates of {TICK:g} s. Give a stiffness below {self.mass / TICK**2:g} N/m, or a larger mass."
             )
 
     def records(self, travel: float) -> Records:
-        """The drive as the compiled law takes it, shape (1,); the blade stays within 0 to ``travel`` [m]."""
+        """Return the drive as a :data:`DRIVE` array, shape (1,); the blade stays within 0 to ``travel`` [m]."""
         drives = Rig(
             motor_lag=self.motor_lag, acceleration=self.acceleration, rotation_rate=self.rotation_rate
         ).records(travel)
@@ -102,19 +102,19 @@ class Hand:
         return drives
 
 
-_AT_REST = 1e-5  # [m/s], below the step of an encoder: 10 nm in a millisecond
+_AT_REST = 1e-5  # [m/s], below the resolution of an encoder: 10 nm in a millisecond
 
 
 @inlined
 def turning(angle: float, target: float, rotation_rate: float, dt: float) -> float:
-    """The blade's angle after ``dt``, turning toward ``target`` at ``rotation_rate`` [rad]."""
+    """Return the rate-limited angle of the blade [rad] after ``dt``, turning toward ``target`` at ``rotation_rate``."""
     turn = rotation_rate * dt
     return angle + min(max(target - angle, -turn), turn)
 
 
 @compiled
 def made_up(drive: Record, dt: float) -> float:
-    """The share of what is missing to the commanded speed that the velocity loop makes up in ``dt`` [1]."""
+    """Return the gain of the first-order velocity loop over ``dt``: 1 - exp(-dt / lag)."""
     return 1.0 - exp(-dt / drive.lag)
 
 
@@ -122,9 +122,9 @@ def made_up(drive: Record, dt: float) -> float:
 def on_its_way(
     command: float, dead_ticks: int, next_target: float, waiting: int, target: float
 ) -> tuple[float, int, float]:
-    """A commanded speed [m/s] on its way, the updates until it is there, and the one that has reached the drive.
+    """Advance the dead time by one tick; return (pending command, ticks left, active command), speeds in [m/s].
 
-    Commands have to last longer than the dead time.
+    A command must last longer than the dead time.
     """
     if command != next_target:
         next_target = command
@@ -136,7 +136,7 @@ def on_its_way(
 
 @compiled
 def delayed(state: Record, drive: Record, target: float) -> float:
-    """The commanded speed [m/s] that has reached the drive."""
+    """Return the commanded speed [m/s] that has reached the drive after its dead time."""
     if drive.dead_ticks == 0:
         return target
     state.next_target, state.waiting, state.target = on_its_way(
@@ -149,9 +149,9 @@ def delayed(state: Record, drive: Record, target: float) -> float:
 def commanded(
     hand: float, speed: float, target: float, share: float, acceleration: float, travel: float, dt: float
 ) -> tuple[float, float]:
-    """Position [m] and speed [m/s] of the carriage after ``dt`` under a commanded speed ``target``.
+    """Return position [m] and speed [m/s] of the carriage after ``dt`` under a commanded speed ``target``.
 
-    It follows through the velocity loop, ``share`` of :func:`made_up`, and its limit of acceleration.
+    A first-order lag with gain ``share`` (:func:`made_up`), an acceleration limit, and end stops.
     """
     limit = acceleration * dt
     next_speed = speed + min(max((target - speed) * share, -limit), limit)
@@ -165,7 +165,7 @@ def commanded(
 
 @compiled
 def advance_command(state: Record, drive: Record, share: float, target: float, dt: float) -> None:
-    """:func:`commanded` of a state's carriage, or of its hand."""
+    """Advance a state's carriage, or hand, by :func:`commanded`."""
     state.hand, state.hand_speed = commanded(
         state.hand, state.hand_speed, target, share, drive.acceleration, drive.travel, dt
     )
@@ -173,10 +173,10 @@ def advance_command(state: Record, drive: Record, share: float, target: float, d
 
 @inlined
 def carried(hand: float, blade: float, backlash: float) -> float:
-    """Displacement [m] of a rig's blade, which goes where the carriage goes.
+    """Return the displacement [m] of a rig's blade, coupled rigidly to the carriage but for backlash.
 
-    With backlash the guides' friction holds it until the carriage's nut pushes it: forward from behind, and back once
-    the play is used up.
+    With backlash, the guides' friction holds the blade until the carriage's nut pushes it: forward from behind, and
+    back once the play is used up.
     """
     dx = hand - blade
     if dx < 0.0 and backlash > 0.0:
@@ -195,13 +195,13 @@ def pulled(
     friction: Grip,
     dt: float,
 ) -> float:
-    """Displacement [m] of a hand's blade: a mass on a spring and a damper, by semi-implicit Euler.
+    """Return the displacement [m] of a hand's blade: a mass on a spring and a damper, by semi-implicit Euler.
 
-    The tissue's ``elastic`` force [N] pulls it back.  Friction holds it as a spring does, or slips: of the speeds that
-    these make, the one that fits is between those of slipping forward and back, whatever the bristles' stiffness.
+    The tissue's ``elastic`` force [N] pulls it back.  Friction sticks like a spring or slips: the solution is the
+    sticking speed, clipped to the speeds of slipping forward and backward, however stiff the bristles are.
     """
     coupling = drive.coupling_stiffness * (hand - blade) + drive.coupling_damping * hand_speed
-    answer = dt / drive.mass  # of the speed to a force [s/kg]
+    answer = dt / drive.mass  # change of speed per force [s/kg]
     pushed, slowed = speed + (coupling - elastic) * answer, 1.0 + (drive.coupling_damping + friction.damping) * answer
     sticking = (pushed - friction.held * answer) / (slowed + friction.stiffness * dt * answer)
     slipping_on, slipping_back = (
@@ -216,9 +216,9 @@ def pulled(
 def motion(
     state: Record, drive: Record, share: float, target: float, elastic: float, friction: Grip, dt: float
 ) -> float:
-    """Displacement of the blade [m] in ``dt`` under a commanded speed; sets ``state.speed`` to its speed.
+    """Return the displacement of the blade [m] in ``dt`` under a commanded speed; sets ``state.speed`` to its speed.
 
-    ``elastic``, the force of the tissue [N], and ``friction`` matter to a hand alone: a rig holds position.
+    ``elastic``, the force of the tissue [N], and ``friction`` affect only a hand: a rig holds position.
     """
     advance_command(state, drive, share, delayed(state, drive, target), dt)
     if drive.mass > 0.0:

@@ -1,8 +1,8 @@
-"""Friction on the blade's faces: a spring until they slip, as Dahl's and elastic-plastic models have it.
+"""Friction on the blade's faces: a spring until they slip, as in Dahl's and elastoplastic friction models.
 
-Tissue sticks to a blade at rest and is drawn along by the first tenth of a millimetre of its motion, elastically, as if
-by bristles; only then it slips.  So friction turns over a length, not at once, when the motion does, and a hand that
-trembles by a micrometre feels a spring and no rattle.  A blade that has come to rest is still held by its bristles.
+Tissue sticks to a blade at rest and follows the first tenth of a millimetre of its motion elastically, as if held by
+bristles; only then it slips.  So friction reverses over a length, not at once, when the motion does, and a hand that
+trembles by a micrometre meets a spring instead of a rattle.  The bristles still hold a blade that has come to rest.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from cutenv.compiled import inlined
 from cutenv.cutting.records import Record
 
 _TWELFTH = 1.0 / 12.0
-# Multiplied by, as with the presliding length's inverse: rows of cuts wait for a division.
+# Multiplying avoids a division, which would slow the batched loop; likewise the presliding length's inverse.
 
 
 class Grip(NamedTuple):
-    """Friction as a spring and a slider, for a blade that a mass moves."""
+    """Friction linearised as a spring and a slider, for the blade of a hand, which has a mass."""
 
     held: float
     """Force of the bristles now [N], against forward motion."""
@@ -31,7 +31,7 @@ class Grip(NamedTuple):
 
 @inlined
 def grip(law: Record, depth: float, bristle: float) -> Grip:
-    """Friction of a blade ``depth`` [m] deep, its bristles deflected by ``bristle`` [m]."""
+    """Return the friction of a blade ``depth`` [m] deep whose bristles are deflected by ``bristle`` [m]."""
     limit = law.friction_per_depth * depth
     stiffness = limit * law.per_presliding_length
     return Grip(stiffness * bristle, limit, stiffness, law.friction_per_depth_speed * depth)
@@ -39,14 +39,14 @@ def grip(law: Record, depth: float, bristle: float) -> Grip:
 
 @inlined
 def deflected(law: Record, bristle: float, dx: float) -> float:
-    """The bristles' deflection [m] after a motion of the blade by ``dx`` [m]: up to the presliding length."""
+    """Return the bristles' deflection [m] after a motion ``dx`` [m] of the blade, limited to the presliding length."""
     deflection: float = min(max(bristle + dx, -law.presliding_length), law.presliding_length)
     return deflection
 
 
 @inlined
 def friction_force(law: Record, depth: float, bristle: float, speed: float) -> float:
-    """Force [N] against forward motion: proportional to depth, and optionally with a part proportional to speed."""
+    """Return the force [N] against forward motion: proportional to depth, optionally with a part linear in speed."""
     force: float = (
         law.friction_per_depth * (bristle * law.per_presliding_length) + law.friction_per_depth_speed * speed
     ) * depth
@@ -57,10 +57,10 @@ def friction_force(law: Record, depth: float, bristle: float, speed: float) -> f
 def friction_work(
     law: Record, depth: float, next_depth: float, bristle: float, next_bristle: float, dx: float, speed: float
 ) -> float:
-    """Work [J] against friction over a motion ``dx`` [m] from ``depth`` to ``next_depth`` [m].
+    """Return the work [J] against friction over a motion ``dx`` [m] from ``depth`` to ``next_depth`` [m].
 
-    Of bristles that do not slip it is the integral of their force for a depth that changes in a straight line, so that
-    back and forth, in whatever steps, they give back what they took.
+    For bristles that do not slip it is the integral of their force over a depth that changes linearly, so that back and
+    forth, in steps of any size, they give back the energy that they took.
     """
     stretch, mean_depth = next_bristle - bristle, 0.5 * (depth + next_depth)
     slip = abs(dx - stretch)

@@ -1,4 +1,4 @@
-"""The cutting law: what one small motion of the blade does to the tissue.
+"""The cutting law: the response of the tissue to one small motion of the blade.
 
 A blade at x stands ahead of the crack tip at a; the tissue between pulls back with F = K(a) (x - a).  The crack
 grows in two ways: steadily while the blade loads it (which is why the measured modulus falls with speed and angle),
@@ -8,8 +8,8 @@ and in sudden runs once the force reaches the initiation force.  A ledger keeps 
 
 Symbols: x, a blade and tip [m]; theta angle [rad], 90 degrees upright; K stiffness [N/m]; R fracture resistance
 without its share of friction [J/m2]; B depth [m]; eta excess of the initiation force; U = K (x - a)^2 / 2 [J].
-After chapters 3 to 6 of the thesis named in the README; what is measured, derived or assumed stands in
-:mod:`cutenv.cutting.parameters`.
+After chapters 3 to 6 of the thesis named in the README; :mod:`cutenv.cutting.parameters` lists which constants are
+measured, derived or assumed.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from cutenv.cutting.relaxation import relaxed
 from cutenv.tissue.specimen import N_POINTS, POINTS_PER_METRE
 
 LONGEST_ADVANCE = 1e-4
-"""Stable growth [m] that is booked in one piece: over it R B is taken to change along a straight line."""
-_MOST_PARTS = 1024  # that a longer one is divided into: even across the whole specimen, each stays below 0.15 mm
-_SOFTEST = 0.1  # of K: where a force that hardly falls with growth would need a leap of the tip, loading is elastic
+"""Stable growth [m] that is integrated in one piece: over it R B is taken to change linearly."""
+_MOST_PARTS = 1024  # limit on the parts of a longer one: even across the whole specimen, each stays below 0.15 mm
+_SOFTEST = 0.1  # share of K: if force hardly falls with growth, the tip would have to leap; loading is then elastic
 
 
 @inlined
 def place(at: float) -> tuple[int, float]:
-    """The point of a profile at or before ``at`` [m], and the share of the way to the next one."""
+    """Return the grid index of a profile at or before ``at`` [m], and the fraction of the way to the next point."""
     s = at * POINTS_PER_METRE
     i = min(max(int(s), 0), N_POINTS - 2)
     return i, s - i
@@ -39,32 +39,32 @@ def place(at: float) -> tuple[int, float]:
 
 @inlined
 def around(values: Records, i: int) -> tuple[float, float]:
-    """A profile at its point ``i``, and its rise to the next."""
+    """Return a profile's value at grid index ``i``, and its difference to the next point."""
     return values[i], values[i + 1] - values[i]
 
 
 @inlined
 def along(value: float, rise: float, share: float) -> float:
-    """A profile at a share of the way from one point to the next: linear."""
+    """Interpolate a profile linearly (lerp) at a fraction ``share`` of the way to the next point."""
     return value + share * rise
 
 
 @inlined
 def between(values: Records, i: int, share: float) -> float:
-    """A profile at a :func:`place`."""
+    """Interpolate a profile linearly at a grid index and fraction from :func:`place`."""
     value, rise = around(values, i)
     return along(value, rise, share)
 
 
 @inlined
 def slope(rise: float) -> float:
-    """A profile's derivative where it rises so from one point to the next [1/m]."""
+    """Return a profile's derivative [1/m] from its difference between neighbouring points."""
     return rise * POINTS_PER_METRE
 
 
 @for_kernels
 def stiffness_at(profile: Record, a: float) -> tuple[float, float]:
-    """K [N/m] and its derivative K' [N/m2] at tip position ``a`` [m]."""
+    """Return K [N/m] and its derivative K' [N/m2] at tip position ``a`` [m]."""
     i, share = place(a)
     value, rise = around(profile.stiffness, i)
     return along(value, rise, share), slope(rise)
@@ -72,39 +72,39 @@ def stiffness_at(profile: Record, a: float) -> tuple[float, float]:
 
 @for_kernels
 def toughness_at(profile: Record, a: float) -> float:
-    """R B [N], the force per advance that fracture alone would take, at ``a`` [m]."""
+    """Return R B [N], the force per advance that fracture alone would take, at ``a`` [m]."""
     i, share = place(a)
     return between(profile.toughness, i, share)
 
 
 @for_kernels
 def depth_at(profile: Record, x: float) -> float:
-    """Depth of cut B [m] at ``x`` [m]."""
+    """Return the depth of cut B [m] at ``x`` [m]."""
     i, share = place(x)
     return between(profile.depth, i, share)
 
 
 @for_kernels
 def elastic_force(profile: Record, x: float, a: float) -> float:
-    """F = K(a) max(x - a, 0) [N]."""
+    """Return the elastic force F = K(a) max(x - a, 0) [N]."""
     return stiffness_at(profile, a)[0] * max(x - a, 0.0)
 
 
 @compiled
 def stored_energy(profile: Record, x: float, a: float) -> float:
-    """U = K(a) max(x - a, 0)^2 / 2 [J]: a function of state, so that no motion can pump work out of the tissue."""
+    """Return U = K(a) max(x - a, 0)^2 / 2 [J]: a function of state, so that no closed loop can gain work."""
     return 0.5 * stiffness_at(profile, a)[0] * max(x - a, 0.0) ** 2
 
 
 @inlined
 def fallen(by: float, start: float, per: float, speed: float) -> float:
-    """Fall of a LEM up to ``speed`` [Pa]: nothing up to ``start``, then evenly, and by no more than ``by`` in all."""
+    """Return the fall of a LEM up to ``speed`` [Pa]: zero up to ``start``, then linear in speed, ``by`` at most."""
     return by * min(max((speed - start) * per, 0.0), 1.0)
 
 
 @inlined
 def loading_ratio(law: Record, speed: float, angle: float) -> float:
-    """Ratio r = min(1, LEM(v, theta)/LEM(0, 90 degrees)): how fast the force rises, over how fast without growth."""
+    """Return r = min(1, LEM(v, theta)/LEM(0, 90 deg)): rate of rise of the force over that without crack growth."""
     v = min(max(abs(speed), law.speed_min), law.speed_max)
     upright = law.intercept_90 + law.slope_90 * v
     upright -= fallen(law.fall_1, law.fall_1_from, law.fall_1_per, v)
@@ -118,43 +118,43 @@ def loading_ratio(law: Record, speed: float, angle: float) -> float:
 
 @inlined
 def initiation_excess(law: Record, pushing: float) -> float:
-    """eta(theta) = eta90 sin^2(theta): a slicing edge starts a crack more easily than a pushing one (assumed)."""
+    """Return eta(theta) = eta90 sin^2(theta): slicing starts a crack more easily than pushing (assumed)."""
     eta: float = law.eta90 * pushing
     return eta
 
 
 @inlined
 def may_grow(ledger: float, change: float, toughness: float, debt_length: float) -> bool:
-    """Whether growth may change the ledger so: never below -R B l, unless the growth raises it."""
+    """Return whether the ledger admits growth: it may not fall below -R B l unless the growth raises it."""
     return change >= 0.0 or ledger + change >= -toughness * debt_length
 
 
 @inlined
 def settled(ledger: float, loss: float) -> tuple[float, float]:
-    """Ledger and loss at full unloading: what the tissue gave beyond fracture is lost; a debt stays."""
+    """Return ledger and loss after full unloading: a surplus beyond fracture becomes loss; a debt stays."""
     return min(ledger, 0.0), loss + max(ledger, 0.0)
 
 
 @for_kernels
 def turned(profile: Record, x: float, lean: float, angle: float) -> tuple[float, float, float]:
-    """Lean and sin^2 of a blade at ``x`` that turns to ``angle``, and the energy [J] that it takes."""
+    """Return cotangent and sin^2 of a blade at ``x`` turned to ``angle``, and the energy [J] that turning takes."""
     next_lean, pushing = leaning(angle)
     return next_lean, pushing, sweeping(lean, next_lean, toughness_at(profile, x), depth_at(profile, x))
 
 
 @inlined
 def force_to_grow(law: Record, arrest_ratio: float, held_force: float, pushing: float, toughness: float) -> float:
-    """The force [N] above which a loading blade cuts; below it, it loads and unloads elastically.
+    """Return the force [N] above which a loading blade cuts; below it, it loads and unloads elastically.
 
-    It is the one at which the crack last came to rest, or (1 - eta) R B where that is lower.  A blade that cut up to a
-    higher force and drew back comes to that force again before it goes on cutting (thesis, Figures 6.6 and 6.7).
+    It is the force at which the crack last came to rest, or (1 - eta) R B where that is lower.  A blade that cut up to
+    a higher force and drew back reaches that force again before it goes on cutting (thesis, Figures 6.6 and 6.7).
     """
     return max(min(arrest_ratio, 1.0 - initiation_excess(law, pushing)) * toughness, held_force)
 
 
 @inlined
 def elastic_part(x: float, a: float, K: float, F_start: float, dx: float) -> float:
-    """The part of a motion ``dx`` that is elastic: all of it back, and forward up to the force ``F_start``."""
+    """Return the elastic part of a motion ``dx``: all of it backward, and forward up to the force ``F_start``."""
     if dx > 0.0:
         return min(dx, max(a - x, 0.0) + max(F_start - K * max(x - a, 0.0), 0.0) / K)
     return dx
@@ -162,7 +162,7 @@ def elastic_part(x: float, a: float, K: float, F_start: float, dx: float) -> flo
 
 @inlined
 def stable_growth(law: Record, K: float, dK: float, lag: float, loading: float, speed: float, angle: float) -> float:
-    """The advance da of the tip for which the force rises only r times as fast as elastically over ``loading``."""
+    """Return the advance da [m] of the tip with which the force over ``loading`` rises r times its elastic rise."""
     softening = K - dK * lag  # -dF/da at fixed x
     if loading > 0.0 and softening > _SOFTEST * K:
         return (1.0 - loading_ratio(law, speed, angle)) * K * loading / softening
@@ -184,10 +184,10 @@ def loaded(
     next_toughness: float,
     ledger: float,
 ) -> tuple[float, float, float, float, float, float]:
-    """The state after a blade was led by ``loading`` to ``x``, the tip following by ``da`` if the ledger lets it.
+    """Compute one loading step: the blade moved by ``loading`` to ``x``, the tip by ``da`` if the ledger admits it.
 
-    ``F`` [N] and ``U`` [J] are those before.  Returns the tip, F, R B, work, change of the ledger and energy of
-    fracture; where the tip has to wait, those of elastic motion.
+    ``F`` [N] and ``U`` [J] are those before the step.  Returns the tip, F, R B, work, change of the ledger and energy
+    of fracture; if the tip may not follow, those of elastic motion.
     """
     next_F = next_K * max(x - (a + da), 0.0)
     next_U = 0.5 * next_K * max(x - (a + da), 0.0) ** 2
@@ -213,10 +213,10 @@ def in_parts(
     U: float,
     ledger: float,
 ) -> tuple[float, float, float, float, float, float, float]:
-    """Divide the stable growth over a long ``loading`` that ends at ``x`` into advances of :data:`LONGEST_ADVANCE`.
+    """Divide stable growth over a long ``loading`` that ends at ``x`` into advances of :data:`LONGEST_ADVANCE`.
 
-    Everything but the last part is done here.  Returns what is left of the loading, the tip, F, U and ledger before
-    it, and the work and the energy of fracture [J] until then.  A crack that such a motion would start runs after it.
+    All parts but the last are integrated here.  Returns the loading that is left, the tip, F, U and ledger before it,
+    and the work and fracture energy [J] until then.  A crack that such a motion would start runs afterwards.
     """
     shortest = loading / _MOST_PARTS
     work = fracture = 0.0
@@ -296,7 +296,7 @@ def move(state: Record, profile: Record, law: Record, dx: float, speed: float) -
 def run_crack(
     profile: Record, law: Record, x: float, a: float, ledger: float, fracture: float, loss: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Let the crack run from ``a`` at a fixed blade ``x``, its force having reached (1 + eta) R B.
+    """Run the crack from ``a`` under a fixed blade ``x`` whose force has reached (1 + eta) R B, until it arrests.
 
     Returns the tip, ledger, energy of fracture, loss, force and R B where it comes to rest.
     """
@@ -327,7 +327,7 @@ def run_crack(
 
 @compiled
 def cut(state: Record, profile: Record, law: Record, dx: float, angle: float, dt: float) -> tuple[float, float, float]:
-    """One update of the law: the blade turns to ``angle``, moves by ``dx`` in ``dt``, and the tissue answers.
+    """Advance the law by one update: the blade turns to ``angle`` and moves by ``dx`` in ``dt``; the tissue responds.
 
     Parameters
     ----------
@@ -343,8 +343,8 @@ def cut(state: Record, profile: Record, law: Record, dx: float, angle: float, dt
     Returns
     -------
     elastic, friction, jump : float
-        Force of the tissue on the blade, and of friction on its faces, both counted back toward the clamp: a sensor
-        feels their sum [N].  Length of an unstable run [m].
+        Force of the tissue on the blade, and of friction on its faces, both positive toward the clamp: a sensor
+        measures their sum [N].  Length of an unstable run [m].
     """
     speed = dx / dt
     if law.relaxing_share > 0.0:
@@ -376,6 +376,6 @@ def cut(state: Record, profile: Record, law: Record, dx: float, angle: float, dt
             state.arrest_ratio = elastic / toughness
             state.held_force = elastic
             state.uncontrolled += jump
-            state.units += 1 - state.running  # a run that the ledger lets on only bit by bit is one unit
+            state.units += 1 - state.running  # a run that the ledger admits only bit by bit counts as one
             state.running = 1
     return elastic, friction_force(law, next_depth, state.bristle, speed), jump

@@ -1,4 +1,4 @@
-"""The constants of the cutting law that belong to no specimen, and the records made of specimens."""
+"""Constants of the cutting law that do not depend on the specimen, and the structured arrays made from specimens."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cutenv.tissue.specimen import Specimen
 
 @dataclass(frozen=True, kw_only=True)
 class LawParameters:
-    """Constants of :mod:`cutenv.cutting.law`; those of the tissue stand in ``TissueDescription``."""
+    """Constants of :mod:`cutenv.cutting.law`; those of the tissue are in ``TissueDescription``."""
 
     debt_length: float = parameter(
         1.5e-3, unit="m", low=1e-5, high=0.02, provenance="assumed",
@@ -49,7 +49,7 @@ class LawParameters:
 
 
 def profile_records(specimens: list[Specimen]) -> Records:
-    """Stiffness, toughness and depth along each specimen, shape (n,), as the compiled law takes them."""
+    """Return stiffness, toughness and depth along each specimen as a :data:`PROFILE` array, shape (n,)."""
     profiles = np.zeros(len(specimens), PROFILE)
     for profile, specimen in zip(profiles, specimens, strict=True):
         profile["stiffness"] = specimen.stiffness()
@@ -59,7 +59,7 @@ def profile_records(specimens: list[Specimen]) -> Records:
 
 
 def law_records(specimens: list[Specimen], parameters: LawParameters | None = None) -> Records:
-    """The law's constants for each specimen, shape (n,), as the compiled law takes them."""
+    """Return the law's constants for each specimen as a :data:`LAW` array, shape (n,)."""
     parameters = parameters or LawParameters()
     laws = np.zeros(len(specimens), LAW)
     for law, specimen in zip(laws, specimens, strict=True):

@@ -1,7 +1,7 @@
-"""The records that the compiled law reads and writes; every field in SI and radians.
+"""Structured dtypes that the compiled law reads and writes; every field in SI and radians.
 
-NumPy structured dtypes rather than objects: the same record serves plain Python, one compiled environment and
-thousands of them side by side in one array.
+NumPy structured arrays rather than objects: the same layout serves plain Python, one compiled environment and
+thousands of them in one array.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ LAW = _record(
     ("quasi_static_modulus", "f8"),  # LEM for v -> 0 at 90 degrees [Pa]: LEMs enter only as ratios to it
     ("intercept_90", "f8"),  # LEM(v, 90 deg) = intercept + slope v [Pa], [Pa s/m], less
     ("slope_90", "f8"),
-    ("fall_1", "f8"),  # what it falls by [Pa]
-    ("fall_1_from", "f8"),  # from that speed on [m/s],
-    ("fall_1_per", "f8"),  # over a range with this inverse [s/m],
-    ("fall_2", "f8"),  # and so twice more
+    ("fall_1", "f8"),  # fall of the modulus [Pa]
+    ("fall_1_from", "f8"),  # speed at which it begins [m/s]
+    ("fall_1_per", "f8"),  # inverse of the range of speed over which it falls [s/m]
+    ("fall_2", "f8"),  # the same for two further falls
     ("fall_2_from", "f8"),
     ("fall_2_per", "f8"),
     ("fall_3", "f8"),
@@ -51,10 +51,10 @@ LAW = _record(
     ("growth_step", "f8"),  # advance per step of unstable growth [m]
     ("friction_per_depth", "f8"),  # [N/m]
     ("friction_per_depth_speed", "f8"),  # [N s/m2]
-    ("presliding_length", "f8"),  # motion that friction takes to come up to its full size [m]
+    ("presliding_length", "f8"),  # motion over which friction rises to its full size [m]
     ("per_presliding_length", "f8"),  # its inverse [1/m]
-    ("relaxing_share", "f8"),  # of the modulus [1], and
-    ("creep_time", "f8"),  # that it takes [s]
+    ("relaxing_share", "f8"),  # relaxing part of the modulus [1]
+    ("creep_time", "f8"),  # time constant of creep [s]
 )
 
 DRIVE = _record(
@@ -62,7 +62,7 @@ DRIVE = _record(
     ("acceleration", "f8"),  # limit [m/s2]
     ("rotation_rate", "f8"),  # limit [rad/s]
     ("travel", "f8"),  # the blade stays within 0 to travel [m]
-    ("mass", "f8"),  # blade and hand [kg]; 0: the rig, which holds position
+    ("mass", "f8"),  # blade and hand [kg]; 0: a rig, which holds position
     ("coupling_stiffness", "f8"),  # hand to blade [N/m]
     ("coupling_damping", "f8"),  # hand to blade [N s/m]
     ("dead_ticks", "i8"),  # updates between a command and its effect
@@ -74,26 +74,26 @@ STATE = _record(
     ("tip", "f8"),  # a [m]
     ("speed", "f8"),  # v [m/s]
     ("angle", "f8"),  # theta [rad]
-    ("lean", "f8"),  # its cotangent, and
-    ("pushing", "f8"),  # its sine squared: kept, for the blade seldom turns
+    ("lean", "f8"),  # cotangent of theta
+    ("pushing", "f8"),  # sin^2 of theta; both stored, because the blade seldom turns
     ("hand", "f8"),  # commanded position of the hand or the rig's carriage [m]
     ("hand_speed", "f8"),  # [m/s]
-    ("target", "f8"),  # commanded speed that has reached the drive [m/s], where that takes time;
-    ("next_target", "f8"),  # the one on its way [m/s], and
-    ("waiting", "i8"),  # the updates until it is there
-    ("arrest_ratio", "f8"),  # F/(R B) where a run of the crack last came to rest; infinity: nothing has run yet
+    ("target", "f8"),  # commanded speed that has reached the drive [m/s], where there is a dead time
+    ("next_target", "f8"),  # pending commanded speed [m/s]
+    ("waiting", "i8"),  # updates until it reaches the drive
+    ("arrest_ratio", "f8"),  # F/(R B) where an unstable run last came to rest; infinity: nothing has run yet
     ("held_force", "f8"),  # F where the tip last came to rest, after growth or a run [N]
-    ("bristle", "f8"),  # deflection of what holds the blade's faces, up to the presliding length [m]
-    ("creep", "f8"),  # of relaxing tissue [m], and
-    ("locked", "f8"),  # the energy in that [J]
+    ("bristle", "f8"),  # deflection of the friction bristles, up to the presliding length [m]
+    ("creep", "f8"),  # of relaxing tissue [m]
+    ("locked", "f8"),  # energy in the creep [J]
     ("ledger", "f8"),  # energies since reset [J]
     ("work", "f8"),
     ("fracture", "f8"),
-    ("friction", "f8"),  # work against it, with what the bristles would still give back
+    ("friction", "f8"),  # work against friction, elastic energy of the bristles included
     ("loss", "f8"),
     ("uncontrolled", "f8"),  # sum of unstable growth [m]
     ("units", "i8"),  # number of unstable runs
-    ("running", "i8"),  # whether the crack ran in the last update
+    ("running", "i8"),  # 1 if the crack ran in the last update
     ("tick", "i8"),  # updates since reset
 )
 
@@ -111,7 +111,7 @@ READING = _record(
 
 
 def new_state(count: int, angle: float) -> Records:
-    """``count`` fresh states, shape (count,): blade and tip at the clamp, at rest, ``angle`` [rad]."""
+    """Return ``count`` initial states, shape (count,): blade and tip at the clamp, at rest, ``angle`` [rad]."""
     states = np.zeros(count, STATE)
     states["angle"] = angle
     states["lean"], states["pushing"] = leaning(angle)

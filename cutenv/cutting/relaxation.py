@@ -1,14 +1,14 @@
-"""Tissue at rest relaxes: an option, off unless a share of the modulus is said to relax.
+"""Viscoelastic relaxation of the tissue: an option, off unless a share of the modulus is set to relax.
 
-A spring K that answers at once, and part of what it holds creeps away: one Maxwell arm beside a spring.  With rho the
-share that relaxes, the tissue at the tip displaced by u (x - a while the blade holds it), and g the part of that which
+One Maxwell arm beside a spring: the spring K responds at once, and part of what it holds creeps away.  With rho the
+relaxing share, u the displacement of the tissue at the tip (x - a while the blade holds it), and g the part of u that
 has crept,
 
     F = K (u - g),        dg/dt = (rho u - g) / ((1 - rho) T),
 
-so that a held blade's force falls to (1 - rho) K u, and tissue that nobody holds comes back within T, the time of creep
-under constant load.  The stored energy is K (u - g)^2 / 2 + K g^2 (1 - rho) / (2 rho).  The law cuts at u - g as it
-otherwise does at x - a.
+so that a held blade's force falls to (1 - rho) K u, and free tissue recovers within T, the time constant of creep
+under constant load.  The stored energy is K (u - g)^2 / 2 + K g^2 (1 - rho) / (2 rho).  The law uses u - g in place of
+x - a.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from cutenv.cutting.records import Record
 
 @inlined
 def crept(law: Record, reach: float, creep: float, dt: float) -> float:
-    """The creep g [m] after ``dt``, of tissue whose blade stands ``reach`` [m] before the tip."""
+    """Return the creep g [m] after ``dt``, for a blade ``reach`` [m] ahead of the tip."""
     rate = dt / ((1.0 - law.relaxing_share) * law.creep_time)
     return (creep + rate * law.relaxing_share * max(reach, creep)) / (1.0 + rate)  # type: ignore[no-any-return]
 
 
 @inlined
 def energy_of_creep(law: Record, K: float, creep: float) -> float:
-    """Energy [J] that would come back as the tissue recovers."""
+    """Return the energy [J] that the tissue would give back as it recovers."""
     return 0.5 * K * creep**2 * (1.0 - law.relaxing_share) / law.relaxing_share  # type: ignore[no-any-return]
 
 
@@ -34,10 +34,10 @@ def energy_of_creep(law: Record, K: float, creep: float) -> float:
 def relaxed(
     law: Record, K: float, reach: float, creep: float, locked: float, ledger: float, loss: float, dt: float
 ) -> tuple[float, float, float, float]:
-    """Creep [m], its energy, ledger and loss [J] after ``dt``, the blade ``reach`` [m] before the tip.
+    """Return creep [m], its energy, ledger and loss [J] after ``dt``, for a blade ``reach`` [m] ahead of the tip.
 
-    ``locked`` is the energy of the creep at the place where the tip stood at the last update: what the crack's growth
-    has released of it since then, with the stiffness, goes to the ledger, as all that growth releases does.
+    ``locked`` is the energy of the creep where the tip stood at the last update: what the crack's growth has released
+    of it since then, because the stiffness fell, goes to the ledger, like all energy that growth releases.
     """
     here = energy_of_creep(law, K, creep)
     next_creep = crept(law, reach, creep, dt)

@@ -1,4 +1,4 @@
-"""A row of cuts: all their numbers side by side, taken from the cuts' records and put back."""
+"""A row of cuts as a structure of arrays (SIMD lanes), gathered from the cuts' records and scattered back."""
 
 from __future__ import annotations
 
@@ -13,41 +13,41 @@ from cutenv.cutting.records import DRIVE, LAW, STATE, TICK, Record, Records
 from cutenv.randomness import Integer
 
 ABREAST = 32
-"""Cuts in a row: enough for several vectors, few enough for the first-level cache."""
+"""Number of cuts (lanes) in a row: enough for several vectors, few enough for the first-level cache."""
 BLOCK = 4
-"""Milliseconds whose noise is drawn at once."""
+"""Ticks (milliseconds) whose sensor noise is drawn at once."""
 
-_OWN = (STATE, LAW, DRIVE)  # kept for every cut in records of its own, all of their fields 8 bytes wide
-_PASSING = (
-    ("cut", "i8"),  # number of the cut, and
-    ("going", "i8"),  # whether it goes on: one that has ended is led along, and leaves no trace
-    ("noise", "f8"),  # of its sensor [N]
+_OWN = (STATE, LAW, DRIVE)  # stored per cut in structured arrays, all of whose fields are 8 bytes wide
+_PASSING = (  # scratch: it lives only in the row
+    ("cut", "i8"),  # index of the cut
+    ("going", "i8"),  # 1 while active; finished lanes are computed but not stored
+    ("noise", "f8"),  # of the cut's sensor, standard deviation [N]
     ("resolution", "f8"),  # [N]
-    ("share", "f8"),  # of the velocity loop, see made_up
-    ("given", "f8"),  # commanded speed [m/s], and
-    ("command", "f8"),  # what has reached the drive of it
+    ("share", "f8"),  # gain of the velocity loop, see made_up
+    ("given", "f8"),  # commanded speed [m/s]
+    ("command", "f8"),  # commanded speed that has reached the drive [m/s]
     ("aim", "f8"),  # commanded angle [rad]
     ("next_angle", "f8"),
     ("dx", "f8"),  # motion of the blade in this millisecond [m]
     ("K", "f8"),  # stiffness at the tip [N/m],
     ("dK", "f8"),  # its derivative [N/m2]
-    ("toughness", "f8"),  # and R B there [N]
+    ("toughness", "f8"),  # R B there [N]
     ("depth", "f8"),  # of cut at the blade [m]
-    ("edge_toughness", "f8"),  # R B there [N]
-    ("x", "f8"),  # where the blade would stand if nothing had crept [m]
-    ("loading", "f8"),  # part of the motion under which the tip follows [m], and
-    ("da", "f8"),  # by how much it would [m]
-    ("F", "f8"),  # elastic force [N] and
-    ("U", "f8"),  # stored energy [J] before that part
-    ("elastic_work", "f8"),  # until then [J]
-    ("tip_point", "i8"),  # of the profile, at or before where the tip would follow to, and
-    ("tip_share", "f8"),  # so much of the way to the next
-    ("seen_tip_point", "i8"),  # the one that was looked at, where there are
+    ("edge_toughness", "f8"),  # R B at the blade [N]
+    ("x", "f8"),  # position of the blade less the creep [m]
+    ("loading", "f8"),  # part of the motion during which the tip follows [m]
+    ("da", "f8"),  # advance of the tip during that part, if the ledger admits it [m]
+    ("F", "f8"),  # elastic force before that part [N]
+    ("U", "f8"),  # stored energy before that part [J]
+    ("elastic_work", "f8"),  # work until then [J]
+    ("tip_point", "i8"),  # grid index of the profile at the tip's next position
+    ("tip_share", "f8"),  # fraction of the way to the next point
+    ("seen_tip_point", "i8"),  # grid index of the values below, gathered last
     ("point_K", "f8"),
-    ("rise_K", "f8"),  # to the next point
+    ("rise_K", "f8"),  # difference to the next point
     ("point_toughness", "f8"),
     ("rise_toughness", "f8"),
-    ("blade_point", "i8"),  # the same of the blade
+    ("blade_point", "i8"),  # the same five for the blade
     ("blade_share", "f8"),
     ("seen_blade_point", "i8"),
     ("point_depth", "f8"),
@@ -55,13 +55,13 @@ _PASSING = (
     ("rubbing", "f8"),  # force of friction, against forward motion [N]
     ("elastic", "f8"),  # force of the tissue [N]
     ("force", "f8"),  # both, on the blade [N]
-    ("waits", "i8"),  # whether its crack does not run
+    ("waits", "i8"),  # 1 if the crack does not run
     ("jump", "f8"),  # unstable growth [m]
-    ("seed", "u8"),  # key of its noise
+    ("seed", "u8"),  # seed and episode: key of the sensor's noise
     ("episode", "u8"),
-    ("inner", "f8"),  # width of the layer next to a random number's
-    ("delay", "i8"),  # of its sensor's line [ticks]
-    ("delayed", "f8"),  # force as it comes out of that [N]
+    ("inner", "f8"),  # ziggurat: width of the next layer
+    ("delay", "i8"),  # of the sensor [ticks]
+    ("delayed", "f8"),  # force that leaves the delay line [N]
     ("offset", "f8"),  # drift so far [N]
     ("tare", "f8"),  # [N]
     ("drift", "f8"),  # [N/s^0.5]
@@ -74,10 +74,10 @@ ROW: np.dtype[Any] = np.dtype(
         [
             *((name, kind[name].base, (ABREAST,)) for kind in _OWN for name in kind.names or ()),
             *((name, kind, (ABREAST,)) for name, kind in _PASSING),
-            ("words", "u8", (BLOCK, ABREAST)),  # random ones for four milliseconds,
-            ("normals", "f8", (BLOCK, ABREAST)),  # and the standard normal numbers that they stand for
-            ("taken", "i8"),  # cuts in the row
-            ("hands", "i8"),  # of them, driven by hand
+            ("words", "u8", (BLOCK, ABREAST)),  # random words of four milliseconds
+            ("normals", "f8", (BLOCK, ABREAST)),  # the standard normal numbers made of them
+            ("taken", "i8"),  # number of cuts in the row, and of those among them:
+            ("hands", "i8"),  # driven by hand
             ("late", "i8"),  # with a dead time
             ("slack", "i8"),  # with backlash
             ("drifting", "i8"),  # with a sensor whose zero drifts
@@ -89,12 +89,12 @@ ROW: np.dtype[Any] = np.dtype(
         ],
     )
 )
-"""A row of cuts: of every number of a cut, and of what passes between loops, one for each of them."""
+"""Structured dtype of a row: every field of a cut and of the scratch, one element for each lane."""
 _N_STATE, _N_LAW, _N_DRIVE = (len(kind.names or ()) for kind in _OWN)
 
 
 class LawInRow(NamedTuple):
-    """What the law's functions ask of a law, of one cut in a row."""
+    """The fields of a law that the law's functions read, for one cut in a row."""
 
     quasi_static_modulus: float
     intercept_90: float
@@ -124,7 +124,7 @@ class LawInRow(NamedTuple):
 
 
 class DriveInRow(NamedTuple):
-    """What :func:`cutenv.cutting.drive.pulled` asks of a drive."""
+    """The fields of a drive that :func:`cutenv.cutting.drive.pulled` reads."""
 
     travel: float
     mass: float
@@ -134,7 +134,7 @@ class DriveInRow(NamedTuple):
 
 @inlined
 def law_in_row(row: Record, n: int) -> LawInRow:
-    """The law of the cut in place ``n``."""
+    """Gather the law of the cut in lane ``n``."""
     return LawInRow(
         row.quasi_static_modulus[n], row.intercept_90[n], row.slope_90[n],
         row.fall_1[n], row.fall_1_from[n], row.fall_1_per[n], row.fall_2[n], row.fall_2_from[n], row.fall_2_per[n],
@@ -158,10 +158,10 @@ def take(
     n: Integer,
     cut: Integer,
 ) -> None:
-    """Put cut number ``cut`` into place ``n`` of a row.
+    """Load cut number ``cut`` into lane ``n`` of a row (gather).
 
-    ``numbers``, ``states``, ``laws`` and ``drives`` are the row and the cuts' records seen as plain numbers: views cost
-    more than what they show, so they are made once for many calls.
+    ``numbers``, ``states``, ``laws`` and ``drives`` are flat float64 views of the row and the cuts' records: a view
+    costs more than the copy, so they are made once for many calls.
     """
     for k in range(_N_STATE):
         numbers[k * ABREAST + n] = states[cut * _N_STATE + k]
@@ -177,7 +177,7 @@ def take(
         sensor.delay, sensor.offset, sensor.tare, sensor.drift,
     )  # fmt: skip
     row.seen_tip_point[n], row.seen_blade_point[n] = -1, -1
-    # An exponential costs more than all the rest, and neighbours seldom differ.
+    # The exponential in made_up costs more than the rest of the loading, and neighbours seldom differ.
     row.share[n] = row.share[n - 1] if n > 0 and row.lag[n] == row.lag[n - 1] else made_up(drive, TICK)
     row.K[n], row.dK[n] = stiffness_at(profile, row.tip[n])
     row.toughness[n] = toughness_at(profile, row.tip[n])
@@ -186,7 +186,7 @@ def take(
 
 @inlined
 def begin(row: Record, numbers: Records, taken: Integer) -> None:
-    """Make a row of its first ``taken`` places ready; in the others a cut stands still, and nobody looks."""
+    """Prepare a row of ``taken`` lanes: pad the others with a blade at rest, and count the special cases."""
     for n in range(taken, ABREAST):
         for k in range(_N_STATE + _N_LAW + _N_DRIVE + len(_PASSING)):
             numbers[k * ABREAST + n] = numbers[k * ABREAST]
@@ -205,6 +205,6 @@ def begin(row: Record, numbers: Records, taken: Integer) -> None:
 
 @inlined
 def put(numbers: Records, states: Records, n: int, cut: int) -> None:
-    """Write the state in place ``n`` of a row back to its cut."""
+    """Store the state in lane ``n`` of a row back to its cut (scatter)."""
     for k in range(_N_STATE):
         states[cut * _N_STATE + k] = numbers[k * ABREAST + n]

@@ -1,4 +1,4 @@
-"""The force sensor: delay, drift, noise, resolution and tare, for the simulator and for the rig's emulator alike."""
+"""The force sensor: delay, drift, noise, resolution and tare, shared by the simulator and the rig's emulator."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from cutenv.parameter import check_parameters, parameter
 from cutenv.randomness import SENSOR_DRIFT, SENSOR_NOISE, four_normals_at, normal_at
 from cutenv.validation import array_in_range
 
-_LONGEST_DELAY = 64  # ticks that the line can hold, a power of two
+_LONGEST_DELAY = 64  # ticks that the delay line holds, a power of two
 WRAP = _LONGEST_DELAY - 1
-"""Place in the line of a tick: its bits in this mask."""
-_ROOT_TICK = math.sqrt(TICK)  # rounded alike everywhere, which a power is not
+"""Bit mask from a tick to its index in the delay line."""
+_ROOT_TICK = math.sqrt(TICK)  # square roots are rounded alike on every machine, powers are not
 
 SENSOR: np.dtype[Any] = np.dtype(
     (
@@ -31,8 +31,8 @@ SENSOR: np.dtype[Any] = np.dtype(
             ("episode", "u8"),
             ("offset", "f8"),  # drift so far [N]
             ("tare", "f8"),  # subtracted from every reading [N]
-            ("line", "f8", (_LONGEST_DELAY,)),  # forces under way, newest at tick modulo length
-            ("block", "i8"),  # of four ticks, whose noise is kept
+            ("line", "f8", (_LONGEST_DELAY,)),  # delay line of forces [N], newest at tick modulo length
+            ("block", "i8"),  # block of four ticks whose noise is cached
             ("standard_noise", "f8", (4,)),
         ],
     )
@@ -42,7 +42,7 @@ SENSOR: np.dtype[Any] = np.dtype(
 
 @compiled
 def measure(sensor: Record, force: float, tick: int) -> float:
-    """The reading [N] at update ``tick`` (counted from 0 at reset, every tick once) under a true ``force`` [N]."""
+    """Return the reading [N] at update ``tick`` (from 0 at reset, each tick once) for a true ``force`` [N]."""
     standard = standard_noise(sensor, tick) if sensor.noise > 0.0 else 0.0
     felt = delayed(sensor.line, sensor.delay, force, tick) + wandered(sensor, tick) - sensor.tare
     return as_read(felt, sensor.noise, standard, sensor.resolution)
@@ -50,7 +50,7 @@ def measure(sensor: Record, force: float, tick: int) -> float:
 
 @inlined
 def delayed(line: Records, delay: int, force: float, tick: int) -> float:
-    """The force [N] that comes out of the line at update ``tick`` as ``force`` goes in."""
+    """Push ``force`` [N] into the delay line at update ``tick``; return the force that comes out."""
     line[tick & WRAP] = force
     out: float = line[(tick - delay) & WRAP] if tick >= delay else 0.0
     return out
@@ -58,7 +58,7 @@ def delayed(line: Records, delay: int, force: float, tick: int) -> float:
 
 @for_kernels
 def wandered(sensor: Record, tick: int) -> float:
-    """How far the sensor's zero has drifted at update ``tick`` [N]."""
+    """Advance the random walk of the sensor's zero to update ``tick``; return the drift [N]."""
     if sensor.drift > 0.0:
         sensor.offset += sensor.drift * _ROOT_TICK * normal_at(sensor.seed, sensor.episode, SENSOR_DRIFT, tick)
     return sensor.offset  # type: ignore[no-any-return]
@@ -66,7 +66,7 @@ def wandered(sensor: Record, tick: int) -> float:
 
 @inlined
 def as_read(force: float, noise: float, standard: float, resolution: float) -> float:
-    """The reading [N] of a ``force`` [N] under ``standard`` normal noise."""
+    """Return the reading [N] of a ``force`` [N]: plus noise times a ``standard`` normal number, then quantised."""
     reading = force + noise * standard
     if resolution > 0.0:
         return resolution * np.floor(reading / resolution + 0.5)  # type: ignore[no-any-return]
@@ -75,7 +75,7 @@ def as_read(force: float, noise: float, standard: float, resolution: float) -> f
 
 @for_kernels
 def standard_noise(sensor: Record, tick: int) -> float:
-    """The number that (seed, episode, tick) stands for; they come by fours, so three of four are kept ones."""
+    """Return the standard normal number of (seed, episode, tick), from a cached block of four."""
     block = tick >> 2
     kept = sensor.standard_noise
     if block != sensor.block:
@@ -110,7 +110,7 @@ class SensorParameters:
 
 
 class Sensor:
-    """A force sensor with a memory: feed it the true force once a millisecond, read what a rig would see.
+    """A force sensor with a memory: pass it the true force once a millisecond, read the force that a rig would measure.
 
     Parameters
     ----------
@@ -126,18 +126,18 @@ class Sensor:
         self._records = sensor_records([self.parameters], [seed], [episode])
 
     def measure(self, force: float) -> float:
-        """The reading [N] of this millisecond under a true ``force`` [N]."""
+        """Return the reading [N] of this millisecond for a true ``force`` [N]."""
         reading = measure(self._records[0], float(force), self.tick)
         self.tick += 1
         return reading
 
     def tare(self, reading: float) -> None:
-        """Take ``reading`` [N] as the new zero."""
+        """Make ``reading`` [N] the new zero."""
         self._records["tare"] += reading
 
 
 def sensor_records(parameters: list[SensorParameters], seeds: list[int], episodes: list[int]) -> Records:
-    """Fresh sensors, shape (n,), as the compiled law takes them."""
+    """Return new sensors as a structured array for the compiled law, shape (n,)."""
     for name, keys in (("seed", seeds), ("episode", episodes)):
         array_in_range(name, keys, 0, 2**64, "1", "Give whole numbers from 0.")
     sensors = np.zeros(len(parameters), SENSOR)

@@ -1,4 +1,4 @@
-"""Drive, law and sensor, one after the other, a millisecond at a time: for one cut and for thousands in parallel."""
+"""One update of drive, law and sensor, and loops over updates: for one cut and for thousands in parallel."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ CUT: np.dtype[Any] = np.dtype(
         ],
     )
 )
-"""One cut: everything that the law needs to go on."""
+"""Structured dtype of one cut: everything that the law needs to continue."""
 
 
 @compiled
@@ -48,12 +48,12 @@ def update(
     dt: float,
     reading: Record,
 ) -> None:
-    """One force update under a commanded speed [m/s] and angle [rad]; fills ``reading``.
+    """Advance a cut by one force update under a commanded speed [m/s] and angle [rad]; fills ``reading``.
 
-    ``share`` is the drive's :func:`~cutenv.cutting.drive.made_up`, the same for every update of ``dt``.
+    ``share`` is the gain of the drive, :func:`~cutenv.cutting.drive.made_up`, the same for every update of ``dt``.
     """
     elastic, depth = 0.0, 0.0
-    if drive.mass > 0.0:  # a hand yields to what it feels, a rig does not
+    if drive.mass > 0.0:  # a hand yields to force, a rig does not
         elastic, depth = elastic_force(profile, state.blade - state.creep, state.tip), depth_at(profile, state.blade)
     dx = motion(state, drive, share, speed, elastic, grip(law, depth, state.bristle), dt)
     elastic, friction, jump = cut(state, profile, law, dx, turning(state.angle, angle, drive.rotation_rate, dt), dt)
@@ -69,9 +69,9 @@ def update(
 def follow(
     state: Record, profile: Record, law: Record, positions: Records, angles: Records, dt: float, readings: Records
 ) -> None:
-    """Lead the blade exactly through ``positions`` [m] and ``angles`` [rad], shape (n,), one every ``dt`` [s].
+    """Move the blade exactly through ``positions`` [m] and ``angles`` [rad], shape (n,), one every ``dt`` [s].
 
-    No drive, no sensor: the reading is the true force.  For derivations and for checks of the law itself.
+    No drive, no sensor: the reading is the true force.  For derivations and checks of the law itself.
     """
     for i in range(len(positions)):
         if not 0.0 <= positions[i] <= LENGTH:
@@ -128,7 +128,8 @@ def simulate(
 def hold(cuts: Records, speed: float, angle: float, dt: float, readings: Records) -> None:
     """Run one cut, :data:`CUT` of shape (1,), through ``len(readings)`` updates under one command.
 
-    A call from Python passes an array of length 1 ten times faster than a record, and one faster than many.
+    From Python, an array of length 1 is passed ten times faster than a structured scalar, and one argument faster than
+    many.
     """
     c = cuts[0]
     c.state_before = c.state
@@ -153,7 +154,7 @@ def account(state: Record, profile: Record, energies: Records) -> None:
 
 @compiled
 def account_one(cuts: Records, energies: Records) -> None:
-    """:func:`account` of one cut, shape (1,)."""
+    """Fill ``energies`` for one cut, shape (1,), by :func:`account`."""
     account(cuts[0].state, cuts[0].profile, energies)
 
 
@@ -171,7 +172,7 @@ def simulate_some(
     dt: float,
     readings: Records,
 ) -> None:
-    """:func:`simulate` for n cuts: see :func:`cutenv.cores.over_cores`.
+    """Run :func:`simulate` for n cuts on one thread: see :func:`cutenv.cores.over_cores`.
 
     Every argument but ``dt`` has a leading axis of length n.
     """

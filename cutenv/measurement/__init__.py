@@ -1,4 +1,4 @@
-"""From a recorded cut to the properties of its tissue; knows records and tissue, never the simulator."""
+"""Properties of the tissue from recorded cuts; depends on records and tissue, never on the simulator."""
 
 from cutenv.measurement.calibration import calibrate, measure_cuts, tissue_of
 from cutenv.measurement.cut import MeasuredCut, measure_cut

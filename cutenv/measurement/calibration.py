@@ -1,4 +1,4 @@
-"""From a set of records to one tissue description: values, spread, and what they rest on."""
+"""Calibration: one tissue description from a set of records: values, spread, provenance."""
 
 from __future__ import annotations
 
@@ -44,15 +44,15 @@ Progress = Callable[[Sequence[T]], Iterable[T]]
 RESAMPLES = 400
 """Default number of bootstrap resamples."""
 _FEWEST_UNLOADED = (
-    8  # cuts with a way back that tell the loading ratio: tissue at the tip scatters about the cut's mean
+    8  # cuts with a way back needed for the loading ratio: the tissue at the tip scatters about the cut's mean
 )
-_ROUNDS = 3  # of fitting the loading ratio and measuring with it: the tip hangs on it weakly
-_DRAWS, _DRAW_ROUNDS = 200, 4  # of specimens, to find the material that shows what was measured
-_PLACES = np.arange(0.0215, 0.12, 0.006)  # where segments of a long cut stand [m]
+_ROUNDS = 3  # iterations of fitting the loading ratio and measuring with it: the tip depends on it weakly
+_DRAWS, _DRAW_ROUNDS = 200, 4  # sampled specimens, and iterations, to find the material with the measured moduli
+_PLACES = np.arange(0.0215, 0.12, 0.006)  # typical positions of the segments of a long cut [m]
 
 
 class Refused(NamedTuple):
-    """A record that was left out, and why."""
+    """A record that was left out, and the reason."""
 
     name: str
     reason: str
@@ -67,35 +67,35 @@ def calibrate(
     seed: int = 0,
     progress: Progress[Any] | None = None,
 ) -> TissueDescription:
-    """Make one tissue description of a set of records.
+    """Make one tissue description from a set of records.
 
     Parameters
     ----------
     traces : sequence of Trace
-        One cut each, with position, angle and depth, force in newtons; ``metadata["specimen"]`` says which
-        cuts share a piece of tissue. Return strokes past the tip tell friction; several speeds and both 45 and
-        90 degrees tell how the modulus depends on them. What the records do not tell is pig liver's, and said.
+        One cut each, with position, angle and depth, force in newtons; ``metadata["specimen"]`` names the piece of
+        tissue, which several cuts may share. Return strokes past the tip are needed for friction; several speeds and
+        both 45 and 90 degrees for the dependence of the modulus on them. Other numbers are pig liver's, with a note.
     model : CutModel, optional
-        To which the moduli shall belong; default the thesis's, of the default mesh.
+        Model to which the moduli shall belong; default the thesis's, with the default mesh.
     name : str
-        Of the tissue.
+        Name of the tissue.
     resamples : int
-        Of the bootstrap over cuts that gives the 95 % intervals, 0 to 100000; 0: no intervals.
+        Number of bootstrap resamples of the cuts for the 95 % intervals, 0 to 100000; 0: no intervals.
     seed : int
-        Of the bootstrap.
+        Seed of the bootstrap.
     progress : callable, optional
         Wraps the sequence of records while they are measured, as ``tqdm`` does.
 
     Returns
     -------
     TissueDescription
-        ``to_json()`` is what ``gym.make("cutenv/GentleCut-v1", tissue=path)`` reads; ``calibration`` says what it
-        rests on.
+        ``to_json()`` is what ``gym.make("cutenv/GentleCut-v1", tissue=path)`` reads; ``calibration`` contains the
+        evidence.
 
     Raises
     ------
     ValueError
-        If no record can be measured, or what they tell is no tissue; with the reasons.
+        If no record can be measured, or they give no valid tissue; with the reasons.
 
     Notes
     -----
@@ -110,10 +110,10 @@ def calibrate(
 def measure_cuts(
     traces: Sequence[Trace], model: CutModel, *, progress: Progress[Any] | None = None
 ) -> tuple[list[MeasuredCut], list[Refused]]:
-    """Measure every record with the loading ratio that they show together.
+    """Measure every record with the loading ratio that is fitted to all of them together.
 
-    The loading ratio tells how far the tip is behind the blade; it starts as pig liver's and is replaced by that
-    of the fit to the cuts themselves.
+    The loading ratio gives the distance of the tip behind the blade; it starts as pig liver's and is replaced by the
+    fit to the cuts themselves.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def measure_cuts(
     Raises
     ------
     ValueError
-        If none can.
+        If none can be measured.
     """
     cuts: list[MeasuredCut] = []
     refused: list[Refused] = []
@@ -146,10 +146,10 @@ def measure_cuts(
 
 
 def loading_ratio_of_cuts(cuts: Sequence[MeasuredCut], model: CutModel) -> LoadingRatio:
-    """How fast the force rises while cutting over how fast it would without growth, as the cuts show it together.
+    """Return the loading ratio fitted to cuts: rate of rise of the force while cutting over that without growth.
 
-    A cut with a way back shows both: its segments the one, its unloading the other. Their ratio is free of how stiff
-    that cut's tissue is; only without it the intercept of the fit stands for the modulus without growth.
+    A cut with a way back shows both: its segments the one, its unloading the other. Their ratio does not depend on the
+    stiffness of that cut's tissue; without it the intercept of the fit stands for the modulus without growth.
     """
     both = [
         (cut, modulus)
@@ -167,7 +167,7 @@ def loading_ratio_of_cuts(cuts: Sequence[MeasuredCut], model: CutModel) -> Loadi
 
 
 def speed_dependence_of(cuts: Sequence[MeasuredCut]) -> SpeedDependence:
-    """Fit of the cuts' mean moduli against speed and angle."""
+    """Fit the cuts' mean moduli against speed and angle."""
     known = [cut for cut in cuts if len(cut.moduli)]
     if not known:
         raise ValueError(
@@ -188,7 +188,7 @@ def tissue_of(
     seed: int = 0,
     refused: Sequence[Refused] = (),
 ) -> TissueDescription:
-    """Put measured cuts together; see :func:`calibrate`."""
+    """Combine measured cuts into a tissue description; see :func:`calibrate`."""
     check_resamples(resamples)
     pool = PooledCuts(list(cuts))
     found = pool.numbers(np.ones(len(cuts)))
@@ -235,19 +235,19 @@ def tissue_of(
 
 
 def check_resamples(resamples: int) -> None:
-    """Refuse a number of resamples that is none, before any work."""
+    """Raise for an invalid number of resamples, before any work."""
     in_range("resamples", resamples, 0, 100_000, "1", "Some hundreds give an interval.")
 
 
 def as_material(tissue: TissueDescription) -> TissueDescription:
-    """Find the material of which drawn specimens show the modulus and the spread that ``tissue`` has from its cuts.
+    """Find the material whose sampled specimens show the modulus and the spread that ``tissue`` has from its cuts.
 
     The stiffness of a slab averages the field of moduli around the tip, so that segments show less of its spread than
-    the material has. Specimens are measured at places as far apart as segments are, without a cut: what a segment shows
-    is K over kappa and the effective depth. The same random numbers serve every round.
+    the material has. Specimens are evaluated at positions as far apart as segments are, without a cut: a segment's
+    modulus is K over kappa and the effective depth. The same random numbers are used in every round.
 
-    Evidence follows: ``modulus`` is added with the interval of ``intercept_90``, that of the spread is the material's,
-    both in proportion.
+    Evidence is adapted: ``modulus`` is added with the interval of ``intercept_90``, and the spread's interval becomes
+    the material's, both in proportion.
     """
     kappa = np.asarray(tissue.cut_model().stiffness(_PLACES))
     points = np.rint(_PLACES / SPACING).astype(int)
@@ -282,7 +282,7 @@ def as_material(tissue: TissueDescription) -> TissueDescription:
 
 
 def _scaled(evidence: Evidence, factor: float) -> Evidence:
-    """The same of a number that is ``factor`` times as large."""
+    """Return the evidence for a number that is ``factor`` times as large."""
     if evidence.low is None or evidence.high is None:
         return evidence
     return dataclasses.replace(evidence, low=factor * evidence.low, high=factor * evidence.high)
@@ -330,12 +330,12 @@ _WHY_NOT = {
 
 
 def _rounded(value: float) -> float:
-    """Six digits: more than any measurement has, and a file that can be read."""
+    """Round to six digits: more than any measurement has, and the file stays readable."""
     return float(f"{value:.6g}")
 
 
 def _as_liver(speed: float, angle: float | None) -> float:
-    """Pig liver's loading ratio to begin with, an angle just beyond the measured ones taken for the nearest."""
+    """Return pig liver's loading ratio as a start; an angle just beyond the measured ones counts as the nearest."""
     theta = math.pi / 2 if angle is None else min(max(angle, math.pi / 4), math.pi / 2)
     return liver_loading_ratio(speed, theta)
 
@@ -343,8 +343,8 @@ def _as_liver(speed: float, angle: float | None) -> float:
 def _check_angle(cut: MeasuredCut) -> None:
     if not is_between_the_measured(cut.angle):
         raise ValueError(
-            f"its blade stands at {math.degrees(cut.angle):.0f} degrees; the law knows 45 to 90. "
-            "Angles are against the surface, upright is 90: give the other side's as 180 less it."
+            f"its blade is at {math.degrees(cut.angle):.0f} degrees; the law holds for 45 to 90. "
+            "Angles are against the surface, upright is 90: for angles from the other side give 180 minus the angle."
         )
 
 
@@ -354,7 +354,9 @@ def _notes(
     notes = [f"left out: {each.name}: {each.reason}" for each in refused]
     silent = sum(not len(cut.moduli) for cut in cuts)
     if silent:
-        notes.append(f"{silent} of {len(cuts)} cuts show no steady loading segment: they tell resistance, no modulus")
+        notes.append(
+            f"{silent} of {len(cuts)} cuts show no steady loading segment: they give a resistance but no modulus"
+        )
     notes += _extrapolated(cuts)
     notes += zero_notes(cuts)
     without = sum(cut.return_stroke is None for cut in cuts)
@@ -365,21 +367,21 @@ def _notes(
         over = float(np.mean(unloading)) / found["intercept_90"]
         notes.append(
             f"{len(unloading)} return strokes unload with {over:.2f} of the modulus for v -> 0 at 90 degrees: "
-            "1 if the fall of the modulus with speed is growth of the cut while loading, as the law has it"
+            "1 if the fall of the modulus with speed is growth of the cut while loading, as in the law"
         )
     if len({cut.specimen for cut in cuts}) == 1 and cuts[0].specimen == "":
-        notes.append('no record names its specimen (metadata "specimen"): taken as cuts of one')
+        notes.append('no record names its specimen (metadata "specimen"): all count as cuts of one')
     flagged: dict[str, int] = {}
     for cut in cuts:
         for flag in cut.flags:
-            if flag not in cut.fracture.zero.flags:  # of the zero, zero_notes tells
+            if flag not in cut.fracture.zero.flags:  # zero_notes reports on the zero
                 flagged[flag] = flagged.get(flag, 0) + 1
     notes += [f"{n} of {len(cuts)} cuts: {flag}" for flag, n in flagged.items()]
     return notes
 
 
 def _extrapolated(cuts: Sequence[MeasuredCut]) -> list[str]:
-    """Where one angle was cut over a shorter range of speeds than the other, so that its line is extrapolated."""
+    """Return notes on an angle whose line is extrapolated, as it was cut over a shorter range of speeds."""
     known = [cut for cut in cuts if len(cut.moduli)]
     slowest, fastest = (100.0 * end([cut.speed for cut in known]) for end in (min, max))
     notes = []

@@ -1,4 +1,4 @@
-"""All that one record tells about its tissue, so that many can be put together."""
+"""All measurements of one record about its tissue, ready to be combined with others."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from cutenv.trace import Trace
 Array = NDArray[np.float64]
 
 SPECIMEN = "specimen"
-"""Name in a trace's metadata of what was cut (a liver, say): cuts of one name share it."""
+"""Key in a trace's metadata for the piece of tissue (for example a liver); cuts of the same name share it."""
 
 _DEPTH_EVERY = 0.5e-3  # [m] along the cut: a depth profile is smooth
 
@@ -40,11 +40,11 @@ class MeasuredCut:
     trace : Trace
         The record, its force less the sensor's zero.
     name : str
-        How messages call it.
+        Name of the cut in messages.
     specimen : str
-        Of which piece of tissue; "" if the record does not say.
+        Name of the piece of tissue; "" if the record does not give it.
     speed, angle : float
-        Median while the blade moves forward [m/s], and mean [rad].
+        Median speed while the blade moves forward [m/s], and mean angle [rad].
     moduli : ModulusEstimate
         Local effective moduli; none if no loading segment was steady.
     fracture : FractureEstimate
@@ -54,9 +54,9 @@ class MeasuredCut:
     return_stroke : ReturnStroke or None
         Tip, friction and unloading stiffness, where the record has a way back.
     depth : DepthProfile
-        Every 0.5 mm.
+        Depth of the cut every 0.5 mm.
     ramps, tops : list
-        What does not depend on the loading ratio.
+        Loading segments and hilltops, which do not depend on the loading ratio.
     """
 
     trace: Trace
@@ -74,11 +74,11 @@ class MeasuredCut:
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """What weakens the estimates, in words, each once."""
+        """Remarks on what weakens the estimates, each once."""
         return tuple(dict.fromkeys((*self.fracture.flags, *self.moduli.flags)))
 
     def unloading_modulus(self, model: CutModel) -> float | None:
-        """Modulus of the material that the elastic way back shows at the tip [Pa], free of growth; None without one."""
+        """Return the material's modulus at the tip from the elastic way back [Pa], without growth; else None."""
         back = self.return_stroke
         if back is None or back.stiffness == 0.0 or back.tip > model.length:
             return None
@@ -86,20 +86,20 @@ class MeasuredCut:
 
     @property
     def material_moduli(self) -> Array:
-        """Modulus of the material times the loading ratio, as each segment shows it [Pa], shape (n_segments,).
+        """Modulus of the material times the loading ratio, from each segment [Pa], shape (n_segments,).
 
-        A local effective modulus is taken per depth of cut; in a slab that is not cut through it is higher.
+        A local effective modulus is per depth of cut; in a slab that is not cut through it is higher.
         """
         depth = self.depth.at(self.moduli.position)
         return np.asarray(self.moduli.modulus * depth / effective_depth(self.moduli.position, depth))
 
     @property
     def material_modulus(self) -> float:
-        """Mean of them [Pa]."""
+        """Mean of :attr:`material_moduli` [Pa]."""
         return float(self.material_moduli.mean())
 
     def with_loading_ratio(self, ratio: LoadingRatio, model: CutModel) -> MeasuredCut:
-        """The same, measured with another loading ratio."""
+        """Return the same cut, measured with another loading ratio."""
         friction = self.moduli.friction_per_depth
         moduli = moduli_of(self.ramps, self.depth, model, ratio, friction_per_depth=friction)
         fracture = self.fracture
@@ -123,11 +123,11 @@ def measure_cut(
     trace : Trace
         With position, angle and depth; force in newtons.
     model : CutModel
-        To which the moduli shall belong.
+        Model to which the moduli shall belong.
     ratio : callable, optional
         Loading ratio r of a speed [m/s] and an angle [rad]; default that of pig liver.
     name : str
-        How messages call it.
+        Name of the cut in messages.
 
     Returns
     -------
@@ -136,7 +136,7 @@ def measure_cut(
     Raises
     ------
     ValueError
-        If the record lacks what is needed, or shows neither a steady segment nor a way back.
+        If the record lacks what is needed, or has neither a steady segment nor a way back.
     """
     by = "measure_cut"
     trace.require_newtons(by=by)
@@ -172,7 +172,7 @@ def measure_cut(
 
 
 def by_specimen(cuts: list[MeasuredCut]) -> dict[str, list[MeasuredCut]]:
-    """The cuts of each piece of tissue, in the order of its first."""
+    """Return the cuts of each piece of tissue, in order of first appearance."""
     groups: dict[str, list[MeasuredCut]] = {}
     for cut in cuts:
         groups.setdefault(cut.specimen, []).append(cut)
@@ -180,7 +180,7 @@ def by_specimen(cuts: list[MeasuredCut]) -> dict[str, list[MeasuredCut]]:
 
 
 def named(traces: list[Trace]) -> list[tuple[str, Trace]]:
-    """Names for traces, no two alike: what their metadata call them, or their number."""
+    """Return traces with unique names: from their metadata, or their number."""
     names = [str(trace.metadata.get("name") or f"trace {i}") for i, trace in enumerate(traces)]
     times = Counter(names)
     used = {name for name in names if times[name] == 1}
@@ -188,7 +188,7 @@ def named(traces: list[Trace]) -> list[tuple[str, Trace]]:
     for i, (name, trace) in enumerate(zip(names, traces, strict=True)):
         if times[name] > 1:
             name = f"{name} ({i})"
-            while name in used:  # somebody wrote numbers behind names himself
+            while name in used:  # the user's own names may end in numbers
                 name = f"{name} ({i})"
             used.add(name)
         found.append((name, trace))
@@ -196,14 +196,14 @@ def named(traces: list[Trace]) -> list[tuple[str, Trace]]:
 
 
 def _speed(time: Array, position: Array) -> float:
-    """Median speed of the forward strokes [m/s]."""
+    """Return the median speed of the forward strokes [m/s]."""
     speed = blade_speed(time, position)
     forward = [speed[stroke.samples] for stroke in strokes(time, position) if stroke.forward]
     return float(np.median(np.concatenate(forward)))
 
 
 def _thinned(depth: DepthProfile) -> DepthProfile:
-    """The same profile at fewer places: looked up often, and smooth."""
+    """Return the same profile at fewer positions: it is looked up often, and smooth."""
     first, last = float(depth.position[0]), float(depth.position[-1])
     places = np.linspace(first, last, max(2, round((last - first) / _DEPTH_EVERY) + 1))
     return DepthProfile(position=places, depth=depth.at(places))

@@ -1,4 +1,4 @@
-"""Depth of cut by place: what the blade met along the line, and its integral."""
+"""Depth of cut over position, along the line, and its integral."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cutenv.trace import Trace
 Array = NDArray[np.float64]
 
 SHALLOWEST = 0.5e-3
-"""Shallower than this a force per depth says nothing [m]: half the least depth measured."""
+"""Depth below which a force per depth is meaningless [m]: half the least depth measured."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,9 +58,9 @@ class DepthProfile:
 
 
 def fit_bulge(profiles: Sequence[DepthProfile], first: Sequence[float]) -> dict[str, float]:
-    """Edge, crown and rise of the bulge that fits depth profiles best, and their mean beyond ``first`` places [m].
+    """Fit edge, crown and rise of the bulge to depth profiles; and their mean depth beyond ``first`` positions [m].
 
-    As for pig liver, the mean is that of the stretch where segments are measured, not of the thin edge.
+    As for pig liver, the mean is over the range where segments are measured, not over the thin edge.
     """
     x = np.concatenate([profile.position for profile in profiles])
     B = np.concatenate([profile.depth for profile in profiles])

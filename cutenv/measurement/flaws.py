@@ -1,4 +1,4 @@
-"""What is wrong with a record though it can be read: a sensor that hangs or clips, a gap, a sign, a clock."""
+"""Signal quality of a record: a stuck or clipping sensor, gaps, a reversed sign, an irregular clock."""
 
 from __future__ import annotations
 
@@ -18,49 +18,49 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SHORTEST = 50
-"""Fewest readings of a cut: a ramp of loading takes 5 bins of 10 readings to be seen."""
+"""Smallest number of readings of a cut: a loading ramp takes 5 bins of 10 readings to be detected."""
 
 STUCK_ODDS = 1e-4
-"""How often at the most noise may leave one honest record with a reading repeated for so long [1]."""
+"""Largest probability that noise leaves a reading of a good record repeated for so long [1]."""
 
 STUCK_TRAVEL = 5e-3
-"""Way on new ground [m] on which no cut leaves the force as it is: a unit of cutting is 5.9 mm (Table 4.1)."""
+"""Travel on new ground [m] during which the force of any cut changes: a unit of cutting is 5.9 mm (Table 4.1)."""
 
 CLIPPED_TOPS = 3
-"""Flat tops at the same largest reading that are no chance in a record without noise."""
+"""Number of flat tops at the same largest reading that are not chance in a record without noise."""
 
 GAP_STEPS = 10.0
-"""A step of more than so many usual ones is a gap, as in :class:`cutenv.trace.Trace`."""
+"""Number of usual time steps beyond which a step is a gap, as in :class:`cutenv.trace.Trace`."""
 
 GAP_TRAVEL = 1e-3
-"""Way of the blade in a gap [m] that is lost for good: a tenth of a unit of cutting is 0.6 mm."""
+"""Travel during a gap [m] beyond which the record is refused: a tenth of a unit of cutting is 0.6 mm."""
 
 GAP_TIME = 0.1
-"""Duration [s] of a gap that refuses a record without position: 2.5 mm at the highest speed of the thesis."""
+"""Duration [s] of a gap beyond which a record without position is refused: 2.5 mm at the thesis's highest speed."""
 
 UNEVEN_STEP, UNEVEN_SHARE = 0.5, 0.05
-"""A clock is irregular if more than 5 % of the steps differ from the usual one by more than half of it."""
+"""Limits of an irregular clock: more than 5 % of the steps differ from the usual one by more than half of it."""
 
 SPEED_ERROR = 0.25
-"""Difference between a speed and the change of position, as a share, beyond commanded speeds and lags."""
+"""Relative difference between speed and change of position, beyond that of commanded speeds and lags."""
 
 _FEW = 20  # readings, and [ms] at 1 kHz, that may be equal in any record
-_FLICKER = 0.4  # share of readings at which the force turns, from which on noise covers the resolution
-_COVERED = 2.0  # standard deviations of noise over resolution, that counts as continuous
-_CAUTION = 0.6  # by which noise is taken to be less than it seems: it seems most where it straddles a level
+_FLICKER = 0.4  # share of readings at which the force turns, above which noise covers the resolution
+_COVERED = 2.0  # standard deviations of noise over resolution above which the force counts as continuous
+_CAUTION = 0.6  # factor on the estimated noise, which is largest where it straddles a level
 _FARTHEST = 3.7  # standard deviations of the largest of 10,000 normal numbers
-_STEEPER = 4.0  # times as long as the rise that it ends lasts a flat top: loading slows down by 2.5 at the most
-_LEVELS = 3.0  # resolutions by which that rise is one
+_STEEPER = 4.0  # duration of a flat top over that of the rise before it: loading slows down by 2.5 at most
+_LEVELS = 3.0  # height of that rise, in resolutions
 _FEWEST = 5  # equal readings that can be a flat top
-_NOISE_FREE = 0.05  # share of readings at which a force without noise turns at the most
-_PULL = 3.0  # times as far below zero as above it is a force that counts the other way
-_RISES = 2  # of force before a run, by which a cut is told from friction alone, which rises once
-_ZERO = 0.1  # [N], or the share 0.02 of the largest force: below, a sensor with a dead zone shows nothing
+_NOISE_FREE = 0.05  # largest share of readings at which a force without noise turns
+_PULL = 3.0  # ratio of lowest to highest force at which the force counts as reversed
+_RISES = 2  # rises of force before a run that distinguish a cut from friction alone, which rises once
+_ZERO = 0.1  # [N], or the share 0.02 of the largest force: below it, a sensor with a dead zone shows nothing
 
 
 @dataclass(frozen=True, kw_only=True)
 class Flaw:
-    """One thing that is wrong with a record.
+    """One issue of signal quality in a record.
 
     Attributes
     ----------
@@ -69,9 +69,9 @@ class Flaw:
     rows : tuple of int
         First and last instant of the trace that show it, counted from 0.
     message : str
-        What, where and the cure, in the reader's words.
+        Description, position and cure.
     refuse : bool
-        Whether numbers from the record would be wrong; otherwise it is worth a look.
+        True if numbers from the record would be wrong; False for a mere warning.
     """
 
     kind: str
@@ -81,12 +81,12 @@ class Flaw:
 
 
 def flaws(trace: Trace) -> tuple[Flaw, ...]:
-    """Judge whether a record is one of an honest sensor.
+    """Check the signal quality of a record.
 
     Parameters
     ----------
     trace : Trace
-        Any record; what it does not hold is not judged.
+        Any record; fields that it lacks are not checked.
 
     Returns
     -------
@@ -95,9 +95,9 @@ def flaws(trace: Trace) -> tuple[Flaw, ...]:
 
     Notes
     -----
-    A reading that repeats is no flaw by itself: a sensor of coarse resolution repeats at rest, and so does a
-    record without noise. How long noise lets a reading repeat follows from how often the force turns (noise
-    that flickers over two levels does at every other reading), and from noise over resolution.
+    A repeated reading is not an issue by itself: a sensor of coarse resolution repeats at rest, and so does a record
+    without noise. How long noise lets a reading repeat follows from how often the force turns (noise that flickers
+    between two levels turns at every other reading), and from the ratio of noise to resolution.
     """
     found = [*_short(trace), *_clock(trace), *_speed(trace)]
     if np.ptp(trace.force) == 0.0:
@@ -113,7 +113,7 @@ def flaws(trace: Trace) -> tuple[Flaw, ...]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Signal:
-    """Runs of equal readings: where they start, how long they are; how noisy the force is; where the blade advances."""
+    """Properties of the force signal: runs of equal readings, noise, resolution, and where the blade advances."""
 
     starts: NDArray[np.intp]
     lengths: NDArray[np.intp]
@@ -121,7 +121,7 @@ class _Signal:
     resolution: float  # [force unit]
     noise: float  # noise over resolution [1]
     is_continuous: bool
-    zero: float  # what counts as no force
+    zero: float  # largest force that counts as none
     new_ground: Mask | None
 
     @classmethod
@@ -143,8 +143,8 @@ class _Signal:
             lengths=lengths,
             turning=turning,
             resolution=resolution,
-            # Of two readings one is on another level with a chance of 2/sqrt(pi) noise/resolution, on average; of
-            # the changes between levels three of four take back the one before.
+            # Of two readings one is on another level with a probability of 2/sqrt(pi) noise/resolution, on average;
+            # three of four changes between levels reverse the one before.
             noise=_CAUTION * (turning / 0.75) * math.sqrt(math.pi) / 2.0,
             is_continuous=is_continuous,
             zero=_ZERO if trace.force_unit == "N" else 0.02 * float(np.abs(force).max()),
@@ -152,7 +152,7 @@ class _Signal:
         )
 
     def longest_chance(self, repeats: float, n_readings: int, least: int) -> float:
-        """Length of a run that noise leaves once in `1/STUCK_ODDS` records, if a reading repeats so often."""
+        """Return the length of a run that noise leaves once in `1/STUCK_ODDS` records, given the chance of repeats."""
         if repeats <= 0.0:
             return least
         if repeats >= 1.0:
@@ -161,7 +161,7 @@ class _Signal:
 
 
 def _new_ground(trace: Trace) -> Mask | None:
-    """Where the blade moves forward, farther than it has been before."""
+    """Return a mask of the instants at which the blade moves forward, beyond its furthest position so far."""
     if trace.position is None:
         return None
     reached = np.maximum.accumulate(trace.position)
@@ -220,7 +220,7 @@ def _clock(trace: Trace) -> list[Flaw]:
             Flaw(
                 kind="clock",
                 rows=(int(where[0]), int(where[-1]) + 1),
-                message=f"{uneven.mean():.0%} of the steps of time differ by half from the usual {usual:.3g} s. Take "
+                message=f"{uneven.mean():.0%} of the time steps differ by half from the usual {usual:.3g} s. Take "
                 "the time from the sensor, not from the program that stores it.",
                 refuse=False,
             )
@@ -246,7 +246,7 @@ def _speed(trace: Trace) -> list[Flaw]:
         Flaw(
             kind="speed",
             rows=(int(where[0]), int(where[-1])),
-            message=f"the position changes {share:.2g} times as fast as the speed says. Check unit and sign of the "
+            message=f"the position changes {share:.2g} times as fast as the recorded speed. Check unit and sign of the "
             "speed (backward is negative), or leave it out.",
             refuse=False,
         )
@@ -273,14 +273,14 @@ def _reversed(trace: Trace) -> list[Flaw]:
             rows=rows,
             message=f"the force is {force[where].mean():.2g}{_unit(trace)} on average "
             f"{'where the blade cuts' if new_ground is not None else 'where it is negative'}: it counts positive "
-            "against forward motion. Turn its sign (force=-column), or take the sensor's offset off.",
+            "against forward motion. Reverse its sign (force=-column), or subtract the sensor's offset.",
             refuse=new_ground is not None,
         )
     ]
 
 
 def _stuck(trace: Trace, signal: _Signal) -> list[Flaw]:
-    """Find runs of one reading that noise would have ended, or that a cut would have."""
+    """Find runs of equal readings that noise, or a cut, would have ended sooner."""
     few = max(_FEW, round(_FEW * 1e-3 * trace.sample_rate))
     if signal.is_continuous:
         by_noise = float(few)
@@ -292,7 +292,7 @@ def _stuck(trace: Trace, signal: _Signal) -> list[Flaw]:
         first, last = int(signal.starts[k]), int(signal.starts[k] + signal.lengths[k] - 1)
         travel = _travel(trace, signal, first, last)
         if abs(float(trace.force[first])) <= 2.0 * signal.zero and not _is_amid_cut(trace, signal, first, last, travel):
-            continue  # a blade in the air, a dead zone
+            continue  # a blade in the air, or a dead zone
         hangs_in_cut = travel >= STUCK_TRAVEL and _is_cutting(trace, signal, first)
         if signal.lengths[k] < by_noise and not hangs_in_cut:
             continue
@@ -311,7 +311,7 @@ def _stuck(trace: Trace, signal: _Signal) -> list[Flaw]:
 
 
 def _travel(trace: Trace, signal: _Signal, first: int, last: int) -> float:
-    """Way on new ground during some readings [m]; 0 where no position is known."""
+    """Return the travel on new ground during some readings [m]; 0 where no position is known."""
     if trace.position is None or signal.new_ground is None:
         return 0.0
     here = trace.position[first : last + 1][signal.new_ground[first : last + 1]]
@@ -319,13 +319,13 @@ def _travel(trace: Trace, signal: _Signal, first: int, last: int) -> float:
 
 
 def _is_amid_cut(trace: Trace, signal: _Signal, first: int, last: int, travel: float) -> bool:
-    """Whether some readings without force come between forces, while the blade is known to cut."""
+    """Return True if readings without force come between forces while the blade is known to cut."""
     loaded = np.abs(trace.force) > 2.0 * signal.zero
     return bool(travel > GAP_TRAVEL and loaded[:first].any() and loaded[last + 1 :].any())
 
 
 def _is_cutting(trace: Trace, signal: _Signal, first: int) -> bool:
-    """Whether the force has risen and fallen on new ground before a reading, as in a cut and not as in an open one."""
+    """Return True if the force has risen and fallen on new ground before a reading, as in a cut."""
     assert signal.new_ground is not None
     before = trace.force[:first][signal.new_ground[:first]]
     swing = SMALLEST_DROP if trace.force_unit == "N" else signal.zero
@@ -359,7 +359,7 @@ def _clipping(trace: Trace, signal: _Signal) -> list[Flaw]:
 
 
 def _tops_beyond_noise(trace: Trace, signal: _Signal, runs: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Runs at the extreme that are too long: noise that lets a reading repeat would also have exceeded it."""
+    """Return runs at the extreme that are too long: noise that lets a reading repeat would also have exceeded it."""
     if signal.turning < _NOISE_FREE:
         return runs[:0]
     if signal.is_continuous:
@@ -371,7 +371,7 @@ def _tops_beyond_noise(trace: Trace, signal: _Signal, runs: NDArray[np.intp]) ->
 
 
 def _tops_beyond_slope(trace: Trace, signal: _Signal, runs: NDArray[np.intp], sign: float) -> NDArray[np.intp]:
-    """Runs at the extreme that end a steady rise and last far longer than it, on new ground if that is known."""
+    """Return runs at the extreme that end a steady rise and last far longer than it, on new ground if known."""
     force = sign * trace.force
     flat = []
     for k in runs.tolist():

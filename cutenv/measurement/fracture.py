@@ -1,4 +1,4 @@
-"""Fracture resistance of a cut: the work that a unit of cut area takes (thesis, chapter 6)."""
+"""Fracture resistance of a cut: the work per area cut (thesis, chapter 6)."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from cutenv.trace import Trace
 from cutenv.validation import in_range
 
 Array = NDArray[np.float64]
-_Stiffness = Callable[[float | Array, float], Array]  # [N/m], of the tip [m] and friction per depth [N/m]
+_Stiffness = Callable[[float | Array, float], Array]  # [N/m], from tip [m] and friction per depth [N/m]
 
 FRICTION_SHARE = 0.2
 """Assumed share of friction in the measured resistance [1], where nothing measures it; sweep 0 to 0.4."""
 
-_SETTLED = 1e-9  # of the greatest friction, to which assumed friction is found
-_LONGEST_LAG = 0.02  # [m] of the blade before the tip: in liver it is 2 to 12 mm
-_PLACES = 100  # behind the blade, where the tip of tissue that is still loaded is looked for
-_SOFTEST = 0.1  # of a ramp's slope, that friction leaves to the tissue at the least
+_SETTLED = 1e-9  # relative tolerance of assumed friction
+_LONGEST_LAG = 0.02  # [m] of the blade ahead of the tip: in liver it is 2 to 12 mm
+_PLACES = 100  # positions behind the blade at which the tip of loaded tissue is searched
+_SOFTEST = 0.1  # smallest share of a ramp's slope that belongs to the tissue rather than friction
 _SHORTEST_CUT = 0.2e-3  # [m]
-_SLOW_SHARE = 0.1  # of the travel that may pass below the speed that counts as standing
-_FINAL = 0.010  # [s] of readings that give the force at the end of the cut
+_SLOW_SHARE = 0.1  # share of the travel that may be below the speed that counts as standing
+_FINAL = 0.010  # [s] of readings averaged for the force at the end of the cut
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,21 +44,20 @@ class FractureEstimate:
     Attributes
     ----------
     apparent : float
-        Work of the blade per depth and travel [J/m2], equations 6.1 to 6.4: what Table 6.1 holds. It takes
-        the blade's travel for the length of the cut and counts stored energy as fracture, and reads low on
-        short cuts.
+        Work of the blade per depth and travel [J/m2], equations 6.1 to 6.4, as in Table 6.1. It uses the blade's
+        travel as the length of the cut and counts stored energy as fracture, and is too low for short cuts.
     corrected : float
         Work per area cut, by the estimated tip, less stored energy, friction's share included [J/m2].
     cut_length : float
-        From the start of the cut to the estimated tip [m].
+        Distance from the start of the cut to the estimated tip [m].
     friction_per_depth : float
         Friction on the blade per depth of cut [N/m], as used in `corrected`.
     flags : tuple of str
-        What weakens the estimate, in words; empty if nothing does.
+        Remarks on what weakens the estimate; empty if nothing does.
     return_stroke : ReturnStroke or None
         The way back that closed the loop; None without one past the tip.
     zero : SensorZero
-        What was taken off the force first.
+        The sensor's zero that was subtracted from the force first.
     """
 
     apparent: float
@@ -77,24 +76,23 @@ def estimate_fracture_resistance(
     friction_share: float = FRICTION_SHARE,
     loading_ratio: float | LoadingRatio | None = None,
 ) -> FractureEstimate:
-    """Find the fracture resistance R of a cut from the work of the blade, the sensor's zero taken off first.
+    """Find the fracture resistance R of a cut from the work of the blade, after subtracting the sensor's zero.
 
-    With a return stroke past the tip, the loop is closed: all elastic energy is given back, and the tip is
-    where the force has become plain friction f on the way back. Then R = (W - 2 f x)/(B a) + f/B, or, for a
-    varying depth, R = (W - phi * integral of B |dx|) / (integral of B from 0 to a) + phi with phi = f/B. Any
-    number of earlier strokes may have gone before. Without a return stroke the stored energy F_elastic^2/(2
-    K) and the lag F_elastic/K are estimated from the final force and the stiffness K = slope / r of the last
-    loading segment, and flagged.
+    With a return stroke past the tip, the loop is closed: all elastic energy is given back, and the tip is where the
+    force has become plain friction f on the way back. Then R = (W - 2 f x)/(B a) + f/B, or, for a varying depth,
+    R = (W - phi * integral of B |dx|) / (integral of B from 0 to a) + phi with phi = f/B, after any number of
+    earlier strokes. Without a return stroke the stored energy F_elastic^2/(2 K) and the lag F_elastic/K are
+    estimated from the final force and the stiffness K = slope / r of the last loading segment, with a flag.
 
     Parameters
     ----------
     trace : Trace
-        With position and depth, from the start of the cut on; force in newtons. Without a return stroke also
+        Record with position and depth, from the start of the cut; force in newtons. Without a return stroke also
         angle, unless `loading_ratio` is given.
     friction_per_depth : float, optional
-        phi [N/m], 0 to 1e5. By default from the return stroke, or else by `friction_share`.
+        phi [N/m], 0 to 1e5; by default from the return stroke, or else by `friction_share`.
     friction_share : float
-        Friction's share of R [1], 0 to 0.9; used, and flagged, only where nothing measures friction.
+        Friction's share of R [1], 0 to 0.9; used, with a flag, only where nothing measures friction.
     loading_ratio : float or callable, optional
         r [1], 0.01 to 1, for other tissue, or a function of speed [m/s] and angle [rad]. By default that of
         pig liver at the last segment's speed and angle.
@@ -111,17 +109,17 @@ def estimate_fracture_resistance(
 
     Notes
     -----
-    Equations 6.1 to 6.4 and section 6.2 of the thesis; :func:`~cutenv.measurement.zeroed` takes the zero off.
+    Equations 6.1 to 6.4 and section 6.2 of the thesis; :func:`~cutenv.measurement.zeroed` subtracts the zero.
 
-    The thesis integrated the norm of the sensor's three components (sections 3.3.2 and 5.3): its R, Table 6.1, holds
-    the work that vertical and lateral force would do along the cut. A trace holds one force, by right the component
-    along the cut; R of one and of the other are not the same quantity. A norm has no sign, so its way back tells
-    nothing.
+    The thesis integrated the norm of the sensor's three components (sections 3.3.2 and 5.3): its R, Table 6.1,
+    contains the work that vertical and lateral force would do along the cut. A trace holds one force, properly the
+    component along the cut; R of the one and of the other are different quantities. A norm has no sign, so its way
+    back gives no friction.
 
-    The error is mostly that of the depth. In drawn livers cut 11 cm long R comes back within 0.4 % (median) and 1.6 %
-    (95th percentile) by the exact depth, within 1.3 and 4.0 % by a depth known to 0.5 mm; then within 2.8 and 7.9 %
-    over 6 cm and 5.7 and 16 % over 3 cm, which are shallower. Without a return stroke friction's share is off by the
-    assumption, and R within 0.5 and 2.1 % over 11 cm, exact depth (``scripts/measure_recovery.py --specimens 40``).
+    The error is mostly due to depth. In sampled livers cut 11 cm long R is recovered within 0.4 % (median) and 1.6 %
+    (95th percentile) with exact depth, within 1.3 and 4.0 % with depth known to 0.5 mm; then within 2.8 and 7.9 %
+    over 6 cm and 5.7 and 16 % over 3 cm, which are shallower. Without a return stroke friction's share is wrong by
+    the assumption, and R within 0.5 and 2.1 % over 11 cm, exact depth (``scripts/measure_recovery.py --specimens 40``).
     """
     by = "estimate_fracture_resistance"
     trace.require_newtons(by=by)
@@ -185,7 +183,7 @@ def estimate_fracture_resistance(
 
 
 def _check_speed(trace: Trace, position: Array, travel: float) -> None:
-    """Refuse a cut too slow to be told from standing, whose friction would be overlooked."""
+    """Raise for a cut so slow that it counts as standing, whose friction would be overlooked."""
     advance = sum(position[s.stop - 1] - position[s.start] for s in strokes(trace.time, position) if s.forward)
     if advance < (1.0 - _SLOW_SHARE) * travel:
         raise ValueError(
@@ -195,19 +193,19 @@ def _check_speed(trace: Trace, position: Array, travel: float) -> None:
 
 
 def _work_per_depth(trace: Trace, position: Array, depth: DepthProfile) -> float:
-    """W* [J/m]: integral of F/B dU (equation 6.2) over ground that the blade had not reached before."""
+    """Return W* [J/m]: integral of F/B dU (equation 6.2) over ground that the blade had not reached before."""
     reached = np.maximum.accumulate(position)
     F_per_B = trace.force / np.maximum(depth.at(position), SHALLOWEST)
     return float(trapezoid(F_per_B, reached))
 
 
 def _work(trace: Trace, position: Array, stop: int) -> float:
-    """Work of the blade over the first ``stop`` readings, to and fro [J]."""
+    """Return the work of the blade over the first ``stop`` readings, to and fro [J]."""
     return float(trapezoid(trace.force[:stop], position[:stop]))
 
 
 def _rubbed_area(trace: Trace, position: Array, depth: DepthProfile, stop: int) -> float:
-    """Integral of B |dx| over the strokes of the first ``stop`` readings [m2]."""
+    """Return the integral of B |dx| over the strokes of the first ``stop`` readings [m2]."""
     moved = strokes(trace.time, position)
     return sum(abs(depth.area(*_ends(position, stroke))) for stroke in moved if stroke.stop <= stop)
 
@@ -218,14 +216,14 @@ def _ends(position: Array, stroke: Stroke) -> tuple[float, float]:
 
 
 def _closed_loop(trace: Trace, position: Array, depth: DepthProfile, way_back: ReturnStroke, phi: float) -> float:
-    """R = (W - phi int B |dx|) / int_0^a B da + phi; nothing is stored where the stroke ends."""
+    """Return R = (W - phi int B |dx|) / int_0^a B da + phi; nothing is stored where the stroke ends."""
     W = _work(trace, position, way_back.stop)
     rubbed = phi * _rubbed_area(trace, position, depth, way_back.stop)
     return (W - rubbed) / depth.area(float(position[0]), way_back.tip) + phi
 
 
 def _ramp_stiffness(ramp: Segment, r: float, position: Array, depth: DepthProfile) -> _Stiffness:
-    """K at a tip, from the ramp's slope less friction's share in it, carried there from the ramp's own tip."""
+    """Return K as a function of the tip: the ramp's slope less friction's share, scaled from the ramp's own tip."""
     x, slope = ramp.require("position", "slope", by="estimate_fracture_resistance")
     first, last = (float(position[i]) for i in (ramp.start, ramp.stop - 1))
     rise_of_depth = float(depth.at(last) - depth.at(first)) / (last - first)
@@ -239,7 +237,7 @@ def _ramp_stiffness(ramp: Segment, r: float, position: Array, depth: DepthProfil
 
 
 def _mean_liver_stiffness(depth: DepthProfile, farthest: float) -> _Stiffness:
-    """K [N/m] at a tip, in the thesis's slab of mean pig liver."""
+    """Return K [N/m] as a function of the tip, in the thesis's slab of mean pig liver."""
     model = CutModel()
     in_range("position", farthest, 0.0, model.length, "m", "In a longer specimen record a return stroke.")
 
@@ -257,9 +255,9 @@ def _open_loop(
     friction_per_depth: float | None,
     friction_share: float,
 ) -> tuple[float, float, float]:
-    """R, a and phi with the tissue still loaded.
+    """Return R, a and phi with the tissue still loaded.
 
-    Friction that is a share of R lies between none and all of the work: a root between bounds, however K goes.
+    Friction that is a share of R is between none and all of the work: a root between bounds, however K varies.
     """
     advance = [s for s in strokes(trace.time, position) if s.forward]
     stop = max(advance, key=lambda stroke: position[stroke.stop - 1]).stop
@@ -288,10 +286,10 @@ def _open_loop(
 
 
 def _loaded_tip(x: float, F: float, stiffness: Callable[[float | Array], Array], places: Array) -> float:
-    """The tip nearest to a blade at ``x`` at which K (x - a) = F [N]; if there is none, x - F/K with K at the blade.
+    """Find the tip nearest to a blade at ``x`` with K (x - a) = F [N]; if there is none, x - F/K with K at the blade.
 
-    ``places`` [m] lead back from the blade. Tissue that gets softer that way may nowhere
-    carry the force by the estimated K.
+    ``places`` [m] run back from the blade. In tissue that gets softer that way, the estimated K may nowhere carry the
+    force.
     """
     missing = (x - places) * stiffness(places) - F
     if F <= 0.0:
@@ -303,7 +301,7 @@ def _loaded_tip(x: float, F: float, stiffness: Callable[[float | Array], Array],
 
 
 def _root(function: Callable[[float], float], high: float) -> float:
-    """The zero of ``function`` between 0 and ``high``, or the end nearer to one."""
+    """Return the zero of ``function`` between 0 and ``high``, or the end nearer to one."""
     if high <= 0.0 or function(0.0) <= 0.0:
         return 0.0
     if function(high) >= 0.0:

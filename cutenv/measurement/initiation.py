@@ -1,8 +1,8 @@
-"""Initiation: by how much the force that starts a crack run exceeds the fracture resistance.
+"""Initiation: excess of the force that starts a crack run over the fracture resistance.
 
 A blade loads the tissue up to a hilltop of the force, F = (1 + eta) R B, where the crack runs.  From one hilltop to
-the next the energy balance (thesis, 6.1 to 6.4) tells R of just that piece of tissue: work less friction less the
-change of stored energy, over the area cut.  Both together tell eta, however uneven the tissue is.
+the next the energy balance (thesis, 6.1 to 6.4) gives R of just that piece of tissue: work less friction less the
+change of stored energy, over the area cut.  Both together give eta, however uneven the tissue is.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from cutenv.trace import Trace
 
 Array = NDArray[np.float64]
 
-_FEWEST, _PARTS = 30, 4  # readings, or a quarter of the ramp, that give the force at its end
-_BEYOND = 3  # bins behind a ramp's end, within which the force has fallen
-_STEPS = 3  # of the fixed point for the tip at a hilltop
+_FEWEST, _PARTS = 30, 4  # readings, or a quarter of the ramp, fitted for the force at its end
+_BEYOND = 3  # bins after a ramp's end within which the force must have fallen
+_STEPS = 3  # fixed-point iterations for the tip at a hilltop
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InitiationEstimate:
-    """Of one cut: hilltops, and the units between one and the next where both are known.
+    """Initiation forces of one cut: hilltops, and the units between successive ones where both are known.
 
     Attributes
     ----------
@@ -46,9 +46,9 @@ class InitiationEstimate:
     unit_position, unit_length : ndarray of shape (m,)
         Middle and length of each unit, by the tip [m].
     unit_area, unit_energy, unit_angle : ndarray of shape (m,)
-        Area cut [m2], fracture energy that it took, friction left out [J], angle of the blade [rad].
+        Area cut [m2], its fracture energy without friction [J], angle of the blade [rad].
     unit_force_per_depth : ndarray of shape (m,)
-        Mean of its two hilltops [N/m].
+        Mean over its two hilltops [N/m].
     """
 
     position: Array
@@ -67,7 +67,7 @@ class InitiationEstimate:
 
 
 class Hilltop(NamedTuple):
-    """Where a ramp of loading ends: everything that does not depend on the loading ratio."""
+    """End of a loading ramp: everything that does not depend on the loading ratio."""
 
     speed: float  # of the blade [m/s]
     angle: float | None  # [rad]
@@ -86,23 +86,23 @@ def estimate_initiation(
     friction_per_depth: float | None = None,
     loading_ratio: float | LoadingRatio | None = None,
 ) -> InitiationEstimate:
-    """Find the forces that start crack runs, and the energy of the units between them.
+    """Find the forces that start crack runs, and the energies of the units between them.
 
     Parameters
     ----------
     trace : Trace
-        With position and depth, and angle unless `loading_ratio` is given; force in newtons.
+        Record with position and depth, and angle unless `loading_ratio` is given; force in newtons.
     model : CutModel
-        Whose unit stiffness tells how the stiffness changes along a ramp; any will do.
+        Model for the change of stiffness along a ramp; any will do.
     friction_per_depth : float, optional
-        phi [N/m]; by default as :func:`~cutenv.measurement.estimate_fracture_resistance` finds it.
+        phi [N/m]; by default from :func:`~cutenv.measurement.estimate_fracture_resistance`.
     loading_ratio : float or callable, optional
         r [1], 0.01 to 1, or a function of speed [m/s] and angle [rad]; by default that of pig liver.
 
     Returns
     -------
     InitiationEstimate
-        Without units if there are no two steady ramps one after the other.
+        Without units if there are no two steady ramps in a row.
 
     Raises
     ------
@@ -122,9 +122,9 @@ def estimate_initiation(
 
 
 def initiation_excess(estimates: Iterable[InitiationEstimate]) -> float:
-    """eta90 of eta = eta90 sin(theta)^2, from all units of some cuts together.
+    """Return eta90 of eta = eta90 sin(theta)^2, from all units of some cuts together.
 
-    Sums before the ratio is taken, so that short units, whose energy is known less well, count for less.
+    Sums are taken before the ratio, so that short units, whose energy is less certain, have less weight.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def initiation_excess(estimates: Iterable[InitiationEstimate]) -> float:
 
 
 def hilltops(elastic: Trace, ramps: list[Segment]) -> list[Hilltop | None]:
-    """The end of each of ``ramps`` in a record of elastic force; None for one that does not tell its slope."""
+    """Return the end of each of ``ramps`` in a record of elastic force; None where the slope is not usable."""
     (position,) = elastic.require("position", by="hilltops")
     F = elastic.force
     work = np.concatenate(([0.0], np.cumsum(0.5 * (F[1:] + F[:-1]) * np.diff(position))))
@@ -155,7 +155,7 @@ def hilltops(elastic: Trace, ramps: list[Segment]) -> list[Hilltop | None]:
             continue
         middle, slope, speed = ramp.require("position", "slope", "speed", by="hilltops")
         end = ramp.stop - 1
-        # The ramp of an uneven tissue is bent: its last part tells where it ends.
+        # The ramp of an uneven tissue is bent: its last part determines where it ends.
         last = slice(max(ramp.start, ramp.stop - max(_FEWEST, (ramp.stop - ramp.start) // _PARTS)), ramp.stop)
         from_here, F_last = position[last] - position[end], F[last]
         rise = float((from_here - from_here.mean()) @ F_last / ((from_here - from_here.mean()) @ from_here))
@@ -180,16 +180,16 @@ def hilltops(elastic: Trace, ramps: list[Segment]) -> list[Hilltop | None]:
 
 
 def _run_after(ramp: Segment, position: Array, F: Array, force: float, rise: float, within: int) -> int:
-    """The first reading after the crack ran that ends ``ramp``: where the force is half a drop below the ramp's line.
+    """Return the first reading after the crack run that ends ``ramp``: half a drop below the ramp's line.
 
-    A ramp leaves out its last bin, and the next holds the drop: the crack runs up to two bins behind its end.
+    A ramp leaves out its last bin, and the next contains the drop: the crack runs up to two bins after its end.
 
     Parameters
     ----------
     force, rise : float
-        Of the line at the ramp's last reading [N], and its slope [N/m].
+        Force of the line at the ramp's last reading [N], and its slope [N/m].
     within : int
-        Readings after the ramp in which it is looked for.
+        Number of readings after the ramp that are searched.
     """
     end = ramp.stop - 1
     after = slice(ramp.stop, ramp.stop + within)
@@ -201,7 +201,7 @@ def _run_after(ramp: Segment, position: Array, F: Array, force: float, rise: flo
 def initiation_at(
     tops: list[Hilltop | None], depth: DepthProfile, model: CutModel, ratio: LoadingRatio
 ) -> InitiationEstimate:
-    """Tips, forces and energies at hilltops, for a loading ratio."""
+    """Return tips, forces and energies at hilltops, for a loading ratio."""
     points: list[tuple[float, float, float, Hilltop] | None] = [None] * len(tops)
     found = [(i, top) for i, top in enumerate(tops) if top is not None]
     r = np.array([ratio(top.speed, top.angle) for _, top in found])
@@ -210,7 +210,7 @@ def initiation_at(
     ).reshape(-1, 5).T  # fmt: skip
     K = slope / r
     middle, a = np.maximum(x_middle - F_middle / K, 0.0), np.maximum(x - F / K, 0.0)
-    for _ in range(_STEPS):  # the ramp's stiffness belongs to its middle; depth and kappa carry it to its end
+    for _ in range(_STEPS):  # the ramp's stiffness is that at its middle; depth and kappa scale it to its end
         there = K * carried(middle, a, depth, model)
         a = np.maximum(x - F / there, 0.0)
     B = depth.at(a)

@@ -1,4 +1,4 @@
-"""How fast the force rises while a blade cuts as it loads, over how fast it would rise without growth."""
+"""Loading ratio: rate of rise of the force while a blade cuts as it loads, over that without crack growth."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from cutenv.tissue.modulus import checked_angle, checked_speed
 from cutenv.validation import in_range
 
 LoadingRatio = Callable[[float, float | None], float]
-"""From speed [m/s] and angle [rad] to r [1]."""
+"""Function from speed [m/s] and angle [rad] to r [1]."""
 
-_SLACK = 1e-6  # [rad], for angles that went through degrees and back
-_SPEED_SLACK = 0.02  # of the speed, which a record gives with noise
+_SLACK = 1e-6  # [rad], for angles converted to degrees and back
+_SPEED_SLACK = 0.02  # relative tolerance of the speed, which a record gives with noise
 
 
 def loading_ratio(speed: float, angle: float | None) -> float:
@@ -22,20 +22,20 @@ def loading_ratio(speed: float, angle: float | None) -> float:
     Parameters
     ----------
     speed : float
-        Magnitude [m/s], 0 to 0.1; outside the measured 0.001 to 0.0254 it counts as the nearest measured one.
+        Magnitude [m/s], 0 to 0.1; outside the measured 0.001 to 0.0254 the nearest measured speed is used.
     angle : float
-        Of the blade [rad], pi/4 to pi/2.
+        Angle of the blade [rad], pi/4 to pi/2.
 
     Raises
     ------
     TypeError, ValueError
-        If the angle is missing or outside the measured ones, or either looks like another unit.
+        If the angle is missing or outside the measured range, or either looks like another unit.
 
     Notes
     -----
-    As the law has it (``measured_liver``): Table 5.6, depth-normalised plane stress, its means at 90 and the line at 45
-    degrees. E0 is the value for v -> 0 at 90 degrees, itself a local effective modulus: by the ratio alone the LEMs
-    enter the law, whose stiffness is that of the material.
+    As in the law (``measured_liver``): Table 5.6, depth-normalised plane stress, its means at 90 and the line at 45
+    degrees. E0 is the value for v -> 0 at 90 degrees, itself a local effective modulus: the LEMs enter the law only by
+    this ratio; its stiffness is that of the material.
     """
     if angle is None:
         raise TypeError("the loading ratio of pig liver needs the angle of the blade; else give loading_ratio.")
@@ -48,7 +48,7 @@ def loading_ratio(speed: float, angle: float | None) -> float:
 
 
 def loading_ratio_of(given: float | LoadingRatio | None, *, low: float = 0.0) -> LoadingRatio:
-    """The ratio as a function: that of pig liver for None, the same everywhere for a number of ``low`` to 1."""
+    """Return the ratio as a function: pig liver's for None, a constant for a number from ``low`` to 1."""
     if given is None:
         return loading_ratio
     if callable(given):
@@ -58,6 +58,6 @@ def loading_ratio_of(given: float | LoadingRatio | None, *, low: float = 0.0) ->
 
 
 def in_measured_range(speed: float) -> bool:
-    """Whether the ratio was measured at ``speed`` [m/s]."""
+    """Return True if the ratio was measured at ``speed`` [m/s]."""
     liver = measured_liver()
     return (1.0 - _SPEED_SLACK) * liver.speed_min <= speed <= (1.0 + _SPEED_SLACK) * liver.speed_max

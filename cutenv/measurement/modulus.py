@@ -1,4 +1,4 @@
-"""Local effective moduli of a cut: what modulus reproduces each loading increment (sections 3.3.2, 3.4)."""
+"""Local effective moduli of a cut: the modulus that reproduces each loading increment (sections 3.3.2, 3.4)."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from cutenv.validation import in_range
 
 Array = NDArray[np.float64]
 
-_RESTLESS = 1.3  # times the usual scatter of a record's ramps
+_RESTLESS = 1.3  # multiple of the usual scatter of a record's ramps
 _SMOOTH = 0.99  # R squared of a ramp without noise, whose bend is only that of the depth
-_SOFTEST, _STIFFEST = 1e-3, 1e12  # [Pa], between which a modulus is looked for
+_SOFTEST, _STIFFEST = 1e-3, 1e12  # [Pa], range in which a modulus is searched
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,17 +34,17 @@ class ModulusEstimate:
     Attributes
     ----------
     position : ndarray
-        Estimated tip, where the modulus belongs [m].
+        Estimated tip, at which the modulus is measured [m].
     modulus : ndarray
-        Local effective modulus of the recorded force [Pa], of the model that was asked with, at each segment's
-        own speed and angle: the slow, upright one is this over the loading ratio
+        Local effective modulus of the recorded force [Pa], for the given model, at each segment's own speed and angle;
+        divided by the loading ratio it is the slow, upright one
         (`cutenv.tissue.local_effective_modulus`).
     segments : list of Segment
-        The ramps that it was found from, of the force less friction.
+        The ramps from which it was found, of the force less friction.
     friction_per_depth : float
-        What was taken off [N/m].
+        Friction that was subtracted [N/m].
     flags : tuple of str
-        What weakens the estimate, in words; empty if nothing does.
+        Remarks on what weakens the estimate; empty if nothing does.
     """
 
     position: Array
@@ -58,7 +58,7 @@ class ModulusEstimate:
 
     @property
     def mean(self) -> float:
-        """Average over the segments [Pa]; raises ValueError if there are none."""
+        """Mean over the segments [Pa]; raises ValueError if there are none."""
         return float(self._some().mean())
 
     @property
@@ -68,7 +68,7 @@ class ModulusEstimate:
 
     @property
     def relative_error(self) -> Array:
-        """Standard error of each segment's slope over the slope, by the scatter about its line [1]."""
+        """Standard error of each segment's slope over the slope, from the scatter about its line [1]."""
         return np.array([np.sqrt((1.0 / s.r_squared - 1.0) / (s.stop - s.start - 2)) for s in self.segments])
 
     def _some(self) -> Array:
@@ -87,9 +87,9 @@ def iterate_modulus(
     tolerance: float = 0.01,
     most_steps: int = 100,
 ) -> float:
-    """Find the modulus with which a model shows a measured rise of force, by the thesis's iteration.
+    """Find the modulus with which a model reproduces a measured rise of force, by the thesis's iteration.
 
-    A linear model needs one step; the iteration serves one whose force is not proportional to the modulus.
+    A linear model needs one step; the iteration is for one whose force is not proportional to the modulus.
 
     Parameters
     ----------
@@ -103,19 +103,19 @@ def iterate_modulus(
     tolerance : float
         Relative difference of forces at which the iteration stops [1], 1e-12 to 0.5.
     most_steps : int
-        After which it is said to diverge.
+        Number of steps after which it counts as divergent.
 
     Returns
     -------
     float
-        [Pa]
+        Modulus [Pa].
 
     Raises
     ------
     ValueError
         If an argument is out of range, or the model's force is not positive.
     RuntimeError
-        If it does not converge; with step, modulus and residual.
+        If it does not converge; the message gives step, modulus and residual.
 
     Notes
     -----
@@ -151,36 +151,35 @@ def estimate_local_effective_moduli(
 ) -> ModulusEstimate:
     """Find the local effective modulus of every loading segment of a cut.
 
-    The model is linear, so one step of the thesis's iteration gives the modulus exactly: slope / (kappa B).
-    Both kappa and the depth B belong to the crack tip, which follows the blade at a distance of F_elastic/K;
-    with K = slope / r, where r is `loading_ratio`, it stands at x - r F_elastic / slope. Left out are the
-    first segment of each stroke, part of which is elastic, a last one that no drop ended, during which the
-    blade slowed down, and ramps that are not straight, because they hide a drop, or not of one speed; last, those
-    that scatter more than 1.3 times as much about their line as the record's ramps usually do.
+    The model is linear, so one step of the thesis's iteration gives the modulus exactly: slope / (kappa B). Both
+    kappa and the depth B belong to the crack tip, which follows the blade at a distance of F_elastic/K; with
+    K = slope / r, where r is `loading_ratio`, it is at x - r F_elastic / slope. Left out are the first segment of
+    each stroke, part of which is elastic, a last one without a drop, during which the blade slowed down, ramps that
+    are not straight, because they hide a drop, or whose speed varies; and those that scatter more than 1.3 times as
+    much about their line as the record's ramps usually do.
 
     Parameters
     ----------
     trace : Trace
-        With position, and angle unless `loading_ratio` is given; force in newtons.
+        Record with position, and angle unless `loading_ratio` is given; force in newtons.
     model : CutModel
-        To which the moduli shall belong; tips beyond its length are an error.
+        Model to which the moduli shall belong; tips beyond its length are an error.
     depth_normalised : bool
-        True: per depth of cut. False, or where the trace holds no depth (flagged): as if the cut were
-        everywhere as deep as the model is thick, 1 cm by default, which is what the thesis did in Tables 5.1
-        to 5.5.
+        True: per depth of cut. False, or if the trace holds no depth (with a flag): as if the cut were everywhere as
+        deep as the model is thick, 1 cm by default, which is what the thesis did in Tables 5.1 to 5.5.
     friction_per_depth : float, optional
-        Friction on the blade per depth of cut [N/m], 0 to 1e5. By default from the return stroke; where there
-        is none, a fifth of the fracture resistance, as :func:`~cutenv.measurement.estimate_fracture_resistance`
-        assumes, and flagged. Left in the force (0), friction puts the tip too far back and makes tissue of
-        growing depth look up to 14 % too stiff.
+        Friction on the blade per depth of cut [N/m], 0 to 1e5. By default from the return stroke; if there is none,
+        a fifth of the fracture resistance, as :func:`~cutenv.measurement.estimate_fracture_resistance` assumes, with
+        a flag. If friction is left in the force (0), the tip is estimated too far back and tissue of growing depth
+        seems up to 14 % too stiff.
     loading_ratio : float or callable, optional
-        r [1], 0 to 1, for other tissue, or a function of speed [m/s] and angle [rad]. By default that of pig
-        liver at each segment's speed and angle. 0 takes the blade for the tip, as the thesis did, and reads
-        several per cent high.
+        r [1], 0 to 1, for other tissue, or a function of speed [m/s] and angle [rad]. By default that of pig liver
+        at each segment's speed and angle. With 0 the blade counts as the tip, as in the thesis; the moduli are then
+        several per cent too high.
     smallest_drop : float
-        As in `loading_segments` [N].
+        Same as in `loading_segments` [N].
     smoothing_readings : int, optional
-        As in `loading_segments`.
+        Same as in `loading_segments`.
 
     Returns
     -------
@@ -197,16 +196,16 @@ def estimate_local_effective_moduli(
     Equations 3.1 and 3.2 of the thesis, and its section 3.4.
 
     The thesis's force is the norm of the sensor's three components (sections 3.3.2 and 5.3), so that its moduli,
-    Tables 5.1 to 5.7, hold the rise of vertical and lateral force too. A trace holds one force, by right the component
-    along the cut, whose moduli are no larger, or the norm (``cutenv.recording.load(path, force="norm")``).
+    Tables 5.1 to 5.7, contain the rise of vertical and lateral force too. A trace holds one force: properly the
+    component along the cut, whose moduli are no larger, or the norm (``cutenv.recording.load(path, force="norm")``).
 
     Per depth of cut the modulus is apparent: tissue below a cut that does not go through the slab resists too, so that
     it is higher than the material's (:attr:`~cutenv.measurement.MeasuredCut.material_moduli`); in mean pig liver by a
     factor of 1.4 at 2 cm from the clamp and 1.2 at 9 cm (:func:`cutenv.tissue.slab.effective_depth`).
 
-    A cut's median modulus comes back within 0.1 % (median) and 0.5 % (95th percentile) in drawn livers cut 11 cm long,
-    their depth known exactly, and within 1.5 and 5.4 % by a depth known to 0.5 mm; over 6 cm then within 3.5 and 12 %
-    (``scripts/measure_recovery.py --specimens 40``).
+    A cut's median modulus is recovered within 0.1 % (median) and 0.5 % (95th percentile) in sampled livers cut 11 cm
+    long, with depth known exactly, and within 1.5 and 5.4 % with depth known to 0.5 mm; over 6 cm then within 3.5 and
+    12 % (``scripts/measure_recovery.py --specimens 40``).
     """
     by = "estimate_local_effective_moduli"
     trace.require_newtons(by=by)
@@ -242,9 +241,9 @@ def estimate_local_effective_moduli(
 def _assumed_friction(
     trace: Trace, depth: DepthProfile, loading_ratio: float | LoadingRatio | None
 ) -> tuple[float, str]:
-    """Friction per depth [N/m] as its assumed share of the resistance, and the flag that says so."""
+    """Return friction per depth [N/m] as its assumed share of the resistance, and the flag for this assumption."""
     (position,) = trace.require("position", by="_assumed_friction")
-    if loading_ratio == 0.0:  # the blade taken for the tip: the resistance is found with that of liver
+    if loading_ratio == 0.0:  # the blade counts as the tip: the resistance is found with liver's ratio
         loading_ratio = None
     try:
         found = estimate_fracture_resistance(
@@ -257,17 +256,17 @@ def _assumed_friction(
 
 
 def elastic_part(trace: Trace, depth: DepthProfile, friction_per_depth: float) -> Trace:
-    """The record of a blade on the way forward, its force less friction [N]."""
+    """Return the record with friction on the way forward subtracted from its force [N]."""
     (position,) = trace.require("position", by="elastic_part")
     return dataclasses.replace(trace, force=trace.force - friction_per_depth * depth.at(position))
 
 
 def telling(ramps: list[Segment]) -> list[Segment]:
-    """Those of ``ramps`` whose slope tells the tissue: steady, and no farther from their line than the others.
+    """Return the ramps whose slope is a property of the tissue: steady, and no more scattered than the others.
 
     Noise is the same all along a record. A ramp that scatters more than 1.3 times as much as they usually do hides a
-    drop that was too small to be one, or bends because depth changes along it: its slope can be half or twice the
-    tissue's (2623 ramps in drawn livers: such are 3 in 100; without them errors have an SD of 2.0 %, with them 5.3).
+    drop that was too small to be detected, or bends because depth changes along it: its slope can be half or twice the
+    tissue's (of 2623 ramps in sampled livers, 3 in 100; without them errors have an SD of 2.0 %, with them 5.3).
     """
     steady = [ramp for ramp in ramps if ramp.is_steady]
     scatter = np.array([_scatter(ramp) for ramp in steady])
@@ -279,14 +278,14 @@ def telling(ramps: list[Segment]) -> list[Segment]:
 
 
 def _scatter(ramp: Segment) -> float:
-    """Standard deviation about the fitted line [N], of readings evenly spread along it."""
+    """Return the standard deviation about the fitted line [N], for readings evenly spread along it."""
     return abs(ramp.force_rise) * math.sqrt((1.0 / ramp.r_squared - 1.0) / 12.0)
 
 
 def moduli_of(
     ramps: list[Segment], depth: DepthProfile, model: CutModel, ratio: LoadingRatio, *, friction_per_depth: float
 ) -> ModulusEstimate:
-    """Moduli of the steady ones among ``ramps`` of elastic force, found with ``friction_per_depth`` [N/m] off."""
+    """Return the moduli of the steady ramps of elastic force, less ``friction_per_depth`` [N/m]."""
     segments, tips, moduli = [], [], []
     for s in telling(ramps):
         x, slope, speed = s.require("position", "slope", "speed", by="moduli_of")

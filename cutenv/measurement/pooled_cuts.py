@@ -1,4 +1,4 @@
-"""All cuts of a calibration together: every number of a tissue that they tell, for any resample of them."""
+"""All cuts of a calibration together: estimates of a tissue's numbers, for any bootstrap resample of the cuts."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from cutenv.tissue.description import measured_liver
 Array = NDArray[np.float64]
 
 FEWEST_FOR_CORRELATION = 8
-"""Cuts from which on a correlation length along the cut is taken from the records."""
+"""Smallest number of cuts from which a correlation length along the cut is estimated."""
 
 FEWEST_FOR_INCLINED = 4
-"""Cuts on either side of 67.5 degrees from which on the inclined ones' own spread is told from that of all."""
+"""Smallest number of cuts on either side of 67.5 degrees for an estimate of the inclined cuts' additional spread."""
 
 FIELDS = (
     "intercept_90",
@@ -51,20 +51,20 @@ FIELDS = (
     "rise_length",
     "mean_depth",
 )
-"""Of a tissue description, that records are asked for."""
+"""Fields of a tissue description that are estimated from records."""
 
 NOT_RESAMPLED = ("speed_min", "speed_max", "edge_depth", "crown_depth", "rise_length", "mean_depth")
-"""Those of them that describe the records rather than estimate something."""
+"""Those of them that describe the records rather than estimate a property, and are not resampled."""
 
 
 class PooledCuts:
-    """Measured cuts as arrays, so that a resample of them costs little.
+    """Measured cuts as arrays, so that evaluating a resample is cheap.
 
     Attributes
     ----------
     measured : set of str
-        The fields of a tissue description whose numbers are the cuts' own where they are no NaN; the others follow
-        pig liver's proportions.
+        Names of the fields that are estimated from the cuts, where they are not NaN; the others follow pig liver's
+        proportions.
     """
 
     def __init__(self, cuts: list[MeasuredCut]) -> None:
@@ -106,7 +106,7 @@ class PooledCuts:
         self.measured = set(FIELDS) - ({"intercept_90", "slope_90", "intercept_45", "slope_45"} - free)
 
     def numbers(self, counts: Array) -> dict[str, float]:
-        """Every number that the cuts tell, each cut taken ``counts`` times; NaN for one that they do not."""
+        """Estimate every number from the cuts, each taken ``counts`` times; NaN for one that they do not determine."""
         taken = np.repeat(np.arange(len(self.cuts)), counts.astype(int))
         with_modulus = taken[self.has_modulus[taken]]
         line = self._line(with_modulus if len(with_modulus) else np.flatnonzero(self.has_modulus))
@@ -165,11 +165,11 @@ class PooledCuts:
         }
 
     def _tells(self, variogram: Variogram, variance: float) -> bool:
-        """Whether there are pairs; in a single cut, noise alone may leave no spread."""
+        """Return True if there are pairs; in a single cut, noise alone may leave no spread."""
         return bool(variogram.pairs.sum() >= 1.0) and (variance > 0.0 or len(self.cuts) > 1)
 
     def _added(self, places: Places, variance: float, length: float, counts: Array) -> float:
-        """What the field along the cuts adds to the variance of their means, on average."""
+        """Return the mean contribution of the field along the cuts to the variance of their means."""
         return float(counts @ places.mean_variances(variance, length)) / float(counts.sum())
 
     def _friction_share(self, counts: Array) -> float:
@@ -185,12 +185,12 @@ class PooledCuts:
 
 
 def resampled(rng: np.random.Generator, n: int) -> Array:
-    """How often each of n cuts is taken when n are drawn with replacement, shape (n,)."""
+    """Sample n cuts with replacement; return how often each is taken, shape (n,)."""
     return np.bincount(rng.integers(n, size=n), minlength=n).astype(np.float64)
 
 
 def variance(values: Array, counts: Array) -> float:
-    """Unbiased variance of ``values``, each taken ``counts`` times, of more than one."""
+    """Return the unbiased variance of ``values``, each taken ``counts`` times; more than one is needed."""
     n = float(counts.sum())
     return float(counts @ (values - counts @ values / n) ** 2) / (n - 1.0)
 

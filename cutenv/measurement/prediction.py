@@ -1,7 +1,7 @@
-"""Prediction check: the loading ramps of a cut from the moduli of other cuts (thesis, section 7.4).
+"""Prediction check: loading ramps of a cut predicted with the moduli of other cuts (thesis, section 7.4).
 
 The blade's measured displacement goes into the finite-element model with the average modulus of other cuts, of the
-same piece of tissue and of another one; what comes out is compared with the measured force.
+same piece of tissue and of another one; the resulting force is compared with the measured one.
 """
 
 from __future__ import annotations
@@ -19,32 +19,32 @@ from cutenv.tissue.cut_model import CutModel
 
 Array = NDArray[np.float64]
 
-_ROUNDS = 10  # of line and specimens' factors in turn: each halves what they still owe each other, or better
+_ROUNDS = 10  # iterations of the line and the specimens' factors in turn: each at least halves the error
 
 
 @dataclass(frozen=True, kw_only=True)
 class LeftOutCut:
-    """One cut, predicted without it; None where there is nothing to predict it from.
+    """One cut, predicted from the others; None where there is nothing to predict it from.
 
     Attributes
     ----------
     name, specimen : str
-        Which cut, of which piece of tissue.
+        Names of the cut and of the piece of tissue.
     speed, angle : float
-        [m/s], [rad].
+        Speed [m/s] and angle [rad].
     segments : int
-        Ramps that were compared.
+        Number of ramps compared.
     peak_force : float
         Largest measured force on them [N].
     modulus : float
         The cut's own mean modulus, of the material [Pa].
     same_modulus, other_modulus : float or None
-        From the other cuts of the same specimen, and from another specimen [Pa], at this cut's speed and angle.
+        Prediction from the other cuts of the same specimen, and from another specimen [Pa], at this speed and angle.
     own_rmse : float
-        Root mean square difference [N] with every segment's own modulus: what noise and curvature leave.
+        Root mean square difference [N] with every segment's own modulus: due to noise and curvature only.
     same_rmse, other_rmse : float or None
-        With the predicted moduli [N]; ``other_rmse`` is the mean over all other specimens, ``other_modulus`` that of
-        the next one.
+        Root mean square differences with the predicted moduli [N]; ``other_rmse`` is the mean over all other
+        specimens, ``other_modulus`` that of the next one.
     """
 
     name: str
@@ -61,13 +61,13 @@ class LeftOutCut:
     other_rmse: float | None
 
     def percent_of_peak(self, rmse: float | None) -> float | None:
-        """An error as a share of the peak force [%]."""
+        """Return an error as a percentage of the peak force [%]."""
         return None if rmse is None else 100.0 * rmse / self.peak_force
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PredictedRamp:
-    """One ramp of loading; arrays of shape (n,)."""
+    """One predicted loading ramp: position [m], measured and predicted force [N]; arrays of shape (n,)."""
 
     position: Array
     measured: Array
@@ -75,9 +75,9 @@ class PredictedRamp:
 
 
 def predicted_ramps(cut: MeasuredCut, model: CutModel, modulus: float | None = None) -> list[PredictedRamp]:
-    """The steady ramps of a cut as the model gives them for a material's modulus [Pa], by default each one's own.
+    """Predict the steady ramps of a cut for a material's modulus [Pa], by default each ramp's own.
 
-    Every ramp starts where the measured one starts, as in Figure 7.13: its rise is what is predicted.
+    Every ramp starts at the measured start, as in Figure 7.13: only its rise is predicted.
     """
     (position,) = cut.trace.require("position", by="predicted_ramps")
     friction = cut.moduli.friction_per_depth
@@ -95,20 +95,20 @@ def predicted_ramps(cut: MeasuredCut, model: CutModel, modulus: float | None = N
 def leave_one_out(cuts: Sequence[MeasuredCut], model: CutModel) -> list[LeftOutCut]:
     """Predict every cut from the others of its specimen and from every other specimen.
 
-    A specimen counts by how much stiffer than the fit over speed and angle its cuts are. Both are found together, so
-    that it does not matter which specimen was cut at which speed, and without the cut that is predicted.
+    A specimen's factor is the stiffness of its cuts relative to the fit over speed and angle. Both are found together,
+    so that it does not matter which specimen was cut at which speed, and without the cut that is predicted.
 
     Parameters
     ----------
     cuts : sequence of MeasuredCut
-        Of :func:`~cutenv.measurement.measure_cuts`.
+        Cuts from :func:`~cutenv.measurement.measure_cuts`.
     model : CutModel
-        That they were measured with.
+        Model with which they were measured.
 
     Returns
     -------
     list of LeftOutCut
-        In their order, less those without a modulus.
+        In the order of ``cuts``, without those that have no modulus.
     """
     found = []
     known = [cut for cut in cuts if len(cut.moduli)]
@@ -116,7 +116,7 @@ def leave_one_out(cuts: Sequence[MeasuredCut], model: CutModel) -> list[LeftOutC
         others = [each for each in known if each is not cut]
         same = other = next_modulus = None
         line, factors = _line_and_factors(others)
-        # A line of others far off in speed may end below zero here: it predicts nothing.
+        # A line from others at very different speeds may end below zero here: it predicts nothing.
         if line is not None and (here := line.modulus(cut.speed, cut.angle)) > 0.0:
             own = factors.pop(cut.specimen, None)
             same = None if own is None else own * here
@@ -144,7 +144,7 @@ def leave_one_out(cuts: Sequence[MeasuredCut], model: CutModel) -> list[LeftOutC
 
 
 def _line_and_factors(cuts: list[MeasuredCut]) -> tuple[SpeedDependence | None, dict[str, float]]:
-    """Line over speed and angle, and by how much stiffer every specimen is: alternating least squares."""
+    """Fit the line over speed and angle and every specimen's relative stiffness by alternating least squares."""
     factors = dict.fromkeys(by_specimen(cuts), 1.0)
     line = None
     for _ in range(_ROUNDS if cuts else 0):

@@ -1,4 +1,4 @@
-"""The return stroke: the blade leaves the tip, and friction is left (section 6.2, Figures 6.5 to 6.7)."""
+"""The return stroke: the blade leaves the tip until only friction remains (section 6.2, Figures 6.5 to 6.7)."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ from cutenv.trace import Trace
 
 Array = NDArray[np.float64]
 
-_BIN = 0.2e-3  # [m] of travel: equal weight to every place, whatever the speed
-_TURNS = 0.4e-3  # [m] from the turn, over which friction and a sensor with a delay follow the reversal; left out
-_PLAIN_LENGTH = 2e-3  # [m] of plain friction behind the tip: with less, tip and friction are not told apart
-_LOADED_LENGTH = 1e-3  # [m] besides: in less, a slope through some bins passes for the tissue's
-_PUSHED_BACK = 0.1  # of the largest force: more than a sensor's zero is off
+_BIN = 0.2e-3  # [m] of travel: every position has the same weight, whatever the speed
+_TURNS = 0.4e-3  # [m] after the turn, where friction and a delayed sensor follow the reversal; left out
+_PLAIN_LENGTH = 2e-3  # [m] of plain friction behind the tip: with less, tip and friction cannot be separated
+_LOADED_LENGTH = 1e-3  # [m] in addition: in less, a slope through some bins could pass for the tissue's
+_PUSHED_BACK = 0.1  # of the largest force: larger than the error of a sensor's zero
 _SINGULAR = 1e-12  # determinant of the normal equations over the product of their diagonal
-_UNLOADED = 3.0  # residual standard deviations: a smaller elastic force at the turn is none
-_VARIES = 0.5  # of the greatest depth behind the tip is the least one there, or less: else offset and friction are one
-_CORRELATED = 5.0  # times an error that independent bins would have: depth is measured with one that lasts 10 mm
+_UNLOADED = 3.0  # residual standard deviations: a smaller elastic force at the turn counts as none
+_VARIES = 0.5  # largest ratio of least to greatest depth behind the tip at which offset and friction can be separated
+_CORRELATED = 5.0  # factor on the error for independent bins: the error of depth is correlated over 10 mm
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReturnStroke:
-    """What the way back from the deepest point of a cut shows.
+    """Properties measured on the way back from the deepest point of a cut.
 
     Attributes
     ----------
     stop : int
-        The stroke ends before this reading of the trace.
+        Index of the reading of the trace before which the stroke ends.
     tip : float
-        Where the force became plain friction [m]: unloading is elastic, and its zero tells the tip.
+        Position at which the force became plain friction [m]: unloading is elastic, and it ends at the tip.
     friction_per_depth : float
         Friction on the moving blade per depth of cut [N/m].
     stiffness : float
-        K of the unloading [N/m], free of the growth that accompanies loading; 0 if the tip was already unloaded when
-        the blade turned.
+        K of the unloading [N/m], without the crack growth that accompanies loading; 0 if the tip was already unloaded
+        when the blade turned.
     offset, offset_error : float
-        The force's constant part, and its standard error [N]; 0 unless it was asked for.
+        Constant part of the force, and its standard error [N]; 0 unless requested.
     """
 
     stop: int
@@ -57,15 +57,15 @@ class ReturnStroke:
 def fit_return_stroke(trace: Trace, depth: DepthProfile, *, with_offset: bool = False) -> ReturnStroke | None:
     """Fit the way back from the deepest point: F = K max(x - a, 0) - f B(x) + c, by least squares in K, f, c and a.
 
-    The first 0.4 mm are left out: friction turns over with the bristles of tissue that stick to the blade, and the
-    sensor follows with a delay.
+    The first 0.4 mm are left out: friction reverses as the bristles of tissue on the blade bend over, and the sensor
+    follows with a delay.
 
     Parameters
     ----------
     trace : Trace
         With position; force in any unit.
     depth : DepthProfile
-        Of the cut.
+        Depth of the cut.
     with_offset : bool
         True: c is the offset of a sensor whose zero is not known. False: c = 0.
 
@@ -73,7 +73,7 @@ def fit_return_stroke(trace: Trace, depth: DepthProfile, *, with_offset: bool = 
     -------
     ReturnStroke or None
         None if the blade did not come back, or not far enough past the tip, or cut no depth; with an offset also if
-        depth varies by less than a factor of 2 behind the tip, so that offset and friction look alike.
+        depth varies by less than a factor of 2 behind the tip, where offset and friction cannot be separated.
     """
     (position,) = trace.require("position", by="fit_return_stroke")
     way_back = _way_back(trace, position)
@@ -99,14 +99,14 @@ def fit_return_stroke(trace: Trace, depth: DepthProfile, *, with_offset: bool = 
     fit = _hinge(x, F, B, tip, with_offset)
     noise = float(np.sqrt(fit.squares / len(x)))
     if fit.stiffness * (turn - tip) < _UNLOADED * noise:
-        # Nothing to unload: the tip stood at the blade, or the blade in the open crack.
+        # Nothing to unload: the tip was at the blade, or the blade in the open crack.
         tip = turn
         fit = _hinge(x, F, B, tip, with_offset)
     plain = B[x <= tip]
     if with_offset and plain.min() > _VARIES * plain.max():
         return None
     if -fit.friction * float(B.mean()) > _PUSHED_BACK * float(trace.force.max()):
-        return None  # what looks plain still pushes the blade back: elastic, not friction
+        return None  # the supposed friction still pushes the blade back: it is elastic force
     return ReturnStroke(
         stop=way_back[-1].stop,
         tip=tip,
@@ -133,7 +133,7 @@ def _binned(trace: Trace, position: Array, stroke: Stroke) -> tuple[Array, Array
 
 
 class _Hinge(NamedTuple):
-    """The best F = K max(x - a, 0) - f B + c for a tip, and its sum of squares [N2]."""
+    """The best fit F = K max(x - a, 0) - f B + c for a given tip, and its sum of squares [N2]."""
 
     stiffness: float  # K [N/m]
     friction: float  # f [N/m]
@@ -144,11 +144,11 @@ class _Hinge(NamedTuple):
 def _hinge(x: Array, F: Array, B: Array, a: float, with_offset: bool) -> _Hinge:
     h = np.maximum(x - a, 0.0)
     h0, B0, F0 = (float(values.mean()) if with_offset else 0.0 for values in (h, B, F))
-    # About their means the three are free of the constant.
+    # Centred about their means, the three are free of the constant.
     dh, dB, dF = h - h0, B - B0, F - F0
     hh, hB, BB, hF, BF = float(dh @ dh), float(dh @ dB), float(dB @ dB), float(dh @ dF), float(dB @ dF)
     determinant = hh * BB - hB**2
-    # With no reading before the tip, or one, only friction can be told.
+    # With no reading ahead of the tip, or one, only friction can be determined.
     K = (hF * BB - BF * hB) / determinant if determinant > _SINGULAR * hh * BB else 0.0
     f = (K * hB - BF) / BB if BB > 0.0 else 0.0
     residual = dF - K * dh + f * dB
@@ -156,5 +156,5 @@ def _hinge(x: Array, F: Array, B: Array, a: float, with_offset: bool) -> _Hinge:
 
 
 def _inflation(B: Array) -> float:
-    """By how much larger than that of a mean the standard error of a constant is beside a multiple of B [1]."""
+    """Return the factor [1] on a mean's standard error for a constant that is fitted together with a multiple of B."""
     return math.sqrt(float(np.mean(B**2)) / max(float(B.var()), _SINGULAR * float(np.mean(B**2))))

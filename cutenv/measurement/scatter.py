@@ -1,4 +1,4 @@
-"""How a property scatters: between pieces of tissue, between cuts of one piece, and along a cut."""
+"""Scatter of a property: between pieces of tissue, between cuts of one piece, and along a cut (variogram)."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from scipy.optimize import minimize_scalar
 Array = NDArray[np.float64]
 
 LAGS = np.linspace(0.0, 0.08, 17)
-"""Borders of the distances over which pairs of places are averaged [m]."""
+"""Borders of the distance classes of the variogram [m]."""
 SHORTEST, LONGEST = 0.005, 0.1
-"""Correlation lengths that are looked for [m]: below, a unit holds more than one; above, a cut does not."""
+"""Range of the correlation lengths searched [m]: a unit hides shorter ones, a cut does not show longer ones."""
 CENTRES = 0.5 * (LAGS[1:] + LAGS[:-1])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Variogram:
-    """Half the mean squared difference of a logarithm between two places of one cut, by their distance.
+    """Variogram: half the mean squared difference of a logarithm between two positions of one cut, over their distance.
 
-    Differences within a cut are free of what the whole cut has in common, and of how long the cut is against the
-    correlation length, which a standard deviation within the cut is not.
+    Differences within a cut do not contain what the whole cut has in common, and do not depend on the length of the
+    cut relative to the correlation length, unlike a standard deviation within the cut.
 
     Attributes
     ----------
     squares : ndarray of shape (n_cuts, n_lags)
         Sums of half the squared differences.
     pairs : ndarray of shape (n_cuts, n_lags)
-        How many there are.
+        Number of pairs.
     """
 
     squares: Array
@@ -41,7 +41,7 @@ class Variogram:
     def of(
         cls, positions: Sequence[Array], values: Sequence[Array], errors: Sequence[Array] | None = None
     ) -> Variogram:
-        """Of ``values`` (positive) at ``positions`` [m] of each cut; relative standard ``errors`` are taken out."""
+        """Compute it from ``values`` (positive) at ``positions`` [m] of each cut, less relative standard ``errors``."""
         errors = errors or [np.zeros(len(x)) for x in positions]
         squares, pairs = np.zeros((2, len(positions), len(CENTRES)))
         for n, (x, value, error) in enumerate(zip(positions, values, errors, strict=True)):
@@ -53,16 +53,16 @@ class Variogram:
         return cls(squares=squares, pairs=pairs)
 
     def mean(self, counts: Array) -> tuple[Array, Array]:
-        """Mean over cuts, each taken ``counts`` times, shape (n_lags,), 0 without a pair; and the number of pairs."""
+        """Return the mean over cuts, each taken ``counts`` times, shape (n_lags,), 0 without pairs; and the pairs."""
         pairs = counts @ self.pairs
         return counts @ self.squares / np.maximum(pairs, 1.0), pairs
 
 
 def fit_variances(variograms: Sequence[Variogram], counts: Array, length: float) -> tuple[Array, float]:
-    """Variance of the logarithm of each property along a cut, for one correlation length, and what is left over.
+    """Fit each property's variance of the logarithm along a cut, for a given correlation length.
 
-    gamma(d) = variance (1 - exp(-d^2 / (2 length^2))), the field of the specimens that are drawn; by least squares
-    weighted with the number of pairs.
+    gamma(d) = variance (1 - exp(-d^2 / (2 length^2))), as for sampled specimens; least squares, weighted with the
+    number of pairs.
 
     Returns
     -------
@@ -83,7 +83,7 @@ def fit_variances(variograms: Sequence[Variogram], counts: Array, length: float)
 
 
 def correlation_length(variograms: Sequence[Variogram], counts: Array) -> float:
-    """The correlation length [m] with which :func:`fit_variances` fits best."""
+    """Return the correlation length [m] with which :func:`fit_variances` fits best."""
 
     def misfit(log_length: float) -> float:
         return fit_variances(variograms, counts, math.exp(log_length))[1]
@@ -95,12 +95,12 @@ def correlation_length(variograms: Sequence[Variogram], counts: Array) -> float:
 
 
 def cv_of(log_variance: float) -> float:
-    """Coefficient of variation of a lognormal number whose logarithm has a variance; 0 for a negative one."""
+    """Return the coefficient of variation of a lognormal number from the variance of its logarithm; 0 if negative."""
     return math.sqrt(math.expm1(max(log_variance, 0.0)))
 
 
 class Places:
-    """Places along several cuts [m], ready to be asked often how much a field adds to the means over them."""
+    """Positions along several cuts [m], prepared for the variance of a field's mean over them."""
 
     def __init__(self, positions: Sequence[Array]) -> None:
         squares = [((x[:, None] - x[None, :]) ** 2).ravel() for x in positions]
@@ -109,32 +109,32 @@ class Places:
         self._pairs = np.array([max(len(each), 1) for each in squares])
 
     def mean_variances(self, variance: float, length: float) -> Array:
-        """Variance of the mean of a field over each cut's places, shape (n_cuts,); 0 without a place."""
+        """Return the variance of the mean of a field over each cut's positions, shape (n_cuts,); 0 without any."""
         correlation = np.exp(-0.5 * self._squares / length**2)
         return np.asarray(variance * np.bincount(self._cut, correlation, len(self._pairs)) / self._pairs)
 
 
 def mean_field_variance(positions: Array, variance: float, length: float) -> float:
-    """Variance of the mean of a field over ``positions`` [m] of one cut: it adds to that between cuts."""
+    """Return the variance of the mean of a field over ``positions`` [m] of one cut, part of that between cuts."""
     return float(Places([positions]).mean_variances(variance, length)[0])
 
 
 def nested_variances(values: Array, groups: NDArray[np.intp], counts: Array) -> tuple[float, float]:
-    """Variances between groups and within groups by one-way random-effects analysis, groups of any size.
+    """Estimate variances between and within groups by one-way random-effects analysis, groups of any size.
 
     Parameters
     ----------
     values : ndarray of shape (n,)
-        One for each cut.
+        One value for each cut.
     groups : ndarray of int of shape (n,)
-        To which piece of tissue each belongs.
+        Index of each cut's piece of tissue.
     counts : ndarray of shape (n,)
-        How often each is taken (a bootstrap's resample), 1 for all otherwise.
+        How often each is taken (a bootstrap resample), otherwise 1.
 
     Returns
     -------
     between, within : float
-        Unbiased, so ``between`` may be negative; NaN where one cannot be told, for want of groups or of members.
+        Unbiased, so ``between`` may be negative; NaN for lack of groups or of members.
     """
     sizes = np.bincount(groups, counts)
     present = sizes > 0

@@ -20,22 +20,22 @@ SMALLEST_DROP = 0.1
 """Default smallest significant drop [N]: twice the resolution of the thesis's sensor (section 3.1)."""
 
 SMALLEST_DROP_SHARE = 0.1
-"""The same without newtons, as a share of the record's range of force from its 5 % to its 95 % quantile."""
+"""Default for records without newtons, as a share of their range of force from the 5 % to the 95 % quantile."""
 
 SMOOTHING_TIME = 0.01
-"""Over which readings are averaged by default [s]: 0.25 mm at 2.54 cm/s; at 1 kHz noise of 0.025 N falls to 0.008."""
+"""Default averaging time [s]: 0.25 mm at 2.54 cm/s; at 1 kHz noise of 0.025 N falls to 0.008."""
 
 FEWEST_SMOOTHED = 3
-"""Readings averaged at the least by default, where position is known: of a slow sensor, for the sake of its noise."""
+"""Smallest default number of readings averaged, if position is known: reduces the noise of a slow sensor."""
 
 STRAIGHT = 0.75
-"""Least R squared of a ramp that counts as straight: that of a rise of 0.15 N under noise of 0.025 N."""
+"""Smallest R squared of a ramp that counts as straight: that of a rise of 0.15 N under noise of 0.025 N."""
 
 STEADY = 0.3
-"""Largest change of speed over a ramp, as a share of its mean, that counts as none."""
+"""Largest relative change of speed over a ramp that counts as steady."""
 
-_AVERAGED = 10  # readings, whose means tell noise that lasts
-_FEWEST = 3  # bins that must remain of a ramp
+_AVERAGED = 10  # readings, whose means show correlated noise
+_FEWEST = 3  # smallest number of bins left of a ramp
 _INNER_QUANTILES = (0.05, 0.95)
 
 _Along = Literal["position", "displacement", "slope", "speed", "speed_change"]
@@ -43,43 +43,43 @@ _Along = Literal["position", "displacement", "slope", "speed", "speed_change"]
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """One ramp of loading, without its rounded ends; its line is fitted by least squares.
+    """One loading ramp, without its rounded ends, with a line fitted by least squares.
 
-    The line is that of force against position, or against time where the trace holds no position. Force is in
-    the unit of the trace, written as N here.
+    The line is force against position, or against time if the trace holds no position. Force is in the unit of the
+    trace, written as N here.
 
     Attributes
     ----------
     start, stop : int
         The readings ``start`` to ``stop - 1`` of the trace.
     time, duration : float
-        Mean over these readings, and from the first to the last [s].
+        Mean of these readings, and from the first to the last [s].
     force : float
-        On the fitted line at `position`, or else at `time` [N].
+        Force on the fitted line at `position`, or else at `time` [N].
     force_rise : float
         Delta F of the line from the first of these readings to the last [N].
     rate : float
-        dF/dt, of a line of its own against time [N/s].
+        dF/dt, from a separate line against time [N/s].
     r_squared : float
         Share of the force's variance that the line explains [1].
     drop : float
-        Fall of the smoothed force from hilltop to the next valley [N]; 0 if none of significance followed.
+        Fall of the smoothed force from hilltop to the next valley [N]; 0 if no significant one followed.
     restlessness : float
         Scatter of these readings about the line over their noise from one to the next, and from one mean of 10 to the
         next [1]: 1 for a straight ramp, more for one that bends or hides a drop.
     after_standstill : bool
-        Whether it is the first of its stroke: the blade had just met the tissue, turned or stood, and part of
-        the ramp is elastic, without the growth that accompanies steady loading. Without position the whole
-        record is one stroke.
+        True if it is the first of its stroke: the blade had just met the tissue, turned or stood, and part of the
+        ramp is elastic, without the growth that accompanies steady loading. Without position the whole record is
+        one stroke.
     position, displacement : float or None
-        Of the blade, mean, and Delta U from the first to the last [m]; None if the trace holds no position.
+        Position of the blade, mean, and Delta U from the first to the last [m]; None if the trace holds no position.
     slope : float or None
         dF/dU [N/m]; None without position.
     speed, speed_change : float or None
-        Mean [m/s]; that of the ramp's second half less that of its first, over the mean [1]; None without
+        Mean speed [m/s]; that of the ramp's second half less that of its first, over the mean [1]; None without
         position.
     angle : float or None
-        Mean [rad]; None if the trace does not hold it.
+        Mean angle [rad]; None if the trace does not hold it.
     depth : float or None
         Mean depth of cut at the blade [m]; None if the trace does not hold it.
     """
@@ -110,9 +110,9 @@ class Segment:
 
     @property
     def is_steady(self) -> bool:
-        """Whether its slope tells the tissue: ended by a drop, no stroke's first, straight, of one speed.
+        """True if its slope is a property of the tissue: ended by a drop, not a stroke's first, straight, of one speed.
 
-        False without position: a rate does not tell how much of it is the blade's speed.
+        False without position: a rate depends on the blade's speed as well.
         """
         whole = self.drop > 0.0 and not self.after_standstill
         return (
@@ -120,14 +120,14 @@ class Segment:
         )
 
     def require(self, *names: _Along, by: str) -> tuple[float, ...]:
-        """Return what the segment knows along the cut, or say which function needs what is missing.
+        """Return properties of the segment along the cut; raise, naming the caller, if one is missing.
 
         Parameters
         ----------
         *names : str
             Among "position", "displacement", "slope", "speed", "speed_change".
         by : str
-            The function that needs them, for the message.
+            Name of the function that needs them, for the message.
 
         Returns
         -------
@@ -156,17 +156,16 @@ def loading_segments(
     In each forward stroke the force is averaged over bins of `smoothing_readings`. A rise counts from its
     lowest to its highest bin, and a new one begins only after a fall of `smallest_drop`. The line is fitted
     to the readings themselves, leaving out the first and the last bin of the ramp, which may hold part of a
-    drop. A trace without position is taken for one stroke, and its ramps are lines against time.
+    drop. A trace without position counts as one stroke, and its ramps are lines against time.
 
     Parameters
     ----------
     trace : Trace
-        Speed is taken from position and time; without position, segments have a `rate` and no `slope`.
+        Record; speed is computed from position and time. Without position, segments have a `rate` and no `slope`.
     smallest_drop : float, optional
         Smallest significant rise and drop, well above the noise of a mean of `smoothing_readings`; in newtons,
-        1e-4 to 100, or in the unit of a normalised record. By default 0.1 N; for a normalised record a tenth
-        of its own range of force (5 % to 95 % quantile): give it, the same for all, where such records are to
-        be compared.
+        1e-4 to 100, or in the unit of a normalised record. By default 0.1 N; for a normalised record a tenth of its
+        own range of force (5 % to 95 % quantile): to compare such records, give the same value for all.
     smoothing_readings : int, optional
         1 to 10000. By default as many as 10 ms hold, 10 at 1 kHz, but 3 at least, or 1 without position. A ramp of
         fewer than 5 times as many readings is not found.
@@ -183,9 +182,9 @@ def loading_segments(
 
     Notes
     -----
-    Thesis, section 3.3.2 and Figure 3.4, which describe the filter by its result only: hilltops and valleys
-    of the significant loadings and unloadings. Friction at a constant depth shifts a ramp and leaves its
-    slope; a delay of the sensor shifts it along the cut. Slower than 0.5 mm/s the blade counts as standing.
+    Thesis, section 3.3.2 and Figure 3.4, which describe the filter by its result only: hilltops and valleys of the
+    significant loadings and unloadings. Friction at a constant depth shifts a ramp and leaves its slope; a delay of
+    the sensor shifts it along the cut. Below 0.5 mm/s the blade counts as standing.
 
     Examples
     --------
@@ -224,7 +223,7 @@ def _checked_drop(trace: Trace, smallest_drop: float) -> float:
 
 
 def smoothing_readings_of(trace: Trace) -> int:
-    """How many readings of a record are averaged by default."""
+    """Return the default number of readings that are averaged in a record."""
     fewest = 1 if trace.position is None else FEWEST_SMOOTHED
     return max(fewest, min(round(SMOOTHING_TIME * trace.sample_rate), 10_000))
 
@@ -274,7 +273,7 @@ def _fitted(trace: Trace, start: int, stop: int, *, drop: float, after_standstil
 
 
 def _along_the_cut(in_time: Segment, t: Array, x: Array, F: Array) -> Segment:
-    """The same segment with its line against position, and how the blade moved."""
+    """Return the same segment with its line against position, and the motion of the blade."""
     slope, r_squared = _line(x, F)
     displacement, speed = float(x[-1] - x[0]), float((x[-1] - x[0]) / (t[-1] - t[0]))
     half = len(x) // 2
@@ -293,9 +292,9 @@ def _along_the_cut(in_time: Segment, t: Array, x: Array, F: Array) -> Segment:
 
 
 def _restlessness(residual: Array) -> float:
-    """Standard deviation of what is left of a ramp, over what its successive differences make of it.
+    """Return the standard deviation of a ramp's residuals, over that estimated from their successive differences.
 
-    Means of some readings see noise that lasts longer than one, as that of a filtered or interpolated record does.
+    Means of several readings include correlated noise, as in a filtered or interpolated record.
     """
     means = bin_means(residual, bins_of_readings(len(residual), _AVERAGED))
     noise = max(_from_differences(residual), math.sqrt(_AVERAGED) * _from_differences(means))
@@ -303,14 +302,14 @@ def _restlessness(residual: Array) -> float:
 
 
 def _from_differences(values: Array) -> float:
-    """Standard deviation of white noise with such differences from value to value; 0 for a single value."""
+    """Return the standard deviation of white noise with such successive differences; 0 for a single value."""
     change = np.diff(values)
     return math.sqrt(float((change * change).mean()) / 2.0) if len(change) else 0.0
 
 
 def _line(x: Array, F: Array) -> tuple[float, float]:
-    """Slope of the least-squares line of F against x, and the share of the variance that it explains."""
+    """Return the slope of the least-squares line of F against x, and the share of the variance that it explains."""
     dx, dF = x - x.mean(), F - F.mean()
-    # Sums, not products of vectors: for those BLAS wakes its threads, which cost more than they give.
+    # Sums, not vector products: for those BLAS wakes its threads, which costs more than it saves.
     xx, xF, FF = float((dx * dx).sum()), float((dx * dF).sum()), float((dF * dF).sum())
     return xF / xx, xF**2 / (xx * FF) if FF > 0.0 else 1.0

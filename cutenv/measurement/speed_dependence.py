@@ -1,7 +1,7 @@
-"""The local effective modulus against speed and angle of the blade: a level and a fall at 45 and at 90 degrees.
+"""Dependence of the local effective modulus on speed and angle: a level and a fall at 45 and at 90 degrees.
 
-At 45 degrees it falls in a straight line; at 90 in the steps of pig liver (``measured_liver().falls_90``), by a size of
-its own: cuts at a few speeds tell how far it falls, not in which way.
+At 45 degrees it falls linearly; at 90 in the steps of pig liver (``measured_liver().falls_90``), by an amount that
+is fitted: cuts at a few speeds determine how far it falls, not along which curve.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ Array = NDArray[np.float64]
 
 UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
 BETWEEN = math.radians(67.5)
-"""Steeper cuts are counted with the upright ones, flatter ones with the inclined [rad]."""
+"""Angle [rad] that separates the upright cuts (steeper) from the inclined ones."""
 LEAST_SPEED_RATIO = 1.5
-"""Of the fastest over the slowest cut, from which on a fall with speed can be told."""
+"""Smallest ratio of the fastest to the slowest cut from which a fall with speed is fitted."""
 LEAST_SHARE = 0.1
-"""Least share of the fall at 90 degrees, between the slowest and the fastest cut, that tells its size."""
+"""Smallest share of the fall at 90 degrees, between the slowest and the fastest cut, from which its size is fitted."""
 LEAST_FIT = 0.1
-"""Of a cut's modulus: a line that gives less at its speed and angle counts as giving this."""
+"""Lower bound of a fitted modulus, as a share of the cut's own at the same speed and angle."""
 _SLACK = math.radians(0.5)  # beyond 45 and 90 degrees, for angles set by hand and read from a scale
 _ROUNDS = 3  # of re-weighting: the scatter is proportional to the modulus
 
@@ -39,11 +39,11 @@ class SpeedDependence:
     Attributes
     ----------
     intercept_90, intercept_45 : float
-        For v -> 0 [Pa].
+        LEM for v -> 0 [Pa].
     slope_90, slope_45 : float
-        [Pa s/m].
+        Change of the LEM with speed [Pa s/m].
     measured : frozenset of str
-        Which of the four the cuts tell; the others are pig liver's, in proportion.
+        Names of the parameters that the cuts determine; the others are pig liver's, in proportion.
     """
 
     intercept_90: float
@@ -53,17 +53,17 @@ class SpeedDependence:
     measured: frozenset[str]
 
     def modulus(self, speed: float, angle: float | None) -> float:
-        """LEM [Pa] at a speed [m/s] and an angle [rad] between 45 and 90 degrees; upright for None."""
+        """Return the LEM [Pa] at a speed [m/s] and an angle [rad] between 45 and 90 degrees; upright for None."""
         return float(self.moduli(speed, UPRIGHT if angle is None else angle))
 
     def moduli(self, speeds: ArrayLike, angles: ArrayLike) -> Array:
-        """LEM [Pa] of many cuts at once, shapes (n,)."""
+        """Return the LEM [Pa] of many cuts at once, shapes (n,)."""
         v, w = np.asarray(speeds), _uprightness(angles)
         upright, inclined = self.intercept_90 + self.slope_90 * on_line(v), self.intercept_45 + self.slope_45 * v
         return np.asarray((1.0 - w) * inclined + w * upright)
 
     def loading_ratio(self, speed: float, angle: float | None) -> float:
-        """Loading ratio r = min(1, LEM(v, theta)/E0) [1], at least 0.01: E0 is the intercept at 90 degrees."""
+        """Return the loading ratio r = min(1, LEM(v, theta)/E0) [1], at least 0.01; E0 is ``intercept_90``."""
         return min(1.0, max(self.modulus(abs(speed), angle) / self.intercept_90, 0.01))
 
 
@@ -73,13 +73,13 @@ def fit_speed_dependence(speeds: ArrayLike, angles: ArrayLike, moduli: ArrayLike
     Parameters
     ----------
     speeds, angles, moduli : array_like of shape (n,)
-        Of the cuts [m/s], [rad], [Pa].
+        Speed [m/s], angle [rad] and mean modulus [Pa] of each cut.
 
     Returns
     -------
     SpeedDependence
-        Where no cut was steeper than 67.5 degrees, or none flatter, or the speeds at such angles differ by less
-        than a factor of 1.5, pig liver's ratio stands in and `measured` says so.
+        If no cut was steeper than 67.5 degrees, or none flatter, or the speeds at such angles differ by less than a
+        factor of 1.5, pig liver's ratio is used and `measured` lacks the parameter.
 
     Raises
     ------
@@ -106,12 +106,12 @@ def fit_speed_dependence(speeds: ArrayLike, angles: ArrayLike, moduli: ArrayLike
 
 
 def on_line(speed: ArrayLike) -> Array:
-    """Speed [m/s] at which a straight line would have fallen as far as pig liver's steps have at ``speed``."""
+    """Return the speed [m/s] at which a straight line would have fallen as far as pig liver's steps at ``speed``."""
     return speed_on_line(speed, measured_liver().falls_90)
 
 
 def _tell_the_fall(speeds: Array, angle: int) -> bool:
-    """True if cuts at these speeds [m/s] tell how far the LEM falls at 45 or 90 degrees."""
+    """Return True if cuts at these speeds [m/s] determine how far the LEM falls at 45 or 90 degrees."""
     differ = bool(speeds.max() >= LEAST_SPEED_RATIO * speeds.min() > 0.0)
     if angle == 90:
         least = LEAST_SHARE * float(on_line(np.inf))
@@ -120,17 +120,17 @@ def _tell_the_fall(speeds: Array, angle: int) -> bool:
 
 
 def _uprightness(angle: ArrayLike) -> Array:
-    """0 at 45 degrees, 1 at 90."""
+    """Return 0 at 45 degrees, 1 at 90, linear between."""
     return np.clip((np.asarray(angle) - INCLINED) / (UPRIGHT - INCLINED), 0.0, 1.0)
 
 
 def is_between_the_measured(angle: float) -> bool:
-    """Whether an angle [rad] lies between 45 and 90 degrees, half a degree allowed."""
+    """Return True if an angle [rad] is between 45 and 90 degrees, with half a degree of tolerance."""
     return INCLINED - _SLACK <= angle <= UPRIGHT + _SLACK
 
 
 def _ties(v: Array, theta: Array) -> tuple[Array, frozenset[str]]:
-    """Matrix from free to all four parameters, (4, n_free), and the names of those that are free."""
+    """Return the matrix from the free to all four parameters, (4, n_free), and the names of the free ones."""
     tissue = measured_liver()
     liver = {
         90: (tissue.intercept_90, tissue.slope_90),

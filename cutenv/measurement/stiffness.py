@@ -13,22 +13,22 @@ Array = NDArray[np.float64]
 
 
 def unit_stiffness(tip: float | Array, depth: DepthProfile, model: CutModel) -> Array:
-    """K over the modulus of the material [m], with the tip at places [m], of their shape."""
+    """Return K over the modulus of the material [m], for tip positions [m]; of their shape."""
     a = np.clip(tip, 0.0, model.length)
     return np.asarray(model.stiffness(a) * effective_depth(a, depth.at(tip)))
 
 
 def carried(known: float | Array, wanted: float | Array, depth: DepthProfile, model: CutModel | None = None) -> Array:
-    """K at the tip ``wanted`` over K at the tip ``known`` [1], of their shape.
+    """Return K at the tip ``wanted`` over K at the tip ``known`` [1], of their shape.
 
     Parameters
     ----------
     known, wanted : float or ndarray
         Tips [m], a few millimetres apart.
     depth : DepthProfile
-        Of the cut; in a slab of 2.5 cm K rises more slowly than in proportion to it.
+        Depth of the cut; in a slab of 2.5 cm K rises more slowly than in proportion to it.
     model : CutModel, optional
-        Its unit stiffness as a factor; without it only depth counts, as within a unit of cutting.
+        Model whose unit stiffness is a factor; without it only depth counts, as within a unit of cutting.
     """
     if model is not None:
         return np.asarray(unit_stiffness(wanted, depth, model) / unit_stiffness(known, depth, model))

@@ -1,4 +1,4 @@
-"""Strokes: where in a record the blade moved one way without a stop."""
+"""Strokes: parts of a record in which the blade moves one way without a stop."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 STANDSTILL = 0.5e-3
-"""Slower than this the blade stands [m/s]: half the lowest speed of the thesis."""
+"""Speed below which the blade counts as standing [m/s]: half the lowest speed of the thesis."""
 
 _SHORTEST = 0.2e-3  # [m]
-_WINDOW = 0.025  # [s] to either side, over which speed is the difference of positions: above encoder steps
+_WINDOW = 0.025  # [s] to either side: speed is the difference of positions over it, which averages encoder steps
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stroke:
-    """Instants ``start`` to ``stop - 1`` of a record, in which the blade moved forward, or back."""
+    """Instants ``start`` to ``stop - 1`` of a record, in which the blade moves forward, or back."""
 
     start: int
     stop: int
@@ -32,7 +32,7 @@ class Stroke:
 
 
 def blade_speed(time: Array, position: Array) -> Array:
-    """Speed [m/s] from positions [m] at times [s], shape (n,): difference over 50 ms, or two samples."""
+    """Return the speed [m/s] from positions [m] at times [s], shape (n,): difference over 50 ms, or two samples."""
     n = len(time)
     half = max(1, round(_WINDOW * (n - 1) / float(time[-1] - time[0])))
     before = np.maximum(np.arange(n) - half, 0)
@@ -53,27 +53,27 @@ def strokes(time: Array, position: Array) -> list[Stroke]:
 
 
 def bins_of_readings(n_readings: int, size: int) -> NDArray[np.intp]:
-    """Borders of bins of ``size`` readings, the last of up to twice as many; shape (n_bins + 1,)."""
+    """Return the borders of bins of ``size`` readings, the last of up to twice as many; shape (n_bins + 1,)."""
     n_bins = max(1, n_readings // size)
     return np.append(np.arange(n_bins) * size, n_readings).astype(np.intp)
 
 
 def bins_of_travel(position: Array, length: float) -> NDArray[np.intp]:
-    """Borders of the bins of ``length`` [m] through which a stroke passes; shape (n_bins + 1,).
+    """Return the borders of the bins of ``length`` [m] through which a stroke passes; shape (n_bins + 1,).
 
-    Noise that carries a position back over a border opens no new bin; a step over a whole bin leaves it out.
+    Noise that moves a position back over a border opens no new bin; a step over a whole bin leaves it out.
     """
     number = np.floor(np.maximum.accumulate(np.abs(position - position[0])) / length)
     return np.concatenate(([0], np.flatnonzero(np.diff(number)) + 1, [len(position)])).astype(np.intp)
 
 
 def bin_means(values: Array, borders: NDArray[np.intp]) -> Array:
-    """Mean of ``values`` in each bin, shape (n_bins,)."""
+    """Return the mean of ``values`` in each bin, shape (n_bins,)."""
     return np.asarray(np.add.reduceat(values, borders[:-1]) / np.diff(borders))
 
 
 def turning_points(values: Array, smallest_swing: float) -> list[tuple[int, int]]:
-    """Pairs (valley, hilltop) of indices: rises of ``smallest_swing`` or more, parted by falls of that much.
+    """Find pairs (valley, hilltop) of indices: rises of ``smallest_swing`` or more, separated by falls of that much.
 
     A rise that ends the series counts, though no fall follows.
     """

@@ -1,7 +1,7 @@
 """Fracture resistance of single units of a cut by the sector method, from probes that unload between them.
 
-A probe goes back some millimetres and comes again to where it turned. It is elastic: the force falls along a line
-that ends at the crack tip, so the area between the lines of two probes is what the crack growth between them took
+A probe goes back some millimetres and returns to where it turned. It is elastic: the force falls along a line that
+ends at the crack tip, so the area between the lines of two probes is the energy of the crack growth between them
 (thesis, section 2.4.2 and Figure 2.4). Neither loading ratio nor modulus is needed.
 """
 
@@ -25,26 +25,26 @@ Array = NDArray[np.float64]
 
 _BIN = 0.1e-3  # [m] of travel
 _TURNING = 0.3e-3  # [m] next to the turn, where the blade changes its speed and friction its sign
-_FEWEST = 5  # bins of a line
-_LOADED = 0.15  # of the elastic force at the turn: below, the line may have ended at the tip
+_FEWEST = 5  # smallest number of bins of a line
+_LOADED = 0.15  # share of the elastic force at the turn below which the line may have ended at the tip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UnitResistances:
-    """Units between one probe and the next; arrays of shape (n_units,).
+    """Fracture resistance of the units between successive probes; arrays of shape (n_units,).
 
     Attributes
     ----------
     start, end : ndarray
         Crack tip at the probes before and after the unit [m].
     area : ndarray
-        Cut between them [m2].
+        Area cut between them [m2].
     resistance : ndarray
         Fracture resistance [J/m2], friction's share included, as in ``FractureEstimate.corrected``.
     friction_per_depth : float
         Friction on the blade per depth of cut [N/m].
     flags : tuple of str
-        What weakens the estimate, in words; empty if nothing does.
+        Remarks on what weakens the estimate; empty if nothing does.
     """
 
     start: Array
@@ -60,18 +60,18 @@ class UnitResistances:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Probe:
-    """The way back from the turn at reading ``turn``, and the way to it again until ``again``; on common places."""
+    """The way back from the turn at reading ``turn``, and the return to it until ``again``; on common positions."""
 
     turn: int
     again: int
     position: Array  # [m]
     mean: Array  # of both forces, in which friction cancels [N]
-    half_difference: Array  # of both, which is friction [N]
+    half_difference: Array  # of both forces, which is friction [N]
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Unloaded:
-    """A state of the cut from reading ``turn`` to ``again``, with the tip and the energy that a probe gives back."""
+    """State of the cut from reading ``turn`` to ``again``, with the tip and the energy that a probe gives back."""
 
     turn: int
     again: int
@@ -85,21 +85,21 @@ def estimate_unit_resistances(trace: Trace, *, friction_per_depth: float | None 
     The elastic line of a probe is the mean of the forces on its way back and forth, in which friction cancels; half
     their difference is friction. The line ends at the tip a, and the energy stored at the turn is the triangle below
     it, U = F (x - a)/2. Between two turns R dA = W - phi * integral of B |dx| + U_1 - U_2, the area OLMN of Figure 2.4,
-    and dA is the integral of B from tip to tip. The first unit begins where the record does, unloaded; the return
-    stroke past the tip, if there is one, ends the last.
+    and dA is the integral of B from tip to tip. The first unit begins at the start of the record, unloaded; the last
+    ends with the return stroke past the tip, if there is one.
 
     Parameters
     ----------
     trace : Trace
-        With position and depth, from the start of the cut on; force in newtons, less the sensor's zero
-        (:func:`~cutenv.measurement.zeroed` takes it off).
+        Record with position and depth, from the start of the cut; force in newtons, less the sensor's zero
+        (:func:`~cutenv.measurement.zeroed` subtracts it).
     friction_per_depth : float, optional
-        phi [N/m], 0 to 1e5. By default from the probes.
+        phi [N/m], 0 to 1e5; by default from the probes.
 
     Returns
     -------
     UnitResistances
-        Without units if there is no probe of 1.2 mm or more under load that comes back to its turn.
+        Without units if there is no probe of 1.2 mm or more under load that returns to its turn.
 
     Raises
     ------
@@ -109,9 +109,9 @@ def estimate_unit_resistances(trace: Trace, *, friction_per_depth: float | None 
     Notes
     -----
     Equations 2.1 to 2.6 of the thesis: with C = 1/K and the residual displacement u_r = a of an unloaded blade, they
-    are this balance. A unit as the probes bound it begins and ends as the blade was turned: probe in the same phase
-    of each unit, best just after its drop of force. Energy that growth borrows from one unit and returns in the next
-    shows as scatter between neighbours. A sensor's delay makes friction read low, by 3 % at 10 ms and probes of 4 mm/s.
+    are this balance. A unit begins and ends where the blade was turned: probe in the same phase of each unit, best just
+    after its drop of force. Energy that growth borrows from one unit and returns in the next shows as scatter between
+    neighbours. A sensor's delay lowers the measured friction, by 3 % at 10 ms and probes of 4 mm/s.
     """
     by = "estimate_unit_resistances"
     trace.require_newtons(by=by)
@@ -150,15 +150,15 @@ def estimate_unit_resistances(trace: Trace, *, friction_per_depth: float | None 
 
 
 def _probes(trace: Trace, position: Array, moved: list[Stroke]) -> list[_Probe]:
-    """The ways back that the blade took from new ground, and came again from to where it had turned."""
+    """Return the retreats from new ground after which the blade returned to its turning point."""
     found = []
     for i, stroke in enumerate(moved):
         turn = int(np.argmax(position[: stroke.stop]))
         if stroke.forward or turn < (moved[i - 1].start if i else 0):
-            continue  # forward, or back from a place behind the deepest
+            continue  # forward, or back from a position behind the deepest
         again = next((s for s in moved[i + 1 :] if s.forward), None)
         if again is None or any(not s.forward for s in moved[i + 1 : moved.index(again)]):
-            continue  # the blade did not come again, or went back by several strokes
+            continue  # the blade did not return, or went back by several strokes
         low, high = float(position[stroke.stop - 1]), float(position[turn]) - _TURNING
         top = float(position[again.samples].max())
         places = np.arange(low + _TURNING, min(high, top), _BIN)
@@ -174,14 +174,14 @@ def _probes(trace: Trace, position: Array, moved: list[Stroke]) -> list[_Probe]:
 
 
 def _force_at(places: Array, trace: Trace, position: Array, stroke: Stroke) -> Array:
-    """Force [N] at ``places`` [m] of a stroke, averaged over 0.1 mm."""
+    """Return the force [N] at ``places`` [m] of a stroke, averaged over 0.1 mm."""
     borders = bins_of_travel(position[stroke.samples], _BIN)
     x, F = (bin_means(values[stroke.samples], borders) for values in (position, trace.force))
     return np.interp(places, *((x, F) if stroke.forward else (x[::-1], F[::-1])))
 
 
 def _unloaded(probe: _Probe, position: Array) -> _Unloaded | None:
-    """The tip on the elastic line of a probe, and the energy below it; None if there was no load."""
+    """Return the tip on the elastic line of a probe, and the energy below it; None if there was no load."""
     x, F = probe.position, probe.mean
     loaded = F > _LOADED * float(F[-_FEWEST:].mean())
     first = len(F) - int(np.argmin(loaded[::-1])) if not loaded.all() else 0
@@ -196,12 +196,12 @@ def _unloaded(probe: _Probe, position: Array) -> _Unloaded | None:
 
 
 def _rubbed(position: Array, depth: DepthProfile, moved: list[Stroke]) -> Array:
-    """Integral of B |dx| over the strokes up to every reading [m2], shape (n,)."""
+    """Return the integral of B |dx| over the strokes up to every reading [m2], shape (n,)."""
     step = np.zeros(len(position))
     B = depth.at(position)
     for stroke in moved:
         x = position[stroke.samples]
-        net = np.diff(x) * (1.0 if stroke.forward else -1.0)  # noise of the position rubs nothing
+        net = np.diff(x) * (1.0 if stroke.forward else -1.0)  # noise of the position causes no friction
         step[stroke.start + 1 : stroke.stop] = (
             0.5 * (B[stroke.start + 1 : stroke.stop] + B[stroke.start : stroke.stop - 1]) * net
         )

@@ -1,6 +1,6 @@
-"""The sensor's zero: what it shows while the blade rests out of the tissue, before a cut and after it.
+"""The sensor's zero: its reading while the blade rests out of the tissue, before and after a cut.
 
-An offset of 0.2 N is a quarter of the friction on a blade 2 cm deep: it goes into friction, modulus and resistance.
+An offset of 0.2 N is a quarter of the friction on a blade 2 cm deep: it distorts friction, modulus and resistance.
 """
 
 from __future__ import annotations
@@ -16,42 +16,42 @@ from cutenv.measurement.return_stroke import fit_return_stroke
 from cutenv.trace import Trace
 
 Array = NDArray[np.float64]
-_Mean = tuple[float, float]  # middle [s] and mean [N] of a rest
+_Mean = tuple[float, float]  # mid-time [s] and mean [N] of a rest
 
 TAKEN_OFF = "zero_taken_off_N"
-"""Name in a trace's metadata of what :func:`zeroed` took off its force: it is taken off once."""
+"""Key in a trace's metadata for the zero that :func:`zeroed` has subtracted, so that it is subtracted only once."""
 TARED = "tare_N"
-"""Name in a trace's metadata of what was taken off its force when it was read, or while it was recorded."""
-_RIG_ZERO = "zero_N"  # of the axes' zeros in air, which a rig has taken off
+"""Key in a trace's metadata for a tare that was subtracted when the trace was read, or while it was recorded."""
+_RIG_ZERO = "zero_N"  # key for the axes' zeros in air, which a rig has subtracted
 
 NOTABLE = 0.05
-"""Offset that is worth a word [N]: the resolution of the thesis's sensor (section 3.1)."""
+"""Smallest offset that is reported [N]: the resolution of the thesis's sensor (section 3.1)."""
 
-_FEWEST, _SHORTEST = 10, 0.1  # readings, and [s], of a rest
-_BEFORE_MOTION, _AFTER_MOTION = 0.01, 0.05  # [s] of a rest left out: filters see ahead, sensors answer late
-_STANDS = 1e-6  # [m] within which a blade stands, if its position shows no noise
-_NOISE = 5.0  # standard deviations of noise, beyond which a change is one
-_STEADY = 0.02  # [N] by which the halves of a rest may differ whatever the noise
-_TOLD = 2.0 * NOTABLE  # standard error [N] of a constant on the way back, beyond which it is not looked at
-_RETURNED = 1e-3  # [m] from where it began, within which a blade has come back
-_SHALLOW_SHARE, _SHALLOW = 0.1, 2e-3  # of the greatest depth, and [m]: friction that holds a blade there is little
-_LET_GO = 0.5  # of the friction on the way back, by which the force rises at least where the blade is let go
-_ROUNDS = 6  # of finding friction and zero in turn; each halves what is missing, or better
-_SLIDING = 0.5e-3  # [m] of the way back that tell the force before it stops
+_FEWEST, _SHORTEST = 10, 0.1  # smallest number of readings, and duration [s], of a rest
+_BEFORE_MOTION, _AFTER_MOTION = 0.01, 0.05  # [s] of a rest left out: filters look ahead, sensors respond late
+_STANDS = 1e-6  # [m], tolerance of a standing blade's position, if it has no noise
+_NOISE = 5.0  # standard deviations of noise beyond which a change is significant
+_STEADY = 0.02  # [N] by which the halves of a rest may differ, whatever the noise
+_TOLD = 2.0 * NOTABLE  # standard error [N] of a constant on the way back, above which it is not used
+_RETURNED = 1e-3  # [m], largest distance from the start at which a blade has come back
+_SHALLOW_SHARE, _SHALLOW = 0.1, 2e-3  # share of the greatest depth, and [m]: friction there is small
+_LET_GO = 0.5  # share of the friction on the way back by which the force must rise where the blade is released
+_ROUNDS = 6  # iterations for friction and zero in turn; each at least halves the error
+_SLIDING = 0.5e-3  # [m] of the way back over which the force before the stop is averaged
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensorZero:
-    """Reading of a sensor without a force on the blade [N]; None where the record does not tell.
+    """Reading of a sensor without a force on the blade [N]; None where the record does not show it.
 
     Attributes
     ----------
     before, after : float or None
-        Means of the rests before and after the cut.
+        Mean readings of the rests before and after the cut.
     return_stroke : float or None
-        Constant part of the force on the way back, where nobody rested free.
+        Constant part of the force on the way back, if there was no rest out of the tissue.
     tared : bool
-        Whether the record's metadata say that it was tared already.
+        True if the record was tared already, by its metadata.
     """
 
     before: float | None = None
@@ -61,17 +61,17 @@ class SensorZero:
 
     @property
     def is_known(self) -> bool:
-        """True if the record tells the zero, in one way or another."""
+        """True if the record determines the zero in any way."""
         return self.tared or any(value is not None for value in (self.before, self.after, self.return_stroke))
 
     @property
     def largest(self) -> float:
-        """Value farthest from 0 of those that were taken off [N]."""
+        """The subtracted value farthest from 0 [N]."""
         return max((v for v in (self.before, self.after, self.return_stroke) if v is not None), key=abs, default=0.0)
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """That the zero is not known, or that much was taken off, in words; empty otherwise."""
+        """Remarks if the zero is unknown or much was subtracted; empty otherwise."""
         if not self.is_known:
             return ("the sensor's zero is not seen: no rest out of the tissue before or after; force as recorded",)
         if abs(self.largest) < NOTABLE:
@@ -84,29 +84,29 @@ class SensorZero:
 
 
 def zeroed(trace: Trace) -> tuple[Trace, SensorZero]:
-    """Take the sensor's zero off the force of a record.
+    """Subtract the sensor's zero from the force of a record.
 
     The zero is the mean force while the blade rests out of the tissue for 0.1 s or more: before it first moves, and
-    after it has come back to where it began. A line between both means, constant beyond them, takes drift too; one
-    rest alone gives a constant. Without either, where the record has a return stroke past the tip along which depth
+    after it has come back to where it began. A line between both means, constant beyond them, removes drift too; a
+    single rest gives a constant. Without either, if the record has a return stroke past the tip along which depth
     varies, the constant part of the force there is the zero (:func:`~cutenv.measurement.fit_return_stroke`), if it
-    is more than 0.05 N and three of its standard errors.
+    is larger than 0.05 N and than three of its standard errors.
 
-    A blade that presses on tissue from the first reading on cannot be told from an offset. Friction may hold a blade
-    that rests in tissue: after the cut, a rest counts where the depth is at most 2 mm or a tenth of the greatest, less
-    the friction on the way back if the force did not rise by it as the blade stopped; elsewhere only if the force does
-    not stay below that of the rest before by more than it rose.
+    A blade that presses on tissue from the first reading cannot be distinguished from an offset. Friction may hold a
+    blade that rests in tissue: after the cut, a rest counts where the depth is at most 2 mm or a tenth of the
+    greatest, less the friction on the way back if the force did not rise by it as the blade stopped; elsewhere only
+    if the force is not lower than at the rest before by more than it rose.
 
     Parameters
     ----------
     trace : Trace
-        With position; depth where it is known. Force in newtons.
+        Record with position; with depth where it is known. Force in newtons.
 
     Returns
     -------
     Trace
-        The same, its force less the zero; its metadata ``zero_taken_off_N`` say what was taken off, so that a second
-        time takes nothing.
+        The same record, its force less the zero; its metadata ``zero_taken_off_N`` contain what was subtracted, so
+        that a second call subtracts nothing.
     SensorZero
     """
     (position,) = trace.require("position", by="zeroed")
@@ -134,7 +134,7 @@ def zeroed(trace: Trace) -> tuple[Trace, SensorZero]:
 
 
 def _rest(trace: Trace, position: Array, *, at_end: bool) -> slice:
-    """The readings before the first motion, or after the last, that tell the zero; empty if they are too few."""
+    """Return the readings before the first motion, or after the last, at which the zero is measured; may be empty."""
     x = position[::-1] if at_end else position
     least = _least(trace)
     noise = float(np.diff(x[:least]).std()) / np.sqrt(2.0)
@@ -151,7 +151,7 @@ def _least(trace: Trace) -> int:
 
 
 def _mean_at_rest(trace: Trace, rest: slice, *, at_end: bool) -> _Mean | None:
-    """Middle [s] and mean [N] of a rest, or of the outer part of it where the force is steady; None if nowhere."""
+    """Return mid-time [s] and mean [N] of a rest, or of its outer part where the force is steady; None if nowhere."""
     while rest.stop - rest.start >= _least(trace):
         F, middle = trace.force[rest], (rest.start + rest.stop) // 2
         first, last = (float(half.mean()) for half in np.array_split(F, 2))
@@ -163,12 +163,12 @@ def _mean_at_rest(trace: Trace, rest: slice, *, at_end: bool) -> _Mean | None:
 
 
 def _line(time: Array, *rests: _Mean | None) -> Array:
-    """Zero at every instant [N]: a line between the means of two rests, or that of one."""
+    """Return the zero at every instant [N]: a line between the means of two rests, or a single rest's constant."""
     return np.asarray(np.interp(time, *np.transpose([rest for rest in rests if rest is not None])))
 
 
 def _after(trace: Trace, position: Array, before: _Mean | None) -> _Mean | None:
-    """The zero that the rest after a cut shows; None if the blade did not come back, or friction hides it."""
+    """Return the zero at the rest after a cut; None if the blade did not come back, or friction hides it."""
     rest = _rest(trace, position, at_end=True)
     mean = _mean_at_rest(trace, rest, at_end=True)
     here = float(position[rest].mean()) if mean is not None else np.inf
@@ -187,10 +187,10 @@ def _after(trace: Trace, position: Array, before: _Mean | None) -> _Mean | None:
 
 
 def _held(trace: Trace, before: _Mean | None, after: _Mean, rise: float, B: float) -> float:
-    """Friction that still holds the blade after a cut [N], in tissue ``B`` [m] deep.
+    """Return the friction that still holds the blade after a cut [N], in tissue ``B`` [m] deep.
 
-    It let go if the force rose by it when the blade stopped. Where ``rise`` [N] is less than half of that, what is left
-    is taken from friction on the way back, which hangs on the zero in turn, but less: the way back is deeper.
+    It is 0 if the force rose by the friction when the blade stopped. If ``rise`` [N] is less than half of that, the
+    rest is taken from friction on the way back, which depends on the zero in turn, but less: the way back is deeper.
     """
     profile, held = DepthProfile.recorded(trace, by="zeroed"), 0.0
     for number in range(_ROUNDS):
@@ -203,7 +203,7 @@ def _held(trace: Trace, before: _Mean | None, after: _Mean, rise: float, B: floa
 
 
 def _on_the_way_back(trace: Trace) -> float | None:
-    """The force's constant part on the return stroke [N], None where friction hides it; 0 where it is too little."""
+    """Return the force's constant part on the return stroke [N]; None where friction hides it, 0 if negligible."""
     back = fit_return_stroke(trace, DepthProfile.recorded(trace, by="zeroed"), with_offset=True)
     if back is None or back.offset_error > _TOLD:
         return None

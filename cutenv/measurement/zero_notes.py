@@ -1,4 +1,4 @@
-"""What a calibration has to say about the sensors' zeros of its records."""
+"""Notes of a calibration about the sensors' zeros in its records."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from cutenv.measurement.cut import MeasuredCut
 from cutenv.measurement.return_stroke import fit_return_stroke
 from cutenv.measurement.zero import NOTABLE
 
-_OFFSET = 0.1  # [N], whose effect on friction's share is told
+_OFFSET = 0.1  # [N]; the note gives its effect on friction's share
 
 
 def zero_notes(cuts: Sequence[MeasuredCut]) -> list[str]:
-    """What is known of the sensors' zeros: how much was taken off, and where an offset may hide in the numbers.
+    """Return notes on the sensors' zeros: how much was subtracted, and which numbers an offset may distort.
 
-    An offset that nobody knows looks like friction, and where depth varies it looks like spread of the tissue.
+    An unknown offset looks like friction, and where depth varies it looks like spread of the tissue.
     """
     notes = []
     unknown = [cut for cut in cuts if not cut.fracture.zero.is_known]
     if unknown:
         share = float(np.median([_OFFSET / (cut.depth.depth.max() * cut.fracture.corrected) for cut in unknown]))
         notes.append(
-            f"{len(unknown)} of {len(cuts)} cuts do not tell the sensor's zero: no rest out of the tissue, no way back "
+            f"{len(unknown)} of {len(cuts)} cuts do not show the sensor's zero: no rest out of the tissue, no way back "
             "along a depth that varies. Friction, an offset and the spread within and between cuts cannot be told "
             f"apart: {_OFFSET:g} N of offset change friction's share by {share:.2f} or more. Let the blade rest 0.2 s "
             "in air before and after every cut"
@@ -45,6 +45,6 @@ def zero_notes(cuts: Sequence[MeasuredCut]) -> list[str]:
         notes.append(
             f"on the way back {len(left)} cuts show a constant {median:.2f} N (median) beside friction: the zero is "
             "not what the blade showed at rest, or friction does not follow the depth. Friction's share and the "
-            "spreads are off with it"
+            "spreads are wrong by it"
         )
     return notes

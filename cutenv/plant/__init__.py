@@ -1,4 +1,4 @@
-"""What can be cut and felt: one interface for the simulator, a replay and a rig."""
+"""Plants: one interface for the simulator, a replayed record and a rig."""
 
 from cutenv.plant.interface import Plant
 from cutenv.plant.protocol import Leg, forward_backward, run, to_trace

@@ -1,4 +1,4 @@
-"""The joint between a task and whatever is cut: a simulator now, a rig through the same interface."""
+"""The interface between a task and a plant: the simulator, a replay or a rig."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cutenv.cutting.records import Records
 
 
 class Plant(Protocol):
-    """A blade in tissue, driven by commands and felt through a force sensor at 1 kHz."""
+    """A blade in tissue, driven by commands and measured by a force sensor at 1 kHz."""
 
     @property
     def depth(self) -> NDArray[np.float64]:
@@ -19,12 +19,12 @@ class Plant(Protocol):
         ...
 
     def advance(self, speed: float, angle: float, ticks: int) -> Records:
-        """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds and return what was felt.
+        """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds and return the readings.
 
         Returns
         -------
         Records
-            Readings (:data:`cutenv.cutting.records.READING`), shape (ticks,), valid until the next call.  What a plant
-            cannot know of the fields ``true_force``, ``elastic_force``, ``tip`` and ``jump`` is NaN.
+            Readings (:data:`cutenv.cutting.records.READING`), shape (ticks,), valid until the next call.  Of the fields
+            ``true_force``, ``elastic_force``, ``tip`` and ``jump``, those that a plant cannot know are NaN.
         """
         ...

@@ -15,13 +15,13 @@ from cutenv.tissue.specimen import SPACING
 from cutenv.trace import Trace
 from cutenv.validation import in_range
 
-_PATIENCE = 2.0  # times the ideal duration of a leg, after which a blade that does not arrive is an error
-_APPROACH = 0.15  # s of travel at the present speed, before which a leg begins to slow down
+_PATIENCE = 2.0  # multiple of a leg's ideal duration after which a blade that does not arrive is an error
+_APPROACH = 0.15  # time of travel [s] at the present speed before the end at which a leg begins to slow down
 
 
 @dataclass(frozen=True, kw_only=True)
 class Leg:
-    """Travel to ``position`` [m] at ``speed`` [m/s, positive] and ``angle`` [rad], then rest for ``dwell`` [s]."""
+    """One leg of a motion: to ``position`` [m] at ``speed`` [m/s] and ``angle`` [rad], then rest for ``dwell`` [s]."""
 
     position: float
     speed: float
@@ -38,12 +38,12 @@ class Leg:
 def forward_backward(
     *, first: float = 0.0254, second: float = 0.0508, speed: float, angle: float = math.pi / 2
 ) -> list[Leg]:
-    """The thesis's two cycles (section 6.2): cut ``first``, return to the start, cut to ``second``, return."""
+    """Return the thesis's two cycles (section 6.2): cut ``first``, return to the start, cut to ``second``, return."""
     return [Leg(position=target, speed=speed, angle=angle, dwell=0.2) for target in (first, 0.0, second, 0.0)]
 
 
 def run(plant: Plant, legs: list[Leg]) -> Records:
-    """Drive ``plant`` through ``legs`` from where its blade stands; every reading at 1 kHz, the first at rest.
+    """Drive ``plant`` through ``legs`` from its present position; return every reading at 1 kHz, the first at rest.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def run(plant: Plant, legs: list[Leg]) -> Records:
     ValueError
         If there is no leg.
     RuntimeError
-        If the blade does not arrive where a leg leads it.
+        If the blade does not reach the end of a leg.
     """
     if not legs:
         raise ValueError("legs is empty: give at least one Leg.")
@@ -82,12 +82,12 @@ def run(plant: Plant, legs: list[Leg]) -> Records:
 
 
 def depth_along(plant: Plant, position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Depth of cut [m] as measured beforehand, at blade positions [m] of any shape."""
+    """Return the depth of cut [m] measured beforehand, at blade positions [m] of any shape."""
     return np.interp(position, np.arange(len(plant.depth)) * SPACING, plant.depth)
 
 
 def to_trace(plant: Plant, readings: Records, **metadata: object) -> Trace:
-    """What a rig would have recorded: time, force, position, speed, angle, depth; no hidden state."""
+    """Return the readings as a rig would have recorded them: force, position, speed, angle, depth; no hidden state."""
     position = readings["position"].copy()
     return Trace(
         time=readings["time"].copy(),

@@ -1,4 +1,4 @@
-"""A recorded cut as a plant: whatever is commanded, it gives back what was felt and where the blade was."""
+"""A recorded cut as a plant: it returns the recorded readings, whatever is commanded."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from cutenv.tissue.specimen import N_POINTS, SPACING
 from cutenv.trace import Trace
 from cutenv.validation import in_range
 
-_AT_CLAMP = 0.005  # [m] within which a cut begins
-_FEWEST = 20.0  # readings a second, below which nothing can be said about what happened between them
-_SAME = 1e-6  # [s] by which a reading may miss its millisecond and is taken as it is
+_AT_CLAMP = 0.005  # [m], largest distance from the clamp at which a cut may begin
+_FEWEST = 20.0  # readings a second; with fewer, what happened between them is unknown
+_SAME = 1e-6  # [s], largest offset of a reading from its millisecond at which it is not interpolated
 _HIDDEN = ("true_force", "elastic_force", "tip", "jump")
 
 
 class ReplayPlant:
-    """A record, given back a millisecond after the other, from its first reading on.
+    """A recorded cut, replayed one millisecond after the other from its first reading on.
 
     Parameters
     ----------
     trace : Trace
-        With force in newtons, position, angle and depth; its speed is worked out from the position if it holds none.
-        Readings are interpolated to milliseconds; those of 1 kHz are taken as they are.
+        With force in newtons, position, angle and depth; speed is computed from the position if it has none.
+        Readings are interpolated to milliseconds; those of 1 kHz are used unchanged.
 
     Attributes
     ----------
     depth : ndarray of shape (301,)
-        Depth of cut every 0.5 mm from the clamp [m], as the record holds it; beyond where the blade was, its nearest.
+        Depth of cut every 0.5 mm from the clamp [m], from the record; elsewhere, its nearest value.
     readings : Records
         :data:`cutenv.cutting.records.READING`, shape (n,), time from 1 ms on; hidden fields are NaN.
 
@@ -44,7 +44,7 @@ class ReplayPlant:
         position, angle, depth = trace.require("position", "angle", "depth", by="a replay")
         force = trace.require_newtons(by="a replay")
         in_range("sample_rate", trace.sample_rate, _FEWEST, 1e6, "Hz", "Record the force more often.")
-        cure = "A cut begins at the clamp: cut the record to where it does, or count the position from there."
+        cure = "A cut begins at the clamp: trim the record to where it does, or measure the position from there."
         in_range("position at the start", position[0], -_AT_CLAMP, _AT_CLAMP, "m", cure)
         since = trace.time - trace.time[0]
         grid = np.arange(int((trace.duration + _SAME) / TICK) + 1) * TICK
@@ -62,16 +62,16 @@ class ReplayPlant:
 
     @property
     def left(self) -> int:
-        """Milliseconds that are still to be given."""
+        """Milliseconds of the record that are left."""
         return len(self.readings) - self._given
 
     def advance(self, speed: float, angle: float, ticks: int) -> Records:
-        """The next ``ticks`` readings, whatever ``speed`` and ``angle`` are.
+        """Return the next ``ticks`` readings, whatever ``speed`` and ``angle`` are.
 
         Raises
         ------
         EOFError
-            If the record holds no more; see :attr:`left`.
+            If fewer are left; see :attr:`left`.
         """
         if ticks > self.left:
             raise EOFError(f"the record holds {self.left} more milliseconds, not {ticks}.")

@@ -19,12 +19,12 @@ from cutenv.validation import array_in_range, in_range
 ANGLE_RANGE = (math.radians(45.0), math.radians(90.0))
 """Measured angles of the blade [rad]."""
 
-_ANGLE_LOW, _ANGLE_HIGH = ANGLE_RANGE[0] - 1e-9, ANGLE_RANGE[1] + 1e-9  # slack for a way through degrees and back
+_ANGLE_LOW, _ANGLE_HIGH = ANGLE_RANGE[0] - 1e-9, ANGLE_RANGE[1] + 1e-9  # slack for rounding through degrees and back
 _FASTEST = 0.5  # [m/s]
 
 
 class Snapshot(NamedTuple):
-    """Copies of all that the compiled law needs to go on from here, each of shape (1,); the hidden truth among it."""
+    """Copies of the full state, from which the law can continue, each of shape (1,); hidden truth included."""
 
     states: Records
     profiles: Records
@@ -34,29 +34,29 @@ class Snapshot(NamedTuple):
 
 
 class SimulatedPlant:
-    """A specimen, cut by a driven blade and felt through a sensor.
+    """A simulated specimen, cut by a driven blade whose force a sensor measures.
 
     Parameters
     ----------
     specimen : Specimen
-        What is cut.
+        The tissue to cut.
     drive : Rig or Hand, optional
-        What moves the blade; default the rig.
+        Drive of the blade; default the rig.
     sensor : SensorParameters, optional
-        Noise, resolution and delay of the force.
+        Noise, resolution and delay of the force sensor.
     law : LawParameters, optional
         Constants of the cutting law.
     seed, episode : int
-        Key of the sensor's noise.
+        Random key of the sensor's noise.
     angle : float
         Angle at the start [rad].
     depth : array, shape (301,), optional
-        Depth as measured beforehand [m]; default the specimen's own.
+        Depth measured beforehand [m]; default the specimen's own.
 
     Attributes
     ----------
     cuts : Records
-        All of it, :data:`~cutenv.cutting.simulate.CUT`, shape (1,).
+        The full state, :data:`~cutenv.cutting.simulate.CUT`, shape (1,).
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class SimulatedPlant:
         return self._readings
 
     def take_back(self, ticks: int, speed: float, angle: float) -> None:
-        """Undo the last :meth:`advance`, with the same command, beyond its first ``ticks`` milliseconds."""
+        """Undo the last :meth:`advance`, given its command, except for its first ``ticks`` milliseconds."""
         self.cuts["state"], self.cuts["sensor"] = self.cuts["state_before"], self.cuts["sensor_before"]
         self.advance(speed, angle, ticks)
 
@@ -115,25 +115,25 @@ class SimulatedPlant:
         return self.cuts["profile"]
 
     def snapshot(self) -> Snapshot:
-        """The hidden state and everything that moves it."""
+        """Return copies of the hidden state and of everything that determines its future."""
         return Snapshot(*(self.cuts[part].copy() for part in ("state", "profile", "law", "drive", "sensor")))
 
     def energy(self) -> dict[str, float]:
-        """Energies since the start [J]: work, stored, fracture, friction, loss, ledger, and residual.
+        """Return the energies since the start [J]: work, stored, fracture, friction, loss, ledger, and residual.
 
-        The residual is work less the others.
+        The residual is work minus all the others.
         """
         account_one(self.cuts, self._energies)
         return dict(zip(ENERGIES, self._energies.tolist(), strict=True))
 
 
 def check_angle(angle: float) -> None:
-    """Refuse an ``angle`` [rad] outside the measured ones."""
+    """Raise ValueError if ``angle`` [rad] is outside the measured range."""
     in_range(
         "angle",
         angle,
         _ANGLE_LOW,
         _ANGLE_HIGH,
         "rad",
-        "Measured are 45 to 90 degrees; angles are in radians: 90 degrees is 1.5708.",
+        "Angles from 45 to 90 degrees were measured; angles are in radians: 90 degrees is 1.5708.",
     )

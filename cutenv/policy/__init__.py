@@ -1,4 +1,4 @@
-"""Policies that need no learning library: they see an observation and answer with an action."""
+"""Policies that need no learning library: functions from an observation to an action."""
 
 from cutenv.policy.baselines import BASELINES, BOUND, GRID, GRID_ANGLES, GRID_SPEEDS, IDLE, SCRIPTS, feed_name
 from cutenv.policy.features import FeatureBatch, Features, past_dead_zone

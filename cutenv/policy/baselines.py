@@ -1,4 +1,4 @@
-"""The baselines by name, each as it was tuned on validation specimens: what a learned policy is compared with."""
+"""Baselines by name, each tuned on validation specimens, to which learned policies are compared."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
 from cutenv.policy.scripted import ConstantFeed, FastThenSlow, InclineBetween, NoAction, RandomAction
 
 GRID_SPEEDS = (0.10, 0.38, 0.89, 1.27, 1.65, 2.16, 2.54)
-"""Of the constant feeds [cm/s]: the seven at which the tissue was measured."""
+"""Speeds of the constant feeds [cm/s]: the seven at which the tissue was measured."""
 GRID_ANGLES = (45, 60, 75, 90)
-"""Of the constant feeds [deg]."""
+"""Angles of the constant feeds [deg]."""
 
 SCRIPTS: dict[str, Callable[[], Policy]] = {
     "fast then slow": FastThenSlow,
@@ -22,14 +22,14 @@ SCRIPTS: dict[str, Callable[[], Policy]] = {
     "probe and creep": ProbeAndCreep,
     "planner, nominal": PlannerNominal,
 }
-"""What a sensible person would program, besides the constant feeds."""
+"""Scripts that an engineer would program, besides the constant feeds."""
 BOUND = "planner with truth"
-"""Name of the upper bound: it is shown the hidden state and competes with nobody."""
+"""Name of the oracle: it knows the hidden state and does not compete."""
 IDLE: dict[str, Callable[[], Policy]] = {"random": RandomAction, "nothing": NoAction}
 
 
 def feed_name(speed_cm_s: float, angle_deg: float) -> str:
-    """Name of a constant feed."""
+    """Return the name of a constant feed."""
     return f"constant {speed_cm_s:.2f} cm/s {angle_deg:.0f} deg"
 
 
@@ -49,4 +49,4 @@ BASELINES: dict[str, Callable[[], Policy]] = {
     BOUND: PlannerWithTruth,
     **IDLE,
 }
-"""Every baseline by name; call it to make one."""
+"""All baselines by name; call a value to make the policy."""

@@ -1,4 +1,4 @@
-"""What must be known of a trained network to act with it: the card beside its weights."""
+"""The policy card: everything needed to run a trained network, stored beside its weights."""
 
 from __future__ import annotations
 
@@ -20,43 +20,43 @@ _SCALING = ("name", "unit", "scale", "offset")
 
 
 def observation_scaling() -> list[dict[str, Any]]:
-    """How this version of cutenv scales an observation: name, unit, scale and offset of its numbers, in order."""
+    """Return this version's scaling of observations: name, unit, scale and offset of each component, in order."""
     return [{key: getattr(component, key) for key in _SCALING} for component in COMPONENTS]
 
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyCard:
-    """What must be known of a network to act with it; all values as JSON holds them.
+    """Description of a trained network, with all that is needed to run it; JSON-serialisable.
 
     Parameters
     ----------
     environment : str
-        Id of the environment that it was trained in, such as ``cutenv/GentleCut-v1``.
+        Id of the environment in which it was trained, such as ``cutenv/GentleCut-v1``.
     environment_arguments : dict
-        With what an environment must be made so that observations and actions mean the same, such as
-        ``{"control_hz": 10, "angle_mode": "free"}``.
+        Arguments with which to make the environment, so that observations and actions mean the same as
+        in training, such as ``{"control_hz": 10, "angle_mode": "free"}``.
     layers : tuple of int
-        How many numbers stand between the network's layers, from input to output.
+        Widths of the network from input to output.
     activation : {"tanh", "relu"}
-        After every layer but the last.
+        Activation function after every layer but the last.
     features : dict
-        Keywords of :class:`cutenv.policy.features.Features`.
+        Keyword arguments of :class:`cutenv.policy.features.Features`.
     dead_zone : float
-        Share of the speed's action that means rest, 0 to 0.9 [1].
+        Fraction of the range of the action's speed that means rest, 0 to 0.9 [1].
     sha256 : str
-        Of ``policy.safetensors``, in hexadecimal digits.
+        SHA-256 of ``policy.safetensors``, in hexadecimal digits.
     training : dict
-        Facts about the training: seed, decisions, versions, commit and the like.  Nothing depends on them.
+        Facts about the training: seed, decisions, versions, commit and the like; for information only.
     memory : {None, "lstm"}
-        What remembers before the dense layers: nothing, or a long short-term memory of ``layers[1]`` units.  A card
-        without this field has none.
+        Recurrent part before the dense layers: none, or an LSTM of ``layers[1]`` units.  A card without this field
+        has none.
     scaling : list of dict
-        Name, unit, scale and offset of the observation's numbers; default :func:`observation_scaling`.
+        Name, unit, scale and offset of each component of the observation; default :func:`observation_scaling`.
 
     Raises
     ------
     TypeError, ValueError
-        If a value is out of range or cannot be held by JSON; names the field.
+        If a value is out of range or not JSON-serialisable; names the field.
     """
 
     schema: ClassVar[str] = SCHEMA
@@ -91,26 +91,26 @@ class PolicyCard:
             object.__setattr__(self, name, value)
 
     def to_json(self) -> str:
-        """JSON text, read back exactly by :meth:`from_json`."""
+        """Return JSON text, which :meth:`from_json` reads back exactly."""
         content = {"schema": SCHEMA, **dataclasses.asdict(self)}
         if self.memory is None:
-            del content["memory"]  # as cards were before there was a memory
+            del content["memory"]  # the same text as before this field existed
         return json.dumps(content, indent=1)
 
     @classmethod
     def from_json(cls, text: str) -> PolicyCard:
-        """Read :meth:`to_json`'s text.
+        """Parse the text of :meth:`to_json`.
 
         Raises
         ------
         TypeError, ValueError
-            For another schema, an unknown or a missing field, or a value that is refused.
+            For another schema, an unknown or missing field, or an invalid value.
         """
         return cls(**checked_fields(text, SCHEMA, {field.name for field in dataclasses.fields(cls)}, ("memory",)))
 
 
 def check_scaling(scaling: list[dict[str, Any]]) -> None:
-    """Refuse an observation that is scaled in another way than this version of cutenv scales it."""
+    """Raise if observations were scaled differently from this version of cutenv."""
     if not isinstance(scaling, list):
         raise TypeError(f"scaling must be a list with {', '.join(_SCALING)} of each component, got {scaling!r}.")
     for given, component, ours in itertools.zip_longest(scaling, COMPONENTS, observation_scaling()):
@@ -130,7 +130,7 @@ def _mapping(name: str, value: Any) -> dict[str, Any]:
 
 
 def _plain(name: str, value: Any) -> Any:
-    """A copy, as JSON gives it back."""
+    """Return a copy that went through JSON; raise ValueError if it is not serialisable."""
     try:
         return json.loads(json.dumps(value, allow_nan=False))
     except (TypeError, ValueError) as error:

@@ -1,8 +1,8 @@
-"""What a learned policy is fed: the observation, what a person would work out from it first, and a short history.
+"""Features of a learned policy: the observation, quantities derived from it, and a short history.
 
-A person who feels the blade would ask where the tip is.  Going forward, the force tells it only if the stiffness is
-known; drawing back, the force falls in a straight line whose slope is the stiffness, down to friction, and where it
-gets there is the tip.  Both answers are among the features, and nothing that a rig could not know.
+The most useful derived quantity is the position of the tip.  While the blade advances, the force determines it only
+for a known stiffness; while it draws back, the force falls along a straight line whose slope is the stiffness, down
+to friction, and there is the tip.  Both estimates are features; nothing is included that a rig could not know.
 """
 
 from __future__ import annotations
@@ -30,59 +30,59 @@ _FORCE, _MEAN, _MIN, _MAX, _POSITION, _SPEED, _ANGLE, _DEPTH, _DISTANCE = range(
 assert _NAMES[_MAX] == "force_max"
 assert _NAMES[_DISTANCE] == "distance"
 
-_WORKED_OUT = 14  # features besides observation and history
-_CHANNELS = 5  # of a moment of history
+_WORKED_OUT = 14  # derived features, besides observation and history
+_CHANNELS = 5  # values per decision of the history
 _LENGTH = 0.010  # [m], scale of lengths
-_FINE = 0.002  # [m], scale of lengths that decide about success
+_FINE = 0.002  # [m], scale of lengths that decide whether a cut is a success
 _FORCE_PER_DEPTH = 300.0  # [N/m]
 
-_STEADY = -0.002  # [m/s], slower than which a blade draws back steadily
-_SETTLED = 0.0006  # [m] drawn back, after which a delayed force no longer holds the friction of before
-_FLAT, _FLAT_OVER = 0.10, 0.0004  # [N] by which a force that is all friction changes over so many [m]
+_STEADY = -0.002  # [m/s], speed below which a blade draws back steadily
+_SETTLED = 0.0006  # [m] of retreat after which the delayed force no longer contains the earlier friction
+_FLAT, _FLAT_OVER = 0.10, 0.0004  # [N], [m]: pure friction changes by less than this over this distance
 _STEEP = 0.15  # [N] above friction: still elastic
-_SPAN = 0.0006  # [m] over which a slope can be read
-_SOFTEST, _STIFFEST = 0.25, 4.0  # times the mean tissue
+_SPAN = 0.0006  # [m], shortest distance over which a slope is fitted
+_SOFTEST, _STIFFEST = 0.25, 4.0  # multiples of the mean tissue's stiffness
 
 MEMORY: np.dtype[Any] = np.dtype(
     (
         np.record,
         [
-            ("depths", "f8", (N_POINTS,)),  # of cut, as far as the blade has been [m]
-            ("passed", "i8"),  # how many of them
-            ("furthest", "f8"),  # of the blade so far [m]
+            ("depths", "f8", (N_POINTS,)),  # depth of cut as far as the blade has been [m]
+            ("passed", "i8"),  # number of these that are known
+            ("furthest", "f8"),  # furthest position of the blade so far [m]
             ("last", "f8"),  # position at the last decision [m]
-            ("bristle", "f8"),  # deflection of friction's bristles [m]
-            ("steady", "i8"),  # decisions for which the blade has drawn back
-            ("back_from", "f8"),  # where that began [m]
-            ("position", "f8"),  # at the last decision, or where it last was that far from here [m]
+            ("bristle", "f8"),  # deflection of the friction bristles [m]
+            ("steady", "i8"),  # number of decisions for which the blade has drawn back
+            ("back_from", "f8"),  # position at which the retreat began [m]
+            ("position", "f8"),  # at the last decision, or the last one at least _FLAT_OVER away [m]
             ("force", "f8"),  # there [N]
-            ("count", "i8"),  # of what was felt while drawing back elastically, and its moments about back_from
+            ("count", "i8"),  # number of readings during elastic retreat; then their moments about back_from
             ("x", "f8"),
             ("F", "f8"),
             ("xx", "f8"),
             ("xF", "f8"),
-            ("nearest", "f8"),  # of those positions to back_from, [m] from there
-            ("friction_per_depth", "f8"),  # as felt, or nominal [N/m]
-            ("stiffness_ratio", "f8"),  # K as felt over that of the mean tissue, at the tip [1]
-            ("probed", "i8"),  # whether the tip has been found by drawing back
-            ("tip", "f8"),  # where [m]
+            ("nearest", "f8"),  # shortest distance of those readings from back_from [m]
+            ("friction_per_depth", "f8"),  # measured, or nominal [N/m]
+            ("stiffness_ratio", "f8"),  # measured K over that of the mean tissue, at the tip [1]
+            ("probed", "i8"),  # 1 once the tip has been located by drawing back
+            ("tip", "f8"),  # located tip [m]
         ],
     )
 )
-"""What is remembered of a cut."""
+"""Structured dtype of the features' memory of one cut."""
 
 
 class FeatureBatch:
-    """The features of many cuts side by side, decision after decision; bit for bit those of single cuts.
+    """Features of many cuts, decision after decision; bit for bit those of single cuts.
 
     Parameters
     ----------
     count : int
-        How many cuts.
+        Number of cuts.
     history : int
-        How many past decisions are kept: mean, least and greatest force, position and angle of each.
+        Number of past decisions in the history: mean, minimum and maximum force, position and angle of each.
     force : bool
-        Whether the force is felt; else every force counts as zero, also in what is worked out from it.
+        Whether the force is used; if not, every force counts as zero, also in the derived features.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class FeatureBatch:
     Raises
     ------
     TypeError, ValueError
-        For a count or a history that is no whole number, and for a ``force`` that is not True or False.
+        If ``count`` or ``history`` is not a whole number, or ``force`` is not True or False.
     """
 
     def __init__(self, count: int, *, history: int = 6, force: bool = True) -> None:
@@ -101,7 +101,7 @@ class FeatureBatch:
         if in_range("history", history, 0, 1000, "1", "A handful of decisions is enough.") % 1.0:
             raise ValueError(f"history = {history} is not a whole number of decisions.")
         if not isinstance(force, bool):
-            raise TypeError(f"force = {force!r} must be True (felt) or False (not felt).")
+            raise TypeError(f"force = {force!r} must be True (used) or False (not used).")
         self._memory, self._frames = new_memory(int(count), int(history))
         self._force = force
         self.size = feature_count(int(history))
@@ -109,11 +109,11 @@ class FeatureBatch:
         self.forget(self._all)
 
     def forget(self, cuts: int | NDArray[np.int64]) -> None:
-        """Begin one of the cuts anew, or several, by their numbers."""
+        """Reset one of the cuts, or several, given by index."""
         forget(self._memory, self._frames, cuts)
 
     def __call__(self, observations: NDArray[np.float32], cuts: NDArray[np.int64] | None = None) -> NDArray[np.float32]:
-        """The features, shape (n, size) float32, of the cuts with these observations, shape (n, 12): all, or some."""
+        """Return features, shape (n, size) float32, for observations, shape (n, 12), of all or some cuts."""
         seen = np.array(observations, np.float32)
         cuts = self._all if cuts is None else cuts
         if seen.shape != (len(cuts), len(COMPONENTS)):
@@ -125,12 +125,12 @@ class FeatureBatch:
 
 
 class Features:
-    """The features of one cut, decision after decision: :class:`FeatureBatch` of one.
+    """Features of one cut, decision after decision: a :class:`FeatureBatch` of one.
 
     Parameters
     ----------
     history, force
-        As in :class:`FeatureBatch`.
+        Same as for :class:`FeatureBatch`.
 
     Attributes
     ----------
@@ -147,15 +147,15 @@ class Features:
         self._batch.forget(0)
 
     def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The features, shape (size,) float32 within the observation's bounds, for an observation, shape (12,)."""
+        """Return the features, shape (size,) float32, clipped like observations, for an observation, shape (12,)."""
         features: NDArray[np.float32] = self._batch(np.asarray(observation)[None])[0]
         return features
 
 
 def past_dead_zone(action: NDArray[np.float32], width: float) -> NDArray[np.float32]:
-    """Map the speed of actions, shape (..., 2), so that -width to width is zero and +-1 stays +-1.
+    """Apply a dead zone to the speed of actions, shape (..., 2): -width to width becomes zero, +-1 stays +-1.
 
-    Nothing that jitters can hold still, and a cut is finished at rest.  ValueError for a width outside 0 to 0.9.
+    A policy whose actions jitter can then hold still and finish at rest.  ValueError for a width outside 0 to 0.9.
     """
     in_range("width", width, 0.0, 0.9, "1", "A quarter of the reach is 0.25.")
     result = np.array(action, np.float32)
@@ -165,12 +165,12 @@ def past_dead_zone(action: NDArray[np.float32], width: float) -> NDArray[np.floa
 
 
 def feature_count(history: int) -> int:
-    """Number of features with so many decisions of history."""
+    """Return the number of features with ``history`` past decisions."""
     return len(COMPONENTS) + _WORKED_OUT + _CHANNELS * history
 
 
 def new_memory(cuts: int, history: int) -> tuple[Records, NDArray[np.float64]]:
-    """Memory, shape (cuts,), and frames, shape (cuts, history, 5), of cuts not yet begun."""
+    """Return memory, shape (cuts,), and history frames, shape (cuts, history, 5), of cuts not yet begun."""
     return np.zeros(cuts, MEMORY), np.zeros((cuts, history, _CHANNELS))
 
 
@@ -183,7 +183,7 @@ def _nothing() -> Records:
 
 
 def forget(memory: Records, frames: NDArray[np.float64], cuts: int | NDArray[np.int64]) -> None:
-    """Begin a cut anew, or several, by their numbers."""
+    """Reset the memory of one cut, or several, given by index."""
     memory[cuts] = _nothing()[0]
     frames[cuts] = 0.0
 
@@ -194,11 +194,11 @@ def extract_batch(
     observations: NDArray[np.float32],
     cuts: NDArray[np.int64] | None = None,
 ) -> NDArray[np.float32]:
-    """The features, shape (n, size), of all cuts, or of some by their numbers, for observations, shape (n, 12)."""
+    """Return features, shape (n, size), for observations, shape (n, 12), of all cuts, or of those given by index."""
     features = np.empty((len(observations), feature_count(frames.shape[1])), np.float32)
     cuts = np.arange(len(memory)) if cuts is None else cuts
     if not extract_some(memory, frames, cuts, nominal_tissue(measured_liver()), observations, features):
-        checked_observation(observations)  # says what is wrong
+        checked_observation(observations)  # raises with the reason
     return features
 
 
@@ -211,9 +211,9 @@ def extract_some(
     observations: Records,
     features: Records,
 ) -> bool:
-    """Fill ``features``, shape (n, size), and keep in mind what was observed of these cuts, n of them.
+    """Fill ``features``, shape (n, size), and update the memory of the n cuts given by index.
 
-    False, and nothing done, where an observation is not finite.
+    Returns False, and changes nothing, if an observation is not finite.
     """
     for k in range(len(cuts)):
         for i in range(observations.shape[1]):
@@ -288,7 +288,7 @@ def _extract(
 
 @for_kernels
 def _watch(memory: Record, nominal: Record, position: float, speed: float, force: float, depth: float) -> None:
-    """While the blade draws back, read off stiffness, friction and tip."""
+    """Update stiffness, friction and tip from the force while the blade draws back."""
     if speed < _STEADY:
         if memory.steady == 0:
             memory.back_from = position
@@ -313,19 +313,19 @@ def _watch(memory: Record, nominal: Record, position: float, speed: float, force
                 memory.nearest = drawn_back
             if memory.count > 1 and drawn_back - memory.nearest > _SPAN:
                 _find_tip(memory, nominal, depth)
-    if memory.steady <= 1 or memory.position - position > _FLAT_OVER:  # however often it decides
+    if memory.steady <= 1 or memory.position - position > _FLAT_OVER:  # whatever the decision rate
         memory.position = position
         memory.force = force
 
 
 @for_kernels
 def _find_tip(memory: Record, nominal: Record, depth: float) -> None:
-    """Follow the straight line of the force down to friction."""
+    """Locate the tip: extrapolate the straight line of the force down to friction."""
     n = memory.count
     if n < 2:
         return
     spread = memory.xx - memory.x**2 / n
-    slope = (memory.x * memory.F / n - memory.xF) / max(spread, 1e-12)  # of the force's fall over drawing back
+    slope = (memory.x * memory.F / n - memory.xF) / max(spread, 1e-12)  # fall of the force over the retreat [N/m]
     if slope <= 0.0:
         return
     mean_x, mean_F = memory.x / n, memory.F / n

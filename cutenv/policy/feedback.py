@@ -1,4 +1,4 @@
-"""Scripts that feel: speed that answers the force, and probes that find the tip."""
+"""Scripts with force feedback: speed as a function of force, and unloading probes that locate the tip."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FORCE, _POSITION, _SPEED, _DEPTH, _DISTANCE = (
 
 
 class ForceFeedback(Script):
-    """The speed rises with the force per depth, for a loaded blade that moves fast cuts more evenly.
+    """A feed whose speed rises with the force per depth, because a loaded blade cuts more evenly when it moves fast.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class ForceFeedback(Script):
     full_load : float
         Force per depth [N/m].
     angle : float
-        [rad]
+        Angle of the blade [rad].
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class ForceFeedback(Script):
         self._full_load = in_range("full_load", full_load, 1.0, 1e4, "N/m", "3 N/cm is 300.")
 
     def command(self, observation: Array32) -> Array32:
-        """The action while cutting."""
+        """Return the action while cutting."""
         depth = max(float(observation[_DEPTH]) * SCALES[_DEPTH], 1e-3)
         force_per_depth = float(observation[_FORCE]) * SCALES[_FORCE] / depth
         load = min(max(force_per_depth / self._full_load, 0.0), 1.0)
@@ -55,26 +55,26 @@ class ForceFeedback(Script):
 
 
 class ProbeAndCreep:
-    """Cut to near the target, probe, creep on by what is missing, probe again; rest when the tip is near enough.
+    """A cut to near the target, then probes and short feeds in turn, until the tip is near enough.
 
-    Drawing back is elastic: the force falls in a straight line whose slope is the stiffness K at the tip, until only
-    friction is left, and there stands the tip.
+    A probe unloads elastically: as the blade draws back, the force falls along a straight line whose slope is the
+    stiffness K at the tip; where only friction is left, there is the tip.
 
     Parameters
     ----------
     speed, angle : float
-        Of the body of the cut [m/s], [rad].
+        Speed [m/s] and angle [rad] of the main part of the cut.
     approach : float
-        The first probe begins when, by the time the blade stands, the estimated tip will be this far before the
-        target [m].
+        Distance of the estimated tip before the target, once the blade has stopped, at which the first probe
+        begins [m].
     creep_speed, creep_angle : float
-        Of the rest [m/s], [rad].
+        Speed [m/s] and angle [rad] of the feeds between probes.
     near_enough : float
-        The cut is ended when a probe finds the tip this near to the target, or beyond [m].
+        Distance before the target up to which a probe's tip ends the cut [m].
     margin : float
-        By which the creep falls short of what is missing [m].
+        Distance by which a feed falls short of the missing length [m].
     probes : int
-        At most so many.
+        Largest number of probes.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class ProbeAndCreep:
         self._furthest = self._goal = 0.0
 
     def __call__(self, observation: Array32) -> Array32:
-        """The action for an observation."""
+        """Return the action for an observation."""
         position, speed, distance = (float(observation[k]) * SCALES[k] for k in (_POSITION, _SPEED, _DISTANCE))
         self._furthest = max(self._furthest, position)
         target = position + distance
@@ -130,19 +130,19 @@ class ProbeAndCreep:
 
 
 class UnloadProbe:
-    """Draw back at a steady speed until only friction is felt.
+    """A retreat at constant speed until only friction is measured.
 
     Attributes
     ----------
     tip : float
-        Found where the force has fallen to friction [m].
+        Position at which the force has fallen to friction [m].
     stiffness : float
-        K by the slope on the way [N/m]; 0 where there was nothing to unload.
+        Stiffness K from the slope of the force during the retreat [N/m]; 0 if there was nothing to unload.
     """
 
     SPEED = 0.010  # [m/s]
-    _SETTLED = 0.08  # [s] of drawing back, after which a delayed force no longer holds the friction of before
-    _FLAT, _FLAT_OVER = 0.07, 0.001  # [N] by which a force that is all friction changes over so many [m]
+    _SETTLED = 0.08  # [s] of retreat after which the delayed force no longer contains the earlier friction
+    _FLAT, _FLAT_OVER = 0.07, 0.001  # [N], [m]: pure friction changes by less than this over this distance
     _STEEP = 0.15  # [N] above friction: still elastic
 
     def __init__(self) -> None:
@@ -150,7 +150,7 @@ class UnloadProbe:
         self.tip = self.stiffness = 0.0
 
     def feel(self, observation: Array32) -> bool:
-        """Take an observation in; whether to go on drawing back."""
+        """Add an observation; return True while the retreat must go on."""
         position, force, speed = (float(observation[k]) * SCALES[k] for k in (_POSITION, _FORCE, _SPEED))
         if speed > -0.9 * self.SPEED:
             return True

@@ -1,4 +1,4 @@
-"""A network of dense layers in NumPy: what is left of a learner's actor once it has been trained."""
+"""A network of dense layers in NumPy: the actor of a trained policy."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ _HIDDEN = re.compile(r"mlp_extractor\.policy_net\.(\d+)\.(?:weight|bias)")
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Dense layers with an activation after each but the last, which is linear.
+    """Dense layers, each followed by an activation except the last, which is linear.
 
     Parameters
     ----------
     layers : tuple of (weight, bias)
-        From input to output, float32: weights of shape (outputs, inputs), biases of shape (outputs,).
+        Weight and bias of each layer from input to output, float32, shapes (outputs, inputs) and (outputs,).
     activation : {"tanh", "relu"}
-        After every layer but the last.
+        Activation function after every layer but the last.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, a number is not float32 or not finite, or the activation is unknown; names the array.
+        If shapes do not fit, a number is not float32 or not finite, or the activation is unknown.
     """
 
     layers: tuple[Layer, ...]
@@ -62,11 +62,11 @@ class Network:
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """How many numbers stand between the layers, from input to output."""
+        """Widths from input to output."""
         return (self.layers[0][0].shape[1], *(len(bias) for _, bias in self.layers))
 
     def __call__(self, features: Array32) -> Array32:
-        """The output, shape (..., ``sizes[-1]``), for features, shape (..., ``sizes[0]``)."""
+        """Return the output, shape (..., ``sizes[-1]``), for features, shape (..., ``sizes[0]``)."""
         values = np.asarray(features, dtype=np.float32)
         if values.shape[-1:] != self.sizes[:1]:
             raise ValueError(f"features has shape {values.shape}; its last axis must hold {self.sizes[0]} numbers.")
@@ -77,7 +77,7 @@ class Network:
         return row_by_row(values, last_weight) + last_bias
 
     def to_arrays(self) -> dict[str, Array32]:
-        """Weights and biases by name: ``layer_0.weight``, ``layer_0.bias``, ``layer_1.weight`` and so on."""
+        """Return weights and biases by name: ``layer_0.weight``, ``layer_0.bias``, ``layer_1.weight`` and so on."""
         return {
             _name(k, part): array
             for k, layer in enumerate(self.layers)
@@ -86,12 +86,12 @@ class Network:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Array32], activation: str) -> Network:
-        """Read :meth:`to_arrays`' names.
+        """Build the network from arrays named as by :meth:`to_arrays`.
 
         Raises
         ------
         ValueError
-            If an array is missing, has a name of its own, or is refused by the network.
+            If an array is missing, has an unknown name, or is invalid.
         """
         prefixes = [f"layer_{k}" for k in range(max(len(arrays) // 2, 1))]
         layers = tuple(_layer(arrays, prefix) for prefix in prefixes)
@@ -102,20 +102,20 @@ class Network:
 
     @classmethod
     def from_state_dict(cls, arrays: Mapping[str, Array32], activation: str) -> Network:
-        """The actor of Stable-Baselines3's ``MlpPolicy``: its deterministic action before clipping.
+        """Build the actor of Stable-Baselines3's ``MlpPolicy``: its deterministic action before clipping.
 
         Parameters
         ----------
         arrays : mapping
-            The policy's parameters by name, as NumPy arrays; those of the critic and the action's spread are ignored.
+            Parameters of the policy by name, as NumPy arrays; the critic's and the action's log_std are ignored.
         activation : {"tanh", "relu"}
-            The names do not tell it: that of the policy's ``activation_fn``.
+            The policy's ``activation_fn``, which the names do not contain.
 
         Raises
         ------
         ValueError
-            If a parameter of the actor is missing (and which), or between the dense layers stands more than an
-            activation.
+            If a parameter of the actor is missing (the message names it), or there are other modules than
+            activations between the dense layers.
         """
         places = sorted({int(found[1]) for name in arrays if (found := _HIDDEN.fullmatch(name))})
         expected = list(range(0, 2 * len(places), 2))  # every second module is an activation, without parameters
@@ -129,9 +129,9 @@ class Network:
 
 
 def row_by_row(values: Array32, weight: Array32) -> Array32:
-    """``values``, shape (..., inputs), times ``weight``, shape (outputs, inputs): each row as if it were alone.
+    """Multiply ``values``, shape (..., inputs), by ``weight``, shape (outputs, inputs), each row on its own.
 
-    One product of all rows rounds otherwise than each alone, and a cut magnifies the last bit.
+    One product of all rows rounds differently from single rows, and a cut amplifies the last bit.
     """
     product: Array32 = (values[..., None, :] @ weight.T)[..., 0, :]
     return product
@@ -150,7 +150,7 @@ def _layer(arrays: Mapping[str, Array32], prefix: str) -> Layer:
 
 
 def checked_array(name: str, values: Array32, dimensions: int) -> Array32:
-    """A read-only copy, in rows; ValueError for what is not float32, has other axes or is not finite."""
+    """Return a read-only C-ordered copy; raise ValueError unless float32, finite and of ``dimensions`` axes."""
     array = np.array(values, order="C")
     if array.dtype != np.float32:
         raise ValueError(f"{name} is {array.dtype}; give float32: array.astype(numpy.float32).")
@@ -159,8 +159,8 @@ def checked_array(name: str, values: Array32, dimensions: int) -> Array32:
     wrong = int(np.count_nonzero(~np.isfinite(array)))
     if wrong:
         raise ValueError(
-            f"{name} holds {wrong} of {array.size} numbers that are NaN or infinite: training came "
-            "apart. Take an earlier checkpoint."
+            f"{name} holds {wrong} of {array.size} numbers that are NaN or infinite: training "
+            "diverged. Take an earlier checkpoint."
         )
     array.setflags(write=False)
     return array

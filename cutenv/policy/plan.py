@@ -1,4 +1,4 @@
-"""Plans of a whole cut, and what a tissue that is known would answer to them: rollouts of the law, compiled."""
+"""Plans of a whole cut and their rollouts through a known tissue, compiled."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from cutenv.task.assessment import assess
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
 
 KNOTS = 28
-"""Stretches of a plan, each with a speed and an angle of its own."""
+"""Number of segments of a plan, each with its own speed and angle."""
 STRETCH = 0.005
-"""Length of a stretch along the cut [m]; the last one goes on."""
+"""Length of a segment along the cut [m]; the last one extends to the end."""
 UPRIGHT = 0.5 * math.pi
 
 PLAN: np.dtype[Any] = np.dtype(
     (
         np.record,
         [
-            ("speed", "f8", (KNOTS,)),  # of each stretch [m/s]
-            ("angle", "f8", (KNOTS,)),  # of each stretch [rad]
+            ("speed", "f8", (KNOTS,)),  # of each segment [m/s]
+            ("angle", "f8", (KNOTS,)),  # of each segment [rad]
             ("upright_from", "f8"),  # blade position from which the blade turns upright [m]
             ("slow_from", "f8"),  # blade position from which the last speed holds [m]
             ("last_speed", "f8"),  # [m/s]
@@ -35,12 +35,12 @@ PLAN: np.dtype[Any] = np.dtype(
         ],
     )
 )
-"""A plan is followed by blade position, so that it means the same whatever the time it takes."""
+"""Structured dtype of a plan; commands depend on the blade's position, so that a plan does not depend on timing."""
 
 
 @compiled
 def planned_command(plan: Record, position: float) -> tuple[float, float]:
-    """Speed [m/s] and angle [rad] before the stop, for a blade at ``position`` [m]."""
+    """Return speed [m/s] and angle [rad] before the stop, for a blade at ``position`` [m]."""
     k = min(max(int(position / STRETCH), 0), KNOTS - 1)
     speed = plan.last_speed if position >= plan.slow_from else plan.speed[k]
     angle = UPRIGHT if position >= plan.upright_from else plan.angle[k]
@@ -61,20 +61,20 @@ def roll_out(
     terms: Records,
     commands: Records,
 ) -> float:
-    """Follow ``plan`` to the end of the cut; return what it is paid.
+    """Follow ``plan`` to the end of the cut; return its return (sum of rewards).
 
     Parameters
     ----------
     state, law, drive, sensor, task, progress : Record
-        Of the cut at its start; ``state``, ``sensor`` and ``progress`` are changed.
+        The cut at its start; ``state``, ``sensor`` and ``progress`` are changed.
     profile : Record
         The tissue.
     readings : Records
-        Room for the readings of a decision, shape (ticks,).
+        Buffer for the readings of a decision, shape (ticks,).
     terms : array, shape (12,)
-        Room for the reward's terms.
+        Buffer for the reward's terms.
     commands : array, shape (decisions, 2)
-        Filled with the speeds [m/s] and angles [rad] that were commanded.
+        Filled with the speeds [m/s] and angles [rad] commanded.
     """
     total = 0.0
     share = made_up(drive, TICK)
@@ -86,7 +86,7 @@ def roll_out(
         if stopping:
             rested = rested or (state.speed <= 0.0 and state.blade - state.tip <= plan.rest_lag)
             speed, angle = (0.0 if rested else -plan.retreat), UPRIGHT
-        # As an action holds it, so that what is planned is what happens.
+        # Rounded like an action (float32), so that the plan's rollout equals its execution.
         speed = SPEED_SCALE * np.float64(np.float32(speed / SPEED_SCALE))
         angle = ANGLE_CENTRE + ANGLE_SCALE * np.float64(np.float32((angle - ANGLE_CENTRE) / ANGLE_SCALE))
         commands[decision, 0] = speed
@@ -115,7 +115,7 @@ def roll_out_all(
     commands: Records,
     returns: Records,
 ) -> None:
-    """:func:`roll_out` of every plan, shape (n,), from one start (arrays of length 2: start, and room for a copy)."""
+    """Run :func:`roll_out` for every plan, shape (n,), from one start (arrays of length 2: start, working copy)."""
     for n in range(len(plans)):
         starts[1] = starts[0]
         sensors[1] = sensors[0]

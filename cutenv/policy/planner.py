@@ -1,4 +1,4 @@
-"""Planners: the best plan of a whole cut through tissue that is known, or believed to be the mean one."""
+"""Planners: the best plan of a whole cut through tissue that is known, or assumed to be the mean tissue."""
 
 from __future__ import annotations
 
@@ -32,28 +32,28 @@ _POSITION, _DISTANCE = _NAMES.index("position"), _NAMES.index("distance")
 
 
 class Search:
-    """Random local search among plans, from the best of a grid of plain ones.
+    """Random local search over plans, started from the best of a grid of constant ones.
 
     Parameters
     ----------
     cutting : GentleCutting
-        A cut at its start on a simulated plant; it is copied and stays as it is.
+        A cut at its start on a simulated plant; it is copied and not changed.
     """
 
     def __init__(self, cutting: GentleCutting) -> None:
         if not isinstance(cutting.plant, SimulatedPlant):
-            raise TypeError(f"plans are tried out in a simulation; {type(cutting.plant).__name__} is none.")
+            raise TypeError(f"plans need a SimulatedPlant to simulate, got {type(cutting.plant).__name__}.")
         start = cutting.plant.snapshot()
         self._task, progress = cutting.assessment()
         self._target = cutting.target_length
         self._profiles, self._law, self._drive = start.profiles, start.laws, start.drives
-        # One to start from, one to work on.
+        # Index 0: start; index 1: working copy.
         self._state, self._sensor, self._progress = (np.repeat(r, 2) for r in (start.states, start.sensors, progress))
         self._readings, self._terms = np.zeros(cutting.ticks, READING), np.zeros(len(TERMS))
         self._commands = np.zeros((math.ceil(1e3 * cutting.deadline / cutting.ticks), 2))
 
     def returns(self, plans: Records) -> Array:
-        """What each plan, shape (n,), is paid, shape (n,)."""
+        """Return the return of each plan, shape (n,)."""
         returns = np.zeros(len(plans))
         roll_out_all(
             self._state, self._profiles, self._law, self._drive, self._sensor, self._task, self._progress, plans,
@@ -62,12 +62,12 @@ class Search:
         return returns
 
     def commands(self, plan: Records) -> Array:
-        """Speed [m/s] and angle [rad] at each decision of a plan, shape (1,); shape (decisions, 2)."""
+        """Return speed [m/s] and angle [rad] at each decision of a plan, shape (1,); shape (decisions, 2)."""
         self.returns(plan)
         return self._commands.copy()
 
     def best(self, rng: np.random.Generator, *, rounds: int, offspring: int = 16) -> tuple[Records, float]:
-        """The best plan found, shape (1,), and its return."""
+        """Search for ``rounds`` rounds; return the best plan found, shape (1,), and its return."""
         plans = self.plain_plans()
         plan, value = _better(plans, self.returns(plans), plans[:1], -math.inf)
         size = 1.0
@@ -79,7 +79,7 @@ class Search:
         return plan, value
 
     def plain_plans(self) -> Records:
-        """One speed and one angle throughout, and many places to stop."""
+        """Return a grid of plans with one speed and one angle throughout, and many positions to stop."""
         speeds, angles = np.array([0.0254, 0.0190, 0.0127, 0.0064]), np.radians([45.0, 60.0, 90.0])
         stops = self._target + np.linspace(-0.004, 0.044, 33)  # the blade leads the tip by up to 4 cm
         v, theta, stop = (grid.ravel() for grid in np.meshgrid(speeds, angles, stops, indexing="ij"))
@@ -93,7 +93,7 @@ class Search:
         return plans
 
     def varied(self, plan: Records, size: float, count: int, rng: np.random.Generator) -> Records:
-        """``count`` plans near ``plan``, shape (1,): each of its numbers is changed with a probability of a third."""
+        """Return ``count`` mutations of ``plan``, shape (1,): each number is changed with a probability of 1/3."""
         plans = np.repeat(plan, count)
 
         def change(name: str, step: float, low: float, high: float) -> None:
@@ -120,14 +120,14 @@ def _better(plans: Records, returns: Array, plan: Records, value: float) -> tupl
 
 
 class PlannerWithTruth:
-    """Knows the specimen and plans the whole cut: what there is to gain, and nothing that anybody could do.
+    """The oracle: it knows the specimen and plans the whole cut; an upper bound that no real policy can reach.
 
-    Its plans are found by search, so that the best possible is a little better still.
+    Its plans come from a search, so the true optimum is slightly better.
 
     Parameters
     ----------
     rounds : int
-        Of the search.
+        Number of rounds of the search.
     """
 
     def __init__(self, *, rounds: int = 20) -> None:
@@ -146,21 +146,21 @@ class PlannerWithTruth:
         self._commands.reverse()
 
     def __call__(self, observation: Array32) -> Array32:
-        """The next command of the plan, whatever is observed."""
+        """Return the next command of the plan, whatever the observation."""
         if not self._commands:
             raise RuntimeError("this planner must be shown the cut: call look_into(env.unwrapped.cutting) after reset.")
         return to_action(*self._commands.pop())
 
 
 class PlannerNominal(Script):
-    """Plans the cut through the mean liver, follows the plan, and stops where the tip is estimated to be.
+    """A planner for the mean liver: it follows the plan and stops where the tip is estimated to reach the target.
 
     Parameters
     ----------
     tissue : TissueDescription, optional
         Default: the measured pig liver.
     rounds : int
-        Of the search.
+        Number of rounds of the search.
     """
 
     def __init__(
@@ -177,14 +177,14 @@ class PlannerNominal(Script):
         self._plan: Records | None = None
 
     def command(self, observation: Array32) -> Array32:
-        """The action while cutting."""
+        """Return the plan's command for the present position."""
         position = float(observation[_POSITION]) * SCALES[_POSITION]
         if self._plan is None:
             self._plan = self.plan_for(position + float(observation[_DISTANCE]) * SCALES[_DISTANCE])
         return to_action(*planned_command(self._plan[0], position))
 
     def plan_for(self, target: float) -> Records:
-        """The plan for a target length [m], to a centimetre, shape (1,): it is followed until the tip is there."""
+        """Return the plan for a target length [m], rounded to a centimetre, shape (1,); cached."""
         length = round(target, 2)
         if length not in self._plans:
             self._plans[length] = Search(_mean_cut(self._tissue, length)).best(

@@ -1,4 +1,4 @@
-"""A long short-term memory before dense layers, in NumPy: what is left of a recurrent learner's actor."""
+"""An LSTM network followed by dense layers, in NumPy: the actor of a trained recurrent policy."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from cutenv.policy.network import Network, checked_array, row_by_row
 
 Array32 = NDArray[np.float32]
 State = tuple[Array32, Array32]
-"""What is remembered: hidden state h and cell c, shape (..., units) each."""
+"""Recurrent state: hidden state h and cell state c, shape (..., units) each."""
 
 _PREFIX = "memory."
-_PARTS = {"weight_ih": 2, "weight_hh": 2, "bias_ih": 1, "bias_hh": 1}  # and their axes
+_PARTS = {"weight_ih": 2, "weight_hh": 2, "bias_ih": 1, "bias_hh": 1}  # names and numbers of axes
 _ACTOR = "lstm_actor"
-_GATES = 4  # input i, forget f, cell g, output o: stacked in this order, as PyTorch does
+_GATES = 4  # input i, forget f, cell g, output o: stacked in this order, as in PyTorch
 
 
 @dataclass(frozen=True, eq=False)
 class RecurrentNetwork:
-    """One layer of long short-term memory (Hochreiter and Schmidhuber 1997), then a :class:`Network`.
+    """One LSTM layer (long short-term memory, Hochreiter and Schmidhuber 1997), then a :class:`Network`.
 
-    With the features x and the state (h, c), i, f, g, o = W_ih x + b_ih + W_hh h + b_hh:
-    c' = sigmoid(f) c + sigmoid(i) tanh(g), h' = sigmoid(o) tanh(c'); the network gets h'.
+    With features x and state (h, c): i, f, g, o = W_ih x + b_ih + W_hh h + b_hh,
+    c' = sigmoid(f) c + sigmoid(i) tanh(g), h' = sigmoid(o) tanh(c'); the network's input is h'.
 
     Parameters
     ----------
@@ -34,12 +34,12 @@ class RecurrentNetwork:
     bias_ih, bias_hh : array
         Float32, shape (4 units,).
     head : Network
-        From h' to the action.
+        Network from h' to the action.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, or a number is not float32 or not finite; names the array.
+        If shapes do not fit, or a number is not float32 or not finite; the message names the array.
     """
 
     weight_ih: Array32
@@ -54,7 +54,7 @@ class RecurrentNetwork:
         rows, units = self.weight_hh.shape
         if rows != _GATES * units:
             raise ValueError(
-                f"{_PREFIX}weight_hh has shape {self.weight_hh.shape}; it must be four times as high as wide."
+                f"{_PREFIX}weight_hh has shape {self.weight_hh.shape}; it must have four times as many rows as columns."
             )
         for part in _PARTS:
             found = getattr(self, part).shape
@@ -65,25 +65,25 @@ class RecurrentNetwork:
 
     @property
     def units(self) -> int:
-        """Numbers that h and c hold."""
+        """Number of units in h and in c."""
         return int(self.weight_hh.shape[1])
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """How many numbers stand between the layers, from input to output, the memory's first."""
+        """Widths from input to output, beginning with the LSTM's input."""
         return (self.weight_ih.shape[1], *self.head.sizes)
 
     @property
     def activation(self) -> str:
-        """Of the network after the memory."""
+        """Activation function of the network after the LSTM."""
         return self.head.activation
 
     def start(self, count: int) -> State:
-        """The state of ``count`` cuts at their beginning: nothing is remembered."""
+        """Return the initial state of ``count`` cuts: zeros."""
         return np.zeros((count, self.units), np.float32), np.zeros((count, self.units), np.float32)
 
     def __call__(self, features: Array32, state: State) -> tuple[Array32, State]:
-        """The output, shape (n, ``sizes[-1]``), and the next state, for features, shape (n, ``sizes[0]``)."""
+        """Return the output, shape (n, ``sizes[-1]``), and the next state, for features, shape (n, ``sizes[0]``)."""
         x = np.asarray(features, dtype=np.float32)
         if x.shape[-1:] != self.sizes[:1]:
             raise ValueError(f"features has shape {x.shape}; its last axis must hold {self.sizes[0]} numbers.")
@@ -95,17 +95,17 @@ class RecurrentNetwork:
         return self.head(h), (h, c)
 
     def to_arrays(self) -> dict[str, Array32]:
-        """Weights and biases by name: ``memory.weight_ih`` and so on, then those of the head."""
+        """Return weights and biases by name: ``memory.weight_ih`` and so on, then those of the head."""
         return {_PREFIX + part: getattr(self, part) for part in _PARTS} | self.head.to_arrays()
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Array32], activation: str) -> RecurrentNetwork:
-        """Read :meth:`to_arrays`' names.
+        """Build the network from arrays named as by :meth:`to_arrays`.
 
         Raises
         ------
         ValueError
-            If an array is missing, has a name of its own, or is refused.
+            If an array is missing, has an unknown name, or is invalid.
         """
         own = {part: _found(arrays, _PREFIX + part) for part in _PARTS}
         others = {name: array for name, array in arrays.items() if name not in {_PREFIX + part for part in _PARTS}}
@@ -113,12 +113,12 @@ class RecurrentNetwork:
 
     @classmethod
     def from_state_dict(cls, arrays: Mapping[str, Array32], activation: str) -> RecurrentNetwork:
-        """The actor of sb3-contrib's ``MlpLstmPolicy`` with one layer of memory, as :meth:`Network.from_state_dict`.
+        """Build the actor of sb3-contrib's ``MlpLstmPolicy`` with one LSTM layer; see :meth:`Network.from_state_dict`.
 
         Raises
         ------
         ValueError
-            If a parameter of the actor is missing, or its memory has more than one layer.
+            If a parameter of the actor is missing, or it has more than one LSTM layer.
         """
         if f"{_ACTOR}.weight_ih_l1" in arrays:
             raise ValueError(f"{_ACTOR} has more than one layer; train with n_lstm_layers=1.")
@@ -134,6 +134,6 @@ def _found(arrays: Mapping[str, Array32], name: str) -> Array32:
 
 
 def _sigmoid(values: Array32) -> Array32:
-    """1/(1 + exp(-x)), written so that nothing overflows."""
+    """Compute 1/(1 + exp(-x)) in a form that cannot overflow."""
     result: Array32 = np.float32(0.5) * (np.float32(1.0) + np.tanh(np.float32(0.5) * values))
     return result

@@ -1,4 +1,4 @@
-"""Scripted baselines: what a sensible person would program before learning anything."""
+"""Scripted baselines: what a sensible engineer would program before learning anything."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ INCLINED = math.radians(45.0)
 
 
 class Script(ABC):
-    """Cut as :meth:`command` says until the shared routine stops and unloads."""
+    """Base class of scripts: cut by :meth:`command` until the shared routine stops and unloads."""
 
     def __init__(self, unloading: StopAndUnload | None = None) -> None:
         self.unloading = unloading or StopAndUnload()
@@ -28,29 +28,29 @@ class Script(ABC):
         self.unloading.reset()
 
     def __call__(self, observation: Array32) -> Array32:
-        """The action for an observation."""
+        """Return the action for an observation."""
         ending = self.unloading(observation)
         return self.command(observation) if ending is None else ending
 
     @abstractmethod
     def command(self, observation: Array32) -> Array32:
-        """The action while cutting."""
+        """Return the action while cutting."""
 
 
 class ConstantFeed(Script):
-    """One speed [m/s] and one angle [rad] up to the target."""
+    """A constant speed [m/s] and angle [rad] up to the target."""
 
     def __init__(self, *, speed: float, angle: float = UPRIGHT, unloading: StopAndUnload | None = None) -> None:
         super().__init__(unloading)
         self._action = to_action(*checked_motion(speed, angle))
 
     def command(self, observation: Array32) -> Array32:
-        """The action while cutting."""
+        """Return the constant action."""
         return self._action
 
 
 class FastThenSlow(Script):
-    """Fast up to ``approach`` [m] before the target (estimated tip), then slow."""
+    """A fast feed up to ``approach`` [m] before the target (estimated tip), then a slow one."""
 
     def __init__(
         self,
@@ -66,12 +66,12 @@ class FastThenSlow(Script):
         self._approach = checked_approach(approach)
 
     def command(self, observation: Array32) -> Array32:
-        """The action while cutting."""
+        """Return the slow action near the target, the fast one before."""
         return self._slow if self.unloading.left < self._approach else self._fast
 
 
 class InclineBetween(Script):
-    """Upright for the first ``start`` [m], inclined for the body, upright from ``approach`` [m] before the target."""
+    """Upright for the first ``start`` [m], then inclined, upright from ``approach`` [m] before the target."""
 
     def __init__(
         self,
@@ -89,41 +89,41 @@ class InclineBetween(Script):
         self._approach = checked_approach(approach)
 
     def command(self, observation: Array32) -> Array32:
-        """The action while cutting."""
+        """Return the inclined action in the middle of the cut, the upright one at its ends."""
         begun = self.unloading.tip > self._start
         return self._inclined if begun and self.unloading.left > self._approach else self._upright
 
 
 class NoAction:
-    """The blade never moves."""
+    """A policy that never moves the blade."""
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Nothing to forget."""
+        """Do nothing: there is no state."""
 
     def __call__(self, observation: Array32) -> Array32:
-        """Speed zero, upright."""
+        """Return the action for speed zero, upright."""
         return to_action(0.0, UPRIGHT)
 
 
 class RandomAction:
-    """Uniformly random actions."""
+    """A policy of uniformly random actions."""
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Take ``rng`` for the next cut."""
+        """Use ``rng`` for the next cut."""
         self._rng = rng
 
     def __call__(self, observation: Array32) -> Array32:
-        """A random action."""
+        """Return a random action."""
         return self._rng.uniform(-1.0, 1.0, 2).astype(np.float32)
 
 
 def checked_motion(speed: float, angle: float) -> tuple[float, float]:
-    """Refuse a speed [m/s] or an angle [rad] outside the actions' reach."""
+    """Return speed [m/s] and angle [rad]; raise ValueError outside the range of the actions."""
     in_range("speed", speed, 0.0, 0.0254, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
     in_range("angle", angle, math.radians(45.0) - 1e-9, UPRIGHT + 1e-9, "rad", "90 degrees is 1.5708.")
     return speed, angle
 
 
 def checked_approach(approach: float) -> float:
-    """Refuse a distance before the target [m] that no specimen has."""
+    """Return a distance before the target [m]; raise ValueError if it is longer than a specimen."""
     return in_range("approach", approach, 0.0, 0.15, "m", "15 mm is 0.015.")

@@ -1,4 +1,4 @@
-"""The trained policies that come with the package, by name; and any policy by what a person calls it."""
+"""The trained policies that come with the package, by name; and any policy by name or folder."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ _FOLDER = "policies"
 SHIPPED = tuple(sorted(card.parent.name for card in resources.path(_FOLDER).glob(f"*/{CARD}")))
 """Names of the policies in ``assets/policies``."""
 SHOWN = "ppo-free"
-"""The one of them that is demonstrated, unless another is asked for."""
+"""Name of the policy that is demonstrated by default."""
 
 
 def shipped(name: str) -> TrainedPolicy:
-    """A trained policy that comes with the package.
+    """Load a trained policy that comes with the package.
 
     Parameters
     ----------
@@ -35,12 +35,12 @@ def shipped(name: str) -> TrainedPolicy:
 
 
 def named_policy(name: str | Path) -> TrainedPolicy:
-    """A shipped policy by its name, or the one in a folder: what a command line takes for a policy.
+    """Load a shipped policy by its name, or the one in a folder, as the command line accepts either.
 
     Raises
     ------
     ValueError
-        If it is neither; names what is shipped.  Or if the policy's files are damaged.
+        If it is neither (the message lists the shipped ones), or the policy's files are damaged.
     FileNotFoundError
         If the folder lacks one of a policy's files.
     ModuleNotFoundError

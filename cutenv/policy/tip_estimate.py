@@ -1,4 +1,4 @@
-"""Where the tip is, from what a rig sees: the blade less the elastic force over the nominal stiffness."""
+"""The crack tip estimated from observations: blade position less elastic force over nominal stiffness."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
 _FORCE, _POSITION, _DEPTH = 0, 4, 7  # components of the observation
 _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
 SHALLOWEST = 0.001
-"""Depth of cut that is counted at least [m]."""
+"""Smallest depth of cut that the estimate uses [m]."""
 
 
 class TipEstimate:
-    """The crack tip for an observation, if the tissue were the mean one.
+    """Estimator of the crack tip from observations, for tissue of mean stiffness and friction.
 
-    An observation tells the depth at the blade; the tip stands behind, where the bulge is thinner.  So the depth is
-    remembered from when the blade passed.
+    An observation contains the depth at the blade; the tip is behind it, where the bulge is thinner.  So the depth
+    is stored as the blade passes.
 
     Parameters
     ----------
     tissue : TissueDescription, optional
-        What the rig believes to cut; default the measured pig liver.
+        The tissue that the rig assumes; default the measured pig liver.
     """
 
     def __init__(self, tissue: TissueDescription | None = None) -> None:
@@ -42,7 +42,7 @@ class TipEstimate:
         self._bristle = self._position = 0.0
 
     def __call__(self, observation: NDArray[np.float32]) -> float:
-        """The tip [m] for an observation, shape (12,), of the cut since :meth:`reset`."""
+        """Return the tip [m] for an observation, shape (12,), of the cut since :meth:`reset`."""
         seen = checked_observation(observation) * SCALES + OFFSETS
         self._passed, self._bristle, self._position, tip = _estimate(
             seen, self._nominal, self._depths, self._passed, self._bristle, self._position
@@ -65,9 +65,9 @@ def _estimate(
 
 @compiled
 def remember_depth(depths: Records, passed: int, position: float, depth: float) -> int:
-    """Fill ``depths``, shape (301,) [m], up to the blade, evenly between here and where it was last seen.
+    """Fill ``depths``, shape (301,) [m], up to the blade, by linear interpolation since the last observation.
 
-    ``passed`` is how many of them the blade had passed; returns how many it has passed now.
+    ``passed`` is the number of grid points that the blade had passed; returns the number passed now.
     """
     reached = min(round(position / SPACING), len(depths) - 1) + 1
     before = depths[passed - 1] if passed > 0 else depth
@@ -78,7 +78,7 @@ def remember_depth(depths: Records, passed: int, position: float, depth: float) 
 
 @for_kernels
 def tip_behind(position: float, elastic: float, nominal: Record, depths: Records, passed: int) -> float:
-    """The tip [m] behind a blade at ``position`` [m] that feels an elastic force [N], in the mean tissue."""
+    """Return the tip [m] behind a blade at ``position`` [m] under an ``elastic`` force [N], in the mean tissue."""
     tip = position
     for _ in range(_ITERATIONS):
         place = min(max(round(tip / SPACING), 0), passed - 1)

@@ -1,4 +1,4 @@
-"""A trained policy as a folder, ``policy.safetensors`` and ``card.json``, run without a learning library."""
+"""Trained policies: a folder with ``policy.safetensors`` and ``card.json``, run without a learning library."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ _AGAIN = "Copy the whole folder again, or save the policy again with this versio
 
 
 class PolicyBatch:
-    """A trained network in ``count`` cuts side by side, each bit for bit as :class:`TrainedPolicy` acts in it.
+    """A trained policy for ``count`` cuts at once; for each, bit for bit the same as :class:`TrainedPolicy`.
 
     Parameters
     ----------
     card : PolicyCard
-        What must be known of the network.
+        Description of the network.
     network : Network or RecurrentNetwork
-        From features to the action.
+        Network from features to action.
     count : int
-        How many cuts.
+        Number of cuts.
     """
 
     def __init__(self, card: PolicyCard, network: Network | RecurrentNetwork, count: int) -> None:
@@ -47,14 +47,14 @@ class PolicyBatch:
         self._state = network.start(count) if isinstance(network, RecurrentNetwork) else None
 
     def forget(self, cut: int) -> None:
-        """Begin one of the cuts anew."""
+        """Reset one of the cuts."""
         self._features.forget(cut)
         if self._state is not None:
             for values in self._state:
                 values[cut] = 0.0
 
     def __call__(self, observations: Array32) -> Array32:
-        """The actions, shape (count, 2), for the observations of all cuts, shape (count, 12)."""
+        """Return the actions, shape (count, 2), for the observations of all cuts, shape (count, 12)."""
         features = self._features(observations)
         if isinstance(self._network, RecurrentNetwork):
             assert self._state is not None
@@ -65,21 +65,21 @@ class PolicyBatch:
 
 
 class TrainedPolicy:
-    """A trained network that acts without chance: features, network, clipped to [-1, 1], past the dead zone.
+    """A trained deterministic policy: features, network, clipping to [-1, 1], dead zone.
 
     :meth:`load` reads one from a folder that :func:`save_policy` wrote.
 
     Parameters
     ----------
     card : PolicyCard
-        What must be known of the network.
+        Description of the network.
     network : Network or RecurrentNetwork
-        From features to the action.
+        Network from features to action.
 
     Raises
     ------
     ValueError
-        If the card belongs to another network or to another version of observation or features.
+        If the card does not fit the network or this version of observation or features.
     """
 
     def __init__(self, card: PolicyCard, network: Network | RecurrentNetwork) -> None:
@@ -102,17 +102,17 @@ class TrainedPolicy:
 
     @property
     def card(self) -> PolicyCard:
-        """What is known of the policy."""
+        """Description of the policy."""
         return self._card
 
     @property
     def network(self) -> Network | RecurrentNetwork:
-        """What acts, from features to actions; its weights begin another training."""
+        """The network from features to actions; its weights can initialise further training."""
         return self._network
 
     @property
     def environment_arguments(self) -> dict[str, Any]:
-        """With what an environment must be made so that observations and actions mean the same."""
+        """Arguments for making the environment, so that observations and actions mean the same as in training."""
         return dict(self._card.environment_arguments)
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -120,17 +120,17 @@ class TrainedPolicy:
         self._one.forget(0)
 
     def __call__(self, observation: Array32) -> Array32:
-        """The action, shape (2,), for an observation, shape (12,), of the cut since :meth:`reset`."""
+        """Return the action, shape (2,), for an observation, shape (12,), of the cut since :meth:`reset`."""
         action: Array32 = self._one(np.asarray(observation)[None])[0]
         return action
 
     def batch(self, count: int) -> PolicyBatch:
-        """The same policy for ``count`` cuts side by side, none of them begun."""
+        """Return the same policy for ``count`` cuts at once, none of them begun."""
         return PolicyBatch(self._card, self._network, count)
 
     @classmethod
     def load(cls, folder: str | Path) -> TrainedPolicy:
-        """Read a policy from its folder.
+        """Load a policy from its folder.
 
         Raises
         ------
@@ -151,7 +151,7 @@ class TrainedPolicy:
             found = hashlib.sha256(content).hexdigest()
             if found != card.sha256:
                 raise ValueError(
-                    f"its SHA-256 is {found}, but {CARD} says {card.sha256}: changed or damaged since it was saved."
+                    f"its SHA-256 is {found}, but {CARD} has {card.sha256}: changed or damaged since it was saved."
                 )
             kind = Network if card.memory is None else RecurrentNetwork
             network = kind.from_arrays(_unpacked(content), card.activation)
@@ -170,32 +170,32 @@ def save_policy(
     training: Mapping[str, Any],
     replace: bool = False,
 ) -> PolicyCard:
-    """Write a policy as a folder that :meth:`TrainedPolicy.load` reads.
+    """Save a policy as a folder that :meth:`TrainedPolicy.load` reads.
 
-    The card comes last: a folder without one is not a policy, but what an interruption left.
+    The card is written last: a folder without one was left by an interruption and is not a policy.
 
     Parameters
     ----------
     folder : path
-        Made if it is missing.  The same policy may be there already, also with other facts about its training.
-    network : Network or RecurrentNetwork
-        From features to the action.
+        Created if missing.  It may hold the same policy already, also with other facts about its training.
+        network : Network or RecurrentNetwork
+            Network from features to action.
     environment, environment_arguments, features, dead_zone, training
-        As in :class:`PolicyCard`.
+        Same as in :class:`PolicyCard`.
     replace : bool
         Whether a different policy in the folder is overwritten.
 
     Returns
     -------
     PolicyCard
-        As written.
+        The card as written.
 
     Raises
     ------
     FileExistsError
-        If a different policy is there.
+        If the folder holds a different policy.
     TypeError, ValueError
-        If the policy could not be loaded again; nothing is written.
+        If the saved policy could not be loaded; nothing is written.
     ModuleNotFoundError
         If safetensors is not installed.
     """
@@ -211,7 +211,7 @@ def save_policy(
         training=dict(training),
         memory="lstm" if isinstance(network, RecurrentNetwork) else None,
     )
-    TrainedPolicy(card, network)  # refuses now what loading would refuse
+    TrainedPolicy(card, network)  # raises now what loading would raise
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     if not _holds_same(folder / CARD, card):
@@ -226,7 +226,7 @@ def save_policy(
 
 
 def _features(card: PolicyCard, count: int) -> FeatureBatch:
-    """The features that a card names: the one place that knows their keywords."""
+    """Build the features described by a card; the only place that knows their keywords."""
     try:
         return FeatureBatch(count, **card.features)
     except (TypeError, ValueError) as error:
@@ -238,7 +238,7 @@ def _shown(sizes: tuple[int, ...]) -> str:
 
 
 def _holds_same(path: Path, card: PolicyCard) -> bool:
-    """Whether a card acts as another does, whatever it tells of its training."""
+    """Return True if the card at ``path`` describes the same policy, apart from facts about its training."""
     try:
         kept = PolicyCard.from_json(path.read_text(encoding="utf-8"))
     except (FileNotFoundError, TypeError, ValueError):
@@ -253,7 +253,7 @@ def _content(path: Path) -> bytes:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write a file all at once: an interruption leaves the earlier one, or none."""
+    """Write a file atomically: an interruption leaves the earlier one, or none."""
     with replacing(path) as part:
         part.write_bytes(content)
 
@@ -264,7 +264,7 @@ def _unpacked(content: bytes) -> dict[str, Array32]:
 
     try:
         arrays: dict[str, Array32] = library.load(content)
-    except (SafetensorError, KeyError) as error:  # KeyError: a kind of number that NumPy does not have
+    except (SafetensorError, KeyError) as error:  # KeyError: a dtype that NumPy does not have
         raise ValueError(f"not a safetensors file of NumPy's numbers: {error}.") from None
     return arrays
 
@@ -274,7 +274,7 @@ def _safetensors() -> Any:
         import safetensors.numpy  # an extra
     except ModuleNotFoundError:
         raise ModuleNotFoundError(
-            "Trained policies are kept with safetensors, which is not installed: pip install 'cutenv[rl]'",
+            "Trained policies are stored with safetensors, which is not installed: pip install 'cutenv[rl]'",
             name="safetensors",
         ) from None
     return safetensors.numpy
@@ -282,7 +282,7 @@ def _safetensors() -> Any:
 
 @contextmanager
 def _named(path: Path) -> Iterator[None]:
-    """Say of what is wrong in which file it is."""
+    """Raise errors of the block again with the name of the file."""
     try:
         yield
     except (TypeError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""Stop and unload: how every script ends a cut, so that none fails for not stopping."""
+"""Stop and unload: the common ending of every script's cut, so that none fails for lack of stopping."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ from cutenv.validation import in_range
 
 UPRIGHT = math.pi / 2
 _DECELERATION = 0.1  # [m/s2]
-_REACTION = 0.060  # [s]: some 50 ms more than the rig needs; every script's margin was tuned with it
+_REACTION = 0.060  # [s]: some 50 ms more than the rig needs; every script's margin was tuned with this value
 _NAMES = [component.name for component in COMPONENTS]
 _FORCE, _POSITION, _SPEED, _DISTANCE = (_NAMES.index(name) for name in ("force", "position", "speed", "distance"))
 
 
 def coasting(speed: float) -> float:
-    """How far a blade at ``speed`` [m/s] goes on once it is told to stop [m]."""
+    """Return the stopping distance [m] of a blade at ``speed`` [m/s] after a stop command."""
     v = max(speed, 0.0)
     return v * _REACTION + v**2 / (2.0 * _DECELERATION)
 
 
 class StopAndUnload:
-    """Ends a cut: stop at the target, turn upright, draw back until the tissue is unloaded, rest.
+    """Shared ending of a cut: stop at the target, turn upright, draw back until the tissue is unloaded, rest.
 
     Parameters
     ----------
     margin : float
-        Tell the blade to stop when, by the time it stands, the estimated tip will be this far before the target [m].
-    retreat_speed : float
-        Of drawing back [m/s].
+        Distance of the estimated tip before the target, once the blade has stopped, at which to command the stop [m].
+        retreat_speed : float
+            Speed of drawing back [m/s].
     tip_estimate : TipEstimate, optional
-        Default: with the measured pig liver's mean stiffness.
+        Default: the estimator with the measured pig liver's mean stiffness.
 
     Attributes
     ----------
     tip, left : float
-        The estimated tip, and from there to the target [m], at the last observation.
+        The estimated tip and its distance to the target [m], at the last observation.
     """
 
     def __init__(
@@ -58,14 +58,14 @@ class StopAndUnload:
         self._unloaded = False
 
     def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32] | None:
-        """The action once the cut is to end, else None, for an observation, shape (12,)."""
+        """Return the action of the ending once it has begun, else None, for an observation, shape (12,)."""
         self.tip = self.tip_estimate(observation)
         position, distance = (float(observation[k]) * SCALES[k] for k in (_POSITION, _DISTANCE))
         self.left = float(position + distance) - self.tip
         if not self._stopping and self.left - coasting(float(observation[_SPEED]) * SCALES[_SPEED]) > self._margin:
             return None
         self._stopping = True
-        # Drawing back, friction pulls the force below the elastic one, so that zero is reached while the tissue still
-        # holds the blade by the size of friction: little energy, and a rest that counts as unloaded.
+        # While the blade draws back, friction lowers the measured force, so that zero is reached while the tissue still
+        # holds the blade with a force of friction's size: little energy is left, and the rest counts as unloaded.
         self._unloaded = self._unloaded or bool(observation[_FORCE] <= 0.0)
         return to_action(0.0 if self._unloaded else -self._retreat_speed, UPRIGHT)

@@ -101,10 +101,7 @@ class ForceWatch:
         text = f"the {'xyz'[axis]} force stays at one count for {1e3 * self._still[axis]:.0f} ms while the blade moves"
         if self._identified[axis]:
             return text
-        return (
-            text
-            + "; if the sensor works, measure how long its noise may stay at one count: cutenv rig identify --write"
-        )
+        return text + "; if the sensor works, measure its noise: cutenv rig identify --write"
 
 
 def _newtons(sample: ForceSample) -> str:

@@ -1,4 +1,4 @@
-"""The score card of one cut: every metric, what it rests on, and where it stands within a reference set."""
+"""The score card of one cut: all metrics, what they are based on, and percentiles within a reference set."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from cutenv.tissue import TissueDescription, measured_liver
 from cutenv.trace import Trace
 
 SCHEMA = "cutenv-score/1"
-_WHOLE = 0.95  # of the way, from which on a cut counts as whole in words
+_WHOLE = 0.95  # fraction of the target length from which the headline does not mention it
 FEWEST_WEIGHT = 0.5
-"""Of the leading metrics that must be known for an overall score: less would be a score of something else."""
+"""Weight of the leading metrics that must be known for an overall score: with less it would be another score."""
 DISCLAIMER = "Training feedback for research; not validated for assessment or credentialing of people."
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scored:
-    """One metric of a cut: its value, or why there is none; and its percentile, where a reference set tells it."""
+    """One metric of a cut: its value, or the reason why there is none; and its percentile, given a reference set."""
 
     value: float | None
     unavailable: str = ""
@@ -36,34 +36,34 @@ class Scored:
 
 @dataclass(frozen=True, kw_only=True)
 class ScoreCard:
-    """What one cut comes to.
+    """The metrics and the score of one cut.
 
     Attributes
     ----------
     name : str
-        Of the cut.
+        Name of the cut.
     force_unit : str
         "N" or "1".
     metrics : mapping of str to Scored
         All of :data:`~cutenv.scoring.METRICS`, in their order.
     tip_source : str
-        Where the tip comes from: "truth", "return stroke", "estimated" or "unknown".
+        Source of the tip: "truth", "return stroke", "estimated" or "unknown".
     overall_score : float or None
         Weighted mean of the percentiles of the leading metrics, 0 to 100, times `completed`; None without a
         reference set.
     completed : float
-        Share of the target length that was cut, at most 1; 1 where target or tip are not known. A blade that hardly
-        cuts is steady, and that is no merit.
+        Fraction of the target length that was cut, at most 1; 1 if target or tip is unknown. It keeps a blade that
+        hardly cuts from scoring well for being steady.
     weights : mapping of str to float
-        Of that mean, over the metrics that were available; they sum to 1.
+        Weights of that mean, over the metrics that were available; they sum to 1.
     no_score : str
-        Why there is no overall score; "" if there is one.
+        Reason why there is no overall score; "" if there is one.
     reference : str
         Name and origin of the reference set; "" if there was none.
     faults : tuple of Fault
-        In order of time.
+        Faults in order of time.
     notes : tuple of str
-        What the card rests on.
+        Assumptions and warnings.
     """
 
     name: str
@@ -79,20 +79,20 @@ class ScoreCard:
     notes: tuple[str, ...]
 
     def __getitem__(self, name: str) -> float:
-        """The value of a metric; ValueError with the reason if it is unavailable."""
+        """Return the value of a metric; raise ValueError with the reason if it is unavailable."""
         scored = self.metrics[name]
         if scored.value is None:
             raise ValueError(f"{name} is unavailable: {scored.unavailable}.")
         return scored.value
 
     def unit(self, name: str) -> str:
-        """Unit of a metric on this card."""
+        """Return the unit of a metric on this card."""
         force = {"N": "N", "1": ""}[self.force_unit]
         unit = METRICS[name].unit.replace("F", force).strip()
         return f"1{unit}" if unit.startswith("/") else unit or "1"
 
     def to_json(self) -> str:
-        """JSON text; values in SI, with the unit of each."""
+        """Return JSON text; values in SI, with the unit of each."""
         content = {
             "schema": SCHEMA,
             "name": self.name,
@@ -127,7 +127,7 @@ class ScoreCard:
         return "\n".join(lines)
 
     def headline(self) -> str:
-        """The overall score, or why there is none."""
+        """Return the overall score as a line of text, or the reason why there is none."""
         if self.overall_score is None:
             return f"no overall score: {self.no_score}"
         part = "" if self.completed > _WHOLE else f", {100.0 * self.completed:.0f} % of the way being cut,"
@@ -157,24 +157,24 @@ def score(
     tissue: TissueDescription | None = None,
     name: str | None = None,
 ) -> ScoreCard:
-    """Score one cut, whoever or whatever made it.
+    """Score one cut by a person, a script, an agent or a rig.
 
     Parameters
     ----------
     trace : Trace
-        What a rig can measure; time and force at least.
+        The record; time and force at least.
     target_length : float, optional
-        Aimed at, from the clamp [m], 0.005 to 0.15; by default ``trace.metadata["target_length_m"]`` if there.
+        Length aimed at, from the clamp [m], 0.005 to 0.15; default ``trace.metadata["target_length_m"]`` if there.
     truth : Truth, optional
-        What a simulator knows beside; without it the tip is estimated, and the card says so.
+        Hidden state from a simulator; without it the tip is estimated, and a note on the card states it.
     reference : ReferenceSet, optional
-        Within which percentiles are taken; without one there are metrics and no score.
+        Set within which percentiles are computed; without one there are metrics but no score.
     weights : Weights or ForceOnlyWeights, optional
-        Default by what the record holds.
+        Weights of the score; the default depends on whether the record has positions.
     tissue : TissueDescription, optional
-        With which the tip is estimated; default pig liver.
+        Tissue with which the tip is estimated; default pig liver.
     name : str, optional
-        Of the cut; default what its metadata say.
+        Name of the cut; default from the metadata.
 
     Returns
     -------
@@ -183,7 +183,7 @@ def score(
     Raises
     ------
     TypeError, ValueError
-        If an argument is out of range, or the truth is of another record.
+        If an argument is out of range, or the truth belongs to another record.
     """
     if not isinstance(trace, Trace):
         raise TypeError(
@@ -234,7 +234,7 @@ def _scored(each: Metric, cut: ScoredCut, reference: ReferenceSet | None) -> Sco
 
 
 def _no_score(trace: Trace, cut: ScoredCut, reference: ReferenceSet | None, weight: float) -> str:
-    """Why there is no overall score; "" if leading metrics of that much weight make one."""
+    """Return the reason why there is no overall score; "" if leading metrics of enough weight are known."""
     doubt = cut.twofold or spoiled(trace) or cut.unfinished
     if doubt:
         return doubt
@@ -263,7 +263,7 @@ def _notes(cut: ScoredCut, chosen: Mapping[str, float], known: Mapping[str, floa
         notes.append("metrics, and no claim of skill")
     left = sorted(set(chosen) - set(known)) if known else []
     if left:
-        notes.append(f"not counted, for want of a value or of a reference: {', '.join(left)}")
+        notes.append(f"not counted, without a value or a reference: {', '.join(left)}")
     return notes + remarks(cut.trace)
 
 

@@ -1,4 +1,4 @@
-"""A cut as the metrics see it: the record, what was aimed at, where the tip was, and the force at a fixed rate."""
+"""A cut prepared for the metrics: record, target, crack tip, and the force at a fixed rate; all computed lazily."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ from cutenv.validation import array_in_range, in_range
 Array = NDArray[np.float64]
 
 RATE = 100.0
-"""At which force and motion are compared [Hz]: a hand moves below 10 Hz."""
+"""Rate at which force and motion are compared [Hz]: a hand moves below 10 Hz."""
 BANDWIDTH = 5.0
-"""Of the force whose rate and jerk are taken [Hz]: Butterworth of order 2, to and fro, so without delay."""
-_UNDER_FORCE = 0.1  # of the way from the force before or after it to its peak: there a cut without position begins
-_AT_ENDS = 5  # instants at 100 Hz at either end
-_FEWEST_HZ = 20.0  # readings a second below which nothing is known of 5 Hz
-_SHORTEST = 30  # of instants at 100 Hz that tell a change of 5 Hz
-_DROP = 0.03  # of the peak force, that ends a ramp of loading
-_FEWEST_RAMPS = 3  # of loading, that tell a cut's own modulus
-_ROUNDS = 4  # of a = x - F/K(a)
+"""Low-pass cut-off of the force for its rate and jerk [Hz]: Butterworth of order 2, forward and backward, no delay."""
+_UNDER_FORCE = 0.1  # fraction of the rise from the unloaded force to the peak at which a cut without position begins
+_AT_ENDS = 5  # samples at 100 Hz averaged at either end
+_FEWEST_HZ = 20.0  # readings a second, below which 5 Hz cannot be resolved
+_SHORTEST = 30  # samples at 100 Hz, needed to resolve a change at 5 Hz
+_DROP = 0.03  # fraction of the peak force by which a fall ends a loading ramp
+_FEWEST_RAMPS = 3  # loading ramps needed for the cut's own modulus
+_ROUNDS = 4  # fixed-point iterations of a = x - F/K(a)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Truth:
-    """What only a simulator knows.
+    """Hidden state of a simulated cut, for scoring.
 
     Parameters
     ----------
     tip : array_like of shape (n,)
         Crack tip at every instant of the trace [m].
     jump : array_like of shape (n,)
-        Unstable growth in that instant [m].
+        Unstable growth at that instant [m].
     resistance : float
         Mean fracture resistance of the cut tissue, friction's share included [J/m2].
     """
@@ -63,18 +63,18 @@ class Truth:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScoredCut:
-    """One cut, and what the metrics need of it, computed when asked for.
+    """One cut and the quantities that metrics need, computed on first use.
 
     Parameters
     ----------
     trace : Trace
         The record.
     target_length : float, optional
-        Aimed at, from the clamp [m].
+        Length aimed at, from the clamp [m].
     truth : Truth, optional
-        Of a simulated cut; else the tip is estimated.
+        Hidden state of a simulated cut; without it the tip is estimated.
     tissue : TissueDescription, optional
-        What the tip is estimated with where no return stroke tells; default pig liver.
+        Tissue with which the tip is estimated if there is no return stroke; default pig liver.
     """
 
     trace: Trace
@@ -90,34 +90,34 @@ class ScoredCut:
 
     @property
     def time(self) -> Array:
-        """[s], shape (n,)."""
+        """Time of each reading [s], shape (n,)."""
         return self.trace.time
 
     @property
     def force(self) -> Array:
-        """In the trace's unit, shape (n,)."""
+        """Force in the trace's unit, shape (n,)."""
         if self._spoiled:
             raise Unavailable(self._spoiled)
         return self.trace.force
 
     @property
     def position(self) -> Array:
-        """Of the blade [m], shape (n,)."""
+        """Position of the blade [m], shape (n,)."""
         return self._field("position")
 
     @property
     def depth(self) -> Array:
-        """Of the cut at the blade, no less than 0.5 mm [m], shape (n,)."""
+        """Depth of the cut at the blade, at least 0.5 mm [m], shape (n,)."""
         return np.maximum(self._field("depth"), SHALLOWEST)
 
     @property
     def angle(self) -> Array:
-        """Of the blade [rad], shape (n,)."""
+        """Angle of the blade [rad], shape (n,)."""
         return self._field("angle")
 
     @property
     def length(self) -> float:
-        """Aimed at [m]."""
+        """Target length [m]."""
         if self.target_length is None:
             raise Unavailable("no target length was given")
         return self.target_length
@@ -131,26 +131,26 @@ class ScoredCut:
 
     @cached_property
     def unfinished(self) -> str:
-        """Why the last instant is not the end of the cut; "" if it is. A simulator knows what it did."""
+        """Reason why the record is truncated; "" if it is not, or if it is simulated."""
         return "" if self.truth is not None else cut_off(self.trace)
 
     @cached_property
     def twofold(self) -> str:
-        """Why the record holds two cuts; "" if it holds one."""
+        """Reason why the record holds two cuts; "" if it holds one."""
         return two_cuts(self.trace)
 
     @property
     def end(self) -> int:
-        """Index of the instant at which the cut had ended."""
+        """Index of the instant at which the cut ended."""
         if self.unfinished:
             raise Unavailable(self.unfinished)
         return len(self.trace) - 1
 
     @cached_property
     def advancing(self) -> NDArray[np.bool_]:
-        """Whether the blade moves forward over new ground, shape (n,).
+        """Mask of the instants at which the blade advances over uncut tissue, shape (n,).
 
-        Where position is not known, from the first force to the last.
+        Without position, from the first force to the last.
         """
         if self.trace.position is None:
             smooth, ends = self._smooth, (self._smooth[:_AT_ENDS].mean(), self._smooth[-_AT_ENDS:].mean())
@@ -158,7 +158,7 @@ class ScoredCut:
             under = self.even_time[smooth > least + _UNDER_FORCE * (float(smooth.max()) - least)]
             if not len(under):
                 raise Unavailable("the force never rises")
-            window = 1.5 / RATE  # an even instant stands for its window, the first and the last for the record's ends
+            window = 1.5 / RATE  # an even sample stands for its window, the first and the last for the record's ends
             return np.asarray((self.time >= under[0] - window) & (self.time <= under[-1] + window))
         x = self.position
         forward = blade_speed(self.time, x) > STANDSTILL
@@ -169,18 +169,18 @@ class ScoredCut:
 
     @cached_property
     def weights(self) -> Array:
-        """Duration for which each instant stands [s], shape (n,)."""
+        """Duration represented by each instant [s], shape (n,)."""
         step = np.diff(self.time)
         return np.asarray(0.5 * (np.append(step, 0.0) + np.append(0.0, step)))
 
     def mean(self, values: Array) -> float:
-        """Mean of ``values`` over the time in which the blade advances."""
+        """Return the mean of ``values`` over the time in which the blade advances."""
         w = self.weights[self.advancing]
         return float(w @ values[self.advancing] / w.sum())
 
     @property
     def tip_source(self) -> str:
-        """Where the tip comes from: "truth", "return stroke", "estimated" or "unknown"."""
+        """Source of the tip: "truth", "return stroke", "estimated" or "unknown"."""
         if self.truth is not None:
             return "truth"
         try:
@@ -191,14 +191,14 @@ class ScoredCut:
 
     @cached_property
     def tip(self) -> Array:
-        """Of the crack at every instant [m], shape (n,)."""
+        """Crack tip at every instant [m], shape (n,)."""
         if self.truth is not None:
             return self.truth.tip
         return self._estimated_tip
 
     @cached_property
     def jumps(self) -> Array:
-        """Unstable growth [m], at instants or in windows of 20 ms where it is estimated."""
+        """Unstable growth [m], at each instant, or in windows of 20 ms if estimated."""
         if self.truth is not None:
             return self.truth.jump
         # The tip's advance beyond the blade's own, over a time longer than the sensor's noise.
@@ -212,19 +212,19 @@ class ScoredCut:
 
     @cached_property
     def even_time(self) -> Array:
-        """Instants at 100 Hz [s]: the middles of windows of 10 ms."""
+        """Sampling instants at 100 Hz [s]: centres of windows of 10 ms."""
         return even_instants(self.time, RATE)[:-1] + 0.5 / RATE
 
     @cached_property
     def smooth_force(self) -> Array:
-        """Force at 100 Hz below 5 Hz, shape of :attr:`even_time`."""
+        """Force at 100 Hz, low-pass filtered at 5 Hz, shape of :attr:`even_time`."""
         if self._spoiled:
             raise Unavailable(self._spoiled)
         return self._smooth
 
     @cached_property
     def even_advancing(self) -> NDArray[np.bool_]:
-        """:attr:`advancing` at 100 Hz."""
+        """Mask :attr:`advancing`, sampled at 100 Hz."""
         chosen: NDArray[np.bool_] = np.interp(self.even_time, self.time, self.advancing.astype(float)) > 0.5
         if not chosen.any():
             raise Unavailable("the blade advances for less than 10 ms")
@@ -236,7 +236,7 @@ class ScoredCut:
 
     @cached_property
     def even_force(self) -> Array:
-        """Force at 100 Hz, means over 10 ms, shape of :attr:`even_time`: drops as sudden as they are."""
+        """Force at 100 Hz, means over 10 ms, shape of :attr:`even_time`: sudden drops stay sudden."""
         if self._spoiled:
             raise Unavailable(self._spoiled)
         return self._even
@@ -247,7 +247,7 @@ class ScoredCut:
             raise Unavailable(f"fewer than {_FEWEST_HZ:g} readings a second")
         if len(self.even_time) < _SHORTEST:
             raise Unavailable("shorter than 0.3 s")
-        # Means over 10 ms, so that noise above 50 Hz does not come back as noise below.
+        # Means over 10 ms, so that noise above 50 Hz is not aliased to lower frequencies.
         impulse = cumulative_trapezoid(self.trace.force, self.time, initial=0)
         return np.asarray(np.diff(np.interp(even_instants(self.time, RATE), self.time, impulse)) * RATE)
 
@@ -263,16 +263,16 @@ class ScoredCut:
 
     @cached_property
     def profile(self) -> DepthProfile:
-        """Depth of cut by place."""
-        _ = self.position, self.depth  # say which one is missing
+        """Depth of cut over position."""
+        _ = self.position, self.depth  # raises, naming the missing field
         found = DepthProfile.recorded(self.trace, by="score")
         if float(found.depth.max()) < SHALLOWEST:
-            raise Unavailable(f"the depth of cut is nowhere {1e3 * SHALLOWEST:g} mm")
+            raise Unavailable(f"the depth of cut is below {1e3 * SHALLOWEST:g} mm everywhere")
         return DepthProfile(position=found.position, depth=np.maximum(found.depth, SHALLOWEST))
 
     @cached_property
     def model(self) -> CutModel:
-        """The finite-element model that the modulus belongs to; the cut lies within it."""
+        """Finite-element model for stiffness; raises :class:`Unavailable` if the cut is longer than its specimen."""
         model = self.tissue.cut_model()
         if float(self.position.max()) > model.length:
             raise Unavailable("the cut is longer than the model's specimen, 15 cm")
@@ -280,14 +280,14 @@ class ScoredCut:
 
     @cached_property
     def modulus(self) -> float:
-        """Modulus of the material that the tip is estimated with [Pa]: the cut's own if it shows, else the tissue's."""
+        """Modulus of the material with which the tip is estimated [Pa]: the cut's own if known, else the tissue's."""
         back = self._return_stroke
         if back is None or back.stiffness <= 0.0:
             return self.tissue.modulus if self.own_modulus is None else self.own_modulus
         return back.stiffness / float(self.stiffness(1.0, np.asarray(back.tip)))
 
     def stiffness(self, modulus: float, tip: Array) -> Array:
-        """K [N/m] of a slab of that modulus [Pa], with the tip at places [m] of this cut."""
+        """Return K [N/m] of a slab of the given modulus [Pa], for tip positions [m] of this cut."""
         a = np.clip(tip, 0.0, self.model.length)
         return (
             modulus
@@ -297,7 +297,7 @@ class ScoredCut:
 
     @cached_property
     def elastic_force(self) -> Array:
-        """Force less friction, and no less than zero [N], shape (n,)."""
+        """Force less friction, at least zero [N], shape (n,)."""
         F, back = self.newtons, self._return_stroke
         friction = self._usual_friction if back is None else back.friction_per_depth
         return np.maximum(F - friction * self.profile.at(self.position), 0.0)
@@ -308,15 +308,15 @@ class ScoredCut:
 
     @property
     def _usual_friction(self) -> float:
-        """Of the tissue, per depth of cut [N/m]."""
+        """Friction of the tissue over the depth of cut [N/m]."""
         return self.tissue.friction_share * self.tissue.fracture_resistance
 
     @cached_property
     def own_modulus(self) -> float | None:
-        """Modulus of the material that the cut's own loading ramps show [Pa]; None if too few are steady.
+        """Modulus of the material from the cut's own loading ramps [Pa]; None if fewer than three are steady.
 
-        Livers differ by a third: with the mean liver's modulus the tip is known half as well. Calibrated tissue
-        loads in its own way and is taken as it was calibrated.
+        Livers differ by a third: with the mean liver's modulus the tip is known half as well. Calibrated tissue is used
+        with its calibrated modulus.
         """
         known = self.trace.angle is not None and self.trace.depth is not None and self.tissue.calibration is None
         if not known or self._return_stroke is not None:
@@ -333,12 +333,12 @@ class ScoredCut:
             ramps = zip(moduli, found.segments, strict=True)
             slow = [E / loading_ratio(float(s.speed or 0.0), s.angle) for E, s in ramps]
         except ValueError:
-            return None  # beyond what was measured of liver: other angles, say
+            return None  # outside the range measured for liver, for example at other angles
         return float(np.median(slow)) if len(slow) >= _FEWEST_RAMPS else None
 
     @cached_property
     def _estimated_tip(self) -> Array:
-        """Blade less elastic force over stiffness; a cut never heals, so it never goes back."""
+        """Tip from blade, elastic force and stiffness; monotonic, because a cut never heals."""
         elastic, x = self.elastic_force, self.position
         back = self._return_stroke
         moves = self.advancing
@@ -351,7 +351,7 @@ class ScoredCut:
 
 
 def even_instants(time: Array, rate: float) -> Array:
-    """Instants at ``rate`` [Hz] from the first of ``time`` [s] on, as many as fit.
+    """Return sampling instants at ``rate`` [Hz] from the first of ``time`` [s], as many as fit.
 
     Raises
     ------
@@ -361,5 +361,5 @@ def even_instants(time: Array, rate: float) -> Array:
     span = float(time[-1] - time[0])
     if span > LONGEST:
         raise Unavailable(f"it lasts {span:.3g} s, more than an hour")
-    # Rounding must not decide about the last instant: a clock that starts elsewhere rounds otherwise.
+    # The tolerance keeps rounding from deciding about the last instant when a clock starts at another time.
     return np.asarray(float(time[0]) + np.arange(int(span * rate + 1e-3) + 1) / rate)

@@ -1,4 +1,4 @@
-"""Why a record cannot be scored as one whole cut: what its sensor did, where it was cut off, that it holds two."""
+"""Validity of a record for scoring: unusable force, a truncated cut, two cuts in one record."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from cutenv.trace import Trace
 Array = NDArray[np.float64]
 
 LONGEST = 3600.0
-"""Of a record that is scored [s]: an hour is no cut."""
-_LAST, _MOVES = 0.1, 0.8e-3  # [s], [m/s]: the slowest cut of the thesis is led at 1 mm/s
-_OPEN = 0.015  # [m] behind the furthest point the crack is open: the tip is never so far behind the blade
-_AGAIN = 0.010  # [m] of such ground under force, from which on it is another cut
-_LOADED = 0.5  # of the force of the first time there: friction is a fifth, and no more than two fifths
-_NOTHING = 0.1  # [N], or the share 0.05 of the range of force, that a sensor shows without contact
-_PLACE = 1e-3  # [m] by which forces of two passages are compared
-_UNLOADED = 0.25  # of the largest force, below which a record without position is without load
-_LOADED_FOR = 0.3  # [s] on either side of such a pause
-_PAUSE = 1.5  # [s] without force between loads, as the reading of long records parts cuts
+"""Longest record that is scored [s]."""
+_LAST, _MOVES = 0.1, 0.8e-3  # [s], [m/s]: the slowest cut of the thesis moves at 1 mm/s
+_OPEN = 0.015  # [m] behind the furthest point the crack is open: the tip never lags the blade by that much
+_AGAIN = 0.010  # [m] of open crack crossed under force that count as another cut
+_LOADED = 0.5  # fraction of the force at the first passage: friction is a fifth, and at most two fifths
+_NOTHING = 0.1  # [N], or 0.05 of the range of force: reading of a sensor without contact
+_PLACE = 1e-3  # [m], bin width for comparing the forces of two passages
+_UNLOADED = 0.25  # fraction of the largest force below which a record without position counts as unloaded
+_LOADED_FOR = 0.3  # [s] of load on either side of such a pause
+_PAUSE = 1.5  # [s] without force between loads, the same as for dividing long records into cuts
 
 
 def spoiled(trace: Trace) -> str:
-    """Why no number that rests on the force would be right; "" if nothing speaks against it."""
+    """Return the reason why the force is unusable; "" if there is none."""
     if trace.duration > LONGEST:
         return f"the record lasts {trace.duration:.3g} s, more than an hour; time is in seconds, and one cut a record"
     said = [flaw.message for flaw in flaws(trace) if flaw.refuse or flaw.kind == "reversed"]
@@ -33,7 +33,7 @@ def spoiled(trace: Trace) -> str:
 
 
 def cut_off(trace: Trace) -> str:
-    """Why the last instant is not the end of the cut; "" if it is, or if the metadata say how the cut ended."""
+    """Return the reason why the record is truncated; "" if it is not, or if the metadata name the cut's end."""
     if trace.position is None or trace.metadata.get("end") is not None:
         return ""
     first = min(int(np.searchsorted(trace.time, trace.time[-1] - _LAST)), len(trace) - 2)
@@ -41,15 +41,15 @@ def cut_off(trace: Trace) -> str:
     if abs(speed) < _MOVES:
         return ""
     return (
-        f"the record ends while the blade moves with {1e3 * speed:.2g} mm/s: record until it stands, or say in the "
-        'metadata how the cut ended (end="force_limit", say)'
+        f"the record ends while the blade moves at {1e3 * speed:.2g} mm/s: record until it stands, or give the end of "
+        'the cut in the metadata (for example end="force_limit")'
     )
 
 
 def two_cuts(trace: Trace) -> str:
-    """Why the record holds more than one cut; "" if it does not, or if there is no position to tell by.
+    """Return the reason why the record holds more than one cut; "" if it does not, or if there is no position.
 
-    A cut never heals: through the open crack the blade meets friction alone.
+    A cut never heals: in the open crack the blade meets only friction.
     """
     if trace.position is None:
         return ""
@@ -75,7 +75,7 @@ def two_cuts(trace: Trace) -> str:
 
 
 def remarks(trace: Trace) -> list[str]:
-    """What is worth a look, though the record can be scored."""
+    """Return warnings about a record that can be scored."""
     said = [f"record: {flaw.message.rstrip('.')}" for flaw in flaws(trace) if not flaw.refuse]
     if trace.position is None:
         said += _remarks_on_force(trace)
@@ -89,7 +89,7 @@ def _remarks_on_force(trace: Trace) -> list[str]:
     level = zero + _UNLOADED * (float(F.max()) - zero)
     said = []
     if after > level:
-        said.append("record: it ends under force; if it was cut off, the cut was longer than this")
+        said.append("record: it ends under force; if it was truncated, the cut was longer than this")
     loaded = np.flatnonzero(level < F)
     if len(loaded) > 1:
         pauses = np.diff(time[loaded])
@@ -102,7 +102,7 @@ def _remarks_on_force(trace: Trace) -> list[str]:
 
 
 def _by_place(x: Array, F: Array, chosen: NDArray[np.bool_], places: Array) -> Array:
-    """Mean force of the chosen instants at each place, shape (n,); NaN where there is none."""
+    """Return the mean force of the chosen instants in each bin of position, shape (n,); NaN where there is none."""
     where = np.digitize(x[chosen], places) - 1
     count = np.bincount(where, minlength=len(places))[: len(places)]
     total = np.bincount(where, weights=F[chosen], minlength=len(places))[: len(places)]

@@ -1,4 +1,4 @@
-"""What went wrong in a cut, where, and what to try next: sentences tied to a measured fault."""
+"""Feedback on technique: sentences about measured faults of a cut, with position and advice."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from cutenv.scoring.motion import moving_between
 from cutenv.terms import ANGLE_TOLERANCE, FORCE_LIMIT_PER_DEPTH, RUN_WINDOW, TIP_TOLERANCE, force_per_depth
 
 LURCH = TIP_TOLERANCE
-"""Run of the crack that is told [m]."""
-_MOST = 3  # lurches that are told one by one
-_PAUSE = 0.5  # [s]
+"""Smallest run of the crack that is reported [m]."""
+_MOST = 3  # number of lurches that are reported
+_PAUSE = 0.5  # [s], shortest pause that is reported
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One of them.
+    """One fault of a cut.
 
     Attributes
     ----------
     kind : str
         "lurch", "force", "overshoot", "short", "wedge", "pause" or "reversal".
     time : float
-        When [s].
+        Time of the fault [s].
     position : float or None
-        Where the blade was [m].
+        Position of the blade [m].
     says : str
-        What happened, in plain words.
+        Description of the fault.
     try_next : str
-        What to do about it.
+        Advice for the next cut.
     """
 
     kind: str
@@ -44,7 +44,7 @@ class Fault:
 
 
 def faults_of(cut: ScoredCut) -> list[Fault]:
-    """Find the faults of a cut; those that cannot be told from the record are left out."""
+    """Find the faults of a cut, in order of time; those that the record cannot show are left out."""
     found: list[Fault] = []
     for look in (_lurches, _force, _end, _wedge, _pauses):
         try:
@@ -93,7 +93,7 @@ def _force(cut: ScoredCut) -> list[Fault]:
 def _end(cut: ScoredCut) -> list[Fault]:
     off = float(cut.tip[cut.end]) - cut.length
     beyond = float(cut.tip.max()) - cut.length
-    farthest = int(np.argmax(cut.position))  # where the tip was led to; a way back comes after it
+    farthest = int(np.argmax(cut.position))  # the end of the cut; any retreat comes after it
     at = float(cut.time[farthest]), float(cut.position[farthest])
     if beyond > TIP_TOLERANCE:
         says, cure = f"cut {1e3 * beyond:.0f} mm too far", "slow down earlier: the last run carries the tip on"

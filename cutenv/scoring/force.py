@@ -1,4 +1,4 @@
-"""Metrics of the force: how large, how long, and how steady. Steadiness leads; the peak is a bound of safety."""
+"""Metrics of the force: size, duration and steadiness. Steadiness leads; the peak is only a safety limit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 _ALL = "any record; where position is known, while the blade advances"
 _PER_DEPTH = ("depth", "newtons")
 DROP_SHARE = 0.1
-"""A fall of the force counts as a drop from this share of its range on."""
+"""Smallest fall of the force that counts as a drop, as a fraction of its range."""
 
 
 def _advancing(cut: ScoredCut) -> Array:
@@ -29,7 +29,7 @@ def _advancing(cut: ScoredCut) -> Array:
     invariances=("time_shift", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def peak_force_per_depth(cut: ScoredCut) -> float:
-    """Largest force per depth of cut: a bound of safety, no skill."""
+    """Largest force per depth of cut: a safety limit, not a skill."""
     return float(force_per_depth(cut.newtons, cut.depth)[cut.advancing].max())
 
 
@@ -56,7 +56,7 @@ def rms_force_per_depth(cut: ScoredCut) -> float:
     invariances=("time_shift", "resampling", "rest_after"),
 )  # fmt: skip
 def peak_force(cut: ScoredCut) -> float:
-    """Largest force: a bound of safety, no skill."""
+    """Largest force: a safety limit, not a skill."""
     return float(_advancing(cut).max())
 
 
@@ -65,7 +65,7 @@ def peak_force(cut: ScoredCut) -> float:
     invariances=("time_shift", "resampling", "rest_after"),
 )  # fmt: skip
 def force_time_integral(cut: ScoredCut) -> float:
-    """Force summed over the time that it acted."""
+    """Integral of the force over time."""
     here = cut.advancing
     return float(cut.weights[here] @ np.maximum(cut.force[here], 0.0))
 
@@ -87,7 +87,7 @@ def force_variation(cut: ScoredCut) -> float:
     invariances=("time_shift", "force_scale", "force_offset", "rest_after", "units"),
 )  # fmt: skip
 def force_drops(cut: ScoredCut) -> float:
-    """How often the force dropped: each drop is a piece of tissue that tore or let go."""
+    """Occurrences of a force drop: at each, a piece of tissue tore or let go of the blade."""
     return float(len(_drops(cut)))
 
 
@@ -96,7 +96,7 @@ def force_drops(cut: ScoredCut) -> float:
     validity="noise below 5 % of the peak", invariances=("time_shift", "force_offset", "rest_after"),
 )  # fmt: skip
 def mean_force_drop(cut: ScoredCut) -> float:
-    """How deep the drops of the force were on average."""
+    """Mean size of the force drops."""
     drops = _drops(cut)
     return float(np.mean(drops)) if drops else 0.0
 
@@ -106,7 +106,7 @@ def mean_force_drop(cut: ScoredCut) -> float:
     validity="20 readings a second or more", invariances=("time_shift", "force_offset", "resampling", "rest_after"),
 )  # fmt: skip
 def force_rate(cut: ScoredCut) -> float:
-    """How fast the force changed."""
+    """Root mean square rate of the force."""
     return _rms(np.gradient(cut.smooth_force, 1.0 / RATE)[cut.even_advancing])
 
 
@@ -115,7 +115,7 @@ def force_rate(cut: ScoredCut) -> float:
     validity="20 readings a second or more", invariances=("time_shift", "force_offset", "resampling", "rest_after"),
 )  # fmt: skip
 def force_jerk(cut: ScoredCut) -> float:
-    """How suddenly the force changed."""
+    """Root mean square second derivative of the force (jerk)."""
     rate = np.gradient(cut.smooth_force, 1.0 / RATE)
     return _rms(np.gradient(rate, 1.0 / RATE)[cut.even_advancing])
 
@@ -125,7 +125,7 @@ def force_jerk(cut: ScoredCut) -> float:
     invariances=("time_shift", "force_scale", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def crest_factor(cut: ScoredCut) -> float:
-    """How far the peak stands out of the force."""
+    """Ratio of the peak force to its root mean square."""
     F = cut.smooth_force[cut.even_advancing]
     rms = _rms(F)
     if rms <= 0.0:
@@ -134,7 +134,7 @@ def crest_factor(cut: ScoredCut) -> float:
 
 
 def _drops(cut: ScoredCut) -> list[float]:
-    """Falls between a hilltop and the next valley, while the blade advances."""
+    """Return the falls of the force from each maximum to the next minimum, while the blade advances."""
     F = cut.even_force[cut.even_advancing]
     swing = DROP_SHARE * float(np.ptp(F))
     if swing <= 0.0:

@@ -1,4 +1,4 @@
-"""A metric: a pure function of one cut, with everything that a reader of its number must know."""
+"""Metrics: pure functions of one cut, each with unit, direction, formula, source and validity."""
 
 from __future__ import annotations
 
@@ -22,33 +22,33 @@ INVARIANCES: dict[Invariance, str] = {
     "rest_after": "a second of rest in the unloaded tissue after the cut adds nothing, within 2 %",
     "units": "doubling a cut's force and depth and the slab's thickness together changes nothing",
 }
-"""What a metric may promise; each has one test for all that do."""
+"""Invariances that a metric may promise; each has one test for all metrics that do."""
 
 
 class Unavailable(ValueError):
-    """Why a metric cannot be had from a cut."""
+    """The reason why a metric cannot be computed from a cut."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Metric:
-    """One number of a cut.
+    """One metric of a cut.
 
     Attributes
     ----------
     name : str
-        ``*_error`` falls to zero.
+        Name of the metric; ``*_error`` is best at zero.
     unit : str
         "1" for a pure number; "F" stands for the force unit of the record.
     direction : {"lower", "higher", "none"}
-        Which is better; "none" is reported and never rewarded.
+        Direction that is better; "none": reported and never rewarded.
     meaning, formula, source, validity : str
-        What it is; how it is computed; whence; and where it holds.
+        Description, formula, source, and range of validity.
     needs : tuple of str
-        Fields of the trace beside time and force, and "newtons", "target_length", "tip".
+        Required fields of the trace beside time and force, and "newtons", "target_length", "tip".
     invariances : tuple of str
-        Of :data:`INVARIANCES`.
+        Names in :data:`INVARIANCES`.
     function : callable
-        From a :class:`~cutenv.scoring.cut.ScoredCut` to a float; raises :class:`Unavailable`.
+        Function from a :class:`~cutenv.scoring.cut.ScoredCut` to a float; raises :class:`Unavailable`.
     """
 
     name: str
@@ -69,7 +69,7 @@ class Metric:
 
 
 METRICS: dict[str, Metric] = {}
-"""Every metric by name, in the order of the card."""
+"""All metrics by name, in the order of the score card."""
 
 
 def metric(
@@ -82,7 +82,7 @@ def metric(
     needs: tuple[str, ...] = (),
     invariances: tuple[Invariance, ...] = (),
 ) -> Callable[[Callable[[ScoredCut], float]], Callable[[ScoredCut], float]]:
-    """Enter a function of a cut into :data:`METRICS` under its own name; its docstring's first line is its meaning."""
+    """Register a function of a cut in :data:`METRICS` by its name; its docstring's first line is the meaning."""
 
     def enter(function: Callable[[ScoredCut], float]) -> Callable[[ScoredCut], float]:
         name = function.__name__

@@ -13,9 +13,9 @@ from cutenv.scoring.metric import Unavailable, metric
 
 Array = NDArray[np.float64]
 
-_PADDING = 0.1  # of the movement at either end, at rest: smoothness is that of a movement from rest to rest
-_PAD_LEVEL = 4  # zeros behind the movement in its spectrum: 2^4 times its length
-_CUT_OFF, _THRESHOLD = 10.0, 0.05  # [Hz], of the largest amplitude
+_PADDING = 0.1  # rest added at either end, as a fraction of the movement: smoothness is defined from rest to rest
+_PAD_LEVEL = 4  # zero padding for the spectrum: 2^4 times the movement's length
+_CUT_OFF, _THRESHOLD = 10.0, 0.05  # [Hz]; fraction of the largest amplitude
 _MOTION = ("position",)
 
 
@@ -25,7 +25,7 @@ _MOTION = ("position",)
     invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def duration(cut: ScoredCut) -> float:
-    """Time that the cut took."""
+    """Duration of the cut."""
     if cut.trace.position is None:
         under = cut.time[cut.advancing]
         return float(under[-1] - under[0])
@@ -39,7 +39,7 @@ def duration(cut: ScoredCut) -> float:
     invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def idle_time(cut: ScoredCut) -> float:
-    """Time in which the blade stood before it went on."""
+    """Time for which the blade stood still before it went on."""
     first, last, moving = moving_between(cut)
     return float(cut.weights[first : last + 1] @ ~moving[first : last + 1])
 
@@ -50,7 +50,7 @@ def idle_time(cut: ScoredCut) -> float:
     invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def reversals(cut: ScoredCut) -> float:
-    """How often the blade turned back, or forward again."""
+    """Reversals of the blade's motion."""
     found = strokes(cut.time, cut.position)
     return float(sum(a.forward != b.forward for a, b in itertools.pairwise(found)))
 
@@ -61,7 +61,7 @@ def reversals(cut: ScoredCut) -> float:
     invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def sparc(cut: ScoredCut) -> float:
-    """Smoothness of the motion, by its spectral arc length."""
+    """Smoothness of the motion, by the spectral arc length (SPARC)."""
     return spectral_arc_length(_rest_to_rest(cut), RATE)
 
 
@@ -71,12 +71,12 @@ def sparc(cut: ScoredCut) -> float:
     invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def log_dimensionless_jerk(cut: ScoredCut) -> float:
-    """Smoothness of the motion, by its jerk."""
+    """Smoothness of the motion, by its jerk (LDLJ)."""
     return log_jerk(_rest_to_rest(cut), RATE)
 
 
 def spectral_arc_length(speed: Array, rate: float) -> float:
-    """SPARC of a speed profile, shape (n,), at ``rate`` [Hz]; 0 is smoothest.
+    """Compute the SPARC of a speed profile, shape (n,), at ``rate`` [Hz]; 0 is smoothest.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def spectral_arc_length(speed: Array, rate: float) -> float:
 
 
 def log_jerk(speed: Array, rate: float) -> float:
-    """LDLJ of a speed profile, shape (n,), at ``rate`` [Hz]; larger is smoother.
+    """Compute the LDLJ of a speed profile, shape (n,), at ``rate`` [Hz]; larger is smoother.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def log_jerk(speed: Array, rate: float) -> float:
 
 
 def moving_between(cut: ScoredCut) -> tuple[int, int, NDArray[np.bool_]]:
-    """First and last instant of motion, and whether the blade moves at each instant, shape (n,)."""
+    """Return the first and last instant of motion, and a mask of motion at each instant, shape (n,)."""
     moving = _moving(cut)
     first, last = np.flatnonzero(moving)[[0, -1]]
     return int(first), int(last), moving
@@ -133,7 +133,7 @@ def _moving(cut: ScoredCut) -> NDArray[np.bool_]:
 
 
 def _rest_to_rest(cut: ScoredCut) -> Array:
-    """Speed at 100 Hz [m/s] from the first motion to the last, with a little rest at either end."""
+    """Return the speed at 100 Hz [m/s] from the first motion to the last, with a little rest at either end."""
     first, last, _ = moving_between(cut)
     instants = even_instants(cut.time[first : last + 1], RATE)
     if len(instants) < 30:

@@ -1,4 +1,4 @@
-"""Metrics of what was cut: how near the target, how much by itself, at what cost of work."""
+"""Metrics of the outcome: distance from the target, unstable growth, work."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _VALID_TIP = (
     needs=(*_TIP, "target_length"), invariances=("time_shift", "rest_after", "units"),
 )  # fmt: skip
 def tip_error(cut: ScoredCut) -> float:
-    """How far from the target the crack tip ended."""
+    """Distance of the crack tip from the target at the end."""
     return terms.tip_error(float(cut.tip[cut.end]), cut.length)
 
 
@@ -31,7 +31,7 @@ def tip_error(cut: ScoredCut) -> float:
     needs=(*_TIP, "target_length"), invariances=("time_shift", "rest_after", "units"),
 )  # fmt: skip
 def overshoot(cut: ScoredCut) -> float:
-    """How far beyond the target the crack tip went."""
+    """Largest distance of the crack tip beyond the target."""
     return float(terms.overshoot(float(cut.tip[: cut.end + 1].max()), cut.length))
 
 
@@ -40,7 +40,7 @@ def overshoot(cut: ScoredCut) -> float:
     needs=("angle",), invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def wedge(cut: ScoredCut) -> float:
-    """Width of the wedge that a blade leaning at the end leaves uncut, over its depth."""
+    """Width of the wedge that an inclined blade leaves uncut at the end, over its depth."""
     angle = float(cut.angle[cut.end])
     if math.sin(angle) < _FLAT:
         raise Unavailable(f"the blade lies flat, at {math.degrees(angle):.0f} degrees")
@@ -52,7 +52,7 @@ def wedge(cut: ScoredCut) -> float:
     validity=_VALID_TIP, needs=_TIP, invariances=("time_shift", "rest_after", "units"),
 )  # fmt: skip
 def uncontrolled_share(cut: ScoredCut) -> float:
-    """Share of the cut that the crack ran by itself."""
+    """Fraction of the cut that the crack ran by itself (unstable growth)."""
     advance = float(cut.tip[-1] - min(cut.tip[0], 0.0))
     if advance < 1e-3:
         raise Unavailable("the tip advances less than 1 mm")
@@ -64,7 +64,7 @@ def uncontrolled_share(cut: ScoredCut) -> float:
     invariances=("time_shift", "rest_after", "units"),
 )  # fmt: skip
 def largest_jump(cut: ScoredCut) -> float:
-    """Longest run of the crack by itself."""
+    """Longest unstable run of the crack."""
     return float(cut.jumps.max())
 
 
@@ -73,7 +73,7 @@ def largest_jump(cut: ScoredCut) -> float:
     needs=_TIP, invariances=("time_shift", "rest_after", "units"),
 )  # fmt: skip
 def mean_lag(cut: ScoredCut) -> float:
-    """How far the tip was behind the blade: tissue that is dragged along."""
+    """Mean distance of the tip behind the blade: tissue that is dragged along."""
     return cut.mean(terms.lag(cut.position, cut.tip))
 
 
@@ -82,7 +82,7 @@ def mean_lag(cut: ScoredCut) -> float:
     needs=_TIP, invariances=("time_shift", "resampling", "rest_after", "units"),
 )  # fmt: skip
 def work_over_fracture(cut: ScoredCut) -> float:
-    """Work of the blade over the least that the cut area takes; R is the truth, or else pig liver's mean."""
+    """Work of the blade over the fracture energy of the cut area; R is the truth, or else pig liver's mean."""
     F, x = cut.newtons, cut.position
     work = float(0.5 * (F[1:] + F[:-1]) @ np.diff(x))
     area = cut.profile.area(min(float(cut.tip[0]), 0.0), float(cut.tip[-1]))

@@ -1,4 +1,4 @@
-"""Reference sets: many scored cuts of known origin, within which a cut's metrics find their percentiles."""
+"""Reference sets: many scored cuts of known origin, among which a cut's metrics are ranked as percentiles."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Array = NDArray[np.float64]
 
 SCHEMA = "cutenv-reference/1"
 SHIPPED = {"baselines": "reference/baselines.csv", "force-alone": "reference/force_alone.csv"}
-"""Reference sets that come with the package, by name: of the present tissue, and of the first one.
+"""Reference sets that come with the package, by name: from the present tissue model, and from the first one.
 
-Records of force alone keep the first, frozen: what they show is no cut of ours, and their numbers should not move.
+Records of force alone use the first, frozen: they are not cuts of ours, and their scores should not move.
 """
 FEWEST = 20
-"""Cuts of a reference set below which a percentile says nothing."""
-_TIE = 1e-4  # of the value, or of the largest one: the files hold five digits
+"""Number of cuts in a reference set below which no percentile is given."""
+_TIE = 1e-4  # tolerance relative to the value, or to the largest one: the files hold five digits
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,15 +35,15 @@ class ReferenceSet:
     Attributes
     ----------
     name : str
-        How cards call it.
+        Name of the set on score cards.
     about : str
-        Who cut what, in a sentence.
+        Origin: who cut what, in a sentence.
     force_unit : str
         "N" or "1".
     groups : tuple of str, length n
-        Who made each cut.
+        Group that made each cut.
     values : mapping of str to ndarray of shape (n,)
-        By metric; NaN where a cut has none.
+        Values by metric; NaN where a cut has none.
     """
 
     name: str
@@ -62,7 +62,7 @@ class ReferenceSet:
         return len(self.groups)
 
     def percentile(self, name: str, value: float) -> float | None:
-        """Share of the set's cuts that are worse, ties half [%]; None if the metric has too few or no direction."""
+        """Return the share of worse cuts, ties half [%]; None for too few values or a metric without direction."""
         metric = METRICS[one_of("metric", name, METRICS)]
         known = self.values.get(name, np.zeros(0))
         known = known[np.isfinite(known)]
@@ -75,14 +75,14 @@ class ReferenceSet:
 
     @classmethod
     def shipped(cls, name: str = "baselines") -> ReferenceSet:
-        """One that comes with the package."""
+        """Load a reference set that comes with the package."""
         return cls.load(resource(SHIPPED[one_of("reference set", name, SHIPPED)]))
 
     @classmethod
     def of(
         cls, rows: Sequence[tuple[str, Mapping[str, float | None]]], *, name: str, about: str, force_unit: str
     ) -> ReferenceSet:
-        """Of groups and metrics of many cuts."""
+        """Build a reference set from (group, metrics) of many cuts."""
         if not rows:
             raise ValueError("a reference set needs cuts; there is none.")
         values = {
@@ -93,7 +93,7 @@ class ReferenceSet:
         return cls(name=name, about=about, force_unit=force_unit, groups=tuple(group for group, _ in rows), values=kept)
 
     def save(self, path: Path) -> None:
-        """Write it as CSV: a comment line with what it is, then a row a cut."""
+        """Write the set as CSV: a comment line with its description, then one row per cut."""
         head = {"schema": SCHEMA, "name": self.name, "about": self.about, "force_unit": self.force_unit}
         with path.open("w", newline="", encoding="utf-8") as file:
             file.write(f"# {json.dumps(head)}\n")
@@ -105,7 +105,7 @@ class ReferenceSet:
 
     @classmethod
     def load(cls, path: Path) -> ReferenceSet:
-        """Read what :meth:`save` wrote; ValueError for anything else."""
+        """Load a file written by :meth:`save`; raise ValueError for anything else."""
         with path.open(newline="", encoding="utf-8") as file:
             first = file.readline()
             rows = list(csv.reader(file))
@@ -123,4 +123,4 @@ class ReferenceSet:
                 values={name: np.array(column) for name, column in zip(names, columns, strict=True)},
             )
         except (KeyError, IndexError, TypeError, ValueError) as error:
-            raise ValueError(f"{path} is no reference set ({error}); ReferenceSet.save writes one.") from None
+            raise ValueError(f"{path} is not a reference set ({error}); ReferenceSet.save writes one.") from None

@@ -1,4 +1,4 @@
-"""How much each leading metric counts in the overall score."""
+"""Weights of the leading metrics in the overall score."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from cutenv.parameter import check_parameters, parameter
 from cutenv.scoring.metric import METRICS
 
-_SUM = 1e-9  # by which the weights may miss 1
+_SUM = 1e-9  # tolerance of the weights' sum
 
 
 def _weight(default: float, why: str) -> float:
@@ -19,10 +19,10 @@ def _weight(default: float, why: str) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Weights:
-    """Of the percentiles of leading metrics; they sum to 1.
+    """Weights of the leading metrics' percentiles in the overall score; they sum to 1.
 
-    What research on force-based assessment says is followed: steadiness of the force leads, its peak is a bound of
-    safety and no skill, smoothness of the motion is reported and never rewarded.
+    They follow research on force-based assessment: steadiness of the force leads, the peak force is only a safety
+    limit, and smoothness of the motion is reported but not scored.
     """
 
     force_rate: float = _weight(0.20, "steadiness leads")
@@ -41,7 +41,7 @@ class Weights:
 
 @dataclass(frozen=True, kw_only=True)
 class ForceOnlyWeights:
-    """The same for a record of nothing but force."""
+    """Weights of the leading metrics' percentiles for a record of force alone; they sum to 1."""
 
     force_rate: float = _weight(0.30, "steadiness leads")
     force_jerk: float = _weight(0.20, "steadiness leads")
@@ -54,7 +54,7 @@ class ForceOnlyWeights:
 
 
 def as_mapping(weights: Weights | ForceOnlyWeights) -> Mapping[str, float]:
-    """Weights by the names of their metrics."""
+    """Return the weights by the names of their metrics."""
     return dataclasses.asdict(weights)
 
 

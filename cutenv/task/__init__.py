@@ -1,1 +1,1 @@
-"""The task: gentle cutting, its rewards, its ends and what an agent may see of it."""
+"""The task: gentle cutting, its rewards, its ends and its observation."""

@@ -1,13 +1,13 @@
-"""The reward and the ends of gentle cutting, assessed at every millisecond so that nothing hides between decisions.
+"""Reward and ends of gentle cutting, assessed every millisecond so that nothing is missed between decisions.
 
-Reward of a step = progress / L - costs.  All costs are non-negative and extensive: they add up as they occur.  At the
-end, whichever it is, the same terminal cost is charged; an end for safety also pays the worst that stopping could
-still have cost, so that it never pays to end early:
+Reward of a step = progress / L - costs.  All costs are non-negative and additive: they are charged as they occur.
+Every end is charged the same terminal cost; an end for safety also pays the largest cost that stopping could still
+have had, so that it never pays to end early:
 
     time left, tip error at its cap, a full wedge, and a tissue left loaded.
 
-Costs that have no bound but the time (force, lag, jumps, backward travel) are not in that worst case: a policy that
-stops and unloads escapes them, so a breach is dearer than stopping in every state.
+Costs that only time bounds (force, lag, jumps, backward travel) are not part of that largest cost: a policy that
+stops and unloads avoids them, so a breach costs more than stopping in every state.
 """
 
 from __future__ import annotations
@@ -23,75 +23,75 @@ from cutenv.cutting.records import TICK, Record, Records
 from cutenv.terms import ANGLE_TOLERANCE, TIP_TOLERANCE, force_per_depth, lag, overshoot, tip_error, wedge
 
 FORCE_ALLOWED = 400.0
-"""Force per depth of cut that costs nothing [N/m]."""
+"""Force per depth of cut up to which no force cost is charged [N/m]."""
 LAG_ALLOWED = 0.010
-"""Lag of the tip behind the blade that costs nothing [m]."""
+"""Lag of the tip behind the blade up to which no lag cost is charged [m]."""
 OVERSHOOT_ALLOWED = 0.005
-"""Tip beyond the target, above which the task ends [m]."""
+"""Overshoot of the tip beyond the target above which the task ends [m]."""
 LAG_CHARGED = 0.010
-"""Most that is charged beyond it [m]: in a soft and tough specimen no blade can keep the tip nearer."""
+"""Largest excess lag that is charged [m]: in a soft and tough specimen no blade can keep the tip nearer."""
 TIP_ERROR_CAP = 3.0
-"""Largest tip error that is charged, in tolerances."""
+"""Largest tip error that is charged, in multiples of the tolerance."""
 TRAVEL_TO_FINISH = 0.010
-"""The task can be finished once the blade has been this far [m]."""
+"""Position that the blade must have reached before the task can be finished [m]."""
 SPEED_AT_REST = 0.5e-3
-"""[m/s]"""
+"""Speed below which the blade counts as at rest [m/s]."""
 FORCE_UNLOADED = 0.1
-"""Above friction, below which the blade counts as unloaded [N]."""
+"""Force above friction below which the blade counts as unloaded [N]."""
 TIME_AT_REST = 0.3
-"""Rest and unloaded for this long is finished [s]."""
+"""Time at rest and unloaded after which the cut is finished [s]."""
 DECELERATION = 0.1
-"""Of a blade that is stopped, in the cost of haste [m/s2]."""
+"""Deceleration of a stopping blade, in the cost of haste [m/s2]."""
 TIME_SCALE = 30.0
 """Time that costs its weight once [s]."""
 WORST_STORED = 2.0
-"""Most that stored energy is charged for at an end, in R B 3 mm: a tip 12 mm behind at F = R B."""
+"""Largest stored energy that is charged at an end, in R B 3 mm: a tip 12 mm behind at F = R B."""
 
 _PROGRESS, _UNCONTROLLED, _JUMP, _FORCE, _LAG, _BACKWARD, _HASTE, _TIME, _TIP, _WEDGE, _STORED, _SAFETY = range(12)
 _FINISHED, _FORCE_LIMIT, _OVERSHOOT, _DEADLINE = range(1, 5)
-_SHALLOWEST = 0.001  # [m], below which force per depth would be noise over nothing
+_SHALLOWEST = 0.001  # [m]; below it force per depth would be noise divided by nothing
 
 
 class Tally(NamedTuple):
-    """What is counted at every millisecond of a step: memory of the assessment, and sums that the weights are for."""
+    """Accumulators of a step, updated every millisecond: memory of the assessment, and sums to be weighted."""
 
     position: float
-    """Of the blade [m]."""
+    """Position of the blade [m]."""
     touched: int
-    """Whether the blade has loaded the tissue."""
+    """1 once the blade has loaded the tissue."""
     furthest: float
-    """Of the blade so far [m]."""
+    """Furthest position of the blade so far [m]."""
     time: float
-    """Since reset [s]."""
+    """Time since reset [s]."""
     quiet: float
     """Time for which the blade has been at rest and unloaded [s]."""
     tip: float
-    """As assessed [m]."""
+    """Crack tip as assessed [m]."""
     end: int
     """Index in :data:`~cutenv.task.records.ENDS`."""
     updates: int
-    """Of this step."""
+    """Number of updates in this step."""
     out_of_range: int
-    """Those at a speed outside the measured range."""
+    """Number of updates at a speed outside the measured range."""
     over_limit: float
     """Largest force above the limit [N]."""
     uncontrolled: float
-    """Sum of unstable growth [m], and"""
+    """Sum of unstable growth [m]."""
     jumped: float
-    """of its squares [m2]."""
+    """Sum of squared unstable growth [m2]."""
     over_force: float
-    """Sum of force per depth above what costs nothing [N/m]."""
+    """Sum over updates of the force per depth above the free allowance [N/m]."""
     over_lag: float
-    """Sum of lag above what costs nothing [m]."""
+    """Sum over updates of the lag above the free allowance [m]."""
     backward: float
-    """Travel back [m]."""
+    """Backward travel [m]."""
     haste: float
     """Integral of speed squared over travel [m3/s2]."""
 
 
 @for_kernels
 def fresh(progress: Record) -> Tally:
-    """The tally at the beginning of a step."""
+    """Return the tally at the beginning of a step."""
     return Tally(
         progress.position, progress.touched, progress.furthest, progress.time, progress.quiet, progress.tip,
         0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
@@ -110,22 +110,22 @@ def counted(
     jump: float,
     depth: float,
 ) -> Tally:
-    """The tally a millisecond later.
+    """Return the tally one millisecond later.
 
     Parameters
     ----------
     tally : Tally
-        Before.
+        The tally before.
     task : Record
         Limits and target, by name as in :data:`~cutenv.task.records.TASK`.
     x, velocity : float
-        Of the blade [m], [m/s].
+        Position [m] and velocity [m/s] of the blade.
     force, felt : float
-        On the blade, true or measured, and measured [N].
+        Force on the blade, true or measured; measured force [N].
     a, jump : float
         Crack tip and unstable growth, true or estimated [m].
     depth : float
-        Of cut at the blade [m].
+        Depth of cut at the blade [m].
     """
     moved = x - tally.position
     speed, size = abs(velocity), abs(force)
@@ -183,7 +183,7 @@ def assess(
     jumps: Records,
     terms: Records,
 ) -> None:
-    """Charge one step to the reward's terms and find out whether the task has ended.
+    """Charge one step to the reward's terms and determine whether the task has ended.
 
     Parameters
     ----------
@@ -196,8 +196,8 @@ def assess(
     readings : Records
         :data:`~cutenv.cutting.records.READING`, shape (ticks,).
     from_truth : bool
-        Whether force on the blade, crack tip and unstable growth are the true ones of the readings, or the force is
-        the measured one and the others are estimates.
+        True: force on the blade, crack tip and unstable growth are the readings' true ones. False: the force is the
+        measured one and the others are estimates.
     tips, jumps : array, shape (ticks,)
         Estimates of the tip and of unstable growth at each tick [m].
     terms : array, shape (12,)
@@ -224,7 +224,7 @@ def assess(
 
 @inlined
 def charge(task: Record, progress: Record, profile: Record, tally: Tally, angle: float, terms: Records) -> None:
-    """Charge what was counted in a step to the reward's terms; the blade ended at ``angle`` [rad]."""
+    """Charge the accumulated costs of a step to the reward's terms; the blade ended at ``angle`` [rad]."""
     L = task.target
     progress.position, progress.touched, progress.furthest = tally.position, tally.touched, tally.furthest
     progress.time, progress.quiet, progress.end = tally.time, tally.quiet, tally.end
@@ -249,12 +249,12 @@ def charge(task: Record, progress: Record, profile: Record, tally: Tally, angle:
 
 @compiled
 def charge_end(task: Record, progress: Record, profile: Record, terms: Records) -> None:
-    """The terminal cost, the same for every end, and what an end for safety pays besides."""
+    """Charge the terminal cost, the same for every end, and the additional cost of an end for safety."""
     x = progress.position
     a = progress.tip
     stored = 0.5 * stiffness_at(profile, a)[0] * lag(x, a) ** 2
     terms[_TIP] -= task.tip_error * min(tip_error(a, task.target) / TIP_TOLERANCE, TIP_ERROR_CAP)
-    terms[_WEDGE] -= wedge(progress.angle, task.wedge)  # as deep as the weight: costs as much as it is wide
+    terms[_WEDGE] -= wedge(progress.angle, task.wedge)  # weight times the wedge's width over depth
     terms[_STORED] -= task.stored * min(stored / (toughness_at(profile, a) * 0.003), WORST_STORED)
     if progress.end in (_FORCE_LIMIT, _OVERSHOOT):
         time_left = max(task.deadline - progress.time, 0.0)
@@ -264,7 +264,7 @@ def charge_end(task: Record, progress: Record, profile: Record, terms: Records) 
 
 @compiled
 def succeeded(task: Record, progress: Record) -> bool:
-    """Finished, tip within 3 mm of the target, blade within 10 degrees of upright."""
+    """Return True if finished, with the tip within 3 mm of the target and the blade within 10 degrees of upright."""
     near = tip_error(progress.tip, task.target) <= TIP_TOLERANCE
     upright = abs(0.5 * math.pi - progress.angle) <= ANGLE_TOLERANCE
     success: bool = progress.end == _FINISHED and near and upright
@@ -273,7 +273,7 @@ def succeeded(task: Record, progress: Record) -> bool:
 
 @compiled
 def succeeded_all(tasks: Records, progresses: Records) -> Records:
-    """:func:`succeeded` of n cuts, shape (n,)."""
+    """Return :func:`succeeded` for n cuts, shape (n,)."""
     successes = np.zeros(len(tasks), np.bool_)
     for n in range(len(tasks)):
         successes[n] = succeeded(tasks[n], progresses[n])

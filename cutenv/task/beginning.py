@@ -1,4 +1,4 @@
-"""How an episode begins, compiled: specimen, length of the cut and the lab's knowledge, all from one key."""
+"""Reset of episodes, compiled: specimen, target length and the lab's prior knowledge, all from one random key."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from cutenv.tissue.nominal import nominal_stiffness
 from cutenv.tissue.slab import fill_stiffness
 
 SHORTEST, LONGEST = 0.060, 0.100
-"""Range from which the target length is drawn [m]."""
+"""Range from which the target length is sampled [m]."""
 SHALLOWEST = 0.5e-3
-"""Depth that a measured profile can show [m]."""
+"""Smallest depth that a measured profile can have [m]."""
 
-_FIRST = np.int64(0)  # for a literal Numba would compile once more
+_FIRST = np.int64(0)  # not a literal, for which Numba would compile the function again
 
 LIVER, VASCULAR, MIXED, GIVEN = range(4)
-"""Where specimens come from: drawn of a class, or one that is given."""
+"""Sources of specimens: sampled from a class, or one that is given."""
 
 Array = NDArray[np.float64]
 
 
 @compiled
 def drawn_length(seed: Integer, episode: Integer) -> float:
-    """The target length of a key [m]."""
+    """Return the target length [m] sampled for a key."""
     return SHORTEST + (LONGEST - SHORTEST) * uniform_at(seed, episode, TASK, LENGTH_DRAW)
 
 
 @compiled
 def measure_depth(seed: Integer, episode: Integer, noise: float, modes: Array, depth: Array, measured: Array) -> None:
-    """Fill ``measured``, shape (301,), with the depth of cut [m] as the lab finds it: the true one, a smooth error."""
+    """Fill ``measured``, shape (301,), with the measured depth of cut [m]: true depth plus a smooth error."""
     smooth_field(seed, episode, DEPTH_ERROR, _FIRST, modes, measured)
     for i in range(len(depth)):
         measured[i] = max(depth[i] + noise * measured[i], SHALLOWEST)
@@ -54,7 +54,7 @@ def expect(nominal: Record, profile: Record) -> None:
 
 @compiled
 def rest(task: Record, nominal: Record, angle: float, observation: Records) -> None:
-    """The observation at the start: the blade at rest at the clamp, force tared to zero."""
+    """Fill the observation at the start: the blade at rest at the clamp, force tared to zero."""
     last_angle = (angle - ANGLE_CENTRE) / ANGLE_SCALE
     fill(task, nominal, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, angle, 0.0, 0.0, last_angle, observation)
 
@@ -78,34 +78,34 @@ def begin_some(
     observations: Records,
     vascular: Records,
 ) -> None:
-    """Begin the cuts numbered ``which``, each of its own key, as a single environment would.
+    """Reset the cuts with indices ``which``, each from its own key, exactly as a single environment would.
 
     Parameters
     ----------
     passed, core : Portions, int
-        See :func:`cutenv.cores.over_cores`; of ``which``.
+        Work queue over ``which`` and number of the thread, see :func:`cutenv.cores.over_cores`.
     cuts : Cuts
-        n cuts; those of ``which`` are begun anew.
+        n cuts; those in ``which`` are reset.
     start : Cuts
-        One cut at its start with everything that all share; what depends on the key is filled in.
+        One cut at its start with everything that all share; what depends on the key is filled in here.
     which : array of int, shape (m,)
-        Of the cuts.
+        Indices of the cuts to reset.
     seeds, episodes : array of uint64, shape (n,)
-        The keys.
+        Random keys.
     source : int
         LIVER, VASCULAR, MIXED or GIVEN.
     from_truth : bool
-        Whether friction is known to the assessment, or that of the mean tissue is used.
+        True: the assessment knows the specimen's friction. False: it uses that of the mean tissue.
     target : float
-        Length of every cut [m]; 0: drawn.
+        Length of every cut [m]; 0: sampled.
     recipe, modes
         See :func:`cutenv.tissue.drawing.draw_along`.
     depth_noise, depth_modes
         See :func:`measure_depth`.
     observations : array of float32, shape (n, 12)
-        Filled for the cuts of ``which``.
+        Filled for the cuts in ``which``.
     vascular : array of int8, shape (n,)
-        1 for a drawn specimen with vessels, 0 without.
+        1 for a sampled specimen with vessels, 0 without.
     """
     k, end = claim(passed, core, 1)
     while k < end:

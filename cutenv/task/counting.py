@@ -1,4 +1,4 @@
-"""What is counted of a row of cuts at every millisecond: :func:`cutenv.task.assessment.counted`, for all of them."""
+"""Batched assessment: :func:`cutenv.task.assessment.counted` for every cut of a row at every millisecond."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _PASSING = ("speed", "felt_low", "felt_high", "felt_sum")
 
 
 class Asked(NamedTuple):
-    """What :func:`~cutenv.task.assessment.counted` asks of a task, of one cut in a row."""
+    """Limits of the task that :func:`~cutenv.task.assessment.counted` reads, for one cut in a row."""
 
     target: float
     deadline: float
@@ -37,12 +37,12 @@ COUNT: np.dtype[Any] = np.dtype(
         [(name, "i8" if name in _WHOLE else "f8", (ABREAST,)) for name in (*Tally._fields, *Asked._fields, *_PASSING)],
     )
 )
-"""Of every cut in a row its tally, what it is asked for, what a millisecond shows of it, and force felt so far."""
+"""Structured dtype of a row's assessment: for each lane its tally, limits, speed, and sums of the measured force."""
 
 
 @for_kernels
 def begin_count(count: Record, task: Record, progress: Record, k: Integer) -> None:
-    """Begin a step of the cut in place ``k``."""
+    """Initialise lane ``k`` for a new step."""
     keep(count, k, fresh(progress))
     count.target[k], count.deadline[k] = task.target, task.deadline
     count.force_limit_per_depth[k], count.friction_per_depth[k] = task.force_limit_per_depth, task.friction_per_depth
@@ -52,7 +52,7 @@ def begin_count(count: Record, task: Record, progress: Record, k: Integer) -> No
 
 @inlined
 def tally_of(count: Record, k: int) -> Tally:
-    """The tally of the cut in place ``k``."""
+    """Gather the tally of lane ``k``."""
     return Tally(
         count.position[k], count.touched[k], count.furthest[k], count.time[k], count.quiet[k], count.tip[k],
         count.end[k], count.updates[k], count.out_of_range[k], count.over_limit[k], count.uncontrolled[k],
@@ -62,7 +62,7 @@ def tally_of(count: Record, k: int) -> Tally:
 
 @inlined
 def asked_of(count: Record, k: int) -> Asked:
-    """What is asked of the cut in place ``k``."""
+    """Gather the task's limits of lane ``k``."""
     return Asked(
         count.target[k], count.deadline[k], count.force_limit_per_depth[k], count.friction_per_depth[k],
         count.speed_min[k], count.speed_max[k],
@@ -71,7 +71,7 @@ def asked_of(count: Record, k: int) -> Asked:
 
 @inlined
 def keep(count: Record, k: Integer, tally: Tally) -> None:
-    """The tally of the cut in place ``k`` is this one."""
+    """Store ``tally`` in lane ``k``."""
     count.position[k], count.touched[k], count.furthest[k] = tally.position, tally.touched, tally.furthest
     count.time[k], count.quiet[k], count.tip[k] = tally.time, tally.quiet, tally.tip
     count.end[k], count.updates[k], count.out_of_range[k] = tally.end, tally.updates, tally.out_of_range
@@ -82,7 +82,7 @@ def keep(count: Record, k: Integer, tally: Tally) -> None:
 
 @inlined
 def count_row(row: Record, count: Record) -> int:
-    """Count a millisecond of every cut in a row by the true state; return how many of those that go on end with it."""
+    """Accumulate one millisecond of every lane from the true state; return how many active cuts end with it."""
     ended = 0
     for k in range(ABREAST):
         going, felt, low, high = row.going[k], row.felt[k], count.felt_low[k], count.felt_high[k]
@@ -102,7 +102,7 @@ def count_row(row: Record, count: Record) -> int:
 def count_one(
     row: Record, count: Record, k: int, task: Record, progress: Record, known: Record, from_truth: bool
 ) -> int:
-    """The same of the cut in place ``k``, assessed as a rig would, or with its encoder behind a backlash."""
+    """Accumulate one lane from estimated tip or motor-side position (a rig's view); return 1 if it ends."""
     felt, x, speed = row.felt[k], row.blade[k], row.speed[k]
     if row.backlash[k] > 0.0:  # the encoder sits at the motor
         x, speed = row.hand[k], row.hand_speed[k]
@@ -129,7 +129,7 @@ def observe_counted(
     action: Records,
     observation: Records,
 ) -> None:
-    """:func:`~cutenv.task.observation.observe` of the step of the cut in place ``k``."""
+    """Fill the observation of lane ``k`` like :func:`~cutenv.task.observation.observe`."""
     fill(
         task, nominal, row.felt[k], count.felt_sum[k] / progress.updates, count.felt_low[k], count.felt_high[k],
         count.position[k], count.speed[k], row.angle[k], progress.time, action[0], action[1], observation,

@@ -1,4 +1,4 @@
-"""Many cuts side by side: one compiled call commands, cuts, feels, assesses and observes all of them, on all cores."""
+"""Batch state and batch step: one compiled call advances, assesses and observes many cuts, on all cores."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from cutenv.tissue.nominal import NOMINAL
 SPECIMEN: np.dtype[Any] = np.dtype(
     (np.record, [("modulus", "f8", (N_POINTS,)), ("fracture_resistance", "f8", (N_POINTS,))])
 )
-"""What is told of a specimen beyond its profile: modulus of the material [Pa], measured kind of resistance [J/m2]."""
+"""Properties of a specimen reported in `info` beyond its profile: modulus [Pa], fracture resistance [J/m2]."""
 
 
-# Numbers of a record.  Numba compiles what is given a literal integer for that integer alone, but not these.
+# Sizes of records in numbers.  Numba compiles a kernel anew for each literal integer argument, but not for these.
 _NONE = np.int64(0)
 _STATE, _LAW, _DRIVE, _SENSOR, _TASK, _PROGRESS, _TOLD = (
     np.int64(size) for size in (*(kind.itemsize // 8 for kind in (STATE, LAW, DRIVE, SENSOR, TASK, PROGRESS)), TOLD)
 )
 _END, _UNITS, _OUT_OF_RANGE = range(len(CODES))
-_LINE = 8  # numbers in a line of a cache
-_AT_A_TIME = 4  # cuts of the next row that are fetched while a millisecond of this one is worked out
+_LINE = 8  # 64-bit numbers in a cache line
+_AT_A_TIME = 4  # cuts of the next row that are prefetched during one millisecond of this one
 
 
 class Cuts(NamedTuple):
-    """Everything about n cuts, as records of shape (n,)."""
+    """Everything about n cuts, as structured arrays of shape (n,)."""
 
     states: Records
     profiles: Records
@@ -50,14 +50,14 @@ class Cuts(NamedTuple):
     tasks: Records
     progresses: Records
     nominals: Records
-    """The profiles that a rig expects."""
+    """Profiles that a rig expects."""
     expected: Records
-    """The mean tissue that these are made of; shape (1,), the same for all cuts."""
+    """Mean tissue that the nominal profiles are made from; shape (1,), the same for all cuts."""
     specimens: Records
 
     @classmethod
     def empty(cls, count: int) -> Cuts:
-        """``count`` cuts not yet begun."""
+        """Return arrays for ``count`` cuts, not yet reset."""
         return cls(
             states=np.zeros(count, STATE),
             profiles=np.zeros(count, PROFILE),
@@ -86,30 +86,30 @@ def step_some(
     codes: Records,
     told: Records,
 ) -> None:
-    """One decision of n cuts.
+    """Step n cuts by one decision.
 
     Parameters
     ----------
     passed, core : Portions, int
-        See :func:`cutenv.cores.over_cores`.
+        Work queue and number of the thread, see :func:`cutenv.cores.over_cores`.
     cuts : Cuts
-        Changed in place.
+        The cuts, changed in place.
     ticks : int
         Milliseconds until the next decision.
     from_truth : bool
-        Whether the reward is assessed by hidden state, or by what a rig estimates.
+        True: the reward is assessed by hidden state. False: by a rig's estimates.
     waiting : array of bool, shape (n,)
-        Cuts that are left alone: they have ended.
+        Mask of cuts to skip because they have ended.
     actions : array, shape (n, 2)
-        Within [-1, 1].
+        Actions within [-1, 1].
     observations, rewards, codes, told : array, shape (n, 12) float32, (n,), (3, n) int64, (n, 30)
-        Filled: ``codes`` are :data:`~cutenv.task.told.CODES`; ``told`` is what :func:`~cutenv.task.told.tell` tells.
+        Filled: ``codes`` as :data:`~cutenv.task.told.CODES`, ``told`` by :func:`~cutenv.task.told.tell`.
     """
     cuts = borrowed(cuts)
     waiting, actions, observations, rewards, codes, told = borrowed(
         (waiting, actions, observations, rewards, codes, told)
     )
-    # One room for all: it stays in the first-level cache.
+    # One buffer for all rows: it stays in the first-level cache.
     rows, counts, terms = np.zeros(1, ROW), np.zeros(1, COUNT), np.empty(len(TERMS))
     row, count, numbers = rows[0], counts[0], as_numbers(rows)
     plain = (
@@ -137,7 +137,7 @@ def step_some(
             begin(row, numbers, taken)
         for i in range(ticks + 1 if taken > 0 else 0):
             _fetch_some(cuts, plain, i, following[0], following[1])
-            over = taken  # after the last millisecond, for all of them
+            over = taken  # after the last millisecond, all of them
             if i < ticks:
                 update_row(row, cuts.profiles, cuts.sensors, i == 0)
                 over = _count(cuts, row, count, from_truth)
@@ -155,7 +155,7 @@ def step_some(
 
 @inlined
 def _count(cuts: Cuts, row: Record, count: Record, from_truth: bool) -> int:
-    """Count a millisecond of a row; return how many of its cuts end with it."""
+    """Accumulate one millisecond of a row; return how many of its cuts end with it."""
     if from_truth and row.slack == 0:
         return count_row(row, count)
     over = 0
@@ -179,7 +179,7 @@ def _conclude(
     observation: Records,
     told: Records,
 ) -> None:
-    """Charge, observe and tell of the step of cut number ``c``, in place ``k`` of a row."""
+    """Compute reward terms, observation and info for the step of cut number ``c``, in lane ``k`` of a row."""
     task, progress, profile, nominal = cuts.tasks[c], cuts.progresses[c], cuts.profiles[c], cuts.nominals[c]
     charge(task, progress, profile if from_truth else nominal, tally_of(count, k), row.angle[k], terms)
     observe_counted(row, count, k, task, progress, nominal, action, observation)
@@ -192,10 +192,10 @@ def _conclude(
 
 @inlined
 def _fetch_some(cuts: Cuts, plain: tuple[Records, ...], i: int, first: int, last: int) -> None:
-    """In millisecond ``i`` of a row, have some of the next row, ``first`` to before ``last``, brought near.
+    """Prefetch part of the next row, cuts ``first`` to before ``last``, during millisecond ``i`` of this row.
 
-    Thousands of cuts lie further off than a first-level cache.  Their records come first, and then, for these tell
-    where, what they meet at tip and blade.
+    Thousands of cuts do not fit into the first-level cache.  Their records come first, because these contain the grid
+    indices of tip and blade, and then the profiles there.
     """
     for c in range(first + _AT_A_TIME * i, min(first + _AT_A_TIME * (i + 1), last)):
         _fetch_records(plain, c)
@@ -206,7 +206,7 @@ def _fetch_some(cuts: Cuts, plain: tuple[Records, ...], i: int, first: int, last
 
 @inlined
 def _fetch_records(records: tuple[Records, ...], n: Integer) -> None:
-    """Have the records of cut ``n`` brought near, which are seen as plain numbers."""
+    """Prefetch the records of cut ``n``, given as flat views."""
     states, laws, drives, sensors, tasks, progresses, told = records
     _fetch_lines(states, _STATE, n)
     _fetch_lines(laws, _LAW, n)
@@ -219,7 +219,7 @@ def _fetch_records(records: tuple[Records, ...], n: Integer) -> None:
 
 @inlined
 def _fetch_lines(numbers: Records, size: Integer, n: Integer) -> None:
-    """Have ``size`` numbers of cut ``n`` brought near; they need not begin with a line."""
+    """Prefetch ``size`` numbers of cut ``n``; they need not begin on a cache line."""
     for k in range(0, size - 1, _LINE):
         fetch_ahead(numbers, size * n + k)
     fetch_ahead(numbers, size * n + size - 1)
@@ -227,7 +227,7 @@ def _fetch_lines(numbers: Records, size: Integer, n: Integer) -> None:
 
 @inlined
 def _fetch_places(state: Record, profile: Record, nominal: Record, specimen: Record, sensor: Record) -> None:
-    """Have brought near what a cut meets at its tip and at its blade, and what its sensor has under way."""
+    """Prefetch the profiles at a cut's tip and blade, and its sensor's delay line."""
     tip, blade = place(state.tip)[0], place(state.blade)[0]
     fetch_ahead(profile.stiffness, tip)
     fetch_ahead(profile.toughness, tip)
@@ -241,7 +241,7 @@ def _fetch_places(state: Record, profile: Record, nominal: Record, specimen: Rec
 
 @for_kernels
 def total(terms: Records) -> float:
-    """The reward: the sum of its terms, one after the other."""
+    """Return the reward: the sum of its terms, in order."""
     reward = 0.0
     for k in range(len(terms)):
         reward += terms[k]
@@ -250,7 +250,7 @@ def total(terms: Records) -> float:
 
 @compiled
 def tell_of_all(cuts: Cuts, which: Records, told: Records) -> None:
-    """Fill what is told of the cuts numbered ``which`` at their start: no reward yet."""
+    """Fill ``told`` for the cuts with indices ``which`` at their start: no reward yet."""
     terms = np.zeros(len(TERMS))
     for n in which:
         specimen = cuts.specimens[n]

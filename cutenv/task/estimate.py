@@ -1,4 +1,4 @@
-"""Where a rig thinks the tip is: the blade less the elastic force over the nominal stiffness."""
+"""The rig's estimate of the crack tip: blade position less elastic force over nominal stiffness."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from cutenv.cutting.records import TICK, Record, Records
 from cutenv.terms import RUN_WINDOW, SMALLEST_RUN
 
 PRESLIDING = LawParameters().presliding_length
-"""Motion over which friction is taken to turn [m]."""
-_SETTLE = 50  # updates for which friction must have kept its direction: a delayed force holds that of before
-_WINDOW = round(RUN_WINDOW / TICK)  # updates, whatever the decision rate
+"""Motion over which friction is taken to reverse [m]."""
+_SETTLE = 50  # updates for which friction must have kept its direction, because the measured force is delayed
+_WINDOW = round(RUN_WINDOW / TICK)  # updates, independent of the decision rate
 _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
 
 
 @inlined
 def dragged(bristle: float, moved: float) -> float:
-    """Deflection [m] of friction's bristles after the blade has moved: friction turns over a length, and then holds."""
+    """Return the deflection [m] of friction's bristles after the blade has moved: limited to the presliding length."""
     return min(max(bristle + moved, -PRESLIDING), PRESLIDING)
 
 
 @for_kernels
 def estimate(task: Record, progress: Record, nominal: Record, readings: Records, tips: Records, jumps: Records) -> None:
-    """Fill ``tips`` [m] and ``jumps`` [m], shape (ticks,), from what was felt."""
+    """Fill ``tips`` [m] and ``jumps`` [m], shape (ticks,), from the readings."""
     a = progress.tip
     tick = round(progress.time / TICK)
     for i in range(len(readings)):
@@ -37,10 +37,10 @@ def estimate(task: Record, progress: Record, nominal: Record, readings: Records,
 def estimated(
     task: Record, progress: Record, nominal: Record, a: float, tick: int, x: float, speed: float, force: float
 ) -> tuple[float, float]:
-    """Tip and unstable growth [m] at update ``tick`` (from 1 at reset), the tip having been estimated at ``a`` before.
+    """Return tip and unstable growth [m] at update ``tick`` (from 1 at reset), given the last estimate ``a``.
 
-    A cut never heals, so the tip never goes back.  Over every 20 ms, the tip's advance beyond the blade's is taken for
-    an unstable run, booked at their last millisecond.  ``progress`` remembers.
+    A cut never heals, so the tip never goes back.  In every window of 20 ms, the tip's advance beyond the blade's
+    counts as an unstable run, booked at the window's last millisecond.  ``progress`` is changed in place.
     """
     friction = task.friction_per_depth * depth_at(nominal, x)
     bristle = dragged(progress.bristle, speed * TICK)

@@ -1,4 +1,4 @@
-"""One episode of gentle cutting on any plant: commands in, observation, reward terms and end out."""
+"""One episode of gentle cutting on any plant: commands in; observation, reward terms and end out."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from cutenv.tissue.nominal import nominal_tissue
 
 
 def nominal_profile(tissue: TissueDescription, depth: NDArray[np.float64]) -> Records:
-    """What a rig expects to cut, shape (1,): mean modulus and resistance, and the depth measured beforehand [m]."""
+    """Return the profile that a rig expects, shape (1,): mean modulus and resistance, and the measured depth [m]."""
     profile = np.zeros(1, PROFILE)
     profile["depth"] = depth
     _expect(nominal_tissue(tissue), profile)
@@ -42,9 +42,9 @@ def decide_from_truth(
     totals: Records,
     observation: Records,
 ) -> tuple[float, int, int]:
-    """Assess the readings since the last decision by hidden state, and observe them; arrays of length 1 for records.
+    """Assess the readings since the last decision by the hidden state, and observe; structured arrays of length 1.
 
-    Returns the reward, the end as an index in :data:`~cutenv.task.records.ENDS`, and the readings that count.
+    Returns the reward, the end as an index in :data:`~cutenv.task.records.ENDS`, and the number of readings that count.
     """
     task, progress = episodes[0].task, episodes[0].progress
     assess(task, progress, truths[0], readings, True, terms, terms, terms)  # no estimates are needed
@@ -63,7 +63,7 @@ def decide_from_estimate(
     totals: Records,
     observation: Records,
 ) -> tuple[float, int, int]:
-    """The same as a rig can: tip and runs estimated from the measured force."""
+    """Assess and observe like :func:`decide_from_truth`, with tip and runs estimated from the measured force."""
     task, progress, nominal = episodes[0].task, episodes[0].progress, episodes[0].nominal
     estimate(task, progress, nominal, readings, tips, jumps)
     assess(task, progress, nominal, readings, False, tips, jumps, terms)
@@ -73,28 +73,28 @@ def decide_from_estimate(
 
 @for_kernels
 def add(terms: Records, totals: Records) -> float:
-    """Add the terms of a step to those since the start; return the reward, their sum."""
+    """Add the terms of a step to the totals of the episode; return the reward, the sum of the step's terms."""
     for k in range(len(terms)):
         totals[k] += terms[k]
     return total(terms)
 
 
 class GentleCutting:
-    """An episode: cut from the clamp to ``target_length``, gently.
+    """An episode: cut gently from the clamp to ``target_length``.
 
     Parameters
     ----------
     plant : Plant
-        What is cut; it stands at the clamp.
+        The tissue and blade to control; the blade stands at the clamp.
     tissue : TissueDescription
-        What the rig believes to cut; gives the nominal stiffness and friction.
+        The tissue that the rig assumes; gives the nominal stiffness and friction.
     truth : Records, optional
-        The true profile, shape (1,), if the reward is to be assessed from hidden state; else it is assessed from the
-        rig's estimate of the tip.
+        The true profile, shape (1,), if the reward is to be assessed from hidden state; otherwise it is assessed from
+        the rig's estimate of the tip.
     friction_per_depth : float
-        Of the moving blade, true or nominal [N/m].
+        Friction of the moving blade over the depth of cut, true or nominal [N/m].
     target_length, deadline : float
-        [m], [s].
+        Length to cut [m]; time limit [s].
     ticks : int
         Milliseconds between decisions.
     """
@@ -136,7 +136,7 @@ class GentleCutting:
         self._end = 0
         self._stopped = False
         self.updates = 0
-        """Milliseconds that counted of the last decision: all, or those up to the end."""
+        """Milliseconds of the last decision that count: all, or those up to the end."""
 
     def step(self, action: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
         """Command an action (2 numbers in [-1, 1]) for one decision; return observation, shape (12,), and reward."""
@@ -146,12 +146,12 @@ class GentleCutting:
         return self._decide(self.plant.advance(speed, angle, self.ticks))
 
     def stopped(self, readings: Records) -> tuple[NDArray[np.float32], float]:
-        """End a cut whose plant was stopped from below, in the step after ``readings``; charged as an end for safety.
+        """End a cut whose plant was stopped by the rig's safety in the step after ``readings``; a safety end.
 
         Returns
         -------
         tuple of observation, shape (12,), and reward
-            As :meth:`step`.
+            Same as for :meth:`step`.
         """
         ticks = len(readings)
         self._tips, self._jumps = np.zeros(ticks), np.zeros(ticks)
@@ -163,7 +163,7 @@ class GentleCutting:
             self._totals += self.terms - was
             reward += float(self.terms.sum()) - before
             self._end = int(self.progress["end"][0])
-        self._stopped = True  # whatever else the readings may have shown
+        self._stopped = True  # whatever end the readings show
         return observation, reward
 
     def _decide(self, readings: Records) -> tuple[NDArray[np.float32], float]:
@@ -181,7 +181,7 @@ class GentleCutting:
         return observation, reward
 
     def rest(self, angle: float) -> NDArray[np.float32]:
-        """The observation at the start: the blade at rest at the clamp, force tared to zero."""
+        """Return the observation at the start: the blade at rest at the clamp, force tared to zero."""
         self.last_action = np.array([0.0, (angle - ANGLE_CENTRE) / ANGLE_SCALE])
         observation = np.empty(len(COMPONENTS), np.float32)
         rest(self.task[0], self.nominal[0], angle, observation)
@@ -189,19 +189,19 @@ class GentleCutting:
 
     @property
     def readings(self) -> Records | None:
-        """What was felt since the last decision, as far as it counts; None before the first."""
+        """Readings since the last decision that count; None before the first."""
         return None if self._felt is None else self._felt[: self.updates]
 
-    # Made anew each time: a copy of the whole must not look back at the original.
+    # Properties, not attributes: a deep copy must not refer to the original's arrays.
 
     @property
     def task(self) -> Records:
-        """What is asked for, shape (1,)."""
+        """Limits, weights and target of the task, shape (1,)."""
         return self.episode["task"]
 
     @property
     def progress(self) -> Records:
-        """How far it is, shape (1,)."""
+        """State of the assessment, shape (1,)."""
         return self.episode["progress"]
 
     @property
@@ -210,37 +210,37 @@ class GentleCutting:
         return self.episode["nominal"]
 
     def assessment(self) -> tuple[Records, Records]:
-        """Copies of the task and of the progress made, as the compiled assessment takes them, shape (1,) each."""
+        """Return copies of the task and its progress for the compiled assessment, shape (1,) each."""
         return self.task.copy(), self.progress.copy()
 
     @property
     def end(self) -> str:
-        """Why the episode ended, or an empty string."""
+        """Name of the reason why the episode ended, or an empty string."""
         return STOPPED if self._stopped else ENDS[self._end]
 
     @property
     def success(self) -> bool:
-        """Finished, tip within 3 mm of the target, blade within 10 degrees of upright."""
+        """True if finished, with the tip within 3 mm of the target and the blade within 10 degrees of upright."""
         return not self._stopped and bool(succeeded(self.task[0], self.progress[0]))
 
     @property
     def speed_out_of_range(self) -> bool:
-        """Whether the blade moved outside the measured range of speed since the last decision."""
+        """True if the blade moved outside the measured range of speed since the last decision."""
         return bool(self.progress["out_of_range"][0] > 0)
 
     @property
     def time(self) -> float:
-        """Since the start [s]."""
+        """Time since the start [s]."""
         return float(self.progress["time"][0])
 
     @property
     def tip(self) -> float:
-        """Crack tip as assessed: true, or as the rig estimates it [m]."""
+        """Crack tip as assessed: true, or estimated by the rig [m]."""
         return float(self.progress["tip"][0])
 
     @property
     def cost(self) -> dict[str, float]:
-        """Breaches in this step: largest force above the limit [N] and the tip's overshoot so far [m]."""
+        """Limit breaches: largest force above the limit in this step [N] and the tip's overshoot so far [m]."""
         over_limit, overshoot = self.progress["over_limit"], self.progress["overshoot"]
         return {"force_N": float(over_limit[0]), "overshoot_m": float(overshoot[0])}
 

@@ -1,4 +1,4 @@
-"""The hidden state as numbers of order 1, for a critic that may see it during training; never for a policy."""
+"""Privileged state for an asymmetric critic: the hidden state scaled to order 1; for training, never for a policy."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ HIDDEN = (
     "R over 200 J/m2, 6 mm further",
     "R over 200 J/m2, 12 mm further",
 )
-"""What the numbers are."""
+"""Names of the privileged features."""
 _AHEAD = (0.0, 0.003, 0.006, 0.012)
 
 
 def reveal(cuts: Cuts, features: NDArray[np.float32], which: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Features, shape (m, size), followed by the hidden state of the cuts numbered ``which``, shape (m, size + 11).
+    """Append the privileged state of the cuts ``which`` to features, shape (m, size); return shape (m, size + 11).
 
-    It is what :data:`HIDDEN` names, clipped as observations are.
+    The columns are those of :data:`HIDDEN`, clipped as observations are.
     """
     seen = np.empty((len(features), features.shape[1] + len(HIDDEN)), np.float32)
     _reveal(cuts.states, cuts.profiles, cuts.laws, cuts.tasks, features, which, seen)
@@ -48,7 +48,7 @@ def _reveal(
     which: Records,
     seen: Records,
 ) -> None:
-    """Fill ``seen``."""
+    """Fill ``seen`` with the features and the privileged state."""
     hidden = np.empty(len(HIDDEN))
     size = features.shape[1]
     for m in range(len(which)):

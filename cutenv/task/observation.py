@@ -1,4 +1,4 @@
-"""What an agent may see: only what a rig can know, each value over a documented scale."""
+"""The observation: only quantities that a rig can know, each divided by a documented scale."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from cutenv.validation import in_range
 SPEED_SCALE = 0.0254
 """Speed of action 1 [m/s]: the fastest measured."""
 ANGLE_CENTRE, ANGLE_SCALE = math.radians(67.5), math.radians(22.5)
-"""Angle of action 0, and its reach to 45 and 90 degrees [rad]."""
-_FASTEST = 0.5  # [m/s], beyond which a speed looks like cm/s
+"""Angle of action 0, and the half range to 45 and 90 degrees [rad]."""
+_FASTEST = 0.5  # [m/s], above which a speed looks like cm/s
 BOUND = 10.0
-"""Observations are clipped to this in either direction."""
+"""Bound to which observations are clipped in either direction."""
 
 
 @dataclass(frozen=True)
 class Component:
-    """One number of the observation: (value - offset) / scale, in ``unit``."""
+    """One component of the observation: (value - offset) / scale, value in ``unit``."""
 
     name: str
     meaning: str
@@ -48,7 +48,7 @@ COMPONENTS = (
     Component("last_speed", "last action: target speed", "1", 1.0),
     Component("last_angle", "last action: target angle", "1", 1.0),
 )
-"""The observation, in order."""
+"""Components of the observation, in order."""
 
 SCALES = np.array([component.scale for component in COMPONENTS])
 OFFSETS = np.array([component.offset for component in COMPONENTS])
@@ -60,7 +60,7 @@ def observe(
 ) -> None:
     """Fill ``observation``, shape (12,) float32, from the readings since the last decision.
 
-    ``measured`` is the profile with the depth as measured beforehand; ``time`` since reset [s].
+    ``measured`` is the profile with the depth measured beforehand; ``time`` is since reset [s].
     """
     low = high = readings[0].force
     total = 0.0
@@ -91,7 +91,7 @@ def fill(
     last_angle: float,
     observation: Records,
 ) -> None:
-    """Fill ``observation`` from values in SI units."""
+    """Fill ``observation`` from values in SI units: scaled, then clipped to :data:`BOUND`."""
     values = (
         force,
         mean,
@@ -112,7 +112,7 @@ def fill(
 
 @compiled
 def within_reach(action: Records, fixed_angle: float) -> bool:
-    """Clip an action, shape (2,), to [-1, 1], or its angle to a fixed one [rad] (NaN: free); False for a NaN."""
+    """Clip an action, shape (2,), to [-1, 1], or fix its angle [rad] (NaN: free); return False if it has a NaN."""
     for k in range(2):
         if math.isnan(action[k]):
             return False
@@ -124,10 +124,10 @@ def within_reach(action: Records, fixed_angle: float) -> bool:
 
 @compiled
 def all_within_reach(actions: Records, waiting: Records, fixed_angle: float) -> int:
-    """:func:`within_reach` of actions, shape (n, 2), but those that wait; the first with a NaN, or -1."""
+    """Clip actions, shape (n, 2), like :func:`within_reach`, not waiting ones; return the first with NaN, or -1."""
     numbers = actions.reshape(-1)
     missing = 0
-    for k in range(len(numbers)):  # in loops of their own, that become vector instructions
+    for k in range(len(numbers)):  # separate loops, so that they become vector instructions
         missing += 1 if math.isnan(numbers[k]) else 0
     for n in range(len(actions) if missing > 0 else 0):
         if not waiting[n] and (math.isnan(actions[n, 0]) or math.isnan(actions[n, 1])):
@@ -141,13 +141,13 @@ def all_within_reach(actions: Records, waiting: Records, fixed_angle: float) -> 
 
 
 def in_units(observation: ArrayLike) -> dict[str, NDArray[np.float64]]:
-    """An observation (shape (..., 12)) as named values in SI units, each of shape (...)."""
+    """Return an observation (shape (..., 12)) as named values in SI units, each of shape (...)."""
     values = checked_observation(observation) * SCALES + OFFSETS
     return {component.name: values[..., k] for k, component in enumerate(COMPONENTS)}
 
 
 def checked_observation(observation: ArrayLike) -> NDArray[np.floating[Any]]:
-    """An observation, shape (..., 12), of finite numbers, float32 as it is told; ValueError for anything else."""
+    """Return an observation, shape (..., 12), float32 if it is; raise ValueError unless shape and numbers are valid."""
     values = np.asarray(observation)
     if values.dtype != np.float32:
         values = np.asarray(observation, dtype=np.float64)
@@ -159,7 +159,7 @@ def checked_observation(observation: ArrayLike) -> NDArray[np.floating[Any]]:
 
 
 def to_action(speed: float, angle: float) -> NDArray[np.float32]:
-    """The action, shape (2,) float32 in [-1, 1], for a speed [m/s] and an angle [rad]; clipped to the reach."""
+    """Return the action, shape (2,) float32 in [-1, 1], for a speed [m/s] and an angle [rad]; clipped to the range."""
     if not (abs(speed) <= _FASTEST and 0.0 <= angle <= math.pi):
         in_range("speed", speed, -_FASTEST, _FASTEST, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
         in_range("angle", angle, 0.0, math.pi, "rad", "Angles are in radians: 90 degrees is 1.5708.")

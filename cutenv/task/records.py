@@ -1,4 +1,4 @@
-"""The records of the compiled assessment; SI and radians."""
+"""Structured dtypes of the compiled assessment; SI units and radians."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ TERMS = (
 """Names of the reward's terms, in the order of the arrays that hold them."""
 
 ENDS = ("", "finished", "force_limit", "overshoot", "deadline")
-"""Names of the ends by their code; code 0: not ended."""
+"""Names of the ends by code; code 0: not ended."""
 STOPPED = "stopped"
-"""The end of a cut that a rig's safety has stopped; no simulated cut has it."""
+"""Name of the end of a cut that a rig's safety has stopped; no simulated cut has it."""
 
 TASK: np.dtype[Any] = np.dtype(
     (
@@ -52,7 +52,7 @@ PROGRESS: np.dtype[Any] = np.dtype(
         [
             ("tip", "f8"),  # so far, as assessed [m]
             ("position", "f8"),  # of the blade at the last reading [m]
-            ("window_tip", "f8"),  # where the present window of the estimate began [m]
+            ("window_tip", "f8"),  # tip [m] at the start of the present window of the estimate
             ("window_position", "f8"),
             ("furthest", "f8"),  # of the blade so far [m]
             ("quiet", "f8"),  # time for which the blade has been at rest and unloaded [s]
@@ -60,12 +60,12 @@ PROGRESS: np.dtype[Any] = np.dtype(
             (
                 "bristle",
                 "f8",
-            ),  # deflection of what holds the blade's faces [m], and for how many updates it was the same
+            ),  # deflection of the friction bristles [m]; settled: updates for which it has not changed
             ("settled", "i8"),
             ("out_of_range", "i8"),  # updates of this step at a speed outside the measured range
-            ("updates", "i8"),  # of this step, up to the end if there is one
-            ("angle", "f8"),  # of the blade at the last of them [rad]
-            ("touched", "i8"),  # whether the blade has loaded the tissue
+            ("updates", "i8"),  # number in this step, up to the end if there is one
+            ("angle", "f8"),  # of the blade at the last update [rad]
+            ("touched", "i8"),  # 1 once the blade has loaded the tissue
             ("end", "i8"),  # index in ENDS
             ("over_limit", "f8"),  # largest force above the limit in this step [N]
             ("overshoot", "f8"),  # of the tip beyond the target [m]
@@ -75,4 +75,4 @@ PROGRESS: np.dtype[Any] = np.dtype(
 """Memory of the assessment between decisions."""
 
 EPISODE: np.dtype[Any] = np.dtype((np.record, [("task", TASK), ("progress", PROGRESS), ("nominal", PROFILE)]))
-"""One episode: what it asks for, how far it is, and the profile that a rig expects."""
+"""One episode: task, progress, and the profile that a rig expects."""

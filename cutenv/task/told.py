@@ -1,4 +1,4 @@
-"""What an environment tells beside the observation, for people and for tests: never for a policy."""
+"""Layout of `info`: hidden state, energies, reward terms, limit breaches. For people and tests, never for policies."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ TRUTH = (
     "uncontrolled_m",
     "target_length_m",
 )
-"""The hidden state: tip, blade, resistance and material's modulus at the tip, eta, runs and their length, target."""
+"""The hidden state: tip, blade, resistance and modulus at the tip, eta, number and length of runs, target."""
 COST = ("force_N", "overshoot_m")
-"""Breaches: largest force above the limit in the step, overshoot of the tip so far."""
+"""Limit breaches: largest force above the limit in the step, overshoot of the tip so far."""
 
 GROUPS = {"truth": TRUTH, "energy": ENERGIES, "reward_terms": TERMS, "cost": COST}
-"""The groups of numbers that are told, in SI units, in this order; then whether the speed was out of range."""
+"""Groups of numbers in `info`, in SI units and this order, followed by the flag for a speed out of range."""
 TOLD = sum(len(names) for names in GROUPS.values()) + 1
-"""How many numbers that are."""
+"""Number of values in `info`."""
 
 CODES = ("end", "units", "out_of_range")
-"""What is told in whole numbers: the end as an index in ENDS, runs so far, updates of the step out of range."""
+"""Integer values: the end as an index in ENDS, number of runs so far, updates of the step out of range."""
 
 _ENERGY = len(TRUTH)
 _TERMS = _ENERGY + len(ENERGIES)
@@ -38,7 +38,7 @@ PLACES = tuple(
     (group, names, slice(first, first + len(names)))
     for (group, names), first in zip(GROUPS.items(), (0, _ENERGY, _TERMS, _COST), strict=True)
 )
-"""Group, its names, and where it stands among what is told."""
+"""Group, names and slice of each group in the array of values."""
 
 
 @inlined
@@ -75,6 +75,6 @@ def tell(
 def tell_one(
     cuts: Records, episodes: Records, modulus: Records, resistance: Records, terms: Records, told: Records
 ) -> None:
-    """:func:`tell` of one cut and its episode, shape (1,) each."""
+    """Fill ``told`` for one cut and its episode, shape (1,) each, by :func:`tell`."""
     c, e = cuts[0], episodes[0]
     tell(c.state, c.profile, c.law, e.task, e.progress, modulus, resistance, terms, told)

@@ -1,8 +1,8 @@
 """Weights of the reward and limits of the task.
 
-They were corrected once, before any agent was compared, because with the weights first drafted (:data:`DRAFT`) a cut at
-the greatest speed and inclination, held throughout, was the best constant feed, and slow cuts of tough tissue were paid
-less than none.  ``python agents/headroom.py`` prints what follows from either.
+They were corrected once, before any agent was compared: with the weights first drafted (:data:`DRAFT`) the best
+constant feed was the greatest speed and inclination, held throughout, and slow cuts of tough tissue had a negative
+return.  ``python agents/headroom.py`` prints the baseline table for both.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from cutenv.terms import FORCE_LIMIT_PER_DEPTH
 
 @dataclass(frozen=True, kw_only=True)
 class RewardWeights:
-    """Weights of the costs; each is charged as it occurs, so that no average hides and no early end saves."""
+    """Weights of the costs; each cost is charged as it occurs, so that ending early saves nothing."""
 
     uncontrolled: float = parameter(
         0.15, unit="1", low=0.0, high=100.0, provenance="choice", why="per target length of unstable growth"
@@ -70,12 +70,12 @@ DRAFT = RewardWeights(
     wedge=0.2,
     stored=0.1,
 )
-"""The weights before they were corrected; kept so that the reason can be printed."""
+"""The weights before they were corrected; kept so that the comparison can be printed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Where the task ends for safety."""
+    """Limits at which the task ends for safety."""
 
     force_limit_per_depth: float = parameter(
         FORCE_LIMIT_PER_DEPTH, unit="N/m", low=1.0, high=1e5, provenance="assumed",
@@ -95,7 +95,7 @@ def task_record(
     friction_per_depth: float,
     speeds: tuple[float, float],
 ) -> Records:
-    """One task as the compiled assessment takes it, shape (1,); lengths [m], times [s], friction [N/m], speed [m/s]."""
+    """Return one task as a :data:`TASK` array, shape (1,); lengths [m], times [s], friction [N/m], speeds [m/s]."""
     task = np.zeros(1, TASK)
     for field in dataclasses.fields(weights):
         task[field.name] = getattr(weights, field.name)

@@ -1,4 +1,4 @@
-"""The tissue: finite-element model of the slab, measured moduli and toughness, and specimens drawn from them."""
+"""The tissue: finite-element model of the slab, measured moduli and toughness, and specimens sampled from them."""
 
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, load_description, measured_liver

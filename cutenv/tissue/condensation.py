@@ -1,11 +1,11 @@
-"""The 2-D model of a slab whose modulus varies along the cut, condensed to a few unknowns for each row of elements.
+"""Static condensation of the 2-D model of a slab whose modulus varies along the cut, with Galerkin projection.
 
-A row of elements has one modulus, so that its stiffness is that modulus times one matrix, the same for every row.  By
+A row of elements has one modulus, so its stiffness is that modulus times one matrix, the same for every row.  By
 symmetry half of it is enough; its inner nodes are eliminated, which leaves the 17 unknowns of the nodes on either
 border (8-node elements, 8 across): exactly the full model.  On every border the displacements that blades cause, in
-fields of moduli of all kinds, lie close to a space of few dimensions: the leading singular vectors of such
-displacements.  The model is projected there (Galerkin), which changes K by less than 0.15 % in fields of a
-coefficient of variation up to 0.5 (``scripts/derive_slab.py``).
+fields of moduli of all kinds, are close to a space of few dimensions, spanned by the leading singular vectors of such
+displacements.  Projecting the model there (Galerkin) changes K by less than 0.15 % in fields of a coefficient of
+variation up to 0.5 (``scripts/derive_slab.py``).
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from cutenv.tissue.tip_response import stiffness_matrix
 Array = NDArray[np.float64]
 
 UNKNOWNS = 8
-"""Kept on each border between rows."""
-_FIELDS, _FIELD_CV, _FIELD_POINTS, _FIELD_LENGTH = 60, 0.5, 20, 0.020  # that the space is made of, points a row
+"""Number of unknowns kept on each border between rows."""
+_FIELDS, _FIELD_CV, _FIELD_POINTS, _FIELD_LENGTH = 60, 0.5, 20, 0.020  # sample fields for the basis; points per row
 
 
 class Condensed(NamedTuple):
-    """Stiffness of each row in the unknowns of its borders, for modulus and thickness 1.
+    """Condensed stiffness of each row in the unknowns of its borders, for modulus and thickness 1.
 
-    The last unknown of a border is the displacement of the tip there; the others leave the tip where it is.
+    The last unknown of a border is the displacement of the tip there; the others do not move the tip.
 
     Attributes
     ----------
     lower, across, upper : ndarray of shape (n_rows, 8, 8)
-        Of the border nearer to the clamp with itself, of that with the farther one, of the farther one with itself.
+        Blocks of a row's stiffness: border nearer to the clamp with itself, with the farther one, farther with itself.
     kappa : ndarray of shape (n_rows,)
         Unit stiffness of the full model at modulus 1, with the tip on each farther border [1].
     """
@@ -68,7 +68,7 @@ def condensed(model: CutModel) -> Condensed:
 
 
 def _row_stiffness(model: CutModel) -> tuple[Array, int]:
-    """Stiffness of one row in the unknowns of its borders, lower one first, and how many each has.
+    """Return the stiffness of one row in the unknowns of its borders, lower one first, and their number per border.
 
     The first unknown of a border is the displacement along the cut of its node on the line.
     """
@@ -93,7 +93,7 @@ def _row_stiffness(model: CutModel) -> tuple[Array, int]:
 
 
 def _assembled(row: Array, n: int, rows: Array) -> Array:
-    """Stiffness of the half slab with these moduli of its rows, clamped at the lowest border."""
+    """Assemble the stiffness of the half slab with moduli ``rows``, clamped at the lowest border."""
     whole = np.zeros(((len(rows) + 1) * n, (len(rows) + 1) * n))
     for j, modulus in enumerate(rows):
         both = slice(j * n, (j + 2) * n)
@@ -102,7 +102,7 @@ def _assembled(row: Array, n: int, rows: Array) -> Array:
 
 
 def _fields(n_rows: int) -> list[Array]:
-    """Moduli of rows: uniform, and of fields drawn wider than tissue has them."""
+    """Return moduli of rows for the basis: uniform, and from fields with more variation than tissue has."""
     modes = field_modes(_FIELD_POINTS * n_rows + 1, 0.01 / _FIELD_POINTS, _FIELD_LENGTH)
     rng = np.random.default_rng(0)
     unit = rng.standard_normal((_FIELDS, len(modes))) @ modes
@@ -112,7 +112,7 @@ def _fields(n_rows: int) -> list[Array]:
 
 
 def _basis(shapes: Array) -> Array:
-    """Basis of a border's unknowns, shape (n, 8): the last moves the tip by one, the others do not move it."""
+    """Return a basis of a border's unknowns, shape (n, 8): the last moves the tip by one, the others do not move it."""
     leading = np.linalg.svd(shapes, full_matrices=False)[0][:, :UNKNOWNS]
     tip = leading[0]  # how each moves the tip
     rest = np.linalg.svd(tip[np.newaxis])[2][1:].T  # combinations that do not

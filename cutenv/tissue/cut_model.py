@@ -32,14 +32,14 @@ class CutModel:
     not slide through the thickness either. The blade is a force on the tip pair along +y, away from the
     clamp; in 3-D it moves all tip nodes through the thickness equally, and its force is their sum.
 
-    A model is immutable; equal arguments make equal models. Everything is computed when it is first asked for
-    and kept: one sparse factorisation serves every cut length. On a specimen that is mirror-symmetric about
+    A model is immutable; equal arguments make equal models. Everything is computed on first use and cached: one
+    sparse factorisation serves every cut length. On a specimen that is mirror-symmetric about
     the cut line the faces carry no shear, so that cutting does not soften it: `stiffness` falls along the cut
     because the load moves away from the clamp. With a `relative_modulus` that differs between left and right
     the faces behind the tip slip, and that does soften the specimen.
 
-    A point load in 2-D meets a stiffness that falls with the logarithm of the element size. A modulus found
-    with one model therefore belongs to that model; `convert_modulus` takes it to another.
+    The stiffness under a point load in 2-D falls with the logarithm of the element size. A modulus found with one
+    model therefore belongs to that model; `convert_modulus` converts it to another.
 
     Parameters
     ----------
@@ -52,18 +52,18 @@ class CutModel:
         Poisson's ratio [1], 0 to 0.499, for ``"quad8_mixed"`` to 0.5. Nearly incompressible, the others lock in
         plane strain and in 3-D (they are too stiff), less so with reduced integration.
     width, length : float
-        Of the specimen, across and along the cut [m], 1 mm to 5 m.
+        Size of the specimen, across and along the cut [m], 1 mm to 5 m.
     thickness : float
-        Of the solid model [m], 0.1 mm to 0.5 m; the plane models do not depend on it.
+        Thickness of the solid model [m], 0.1 mm to 0.5 m; the plane models do not depend on it.
     divisions : tuple of int, optional
         Elements across (even), along (2 or more) and, for bricks, through the specimen. By default the
         thesis's mesh: (8, 15), for bricks (8, 15, 4).
     relative_modulus : ndarray of shape (n_elements,), optional
         Modulus of each element over the common one that the methods take [1], 1e-6 to 1e6. Elements are in
-        the order of `element_centres`: reshaped to `divisions` the array is indexed by the place across (from
+        the order of `element_centres`: reshaped to `divisions` the array is indexed by position across (from
         -x to +x), along (from the clamp) and through the specimen. By default uniform.
     integration : {"full", "reduced"}
-        Gauss points of each element: 3 x 3 and 3 x 3 x 3 of the quadratic ones, or 2 x 2 and 2 x 2 x 2 of
+        Gauss points of each element: 3 x 3 and 3 x 3 x 3 for the quadratic ones, or 2 x 2 and 2 x 2 x 2 for
         ``"quad8"`` and ``"hex20"``, which makes them softer.
 
     Raises
@@ -125,7 +125,7 @@ class CutModel:
             object.__setattr__(self, "relative_modulus", modulus)
 
     def __reduce__(self) -> tuple[type[CutModel], tuple[object, ...]]:
-        # The arguments are the model; a copy computes again what it is asked for.
+        # The arguments are the model; a copy computes its results again.
         return type(self), (*self._scalars[:-1], self.relative_modulus, self.integration)
 
     def __eq__(self, other: object) -> bool:
@@ -181,7 +181,7 @@ class CutModel:
 
     @property
     def n_equations(self) -> int:
-        """Number of unknowns; the clamped and the tied ones count, as in Table 4.3, and pressures, if there are any."""
+        """Number of unknowns; clamped and tied ones count, as in Table 4.3, and pressures, if there are any."""
         return self._mesh.n_unknowns
 
     @property
@@ -209,7 +209,7 @@ class CutModel:
 
     @property
     def pairs(self) -> NDArray[np.int64]:
-        """Facing nodes of the cut line, (left, right) from the clamp on, shape (n_pairs, 2)."""
+        """Facing nodes of the cut line, (left, right), from the clamp onward, shape (n_pairs, 2)."""
         return self._mesh.pairs
 
     @cached_property
@@ -224,7 +224,7 @@ class CutModel:
 
     @property
     def is_mirror_symmetric(self) -> bool:
-        """Whether the modulus is the same on both sides of the cut line."""
+        """True if the modulus is the same on both sides of the cut line."""
         if self.relative_modulus is None:
             return True
         modulus = self.relative_modulus.reshape(self._divisions)
@@ -256,9 +256,8 @@ class CutModel:
     def stiffness(self, cut_length: ArrayLike) -> float | NDArray[np.float64]:
         """Return the unit stiffness kappa: blade force over displacement, modulus and thickness.
 
-        Computed where the tip stands on element corners and interpolated in between preserving its shape
-        (PCHIP). Between the clamp and the first corner it keeps the first corner's value, for lack of a tip
-        there.
+        Computed where the tip stands on element corners and interpolated in between with shape-preserving cubics
+        (PCHIP). Between the clamp and the first corner it is constant, because there is no tip.
 
         Parameters
         ----------
@@ -292,7 +291,7 @@ class CutModel:
         cut_length : float
             Distance of the tip from the clamp [m], 0 to `length`.
         force : float
-            Along +y, away from the clamp [N], -1e6 to 1e6.
+            Blade force along +y, away from the clamp [N], -1e6 to 1e6.
         modulus : float
             Young's modulus [Pa] where `relative_modulus` is 1, up to 1e12.
         thickness : float
@@ -317,20 +316,20 @@ class CutModel:
     def strain_energy_density(self, displacement: NDArray[np.float64], modulus: float) -> NDArray[np.float64]:
         """Return the mean strain energy per volume of each element.
 
-        Times the elements' volumes it adds up to half the blade's force times the displacement of the tip, with the
-        tip on element corners.
+        Summed over the elements times their volumes it is half the blade's force times the displacement of the tip, if
+        the tip is on element corners.
 
         Parameters
         ----------
         displacement : ndarray of shape (n_nodes, dim)
-            Of the nodes [m], as `displacement` returns it.
+            Displacement of the nodes [m], from `displacement`.
         modulus : float
             Young's modulus [Pa] where `relative_modulus` is 1, up to 1e12.
 
         Returns
         -------
         ndarray of shape (n_elements,)
-            [J/m3], in the order of `element_centres`.
+            Strain energy density [J/m3], in the order of `element_centres`.
 
         Raises
         ------
@@ -353,18 +352,18 @@ class CutModel:
         self, modulus: ArrayLike, to: CutModel, cut_length: ArrayLike
     ) -> float | NDArray[np.float64]: ...
     def convert_modulus(self, modulus: ArrayLike, to: CutModel, cut_length: ArrayLike) -> float | NDArray[np.float64]:
-        """Take a local effective modulus that was found with this model to another model (section 4.4.2).
+        """Convert a local effective modulus found with this model to another model (section 4.4.2).
 
-        Both models then answer the same force with the same displacement: modulus kappa_self / kappa_to.
+        Both models then respond to the same force with the same displacement: modulus kappa_self / kappa_to.
 
         Parameters
         ----------
         modulus : array_like
             Local effective modulus of this model [Pa], up to 1e12.
         to : CutModel
-            The model that shall use it.
+            The model that will use it.
         cut_length : array_like
-            Where it was found [m], 0 to the length of the shorter model; broadcasts with `modulus`.
+            Cut length at which it was found [m], 0 to the length of the shorter model; broadcasts with `modulus`.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Constants that scripts derive from the tables: one JSON file a quantity, with its method and interval."""
+"""Constants that scripts derive from the tables: one JSON file per quantity, with its method and interval."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import math
 from cutenv import resources
 
 FOLDER = "derived"
-"""Folder of the assets that holds them."""
+"""Folder of the assets with these files."""
 
 
 def derived_value(name: str) -> float:
-    """The value kept in ``assets/derived/<name>.json``.
+    """Return the value stored in ``assets/derived/<name>.json``.
 
     Raises
     ------
@@ -31,7 +31,7 @@ def derived_value(name: str) -> float:
 def write_derived(
     name: str, value: float, *, unit: str, source: str, script: str, interval: tuple[float, float] | None = None
 ) -> None:
-    """Keep a derived constant beside its unit, source, script and 95 % interval."""
+    """Store a derived constant with its unit, source, script and 95 % interval."""
     content = {
         "value": value,
         "unit": unit,

@@ -1,4 +1,4 @@
-"""A tissue as numbers: what was measured of it, how it spreads, and where each number comes from."""
+"""Description of a tissue: measured values, their spread, and the provenance of each number."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ _INCLINED, _UPRIGHT = math.pi / 4, math.pi / 2
 
 @dataclass(frozen=True, kw_only=True)
 class TissueDescription:
-    """Values and spread of one kind of tissue, from which specimens are drawn; SI units.
+    """Mean values and spread of one kind of tissue, from which specimens are sampled; SI units.
 
-    :func:`measured_liver` gives pig liver as measured; the defaults here are only near it.  For a tissue of your own,
-    replace fields of it.  :func:`cutenv.measurement.calibrate` makes one from records, and says in ``calibration`` what
-    it rests on.
+    :func:`measured_liver` gives pig liver as measured; the defaults here are only approximate.  For a tissue of your
+    own, replace its fields.  :func:`cutenv.measurement.calibrate` makes one from records and stores in
+    ``calibration`` how each number was found.
 
-    ``modulus`` and its spread are the material's.  The intercepts and slopes are local effective moduli: slope of a
-    loading increment over kappa and depth, as a cut shows them.  In a slab that is not cut through they are higher than
-    the material's modulus, and of them only the ratios to ``intercept_90`` enter the law.  All belong to the
-    finite-element model named by ``element``, ``formulation``, ``poisson`` and the default mesh; use
+    ``modulus`` and its spread belong to the material.  The intercepts and slopes are local effective moduli: slope of
+    a loading increment over kappa and depth, as measured in a cut.  In a slab that is not cut through they are higher
+    than the material's modulus, and only their ratios to ``intercept_90`` enter the law.  All belong to the
+    finite-element model given by ``element``, ``formulation``, ``poisson`` and the default mesh; use
     :meth:`CutModel.convert_modulus` for another.
     """
 
@@ -62,7 +62,7 @@ class TissueDescription:
         why="fall of the LEM with speed, 90 degrees: Table 5.6; on average, where falls_90 has steps",
     )
     falls_90: Falls = ()
-    """Steps in which the LEM at 90 degrees falls, see :mod:`cutenv.tissue.fall`; none: in a straight line."""
+    """Steps in which the LEM at 90 degrees falls, see :mod:`cutenv.tissue.fall`; if empty, it falls linearly."""
     intercept_45: float = parameter(
         30.93e3,
         unit="Pa",
@@ -145,7 +145,7 @@ class TissueDescription:
     )
 
     calibration: Calibration | None = dataclasses.field(default=None, compare=False)
-    """What a calibrated tissue rests on; two tissues of which the same specimens are drawn are equal without it."""
+    """Evidence for a calibrated tissue; it does not count when two tissues are compared."""
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -166,10 +166,10 @@ class TissueDescription:
             raise ValueError("the local effective modulus must stay positive up to speed_max; check slopes and units.")
 
     def local_effective_modulus(self, speed: float, angle: float, inclined_ratio: float = 1.0) -> float:
-        """LEM [Pa] that a cut of the mean tissue shows at a speed [m/s] and an angle [rad] from pi/4 to pi/2.
+        """Return the LEM [Pa] of the mean tissue at a speed [m/s] and an angle [rad] from pi/4 to pi/2.
 
-        Linear in the angle; below ``speed_min`` and above ``speed_max`` that of the nearest of the two.  A specimen's
-        ``inclined_ratio`` [1] multiplies the one at pi/4.
+        Linear in the angle; below ``speed_min`` and above ``speed_max`` the value at that end of the range.  A
+        specimen's ``inclined_ratio`` [1] multiplies the LEM at pi/4.
         """
         v = min(max(abs(speed), self.speed_min), self.speed_max)
         upright = self.intercept_90 + self.slope_90 * float(speed_on_line(v, self.falls_90))
@@ -177,20 +177,20 @@ class TissueDescription:
         return inclined + (upright - inclined) * (angle - _INCLINED) / (_UPRIGHT - _INCLINED)
 
     def cut_model(self) -> CutModel:
-        """The finite-element model to which the moduli belong."""
+        """Return the finite-element model to which the moduli belong."""
         return _cut_model(self.element, self.formulation, self.poisson)
 
     def slab(self) -> NDArray[Any]:
-        """What the stiffness along a specimen is made of, see :mod:`cutenv.tissue.slab`."""
+        """Return the model data from which stiffness along a specimen is computed, see :mod:`cutenv.tissue.slab`."""
         return slab_of(self.element, self.formulation, self.poisson)
 
     def to_json(self) -> str:
-        """JSON text, read back exactly by :meth:`from_json`."""
+        """Return JSON text, which :meth:`from_json` reads back exactly."""
         return json.dumps({"schema": SCHEMA, **dataclasses.asdict(self)}, indent=1)
 
     @classmethod
     def from_json(cls, text: str) -> TissueDescription:
-        """Read :meth:`to_json`'s text.
+        """Parse the text of :meth:`to_json`.
 
         Raises
         ------
@@ -205,7 +205,7 @@ class TissueDescription:
 
 
 def checked_fields(text: str, schema: str, names: set[str], may_miss: Collection[str] = ()) -> dict[str, Any]:
-    """The fields of a JSON object of one schema, none unknown, none missing but those that may."""
+    """Return the fields of a JSON object of one schema; raise for unknown or missing fields, except ``may_miss``."""
     try:
         content = json.loads(text)
     except json.JSONDecodeError as error:
@@ -228,9 +228,9 @@ def _cut_model(element: str, formulation: str, poisson: float) -> CutModel:
 
 
 def tables_only(**changes: Any) -> TissueDescription:
-    """Pig liver as the tables give it, before anything derived by simulation; ``changes`` replace fields.
+    """Return pig liver from the tables alone, before anything derived by simulation; ``changes`` replace fields.
 
-    Its LEM falls in the straight lines of the thesis; :func:`following_means` gives the changes for the upright curve.
+    Its LEM falls linearly as in the thesis; :func:`following_means` gives the changes for the upright curve.
     """
     upright = linear_fit("5.6", angle_deg=90, formulation="plane_stress")
     inclined = linear_fit("5.6", angle_deg=45, formulation="plane_stress")
@@ -257,9 +257,9 @@ def tables_only(**changes: Any) -> TissueDescription:
 
 
 def following_means() -> dict[str, Any]:
-    """Fields of a tissue whose LEM at 90 degrees follows the means of Table 5.6, which no straight line does.
+    """Return fields of a tissue whose LEM at 90 degrees follows the means of Table 5.6, which no straight line does.
 
-    At 45 degrees the line of the thesis passes every mean within two standard errors.
+    At 45 degrees the line of the thesis passes all means within two standard errors.
     """
     start, slope, steps = falls("5.6", angle_deg=90)
     return {"intercept_90": start, "slope_90": slope, "falls_90": steps}
@@ -277,7 +277,7 @@ FITTED = (
 
 @lru_cache(maxsize=1)
 def measured_liver() -> TissueDescription:
-    """Pig liver as measured: what the tables say, and the rest from the derivations in ``assets/derived``."""
+    """Return pig liver as measured: values from the tables, the rest from the derivations in ``assets/derived``."""
     derived = {name: derived_value(name) for name in ("eta90", *FITTED)}
     return tables_only(**following_means(), **derived)
 

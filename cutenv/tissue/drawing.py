@@ -1,7 +1,7 @@
-"""How a specimen is drawn from the measured spread, compiled: one for one environment, thousands for a batch.
+"""Sampling of specimens from the measured spread, compiled: for one environment or a batch of thousands.
 
-Every number is a pure function of a key (seed and episode), of what it is for and of its place (see
-:mod:`cutenv.randomness`): a batch draws the same specimens as one environment does, whatever the order.
+Every number is a pure function of a key (seed and episode), of its stream and of its counter (see
+:mod:`cutenv.randomness`): a batch samples the same specimens as a single environment, in whatever order.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from cutenv.tissue.thickness import bulge
 INCLUSION_FACTOR = (1.5, 2.5)
 """Toughness of an inclusion over that of its surroundings (assumed)."""
 INCLUSION_LENGTH = (0.002, 0.005)
-"""Of an inclusion [m] (assumed)."""
+"""Length of an inclusion [m] (assumed)."""
 INCLUSION_PLACE = (0.015, 0.095)
-"""Of its centre, where cuts of 60 to 100 mm can meet it [m]."""
+"""Position of an inclusion's centre, where cuts of 60 to 100 mm can meet it [m]."""
 _INCLUSION_EDGE = 0.25e-3  # [m], width of the transition at either end
-_EDGES = 20.0  # beyond so many of which tanh is 1 in every digit
-_INCLUSIONS = 2  # at most
-_FIRST = np.int64(0)  # number of a field: of a literal Numba would compile a version of its own
+_EDGES = 20.0  # edge widths beyond which tanh is 1 to the last digit
+_INCLUSIONS = 2  # largest number
+_FIRST = np.int64(0)  # not a literal, for which Numba would compile a separate version
 
 Record = Any
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ RECIPE: np.dtype[Any] = np.dtype(
         np.record,
         [
             ("modulus", "f8"),  # mean [Pa]
-            ("modulus_liver_sigma", "f8"),  # of logarithms: between livers, between cuts, within a cut
+            ("modulus_liver_sigma", "f8"),  # SD of logarithms: between livers, between cuts, within a cut
             ("modulus_cut_sigma", "f8"),
             ("modulus_within_sigma", "f8"),
             ("inclined_cut_sigma", "f8"),
@@ -59,18 +59,18 @@ RECIPE: np.dtype[Any] = np.dtype(
             ("resistance_within_sigma", "f8"),
             ("friction_share", "f8"),
             ("depth", "f8", (N_POINTS,)),  # B [m]
-            ("effective_depth", "f8", (N_POINTS,)),  # T g [m] and
-            ("share", "f8", (N_POINTS,)),  # c [1] of that depth, see cutenv.tissue.slab
+            ("effective_depth", "f8", (N_POINTS,)),  # T g [m]
+            ("share", "f8", (N_POINTS,)),  # c of that depth [1], see cutenv.tissue.slab
             ("slab", SLAB),
         ],
     )
 )
-"""What the specimens of one tissue are drawn from."""
+"""Structured dtype of the distribution from which one tissue's specimens are sampled."""
 
 
 @lru_cache(maxsize=8)
 def recipe(tissue: TissueDescription) -> NDArray[Any]:
-    """:data:`RECIPE` of a tissue, shape (1,), not to be written to."""
+    """Return the :data:`RECIPE` of a tissue, shape (1,), read-only."""
     record = np.zeros(1, RECIPE)
     record["modulus"] = tissue.modulus
     record["modulus_liver_sigma"] = lognormal_sigma(tissue.modulus_between_liver_cv)
@@ -96,32 +96,32 @@ def _fill_effective_depth(recipes: Array, thickness: float) -> None:
 
 @lru_cache(maxsize=8)
 def bulge_of(tissue: TissueDescription) -> Array:
-    """Depth of cut at each point of a drawn specimen, shape (301,) [m]."""
+    """Return the depth of cut at each point of a sampled specimen, shape (301,) [m]."""
     depth = bulge(
         np.arange(N_POINTS) * SPACING,
         edge=tissue.edge_depth,
         crown=tissue.crown_depth,
         rise_length=tissue.rise_length,
         length=LENGTH,
-    ).round(9)  # to a nanometre: powers differ in last places between machines
+    ).round(9)  # to a nanometre: powers differ in the last digits between machines
     depth.setflags(write=False)
     return depth
 
 
 def tissue_modes(tissue: TissueDescription) -> Array:
-    """Modes of the fields along a specimen, shape (n_modes, 301)."""
+    """Return the modes of the random fields along a specimen, shape (n_modes, 301)."""
     return field_modes(N_POINTS, SPACING, tissue.correlation_length)
 
 
 @compiled
 def lognormal(normal: float, sigma: float) -> float:
-    """Lognormal number of mean 1 from a standard normal one."""
+    """Return a lognormal number of mean 1, given a standard normal one."""
     return exp(sigma * normal - 0.5 * sigma**2)
 
 
 @for_kernels
 def smooth_field(seed: Integer, episode: Integer, stream: Integer, first: Integer, modes: Array, field: Array) -> None:
-    """Fill ``field``, shape (301,), with a unit Gaussian field made of normal numbers from number ``first`` on."""
+    """Fill ``field``, shape (301,), with a unit Gaussian field, from normal numbers with counter ``first`` onward."""
     field[:] = 0.0
     for k in range(modes.shape[0]):
         z = normal_at(seed, episode, stream, first + k)
@@ -131,7 +131,7 @@ def smooth_field(seed: Integer, episode: Integer, stream: Integer, first: Intege
 
 @compiled
 def is_vascular(seed: Integer, episode: Integer) -> bool:
-    """Whether a specimen of class mixed has vessels: one half of them."""
+    """Return True if a specimen of class mixed has vessels: one half of them do."""
     return uniform_at(seed, episode, TASK, CLASS_DRAW) < 0.5
 
 
@@ -146,20 +146,20 @@ def draw_along(
     modulus: Array,
     resistance: Array,
 ) -> tuple[float, float]:
-    """Draw a specimen; return its friction per depth [N/m] and its ``inclined_ratio`` [1].
+    """Sample a specimen; return its friction per depth [N/m] and its ``inclined_ratio`` [1].
 
     Parameters
     ----------
     seed, episode : int
-        The key.
+        Random key.
     vascular : bool
         Whether to add one or two tough inclusions.
     liver_factor : float
-        How much stiffer than the mean the liver is [1]; 0: to be drawn too.
+        Stiffness of the liver relative to the mean [1]; 0: sampled too.
     recipe : Record
         :data:`RECIPE`.
     modes : array, shape (n_modes, 301)
-        Of the fields.
+        Modes of the random fields.
     modulus, resistance : array, shape (301,)
         Filled with the modulus of the material [Pa] and the fracture resistance [J/m2].
     """
@@ -188,7 +188,7 @@ def _between(limits: tuple[float, float], seed: Integer, episode: Integer, count
 
 @for_kernels
 def _add_vessels(seed: Integer, episode: Integer, resistance: Array) -> None:
-    """Multiply ``resistance`` by the factor of one or two tough inclusions; where they overlap the tougher counts."""
+    """Multiply ``resistance`` by the factor of one or two tough inclusions; where they overlap, by the larger one."""
     count = 1 + int(_INCLUSIONS * uniform_at(seed, episode, VESSELS, _FIRST))
     factor = np.ones(N_POINTS)
     for vessel in range(count):
@@ -215,5 +215,5 @@ def draw_all_along(
     modulus: Array,
     resistance: Array,
 ) -> tuple[float, float]:
-    """:func:`draw_along` with an array of length 1 for the record, which a call from Python passes faster."""
+    """Call :func:`draw_along` with an array of length 1 for the record, which Python passes faster."""
     return draw_along(seed, episode, vascular, liver_factor, recipes[0], modes, modulus, resistance)

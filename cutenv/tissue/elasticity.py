@@ -1,12 +1,12 @@
 """Isotropic linear elasticity of the specimen: plane stress, plane strain and the solid (thesis, Appendix A).
 
-The parameters and the weak form are scikit-fem's; this module only picks them by name and writes them out as
-the matrices that Appendix A prints.
+The parameters and the weak form are scikit-fem's; this module selects them by name and writes them as the
+matrices printed in Appendix A.
 
 Erratum. Appendix A's shear entries, ``1 - nu`` and ``1 - 2 nu``, belong to the tensor shear strain ``eps_xy =
 gamma_xy / 2``. With the engineering shear strain ``gamma_xy`` that finite elements use they are half as
-large. Read as printed with engineering strain the shear modulus would be twice the isotropic one, and the
-answer would depend on the direction of the axes.
+large. Used as printed with engineering strain, the shear modulus would be twice the isotropic one, and the
+result would depend on the direction of the axes.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ POISSON_CURE = f'Take {LARGEST_POISSON} for an incompressible tissue, or element
 
 
 def lame_parameters(formulation: str, poisson: float) -> tuple[float, float]:
-    """Lame parameters of a material with unit Young's modulus.
+    """Return the Lame parameters of a material with unit Young's modulus.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def lame_parameters(formulation: str, poisson: float) -> tuple[float, float]:
     Returns
     -------
     lam, mu : float
-        In units of Young's modulus.
+        Lame parameters in units of Young's modulus.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def lame_parameters(formulation: str, poisson: float) -> tuple[float, float]:
 
 
 def constitutive_matrix(formulation: str, poisson: float) -> NDArray[np.float64]:
-    """Stress over *engineering* strain at unit modulus: Appendix A with its erratum honoured.
+    """Return stress over *engineering* strain at unit modulus: Appendix A with its erratum corrected.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def constitutive_matrix(formulation: str, poisson: float) -> NDArray[np.float64]
 
 
 def elastic_form(formulation: str, poisson: float, modulus: NDArray[np.float64]) -> BilinearForm:
-    """Weak form of elasticity with an element-wise modulus.
+    """Return the weak form of elasticity with an element-wise modulus.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def elastic_form(formulation: str, poisson: float, modulus: NDArray[np.float64])
     Returns
     -------
     skfem.BilinearForm
-        To be assembled on a basis of vector elements.
+        Form to be assembled on a basis of vector elements.
     """
     lam, mu = lame_parameters(formulation, poisson)
     per_element: Any = modulus[:, np.newaxis]  # against scikit-fem's (n_elements, n_quadrature_points)
@@ -108,15 +108,15 @@ def elastic_form(formulation: str, poisson: float, modulus: NDArray[np.float64])
 
 
 def solid_stiffness(basis: Basis, poisson: float, modulus: NDArray[np.float64]) -> csr_array[np.float64]:
-    """Stiffness of a solid from products of derivatives of its scalar shape functions.
+    """Assemble the stiffness of a solid from products of derivatives of its scalar shape functions.
 
-    The matrix of :func:`elastic_form`, to rounding; for bricks of 60 vector functions fifty times as fast, because
-    only the pairs of their 20 scalar ones are integrated.
+    The same matrix as from :func:`elastic_form`, to rounding; for bricks of 60 vector functions fifty times as fast,
+    because only the pairs of their 20 scalar ones are integrated.
 
     Parameters
     ----------
     basis : skfem.Basis
-        Of the scalar element whose vector element the unknowns belong to.
+        Basis of the scalar element whose vector element the unknowns belong to.
     poisson : float
         Poisson's ratio [1], 0 to 0.499.
     modulus : ndarray of shape (n_elements,)
@@ -147,14 +147,14 @@ def solid_stiffness(basis: Basis, poisson: float, modulus: NDArray[np.float64]) 
 def strain_energy_density(
     basis: Basis, displacement: NDArray[np.float64], formulation: str, poisson: float
 ) -> NDArray[np.float64]:
-    """Mean strain energy per volume of each element at unit modulus, shape (n_elements,) [1].
+    """Return the mean strain energy per volume of each element at unit modulus, shape (n_elements,) [1].
 
     Parameters
     ----------
     basis : skfem.Basis
-        Of vector elements.
+        Basis of vector elements.
     displacement : ndarray of shape (n_unknowns,)
-        [m].
+        Displacement of each unknown [m].
     formulation : {"plane_stress", "plane_strain", "solid"}
     poisson : float
         Poisson's ratio [1], 0 to 0.499.

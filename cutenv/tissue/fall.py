@@ -1,4 +1,4 @@
-"""The fall of the local effective modulus with speed: in a straight line, or in steps between measured speeds."""
+"""Fall of the local effective modulus with speed: linear, or piecewise linear between measured speeds."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 from cutenv.validation import in_range
 
 Falls = tuple[tuple[float, float, float], ...]
-"""Steps of a fall: share of the whole [1], and the two speeds between which it takes place, evenly [m/s]."""
+"""Steps of a fall: share of the whole [1], and the two speeds [m/s] between which it is linear."""
 
 MOST = 3
-"""Steps that the law of cutting has room for."""
+"""Largest number of steps that the cutting law has fields for."""
 
 
 def checked_falls(name: str, given: Iterable[Iterable[float]]) -> Falls:
-    """Steps as a tuple, from lists of a file too; a ValueError that names the field if they are none."""
+    """Return the steps as a tuple, also from lists read from a file; raise ValueError, naming the field, if invalid."""
     shape = f"{name}: give up to {MOST} steps (share, from [m/s], to [m/s]) whose shares sum to 1, or () for a line."
     try:
         falls = tuple((float(share), float(start), float(end)) for share, start, end in given)
@@ -33,12 +33,12 @@ def checked_falls(name: str, given: Iterable[Iterable[float]]) -> Falls:
 
 
 def end_of_fall(falls: Falls) -> float:
-    """Speed [m/s] at which the last step ends, by which a straight line of the same mean slope has fallen as far."""
+    """Return the speed [m/s] at which the last step ends; a line of the same mean slope has fallen as far there."""
     return max(end for *_, end in falls)
 
 
 def speed_on_line(speed: ArrayLike, falls: Falls) -> NDArray[np.float64]:
-    """Speed [m/s] at which a straight line of the same mean slope has fallen as far; ``speed`` itself without steps."""
+    """Return the speed [m/s] at which a line of the same mean slope has fallen as far; ``speed`` if no steps."""
     v = np.asarray(speed, np.float64)
     if not falls:
         return v

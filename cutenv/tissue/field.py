@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from cutenv.elementary import exp, log
 
-_KNOTS = 2  # in a correlation length: the covariance is then right to 3e-9 (Poisson's sum over the knots)
+_KNOTS = 2  # per correlation length: the covariance is then accurate to 3e-9 (Poisson summation over the knots)
 _REACH = 4  # correlation lengths beyond which a knot's weight is below 2e-7
 
 
 @lru_cache(maxsize=16)
 def field_modes(n_points: int, spacing: float, correlation_length: float) -> NDArray[np.float64]:
-    """Modes, shape (n_modes, n_points): z @ modes is a unit Gaussian field if z is standard normal.
+    """Return the modes of a Gaussian field, shape (n_modes, n_points): z @ modes has unit variance for normal z.
 
     The covariance is exp(-d^2 / (2 correlation_length^2)).  Each mode is the weight exp(-d^2 / correlation_length^2) of
-    one number of white noise, every half correlation length; computed once, so that a draw is one small product.
+    one number of white noise, every half correlation length; cached, so that sampling is one small product.
     """
     knot = correlation_length / _KNOTS
     first = -_REACH * _KNOTS
@@ -31,7 +31,7 @@ def field_modes(n_points: int, spacing: float, correlation_length: float) -> NDA
         ]
     )
     variance = np.zeros(n_points)
-    for mode in modes:  # summed in order, so that every machine finds the same
+    for mode in modes:  # summed in order, so that every machine gets the same result
         variance += mode**2
     modes /= np.sqrt(variance)
     modes.setflags(write=False)
@@ -39,5 +39,5 @@ def field_modes(n_points: int, spacing: float, correlation_length: float) -> NDA
 
 
 def lognormal_sigma(cv: float) -> float:
-    """Standard deviation of the logarithm of a lognormal number with coefficient of variation ``cv``."""
+    """Return the standard deviation of the logarithm of a lognormal number with coefficient of variation ``cv``."""
     return math.sqrt(log(1.0 + cv * cv))

@@ -1,8 +1,8 @@
-"""Mesh of the specimen whose cut line is doubled: two halves that touch along the centre line.
+"""Mesh of the specimen with doubled nodes on the cut line: two halves that touch along the centre line.
 
 Axes: x across the specimen (centre line at x = 0), y along it from the clamped edge at y = 0, z through the
 thickness. The cut runs along the centre line. Every node on that line exists twice, also the one at the
-clamp. What ties the two of a pair together are constraints, see :meth:`CutMesh.constraints`.
+clamp. The two nodes of a pair are tied by constraints, see :meth:`CutMesh.constraints`.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ Number = TypeVar("Number", bound=np.generic)
 
 
 def read_only(array: NDArray[Number]) -> NDArray[Number]:
-    """Return the array, which from now on refuses to be written to."""
+    """Make the array read-only and return it."""
     array.flags.writeable = False
     return array
 
 
 @dataclass(frozen=True)
 class ElementKind:
-    """What the name of an element stands for.
+    """Properties of an element by name: type, quadrature, default mesh.
 
-    ``quadrature_degree`` asks scikit-fem for the full Gauss rule: 2 x 2, 3 x 3 and 3 x 3 x 3 points; that of an
-    element of `reduced` integration for one point less each way. `has_pressure`: an unknown on every corner besides.
+    ``quadrature_degree`` selects scikit-fem's full Gauss rule: 2 x 2, 3 x 3 and 3 x 3 x 3 points; with `reduced`
+    integration one point fewer in each direction. `has_pressure`: an additional unknown on every corner.
     """
 
     element: type[Element]
@@ -53,12 +53,12 @@ class ElementKind:
         return len(self.divisions)
 
     def reduced(self) -> ElementKind:
-        """The same element with 2 x 2 or 2 x 2 x 2 Gauss points.
+        """Return the same element with 2 x 2 or 2 x 2 x 2 Gauss points.
 
         Raises
         ------
         ValueError
-            Of a linear element, one point of which lets its hourglass shapes go free, and of a mixed one.
+            For a linear element, whose hourglass modes one point would not resist, and for a mixed one.
         """
         if not self.has_midside_nodes or self.has_pressure:
             raise ValueError('integration="reduced" goes with "quad8" and "hex20". Take one, or integration="full".')
@@ -77,7 +77,7 @@ ELEMENT_KINDS = {
 
 
 def checked_divisions(element: str, divisions: Sequence[int] | None) -> tuple[int, ...]:
-    """Return the divisions of a mesh, the thesis's where none are given.
+    """Return the divisions of a mesh; by default those of the thesis.
 
     Raises
     ------
@@ -106,10 +106,10 @@ def checked_divisions(element: str, divisions: Sequence[int] | None) -> tuple[in
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CutMesh:
-    """Nodes and elements of the specimen, and which nodes face each other across the cut line.
+    """Nodes and elements of the specimen, and the pairs of nodes that face each other across the cut line.
 
-    Unknowns are numbered node by node, ``dim * node + component``, as scikit-fem numbers them: first the
-    corners, then the mid-side nodes; the pressures of a mixed element, one a corner, come last.
+    Unknowns are numbered node by node, ``dim * node + component``, as in scikit-fem: first the corners, then the
+    mid-side nodes; the pressures of a mixed element, one per corner, come last.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ class CutMesh:
         middle = self.divisions[ACROSS] // 2
         x = axes[ACROSS] - self.size[ACROSS] / 2
         x[middle] = 0.0
-        axes[ACROSS] = np.insert(x, middle, 0.0)  # the centre line stands twice
+        axes[ACROSS] = np.insert(x, middle, 0.0)  # the centre line exists twice
         return read_only(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, self.dim))
 
     @cached_property
@@ -144,7 +144,7 @@ class CutMesh:
         """Corner nodes of each element, shape (n_elements, 4 or 8).
 
         Counter-clockwise; in 3-D the lower face, then the upper one. Elements are in the order of
-        ``numpy.ndindex(divisions)``: the place along x varies slowest.
+        ``numpy.ndindex(divisions)``: the index along x varies slowest.
         """
         cells = np.indices(self.divisions).reshape(self.dim, -1)
         cells[ACROSS] += cells[ACROSS] >= self.divisions[ACROSS] // 2  # step over the second copy of the line
@@ -156,7 +156,7 @@ class CutMesh:
 
     @cached_property
     def skfem_mesh(self) -> MeshQuad | MeshHex:
-        """The mesh as scikit-fem's; the doubled corners make it double the edges along the line as well."""
+        """Equivalent scikit-fem mesh; the doubled corners double the edges along the line as well."""
         if self.dim == 2:
             return MeshQuad(np.ascontiguousarray(self.corners.T), np.ascontiguousarray(self.elements.T))
         # scikit-fem numbers a brick's corners as those of its unit mesh.
@@ -171,7 +171,7 @@ class CutMesh:
 
     @cached_property
     def pressure_basis(self) -> Basis:
-        """scikit-fem's basis of the pressure of a mixed element: continuous, bilinear, one unknown a corner."""
+        """scikit-fem's basis of the pressure of a mixed element: continuous, bilinear, one unknown per corner."""
         return self.basis.with_element(ElementQuad1())
 
     @property
@@ -206,7 +206,7 @@ class CutMesh:
 
     @cached_property
     def _pair_half_steps(self) -> NDArray[np.int64]:
-        """Place of each pair along the line in half elements, shape (n_pairs,)."""
+        """Position of each pair along the line in half elements, shape (n_pairs,)."""
         along: NDArray[np.int64] = self.half_steps[self.pairs[:, 0], ALONG]
         return along
 
@@ -225,9 +225,9 @@ class CutMesh:
     def slips(self) -> csr_array[np.float64]:
         """Motion of every unknown per unit slip of each pair, shape (n_unknowns, n_slips).
 
-        Pairs from the clamp (without it) to the last tip (without it). A slip moves the right face along +y
-        and the left one along -y by half of it each, so that on a mirror-symmetric specimen it does not
-        couple to the load.
+        Pairs from the clamp (without it) to the last tip (without it). A slip moves the right face along +y by half
+        of it and the left one along -y by half, so that on a mirror-symmetric specimen it does not couple to the
+        load.
         """
         left, right = self.pairs[self._may_slip].T
         rows = self.dim * np.concatenate([left, right]) + ALONG
@@ -237,19 +237,19 @@ class CutMesh:
 
     @cached_property
     def slips_behind(self) -> NDArray[np.bool_]:
-        """Which slips each tip frees: those strictly behind it, shape (n_slips, n_tips)."""
+        """Mask of the slips that each tip frees: those strictly behind it, shape (n_slips, n_tips)."""
         tips = np.arange(1, self.divisions[ALONG] + 1)
         behind: NDArray[np.bool_] = self._pair_half_steps[self._may_slip, np.newaxis] < 2 * tips
         return read_only(behind)
 
     @cached_property
     def _may_slip(self) -> NDArray[np.bool_]:
-        """Pairs between the clamp and the free end, shape (n_pairs,)."""
+        """Mask of the pairs between the clamp and the free end, shape (n_pairs,)."""
         along = self._pair_half_steps
         return (along > 0) & (along < 2 * self.divisions[ALONG])
 
     def constraints(self, tip: int = -1) -> csr_array[np.float64]:
-        """Motion of every unknown per unit of each free one: clamp, tied pairs, slipping pairs.
+        """Return the motion of every unknown per unit of each free one: clamp, tied pairs, slipping pairs.
 
         Nodes on the clamped edge do not move. A tied pair shares all components of its displacement. A pair
         strictly behind the tip slips along the line and shares the rest: across it, so that the faces neither

@@ -1,16 +1,16 @@
 """Mixed displacement-pressure elasticity in plane strain, for Poisson's ratios up to 0.5 (thesis, Appendix B).
 
 A displacement model of a nearly incompressible material locks: its elements cannot keep their volume and still
-bend. Here the pressure p is an unknown of its own, continuous and bilinear in each half of the specimen, beside
+bend. Here the pressure p is a separate unknown, continuous and bilinear in each half of the specimen, beside
 quadratic displacements (Taylor-Hood). Per Young's modulus, with mu = 1/(2 (1 + nu)) and the bulk modulus
 K = 1/(3 (1 - 2 nu)),
 
     [A   B^T] [u]   [f]     A: 2 mu (eps : eps - (div u)^2 / 3),  B: -p div u,  C: p^2 / K.
     [B   -C ] [p] = [0],
 
-At nu = 0.5 C vanishes: around each corner the volume is kept in the mean. Under a point load a smooth pressure yields
-more than displacements alone do, on every mesh by the same compliance: kappa is lower than that of the 8-node element,
-and a modulus found with the one is another for the other (`CutModel.convert_modulus`).
+At nu = 0.5 C vanishes: around each corner the volume is kept in the mean. Under a point load a model with smooth
+pressure is more compliant than one with displacements alone, by the same amount on every mesh: kappa is lower than that
+of the 8-node element, and moduli found with the two differ (`CutModel.convert_modulus`).
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from cutenv.validation import in_range
 def mixed_stiffness(
     basis: Basis, pressure: Basis, poisson: float, modulus: NDArray[np.float64]
 ) -> csr_array[np.float64]:
-    """Symmetric indefinite matrix of displacements, then pressures, at unit thickness.
+    """Assemble the symmetric indefinite matrix of displacements, then pressures, at unit thickness.
 
     Parameters
     ----------
     basis, pressure : skfem.Basis
-        Of vector and of scalar elements on one mesh, with one quadrature rule.
+        Bases of vector and of scalar elements on one mesh, with one quadrature rule.
     poisson : float
         Poisson's ratio [1], 0 to 0.5.
     modulus : ndarray of shape (n_elements,)
@@ -57,7 +57,7 @@ def mixed_stiffness(
 def mixed_strain_energy_density(
     basis: Basis, pressure: Basis, displacement: NDArray[np.float64], poisson: float, modulus: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Mean strain energy per volume of each element, shape (n_elements,) [1], with the pressure that goes with it.
+    """Return the mean strain energy per volume of each element, shape (n_elements,) [1], pressure included.
 
     The arguments are those of :func:`mixed_stiffness`, and the displacement of shape (n_unknowns,) [m].
     """

@@ -1,12 +1,12 @@
 """The local effective modulus by speed and angle: fits to Tables 5.5 to 5.7 (equations 5.1 to 5.10).
 
-A local effective modulus (LEM) is what a cut shows: the slope of a loading increment over kappa and the depth of cut
-(equations 3.1 and 3.2). It is apparent: in a slab that is not cut through it is higher than the modulus of the material
-(``TissueDescription.modulus``), and friction and the lag of the tip are in it. The thesis's force is the norm of the
-sensor's three components (sections 3.3.2 and 5.3), so that vertical and lateral force are in it too.
+A local effective modulus (LEM) is the modulus measured in a cut: the slope of a loading increment over kappa and the
+depth of cut (equations 3.1 and 3.2). It is apparent: in a slab that is not cut through it is higher than the modulus
+of the material (``TissueDescription.modulus``), and it contains friction and the lag of the tip. The thesis's force is
+the norm of the sensor's three components (sections 3.3.2 and 5.3), so that it contains vertical and lateral force too.
 
-It belongs to the model that it was found with: here 8 x 15 quadratic plane elements on 8 cm x 15 cm (section 4.2), with
-the formulation and Poisson's ratio asked for. ``CutModel.convert_modulus`` takes it to another model.
+It belongs to the model with which it was found: here 8 x 15 quadratic plane elements on 8 cm x 15 cm (section 4.2),
+with the given formulation and Poisson's ratio. ``CutModel.convert_modulus`` converts it to another model.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ Formulation = Literal["plane_stress", "plane_strain"]
 
 _CM_PER_M = 100
 _FORMULATIONS: tuple[Formulation, ...] = ("plane_stress", "plane_strain")
-_LARGEST_SPEED = 0.1  # beyond it a number is not a slow scalpel in m/s but most likely a speed in cm/s
-_ANGLE_TOLERANCE = 1e-9  # lets radians that went through degrees and back keep their end points
+_LARGEST_SPEED = 0.1  # a larger number is not a slow scalpel's speed in m/s but probably one in cm/s
+_ANGLE_TOLERANCE = 1e-9  # admits the end points after rounding through degrees and back
 _TABLES = {(0.3, True): "5.6", (0.3, False): "5.5", (0.499, True): "5.7"}
 
 
@@ -42,7 +42,7 @@ class SpeedFit:
     intercept : float
         LEM for v -> 0 [Pa], positive.
     slope : float
-        [Pa s/m].
+        Change of the LEM with speed [Pa s/m].
     speed_min, speed_max : float
         Measured range [m/s].
     source : str
@@ -56,14 +56,14 @@ class SpeedFit:
     source: str
 
     def __post_init__(self) -> None:
-        """Refuse a fit whose modulus is not positive over its whole range of speed."""
+        """Raise ValueError unless the modulus is positive over the whole range of speed."""
         _check_range(self.speed_min, self.speed_max)
         in_range("intercept", self.intercept, 1e-3, 1e9, "Pa", "A modulus is positive.")
         in_range("slope", self.slope, -1e12, 1e12, "Pa s/m")
         in_range("modulus at speed_max", self.intercept + self.slope * self.speed_max, 1e-3, 1e9, "Pa", self.source)
 
     def modulus(self, speed: ArrayLike) -> NDArray[np.float64]:
-        """LEM [Pa] at ``speed`` [m/s] (0 to 0.1, any shape); beyond the measured range, that at its end."""
+        """Return the LEM [Pa] at ``speed`` [m/s], 0 to 0.1, any shape; clamped to the measured range of speed."""
         v = np.clip(checked_speed(speed), self.speed_min, self.speed_max)
         return np.asarray(self.intercept + self.slope * v)
 
@@ -75,11 +75,11 @@ class PowerFit:
     Attributes
     ----------
     modulus_at_reference : float
-        [Pa], positive.
+        LEM at the reference speed [Pa], positive.
     reference_speed : float
-        [m/s]; 1 cm/s makes the two numbers those of equations 5.3 and 5.4.
+        Reference speed [m/s]; with 1 cm/s, modulus and exponent are the numbers of equations 5.3 and 5.4.
     exponent : float
-        Pure number.
+        Exponent of the power law [1].
     speed_min, speed_max : float
         Measured range [m/s].
     source : str
@@ -94,14 +94,14 @@ class PowerFit:
     reference_speed: float = 1 / _CM_PER_M
 
     def __post_init__(self) -> None:
-        """Refuse a fit that is no modulus."""
+        """Raise ValueError for a fit that is not a modulus."""
         _check_range(self.speed_min, self.speed_max)
         in_range("modulus_at_reference", self.modulus_at_reference, 1e-3, 1e9, "Pa", "A modulus is positive.")
         in_range("exponent", self.exponent, -10.0, 10.0, "1")
         in_range("reference_speed", self.reference_speed, 1e-6, 1.0, "m/s")
 
     def modulus(self, speed: ArrayLike) -> NDArray[np.float64]:
-        """LEM [Pa] at ``speed`` [m/s] (0 to 0.1, any shape); beyond the measured range, that at its end."""
+        """Return the LEM [Pa] at ``speed`` [m/s], 0 to 0.1, any shape; clamped to the measured range of speed."""
         v = np.clip(checked_speed(speed), self.speed_min, self.speed_max)
         return np.asarray(self.modulus_at_reference * (v / self.reference_speed) ** self.exponent)
 
@@ -151,7 +151,7 @@ def linear_fit(number: str, *, angle_deg: float = 90, formulation: Formulation =
 def falls(
     number: str, *, angle_deg: float = 90, formulation: Formulation = "plane_stress"
 ) -> tuple[float, float, Falls]:
-    """Fit a curve that nowhere rises to one column of Table 5.5, 5.6 or 5.7: isotonic regression.
+    """Fit a non-increasing curve to one column of Table 5.5, 5.6 or 5.7 by isotonic regression.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def falls(
 
     Notes
     -----
-    Of all curves that nowhere rise the one nearest to the means, straight between their speeds.
+    Of all non-increasing curves, linear between the measured speeds, it is the nearest to the means.
     """
     speed, modulus, _ = _measured(number, angle_deg, formulation)
     level = isotonic_regression(modulus, increasing=False).x
@@ -199,10 +199,9 @@ def power_fit(*, formulation: Formulation = "plane_stress") -> PowerFit:
 
     Notes
     -----
-    Of the two usual methods the logarithmic one comes closer to the print: 24.24 v^-0.424 and 22.17 v^-0.432
-    beside the printed 24.21 v^-0.42 and 22.17 v^-0.43 (kPa, v in cm/s); least squares of the moduli
-    themselves give 24.38 and 22.36. The 24.21 follows with the 63 kPa of section 5.1's text in place of the
-    table's 64.
+    Of the two usual methods the logarithmic one is closer to the printed values: 24.24 v^-0.424 and 22.17 v^-0.432
+    against the printed 24.21 v^-0.42 and 22.17 v^-0.43 (kPa, v in cm/s); least squares of the moduli themselves
+    give 24.38 and 22.36. The 24.21 results with the 63 kPa of section 5.1's text in place of the table's 64.
     """
     speed, modulus, source = _measured("5.5", 45, formulation)
     exponent, log_modulus = np.polyfit(np.log(speed * _CM_PER_M), np.log(modulus), 1)
@@ -218,8 +217,8 @@ def power_fit(*, formulation: Formulation = "plane_stress") -> PowerFit:
 def quasi_static_modulus() -> float:
     """Return E0 [Pa] of the thesis's line, its LEM for v -> 0 at 90 deg: 48.4 kPa (Table 5.6, equation 5.5).
 
-    ``measured_liver`` follows the means instead, which begin at 51 kPa.  It is no modulus of the material, which is
-    lower: see ``TissueDescription.modulus``.
+    ``measured_liver`` follows the means instead, which begin at 51 kPa.  E0 is not the modulus of the material, which
+    is lower: see ``TissueDescription.modulus``.
     """
     return linear_fit("5.6", angle_deg=90, formulation="plane_stress").intercept
 
@@ -256,8 +255,8 @@ def local_effective_modulus(
     Parameters
     ----------
     speed : float or array_like
-        Magnitude of the cutting speed [m/s], 0 to 0.1. Outside the measured 0.001 to 0.0254 it counts as the
-        nearest measured speed.
+        Magnitude of the cutting speed [m/s], 0 to 0.1. Outside the measured 0.001 to 0.0254 the value at the
+        nearest measured speed is used.
     angle : float or array_like
         Blade against surface [rad], pi/4 to pi/2 (upright); linear between the two measured angles. Broadcast
         with ``speed``.
@@ -265,8 +264,8 @@ def local_effective_modulus(
         ``"plane_stress"`` or ``"plane_strain"``.
     poisson : float
         0.3, or 0.499 (depth-normalised only). 0.499 reads Table 5.7 as printed, which is an erratum: in plane stress
-        1.5 to 1.8 times the moduli at 0.3, where the elements and Table 4.4 differ by 2 %. For a model of that ratio
-        convert the moduli of 0.3 with ``CutModel.convert_modulus``.
+        1.5 to 1.8 times the moduli at 0.3, where the elements and Table 4.4 differ by 2 %. For a model with that ratio
+        convert the moduli for 0.3 with ``CutModel.convert_modulus``.
     depth_normalised : bool
         True: from force per depth of cut (Tables 5.6, 5.7). False: from the force as measured, as if every
         cut were 1 cm deep (Table 5.5).
@@ -279,7 +278,7 @@ def local_effective_modulus(
     Raises
     ------
     TypeError, ValueError
-        If an argument is no number, out of range, or looks as if given in cm/s or degrees.
+        If an argument is not a number, is out of range, or looks like cm/s or degrees.
 
     Notes
     -----
@@ -321,7 +320,7 @@ def _table_number(poisson: float, depth_normalised: bool) -> str:
 def _measured(
     number: str, angle_deg: float, formulation: Formulation
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], str]:
-    """Speeds [m/s] at which there is a value, the mean LEM [Pa], and where they come from."""
+    """Return the speeds [m/s] with a value, the mean LEM [Pa] at each, and their source."""
     one_of("formulation", formulation, _FORMULATIONS)
     angle = one_of("angle_deg", angle_deg, (90, 45))
     data = table(number)
@@ -334,7 +333,7 @@ def _measured(
 
 
 def checked_angle(angle: ArrayLike) -> NDArray[np.float64]:
-    """Angles [rad] as an array, refused where nothing was measured or where they look like degrees."""
+    """Return angles [rad] as an array; raise outside the measured range, or if they look like degrees."""
     return array_in_range(
         "angle",
         angle,
@@ -346,7 +345,7 @@ def checked_angle(angle: ArrayLike) -> NDArray[np.float64]:
 
 
 def checked_speed(speed: ArrayLike) -> NDArray[np.float64]:
-    """Speeds [m/s] as an array, refused where negative, not finite, or as large as one in cm/s."""
+    """Return speeds [m/s] as an array; raise if negative, not finite, or as large as a speed in cm/s."""
     cure = "Give the magnitude in m/s: 2.54 looks like cm/s, which is 0.0254 m/s."
     return array_in_range("speed", speed, 0.0, _LARGEST_SPEED, "m/s", cure)
 

@@ -1,4 +1,4 @@
-"""What a rig expects before it cuts: the mean tissue, at every place and depth."""
+"""The mean tissue, which a rig assumes before it cuts: stiffness at every position and depth."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ NOMINAL: np.dtype[Any] = np.dtype(
         ],
     )
 )
-"""The mean tissue."""
+"""Structured dtype of the mean tissue."""
 
 
 @lru_cache(maxsize=8)
 def nominal_tissue(tissue: TissueDescription) -> Records:
-    """:data:`NOMINAL` of a tissue, shape (1,), not to be written to."""
+    """Return the :data:`NOMINAL` of a tissue, shape (1,), read-only."""
     nominal = np.zeros(1, NOMINAL)
     nominal["thickness"] = tissue.thickness
     nominal["toughness_per_depth"] = (1.0 - tissue.friction_share) * tissue.fracture_resistance
@@ -55,7 +55,7 @@ def _fill(nominal: Records, slabs: Records, modulus: float, thickness: float) ->
 
 @inlined
 def nominal_stiffness(nominal: Record, i: int, depth: float) -> float:
-    """K [N/m] of the mean tissue with the tip at point ``i`` of a cut ``depth`` [m] deep."""
+    """Return K [N/m] of the mean tissue for a tip at point ``i`` and a cut ``depth`` [m] deep."""
     level = min(depth / nominal.thickness, 1.0) * _STEPS
     k = min(int(level), _STEPS - 1)
     stiffness = nominal.stiffness

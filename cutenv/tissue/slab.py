@@ -4,14 +4,14 @@ A specimen is a slab, 8 x 15 cm and T thick.  K is the blade force over the blad
 
     K(a) = T g(a, B/T) [(1 - c) k(a) + c l(a)]
 
-k is the 2-D model's stiffness per thickness with the field of moduli, which it averages as a point load does
-(:mod:`cutenv.tissue.condensation`).  g is what a cut of partial depth changes, from bricks.  A shallow blade feels more
-of its near surroundings: by the share c(a, B/T) it meets l = kappa E of the two rows of elements at the tip
-(``scripts/derive_partial_depth.py``).  In a uniform slab that is cut through, K = E kappa(a) B.
+k is the 2-D model's stiffness per thickness in the field of moduli, averaged as by a point load
+(:mod:`cutenv.tissue.condensation`).  g is the effect of partial depth of cut, from bricks.  A shallow blade is affected
+more by its near surroundings: the share c(a, B/T) of its stiffness is l = kappa E of the two rows of elements at the
+tip (``scripts/derive_partial_depth.py``).  In a uniform slab that is cut through, K = E kappa(a) B.
 
 The field's 301 points become the moduli of 15 rows of elements by their means over each centimetre; between tips on the
-rows' borders k and l are interpolated as ``CutModel`` interpolates (PCHIP), and below the first border they keep its
-value.  One compiled routine serves one specimen and batches, bit for bit.
+rows' borders k and l are interpolated as in ``CutModel`` (PCHIP), and below the first border they keep its value.
+One compiled routine serves single specimens and batches, bit for bit.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ Record = Any
 Array = NDArray[np.float64]
 
 ROWS = 15
-"""Rows of elements along the cut, one centimetre each."""
+"""Number of rows of elements along the cut, one centimetre each."""
 THICKNESS = 0.025
-"""T of a slab of liver (thesis 3.2) [m]."""
+"""Thickness T of a slab of liver (thesis 3.2) [m]."""
 DEPTHS = np.linspace(0.0, 1.0, 51)
-"""B/T of the table of partial depth."""
-_IN_ROW = (N_POINTS - 1) // ROWS  # points of a field
+"""Values of B/T in the table of partial depth."""
+_IN_ROW = (N_POINTS - 1) // ROWS  # points of a field per row
 _STEPS = len(DEPTHS) - 1
 
 SLAB: np.dtype[Any] = np.dtype(
@@ -47,28 +47,28 @@ SLAB: np.dtype[Any] = np.dtype(
         np.record,
         [
             *((name, "f8", (ROWS, UNKNOWNS, UNKNOWNS)) for name in ("lower", "across", "upper")),
-            ("uniform", "f8", (ROWS,)),  # what the condensed model gives at modulus 1
-            ("tips", "f8", (ROWS,)),  # kappa of the full one, at the tips
-            ("kappa", "f8", (N_POINTS,)),  # and at every point
+            ("uniform", "f8", (ROWS,)),  # stiffness by the condensed model at modulus 1
+            ("tips", "f8", (ROWS,)),  # kappa of the full model at the tips
+            ("kappa", "f8", (N_POINTS,)),  # kappa of the full model at every point
             ("ratio", "f8", (ROWS, _STEPS + 1)),  # g, by tip and depth
             ("share", "f8", (ROWS, _STEPS + 1)),  # c
         ],
     )
 )
-"""Everything that K(a) is made of but the specimen."""
+"""Structured dtype of the model data from which K(a) of any specimen is computed."""
 
 
 @lru_cache(maxsize=8)
 def slab_of(element: str, formulation: str, poisson: float) -> NDArray[Any]:
-    """:data:`SLAB` of a plane model of the default mesh, shape (1,), not to be written to.
+    """Return the :data:`SLAB` of a plane model of the default mesh, shape (1,), read-only.
 
-    That of pig liver is kept in ``assets/derived/slab.json``, so that every machine starts from the same digits;
+    That of pig liver is stored in ``assets/derived/slab.json``, so that every machine starts from the same digits;
     others are computed.
 
     Raises
     ------
     ValueError
-        For a solid model: its thickness is that of the table of partial depth, which bricks gave.
+        For a solid model: thickness is treated by the table of partial depth, which bricks gave.
     """
     if formulation == "solid":
         raise ValueError(
@@ -104,13 +104,13 @@ def _prepare(slabs: Array) -> None:
 
 
 def stiffness_along(slab: NDArray[Any], modulus: Array, depth: Array, thickness: float) -> Array:
-    """K at each point of a specimen, shape (301,) [N/m].
+    """Return K at each point of a specimen, shape (301,) [N/m].
 
     Parameters
     ----------
     slab : array of :data:`SLAB`, shape (1,)
     modulus, depth : array, shape (301,)
-        Of the material [Pa]; of the cut [m], up to ``thickness`` [m].
+        Modulus of the material [Pa]; depth of the cut [m], up to ``thickness`` [m].
     """
     stiffness, effective, share = np.empty(N_POINTS), np.empty(N_POINTS), np.empty(N_POINTS)
     _stiffness_along(slab, modulus, depth, thickness, effective, share, stiffness)
@@ -126,7 +126,7 @@ def _stiffness_along(
 
 
 def row_means(modulus: Array) -> Array:
-    """Modulus of each row of elements, shape (15,), from a field, shape (301,): trapezoidal means over its points."""
+    """Return the modulus of each row of elements, shape (15,), from a field, shape (301,): trapezoidal means."""
     rows = np.empty(ROWS)
     _fill_rows(modulus, rows)
     return rows
@@ -143,7 +143,7 @@ def _fill_rows(modulus: Array, rows: Array) -> None:
 
 
 def local_modulus(rows: Array) -> Array:
-    """Mean modulus of the rows on either side of each tip, shape (15,)."""
+    """Return the mean modulus of the rows on either side of each tip, shape (15,)."""
     local = np.empty(ROWS)
     _fill_local(rows, local)
     return local
@@ -158,7 +158,7 @@ def _fill_local(rows: Array, local: Array) -> None:
 
 @for_kernels
 def fill_stiffness(slab: Record, modulus: Array, effective: Array, share: Array, stiffness: Array) -> None:
-    """Fill ``stiffness``, shape (301,), with K [N/m]; ``effective`` and ``share`` are :func:`partial_depth`'s."""
+    """Fill ``stiffness``, shape (301,), with K [N/m]; ``effective`` and ``share`` are from :func:`partial_depth`."""
     rows, local, plane = np.empty(ROWS), np.empty(ROWS), np.empty(ROWS)
     far, near = np.empty(N_POINTS), np.empty(N_POINTS)
     _fill_rows(modulus, rows)
@@ -170,7 +170,7 @@ def fill_stiffness(slab: Record, modulus: Array, effective: Array, share: Array,
         rows[j] /= mean
     tip_stiffness(slab, rows, plane)
     _fill_local(rows, local)
-    for j in range(ROWS):  # relative to the uniform slab, which stays as the full model has it
+    for j in range(ROWS):  # relative to the uniform slab, for which the full model's value is kept
         plane[j] = slab.tips[j] * (plane[j] / slab.uniform[j])
         local[j] *= slab.tips[j]
     between_tips(plane, far)
@@ -181,9 +181,9 @@ def fill_stiffness(slab: Record, modulus: Array, effective: Array, share: Array,
 
 @for_kernels
 def tip_stiffness(slab: Record, rows: Array, stiffness: Array) -> None:
-    """Fill ``stiffness``, shape (15,), with the plane model's, with the tip on each border, of these moduli of rows.
+    """Fill ``stiffness``, shape (15,), with the plane model's, tip on each border, for the moduli ``rows``.
 
-    The matrix is block tridiagonal.  What lies on either side of a border acts on it as a spring matrix: elimination
+    The matrix is block tridiagonal.  The part on either side of a border acts on it as a spring matrix: elimination
     from the clamp gives the one, from the free end the other.  The tip is the last unknown of their sum: eliminating
     the others leaves K as the last pivot.
     """
@@ -217,7 +217,7 @@ def tip_stiffness(slab: Record, rows: Array, stiffness: Array) -> None:
 
 @inlined
 def _factorise(matrix: Array) -> None:
-    """L D L^T in place, by columns: D on the diagonal, L below."""
+    """Factorise in place as L D L^T, by columns: D on the diagonal, L below."""
     for p in range(UNKNOWNS):
         for q in range(p + 1, UNKNOWNS):
             factor = matrix[q, p] / matrix[p, p]
@@ -235,7 +235,7 @@ def _last_pivot(matrix: Array) -> float:
 
 @for_kernels
 def _eliminate(matrix: Array, coupling: Array, springs: Array) -> None:
-    """Subtract C^T M^-1 C of a ``matrix`` M and a ``coupling`` C, which are both spoilt, from ``springs``."""
+    """Subtract C^T M^-1 C from ``springs``, for a ``matrix`` M and a ``coupling`` C, which are both overwritten."""
     _factorise(matrix)
     for p in range(1, UNKNOWNS):  # C becomes L^-1 C
         for k in range(p):
@@ -252,7 +252,7 @@ def _eliminate(matrix: Array, coupling: Array, springs: Array) -> None:
 
 @for_kernels
 def between_tips(at_tips: Array, along: Array) -> None:
-    """Fill ``along``, shape (301,), from values at the 15 tips: PCHIP, and the first one's value below it."""
+    """Fill ``along``, shape (301,), by interpolating values at the 15 tips: PCHIP, constant below the first."""
     slopes = np.empty(ROWS)
     for j in range(1, ROWS - 1):  # in units of a row
         before, after = at_tips[j] - at_tips[j - 1], at_tips[j + 1] - at_tips[j]
@@ -274,7 +274,7 @@ def between_tips(at_tips: Array, along: Array) -> None:
 
 @for_kernels
 def _end_slope(near: float, far: float) -> float:
-    """PCHIP's one-sided slope at an end, shape preserved: Fritsch and Butland's three-point formula."""
+    """Return PCHIP's one-sided slope at an end, shape preserved: Fritsch and Butland's three-point formula."""
     slope = 0.5 * (3.0 * near - far)
     if slope * near <= 0.0:
         return 0.0
@@ -285,14 +285,14 @@ def _end_slope(near: float, far: float) -> float:
 
 @for_kernels
 def partial_depth(slab: Record, depth: Array, thickness: float, effective: Array, share: Array) -> None:
-    """Fill ``effective`` with the effective depth T g [m], ``share`` with c, of a cut so deep at each of 301 points."""
+    """Fill ``effective`` with the effective depth T g [m] and ``share`` with c, for the depth at each of 301 points."""
     for i in range(N_POINTS):
         effective[i], share[i] = at_depth(slab, i, depth[i], thickness)
 
 
 @inlined
 def at_depth(slab: Record, i: int, depth: float, thickness: float) -> tuple[float, float]:
-    """T g [m] and c with the tip at point ``i``: linear in both directions, and the first tip's below it."""
+    """Return T g [m] and c for a tip at point ``i``: linear in both directions, constant below the first tip."""
     place = min(max(i / _IN_ROW - 1.0, 0.0), ROWS - 1.0)
     j = min(int(place), ROWS - 2)
     w = place - j
@@ -310,24 +310,24 @@ def at_depth(slab: Record, i: int, depth: float, thickness: float) -> tuple[floa
 
 
 def effective_depth(cut_length: ArrayLike, depth: ArrayLike, thickness: float = THICKNESS) -> Array:
-    """T g(a, B/T) [m]: in a slab of modulus E, K = E kappa(a) times this; B itself where it is cut through.
+    """Return T g(a, B/T) [m]: in a slab of modulus E, K = E kappa(a) times this; B itself where it is cut through.
 
     Parameters
     ----------
     cut_length, depth : array_like
-        Of the tip from the clamp and of the cut [m]; broadcast.  A cut deeper than the slab goes through one that is as
-        thick.
+        Distance of the tip from the clamp, and depth of the cut [m]; broadcast.  If the cut is deeper than the slab,
+        the slab counts as equally thick.
     thickness : float
-        Of the slab [m].
+        Thickness of the slab [m].
 
     Returns
     -------
     ndarray of float64
-        Of the broadcast shape.
+        Effective depth [m], of the broadcast shape.
 
     Notes
     -----
-    The table is that of bricks with a Poisson's ratio of 0.3 and T = 2.5 cm (``scripts/derive_partial_depth.py``).
+    The table is from bricks with a Poisson's ratio of 0.3 and T = 2.5 cm (``scripts/derive_partial_depth.py``).
     """
     a, B = np.broadcast_arrays(np.asarray(cut_length, np.float64), np.asarray(depth, np.float64))
     ratio = np.asarray(_kept("partial_depth")["stiffness_ratio"])

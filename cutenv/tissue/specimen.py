@@ -1,4 +1,4 @@
-"""One piece of tissue, drawn from the measured spread: what stands along the cut line."""
+"""One piece of tissue, sampled from the measured spread: its properties along the cut line."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ class Specimen:
     Parameters
     ----------
     modulus : array, shape (301,)
-        Of the material, every 0.5 mm, as ``tissue``'s finite-element model takes it [Pa].  What a cut shows at a place,
-        its local effective modulus, is r K/(kappa B): K averages the neighbourhood, and is not proportional to B.
+        Modulus of the material, every 0.5 mm, for ``tissue``'s finite-element model [Pa].  The local effective modulus
+        measured at a point is r K/(kappa B): K averages the neighbourhood, and is not proportional to B.
     fracture_resistance : array, shape (301,)
-        Measured kind of resistance, its share of friction included [J/m2].
+        Fracture resistance, of the measured kind: its share of friction included [J/m2].
     depth : array, shape (301,)
         Depth of cut B, up to ``thickness`` [m].
     thickness : float
-        Of the slab, T [m].
+        Thickness T of the slab [m].
     friction_per_depth : float
         Friction on the moving blade per depth of cut [N/m].
     inclined_ratio : float
-        Of this cut at 45 degrees: its LEM over ``tissue``'s, for as much as it shows upright [1].
+        LEM of this cut at 45 degrees relative to ``tissue``'s, for the same LEM at 90 degrees [1].
     tissue : TissueDescription
-        What it was drawn from; gives speed dependence, friction share and eta90.
+        Tissue from which it was sampled; gives speed dependence, friction share and eta90.
     specimen_class : str
         "uniform", "liver" or "vascular".
     """
@@ -64,7 +64,7 @@ class Specimen:
     def __post_init__(self) -> None:
         one_of("specimen_class", self.specimen_class, CLASSES[:3])
         in_range("friction_per_depth", self.friction_per_depth, 0.0, 1e5, "N/m", "0.4 N/cm is 40.")
-        in_range("inclined_ratio", self.inclined_ratio, 0.01, 100.0, "1", "1 is as the mean tissue.")
+        in_range("inclined_ratio", self.inclined_ratio, 0.01, 100.0, "1", "1 is the mean tissue.")
         in_range("thickness", self.thickness, 1e-4, 0.1, "m", "2.5 cm is 0.025.")
         ranges = {
             "modulus": (100.0, 1e9, "Pa", "48.4 kPa is 48400."),
@@ -89,7 +89,7 @@ class Specimen:
         friction_share: float | None = None,
         tissue: TissueDescription | None = None,
     ) -> Specimen:
-        """The same everywhere: modulus [Pa], fracture resistance [J/m2], depth [m]; friction share of ``tissue``.
+        """Make a uniform specimen: modulus [Pa], fracture resistance [J/m2], depth [m]; friction share of ``tissue``.
 
         By default it is cut through: a slice as thick as the cut is deep.
         """
@@ -111,7 +111,7 @@ class Specimen:
 
     @classmethod
     def mean(cls, tissue: TissueDescription | None = None) -> Specimen:
-        """The mean of the livers that :meth:`draw` gives: no spread, but the bulge of a real one."""
+        """Make the mean of the livers that :meth:`draw` samples: no spread, but the bulge of a real one."""
         tissue = tissue or measured_liver()
         ones = np.ones(N_POINTS)
         return cls(
@@ -132,19 +132,19 @@ class Specimen:
         tissue: TissueDescription | None = None,
         liver_factor: float | None = None,
     ) -> Specimen:
-        """Draw a specimen: a liver, a cut within it, and the places along the cut.
+        """Sample a specimen: a liver, a cut within it, and the variation along the cut.
 
         Parameters
         ----------
         rng : numpy.random.Generator
-            The only source of chance; :func:`cutenv.randomness.generator` makes one from a seed and an episode.
+            The only source of randomness; :func:`cutenv.randomness.generator` makes one from a seed and an episode.
         specimen_class : {"uniform", "liver", "vascular", "mixed"}
             ``uniform`` has no spread, the mean values of ``tissue`` and its mean depth; ``vascular`` adds 1 or 2 tough
             inclusions; ``mixed`` is ``liver`` or ``vascular``, half each.
         tissue : TissueDescription, optional
             Default: the measured pig liver.
         liver_factor : float, optional
-            Of :func:`draw_liver`, to draw several cuts of one liver; else a liver is drawn too.
+            Factor from :func:`draw_liver`, to sample several cuts of one liver; by default a liver is sampled too.
 
         Raises
         ------
@@ -167,12 +167,12 @@ class Specimen:
         tissue: TissueDescription | None = None,
         liver_factor: float | None = None,
     ) -> Specimen:
-        """The specimen that :meth:`draw` finds for a key: the same in an environment, in a batch and here.
+        """Return the specimen of a random key: the same here, in an environment and in a batch.
 
         Parameters
         ----------
         seed, episode : int
-            Of the environment, 0 to 2**64 - 1.
+            Key of the environment, 0 to 2**64 - 1.
         specimen_class, tissue, liver_factor
             See :meth:`draw`.
         """
@@ -207,27 +207,27 @@ class Specimen:
         )
 
     def cut_model(self) -> CutModel:
-        """The finite-element model to which the moduli belong."""
+        """Return the finite-element model to which the moduli belong."""
         return self.tissue.cut_model()
 
     def stiffness(self) -> Array:
-        """K, the blade force over the blade's displacement, with the tip at each point, shape (301,) [N/m]."""
+        """Return K, the blade force over the blade's displacement, for a tip at each point, shape (301,) [N/m]."""
         return stiffness_along(self.tissue.slab(), self.modulus, self.depth, self.thickness)
 
     def loading_ratio(self, speed: float, angle: float) -> float:
-        """How fast the force rises at a speed [m/s] and an angle [rad], over how fast it would without growth: r [1].
+        """Return r [1]: rate of rise of the force at a speed [m/s] and an angle [rad], over that without crack growth.
 
-        The local effective modulus that an exact slope shows is r K/(kappa B).
+        The local effective modulus measured by an exact slope is r K/(kappa B).
         """
         modulus = self.tissue.local_effective_modulus(speed, angle, self.inclined_ratio)
         return min(1.0, modulus / self.tissue.intercept_90)
 
     def fracture_force(self) -> Array:
-        """R B at each point, R without its share of friction, shape (301,) [N]."""
+        """Return R B at each point, R without its share of friction, shape (301,) [N]."""
         return (1.0 - self.tissue.friction_share) * self.fracture_resistance * self.depth
 
     def to_json(self) -> str:
-        """JSON text, read back exactly by :meth:`from_json`."""
+        """Return JSON text, which :meth:`from_json` reads back exactly."""
         content: dict[str, Any] = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         for name in ("modulus", "fracture_resistance", "depth"):
             content[name] = content[name].tolist()
@@ -236,7 +236,7 @@ class Specimen:
 
     @classmethod
     def from_json(cls, text: str) -> Specimen:
-        """Read :meth:`to_json`'s text; ValueError for another schema, unknown or missing fields, bad values."""
+        """Parse the text of :meth:`to_json`; raise ValueError for another schema, wrong fields or bad values."""
         content = checked_fields(text, SCHEMA, {field.name for field in dataclasses.fields(cls)})
         content["tissue"] = TissueDescription.from_json(json.dumps(content["tissue"]))
         return cls(**content)
@@ -253,7 +253,7 @@ class Specimen:
 
 
 def draw_liver(rng: np.random.Generator, tissue: TissueDescription | None = None) -> float:
-    """How much stiffer than the mean one liver is [1]."""
+    """Sample the stiffness of one liver relative to the mean [1]."""
     _check_generator(rng)
     sigma = lognormal_sigma((tissue or measured_liver()).modulus_between_liver_cv)
     return float(lognormal(float(rng.standard_normal()), sigma))

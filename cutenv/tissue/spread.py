@@ -1,4 +1,4 @@
-"""How the modulus scatters between livers, between cuts and within a cut; and how deep the cuts were."""
+"""Variance components of the modulus: between livers, between cuts, within a cut; and the mean depth of the cuts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cutenv.tissue.tables import table
 from cutenv.validation import in_range, one_of
 
 CUTS_PER_LIVER = 4
-"""A liver takes four parallel cuts (section 5.3, Figure 3.8)."""
+"""Number of parallel cuts in a liver (section 5.3, Figure 3.8)."""
 
 _MODEL_THICKNESS = 0.01  # the finite-element specimen behind Table 5.5 is 1 cm thick (section 4.2) [m]
 
@@ -25,13 +25,13 @@ class ModulusSpread:
     Attributes
     ----------
     between_liver_cv : float
-        Of the livers' mean LEM; 0 if the estimate was negative.
+        CV of the livers' mean LEM; 0 if the variance estimate was negative.
     between_cut_cv : float
-        Of the cuts' mean LEM within one liver.
+        CV of the cuts' mean LEM within one liver.
     within_cut_cv : float
-        Of the loading segments of one cut. Not normalised by depth: it contains the liver's bulge.
+        CV of the loading segments of one cut. Not normalised by depth: it contains the liver's bulge.
     between_liver_clipped : bool
-        Whether the between-liver variance came out negative and was set to zero.
+        True if the between-liver variance was negative and was set to zero.
     """
 
     between_liver_cv: float
@@ -40,7 +40,7 @@ class ModulusSpread:
     between_liver_clipped: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse a spread that is none."""
+        """Raise ValueError if a coefficient of variation is out of range."""
         for name in ("between_liver_cv", "between_cut_cv", "within_cut_cv"):
             in_range(name, getattr(self, name), 0.0, 2.0, "1", "It is the SD over the mean, 0.2 for 20 %.")
 
@@ -100,8 +100,8 @@ def inclined_spread(formulation: Formulation = "plane_stress") -> float:
 
     Notes
     -----
-    Source: Table 5.6, SD over mean at seven speeds. Its mean square at 90 deg is taken off that at 45 deg, as if the
-    stiffness of a cut and what an inclined blade makes of it were independent.
+    Source: Table 5.6, SD over mean at seven speeds. Its mean square at 90 deg is subtracted from that at 45 deg, which
+    assumes that the stiffness of a cut and the effect of an inclined blade on it are independent.
     """
     one_of("formulation", formulation, ("plane_stress", "plane_strain"))
     data = table("5.6")
@@ -123,7 +123,7 @@ def variance_components(groups: NDArray[np.float64]) -> tuple[float, float]:
     Returns
     -------
     between, within : float
-        In the square of the unit of ``groups``. ``between`` is unbiased, so it may be negative.
+        Variances, in the square of the unit of ``groups``. ``between`` is unbiased, so it may be negative.
     """
     n_groups, n_members = groups.shape[-2:]
     group_means = groups.mean(axis=-1, keepdims=True)
@@ -148,22 +148,22 @@ def mean_depth_of_cut(formulation: Formulation = "plane_stress") -> float:
 
     Notes
     -----
-    Source: Table 5.5 takes the force of a cut as if it were 1 cm deep, Table 5.6 takes the force per depth,
-    so their ratio is the depth in cm. The depth does not depend on speed or angle: the geometric mean, which
-    treats a ratio and its inverse alike, over the thirteen pairs that both tables have. Rough: the ratios run
-    from 0.9 to 2.3, where section 5.4 has depths of 0 to about 2 cm.
+    Source: Table 5.5 treats the force of a cut as if it were 1 cm deep, Table 5.6 the force per depth, so their
+    ratio is the depth in cm. The depth does not depend on speed or angle: the geometric mean, which treats a ratio
+    and its inverse alike, over the thirteen pairs that both tables have. A rough value: the ratios range from 0.9
+    to 2.3, where section 5.4 has depths of 0 to about 2 cm.
     """
     return float(np.exp(_log_depths(formulation).mean()))
 
 
 def depth_standard_error(formulation: Formulation = "plane_stress") -> float:
-    """Return the relative standard error of :func:`mean_depth_of_cut` [1], by the scatter of its thirteen pairs."""
+    """Return the relative standard error of :func:`mean_depth_of_cut` [1], from the scatter of its thirteen pairs."""
     logs = _log_depths(formulation)
     return float(logs.std(ddof=1) / math.sqrt(len(logs)))
 
 
 def _log_depths(formulation: Formulation) -> NDArray[np.float64]:
-    """Logarithm of the depth [m] that each pair of Tables 5.5 and 5.6 tells."""
+    """Return the logarithm of the depth [m] from each pair of Tables 5.5 and 5.6."""
     one_of("formulation", formulation, ("plane_stress", "plane_strain"))
     columns = [f"lem_{formulation}_{angle}_deg_Pa" for angle in (90, 45)]
     ratios = np.concatenate([table("5.5")[column] / table("5.6")[column] for column in columns])

@@ -1,4 +1,4 @@
-"""The thesis's printed tables: read strictly, with their errata and their printed digits."""
+"""The thesis's printed tables: parsed strictly, with their errata and printed digits."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Table:
     Attributes
     ----------
     number, title : str
-        Number in the thesis (``"5.6"``) and what the table holds.
+        Number in the thesis (``"5.6"``) and title.
     provenance : str
         Author, work and table number.
     columns : dict of str to ndarray of float64, shape (rows,)
@@ -38,7 +38,7 @@ class Table:
     resolution : dict of str to float
         Unit of the last printed digit of each column, 0 for exact counts and labels.
     notes, errata : tuple of str
-        What to know about the print, and where it is wrong.
+        Remarks on the print, and known errors in it.
     printed_mean, printed_population_sd : dict of str to Printed
         The printed "Average" row: mean and standard deviation (ddof = 0) over the rows of the column named.
     """
@@ -70,17 +70,17 @@ def table(number: str) -> Table:
     Parameters
     ----------
     number : str
-        As in the thesis, for example ``"5.6"``.
+        Number as in the thesis, for example ``"5.6"``.
 
     Returns
     -------
     Table
-        The values as printed; columns that the thesis mislabels carry the name of what they hold.
+        The values as printed; columns that the thesis mislabels have the name of what they contain.
 
     Raises
     ------
     ValueError
-        If there is no such table, or its file is malformed (file and line are named).
+        If there is no such table, or its file is malformed (the message names file and line).
     """
     known = one_of("table number", number, table_numbers())
     return read_table(resources.path(f"tables/table_{known.replace('.', '_')}.csv"), number=known)
@@ -91,18 +91,18 @@ def read_table(file: Path, *, number: str) -> Table:
 
     The format: comment lines ``# key: value`` (title and source once; note and erratum any number of times;
     ``# resolution: column = unit`` for every column; ``# printed_mean: column = value to unit``), a header of
-    comma-separated column names, then one row of numbers a line. Nothing else, no blank line.
+    comma-separated column names, then one row of numbers per line. Nothing else, no blank line.
 
     Raises
     ------
     ValueError
-        If the file departs from the format; file and line are named.
+        If the file departs from the format; the message names file and line.
     """
     return _Reader(file).read(number)
 
 
 def errata() -> tuple[tuple[str, str], ...]:
-    """Return every erratum of the thesis that is known: (number of the table that it is kept with, what is wrong)."""
+    """Return all known errata of the thesis: (number of the table with whose file it is kept, text)."""
     return tuple((number, text) for number in table_numbers() for text in table(number).errata)
 
 

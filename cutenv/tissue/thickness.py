@@ -1,4 +1,4 @@
-"""The natural bulge: depth of cut along the line, from a thin edge at the clamp to a thick crown and back."""
+"""The natural bulge of a liver: depth of cut along the line, thin at the clamp, a thick crown, thin again."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from numpy.typing import ArrayLike, NDArray
 
 from cutenv.validation import in_range
 
-_SHARPNESS = 6.0  # n below: how suddenly the rise ends in the crown; infinity is a kink
+_SHARPNESS = 6.0  # n below: sharpness of the transition from rise to crown; infinity is a kink
 _FALL = 0.01  # length of the fall at the free end [m]: not even the blade reaches it
 
 
 def bulge(y: ArrayLike, *, edge: float, crown: float, rise_length: float, length: float) -> NDArray[np.float64]:
-    """Depth of cut B [m] at distances ``y`` [m] from the clamp, any shape.
+    """Return the depth of cut B [m] at distances ``y`` [m] from the clamp, any shape.
 
     A straight rise from the edge, saturating at the crown, and a short fall toward the free end::
 
         1 / B^n = 1 / crown^n + 1 / rise(y)^n + 1 / fall(length - y)^n
 
-    with n = 6, rise(y) = edge + (crown - edge) y / rise_length, and fall alike over 1 cm.  Where the depth grows so,
-    the stiffness changes slowly over the length by which the blade leads the tip: a crack that runs into ever stiffer
-    tissue would find no energy to go on.
+    with n = 6, rise(y) = edge + (crown - edge) y / rise_length, and fall likewise over 1 cm.  With this profile the
+    stiffness changes slowly over the length by which the blade leads the tip: a crack that runs into ever stiffer
+    tissue would have no energy to go on.
 
     Parameters
     ----------
     edge, crown, rise_length, length : float
-        Depth at the clamp and at the crown, length over which the one grows to the other, specimen length [m].
+        Depth at the clamp and at the crown, length over which it grows from the one to the other, specimen length [m].
     """
     in_range("edge", edge, 1e-4, 0.05, "m", "The measured range of depth is 0.001 to 0.02 m.")
     in_range("crown", crown, edge, 0.1, "m", "The crown is no thinner than the edge.")

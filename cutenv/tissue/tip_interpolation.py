@@ -1,4 +1,4 @@
-"""Unit stiffness and displacement field between the places where a tip stands on element corners."""
+"""Unit stiffness and displacement field for tips between element corners, by interpolation."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from cutenv.tissue.tip_response import TipResponse
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TipInterpolation:
-    """Answers for any cut length from those at the element corners.
+    """Interpolation of stiffness and displacement over the cut length, from the element corners.
 
-    Mid-side nodes are not tips: they answer a point load differently.
+    Mid-side nodes are not used as tips: their response to a point load is different.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class TipInterpolation:
     tips : ndarray of shape (n_tips,)
         Cut lengths at which a tip stands on element corners [m].
     response : TipResponse
-        What a unit blade force does there.
+        Response to a unit blade force at these tips.
     """
 
     mesh: CutMesh

@@ -2,7 +2,7 @@
 
 The blade stands on the tip pair, which is still tied, and pushes along the line, away from the clamp. Tying
 every pair gives the matrix A; one sparse factorisation of it and one solve per tip node serve all tips. On a
-mirror-symmetric specimen this is the whole answer: load and faces lie on the mirror line, the faces carry no
+mirror-symmetric specimen this is the complete solution: load and faces lie on the mirror line, the faces carry no
 shear, and untying them changes nothing.
 
 Otherwise the pairs behind the tip slip. With the slips s as further unknowns, in order from the clamp,
@@ -11,8 +11,8 @@ Otherwise the pairs behind the tip slip. With the slips s as further unknowns, i
     [B^T  C] [s] = [0],      S = C - B^T A^-1 B = L L^T,
 
 a tip frees the first n of them, so that the leading n x n block of S, and with it the leading block of the
-one Cholesky factor L, serves that tip. Where the rows from n on are zeros, L^-1 and L^-T act as the leading
-block's inverses do: no tip needs a solve of its own.
+one Cholesky factor L, serves that tip. Where the rows from n on are zeros, L^-1 and L^-T act like the leading
+block's inverses: no tip needs a separate solve.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from cutenv.tissue.mixed import mixed_stiffness
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TipResponse:
-    """What a unit blade force does, for every tip.
+    """Response to a unit blade force, for every tip.
 
     Parameters
     ----------
@@ -49,9 +49,9 @@ class TipResponse:
 def stiffness_matrix(
     mesh: CutMesh, formulation: str, poisson: float, relative_modulus: NDArray[np.float64] | None = None
 ) -> csr_array[np.float64]:
-    """Stiffness of the two unconstrained halves at unit modulus (and, in 2-D, unit thickness).
+    """Assemble the stiffness of the two unconstrained halves at unit modulus (and, in 2-D, unit thickness).
 
-    Of a mixed element it is the indefinite matrix of displacements and pressures, in plane strain.
+    For a mixed element it is the indefinite matrix of displacements and pressures, in plane strain.
 
     Parameters
     ----------
@@ -80,8 +80,8 @@ def factorise(
 ) -> SuperLU:
     """Factorise the stiffness of the free unknowns.
 
-    Where it is positive definite, minimum degree on the symmetric pattern without pivoting takes about half the
-    time of the default ordering; that of a mixed element is not, and is pivoted.
+    If it is positive definite, minimum degree ordering on the symmetric pattern without pivoting takes about half
+    the time of the default ordering; the matrix of a mixed element is not, and is pivoted.
     """
     constrained = (constraints.T @ stiffness @ constraints).tocsc()
     if not definite:
@@ -90,8 +90,8 @@ def factorise(
 
 
 def blade_unknowns(mesh: CutMesh, constraints: csr_array[np.float64]) -> NDArray[np.int64]:
-    """Free unknowns that the blade moves at each tip, shape (n_tips, n_through)."""
-    rows = mesh.dim * mesh.tip_pairs[..., 0] + ALONG  # a tied pair is one unknown: the left node's will do
+    """Return the free unknowns that the blade moves at each tip, shape (n_tips, n_through)."""
+    rows = mesh.dim * mesh.tip_pairs[..., 0] + ALONG  # a tied pair is one unknown: the left node is enough
     return constraints.indices[constraints.indptr[rows]].astype(np.int64)  # the one entry of each row
 
 
@@ -102,9 +102,9 @@ def tip_responses(mesh: CutMesh, stiffness: csr_array[np.float64], *, slipping: 
     ----------
     mesh : CutMesh
     stiffness : csr_array of shape (n_unknowns, n_unknowns)
-        Of the unconstrained halves, see :func:`stiffness_matrix`.
+        Stiffness of the unconstrained halves, see :func:`stiffness_matrix`.
     slipping : bool
-        Whether the pairs behind the tip slip. On a mirror-symmetric specimen the answer is the same without,
+        Whether the pairs behind the tip slip. On a mirror-symmetric specimen the result is the same without,
         at a fraction of the effort.
 
     Returns

@@ -59,6 +59,6 @@ COMPARISONS: dict[str, Callable[[bool], Comparison]] = {
     "law-energy": worked_check.lag_and_energy,
     "errata": errata.errata,
 }
-"""By short name; each takes whether to be quick."""
+"""Comparisons by short name; each takes whether to be quick."""
 
 __all__ = ["COMPARISONS", "Comparison", "Row"]

@@ -17,7 +17,7 @@ FROM_THE_CLAMP = (0.02, 0.03, 0.04, 0.05)  # [m]
 
 
 def displacement_of_beads() -> np.ndarray:
-    """Displacement of the eight beads in 8-node plane stress [m], shape (8,)."""
+    """Return the displacement of the eight beads in 8-node plane stress [m], shape (8,)."""
     model = CutModel()
     field = model.displacement(TIP, model.stiffness(TIP) * TIP_DISPLACEMENT, modulus=1.0, thickness=1.0)
     places = np.array([(x, y) for x in FROM_THE_LINE for y in FROM_THE_CLAMP])
@@ -26,7 +26,7 @@ def displacement_of_beads() -> np.ndarray:
 
 
 def beads(quick: bool) -> Comparison:
-    """Table 7.1: its finite-element column beside ours, and its own experiment, which is shown only."""
+    """Compare Table 7.1: its finite-element column with ours; its own experiment is only shown."""
     data, ours = table("7.1"), displacement_of_beads()
     columns = (data["bead"], data["fem_displacement_cm"], data["experimental_displacement_cm"])
     fitted, measured = [], []

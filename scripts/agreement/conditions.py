@@ -1,4 +1,4 @@
-"""Real conditions: what a single cut gives back when depth, zero or the way back are not as in a simulation."""
+"""Realistic conditions: results of single cuts when depth, zero or the way back are not as in a simulation."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ QUANTITIES = ("R", "LEM", "friction's share of R")
 
 
 def real_conditions(quick: bool) -> Comparison:
-    """R, LEM and friction in and out under every condition: a row each for the error that one cut in twenty exceeds."""
+    """Compare R, LEM and friction with the truth under every condition: rows for the 95th percentiles of the errors."""
     cuts = cut_specimens(LENGTH, 8 if quick else 24, seed=1, speeds=SPEEDS[3:])
     rows = []
     for name, promised in PROMISED.items():

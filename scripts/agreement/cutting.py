@@ -1,4 +1,4 @@
-"""What a cut looks like: units, depth, the forward-backward protocol, and energy under any policy."""
+"""Appearance of a cut: units, depth, the forward-backward protocol, and energy under any policy."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from cutenv.randomness import generator
 from cutenv.tissue import Specimen
 
 TRAVEL = 0.12  # of the thesis's cuts [m]
-RANK_CORRELATION = -0.5  # that numbers come to by chance once in twenty times if they are 12, and never if 150
+RANK_CORRELATION = -0.5  # reached by chance once in twenty times by 12 numbers, and never by 150
 DEPTHS_CM = (0.5, 1.0, 2.0)
 POLICY_SECONDS = 8.0
 _HOLD = 50  # ticks for which a random policy keeps its command
-_CLEAR = 2e-3  # from the ends of the crack, where only friction is left [m]
+_CLEAR = 2e-3  # distance from the ends of the crack beyond which only friction is left [m]
 
 Array = NDArray[np.float64]
 
 
 def units_fall_with_speed(quick: bool) -> Comparison:
-    """Section 3.3.2: "more loading and unloading" in slow cutting."""
+    """Check section 3.3.2: "more loading and unloading" in slow cutting."""
     rows = []
     for kind in watched(("2 cm", *(LIVERS[: 1 if quick else 3])), "units by speed"):
         cuts = [virtual_cut(kind, speed=v, turns=(TRAVEL,)) for v in SPEEDS]
@@ -51,7 +51,7 @@ def units_fall_with_speed(quick: bool) -> Comparison:
 
 
 def _units_of_drawn_livers(angle_deg: float, quick: bool) -> Row:
-    """Many cuts a speed, each in another place: the number falls on average, not from each cut to the next."""
+    """Count units in many cuts per speed, each in another place: the number falls on average, not in every pair."""
     speeds = drawn_livers.speeds(quick)
     counts = [[cut.segments for cut in drawn_livers.cuts(v, angle_deg, quick)] for v in speeds]
     averages = [float(np.mean(numbers)) for numbers in counts]
@@ -66,7 +66,7 @@ def _units_of_drawn_livers(angle_deg: float, quick: bool) -> Row:
 
 
 def force_follows_depth(quick: bool) -> Comparison:
-    """Sections 3.3.2 and 5.4: the force follows the depth of cut, the force per depth does not."""
+    """Check sections 3.3.2 and 5.4: the force follows the depth of cut, the force per depth does not."""
     rows = []
     peaks = {}
     for depth in DEPTHS_CM:
@@ -102,7 +102,7 @@ def force_follows_depth(quick: bool) -> Comparison:
 
 
 def hilltop_forces(cut: VirtualCut) -> tuple[Array, Array]:
-    """Force [N] from which each crack run started, and the depth of cut at the blade there [m]."""
+    """Return the force [N] from which each crack run started, and the depth of cut at the blade there [m]."""
     before = np.flatnonzero(cut.readings["jump"]) - 1
     before = before[before >= 0]
     assert cut.trace.depth is not None
@@ -110,14 +110,14 @@ def hilltop_forces(cut: VirtualCut) -> tuple[Array, Array]:
 
 
 def protocol(kind: str, speed: float) -> VirtualCut:
-    """Section 6.2: cut 1 inch, return, travel on to 2 inches, return."""
+    """Cut by the protocol of section 6.2: cut 1 inch, return, travel on to 2 inches, return."""
     return virtual_cut(kind, speed=speed, turns=(INCH, 0.0, 2 * INCH, 0.0))
 
 
 def legs(cut: VirtualCut) -> tuple[slice, slice, slice, slice]:
-    """The readings of the four strokes: forward and back, forward and back."""
+    """Return the readings of the four strokes: forward and back, forward and back."""
     x = cut.readings["position"]
-    clear = 3e-6  # the blade arrives this near to a turning point [m]
+    clear = 3e-6  # distance at which the blade has arrived at a turning point [m]
     first = int(np.argmax(x >= INCH - clear))
     start = first + int(np.argmax(x[first:] <= clear))
     second = start + int(np.argmax(x[start:] >= 2 * INCH - clear))
@@ -125,7 +125,7 @@ def legs(cut: VirtualCut) -> tuple[slice, slice, slice, slice]:
 
 
 def forward_backward(quick: bool) -> Comparison:
-    """Figures 6.5 to 6.7: friction in the open crack is the same to and fro, the cut resumes, energy closes."""
+    """Check Figures 6.5 to 6.7: friction in the open crack is the same to and fro, the cut resumes, energy closes."""
     rows: list[Row] = []
     for kind in ("2 cm", "liver 1"):
         for speed in SPEEDS[:1] if quick else SPEEDS:
@@ -163,13 +163,13 @@ def _protocol_rows(cut: VirtualCut, name: str) -> list[Row]:
 
 
 def _ratio(numerator: Array, denominator: Array) -> float:
-    """The mean ratio, or NaN where the two do not vary together."""
+    """Return the mean ratio, or NaN if the two do not vary together."""
     ratio = numerator / denominator
     return float(ratio.mean()) if float(np.ptp(ratio)) < 0.05 else math.nan
 
 
 def energy_identity(quick: bool) -> Comparison:
-    """Random policies: speeds and angles drawn anew every 50 ms, in drawn specimens, by rig and hand."""
+    """Check the energy under random policies: speeds and angles every 50 ms, in random specimens, by rig and hand."""
     worst, policies = [], 4 if quick else 20
     for number in tqdm(range(policies), desc="energy under random policies", unit="policy", leave=False):
         rng = generator(6, number)

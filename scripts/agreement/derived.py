@@ -14,11 +14,11 @@ from cutenv.tissue import measured_liver
 from cutenv.tissue.tables import table
 
 EXPECTED = (0.25, 0.40)
-"""Where an independent estimate puts it."""
+"""Range of an independent estimate."""
 
 
 def eta90(quick: bool) -> Comparison:
-    """The value that is kept, with its interval, and the unit length that it gives in the cut of Table 4.1."""
+    """Compare the stored value, with its interval, and its unit length in the cut of Table 4.1."""
     kept = json.loads(resources.path("derived/eta90.json").read_text())
     value, (low, high) = kept["value"], kept["interval_95"]
     data = table("4.1")

@@ -1,10 +1,10 @@
-"""Drawn livers, cut and measured as the thesis did: what Tables 5.1 to 5.7 and 6.1 have for a counterpart.
+"""Sampled livers, cut and measured as in the thesis: counterparts of Tables 5.1 to 5.7 and 6.1.
 
-A liver takes four parallel cuts; every cut is a new place, so that no liver is cut twice.  The rig leads the blade
-over 12 cm, and its sensor has noise, resolution and delay.  From the record alone follow loading segments and, of
+A liver takes four parallel cuts; every cut is in a new place, so that no liver is cut twice.  The rig moves the blade
+over 12 cm, and its sensor has noise, resolution and delay.  From the record alone follow loading segments and, for
 each segment, moduli: from the increment of the force as measured (Tables 5.1 to 5.5), and from that increment per
-depth of cut ("depth-of-cut normalized cutting force increment", section 5.4; Tables 5.6 and 5.7).  Blade is taken for
-tip, and friction is left in: what the thesis neglected is neglected here.
+depth of cut ("depth-of-cut normalized cutting force increment", section 5.4; Tables 5.6 and 5.7).  The blade counts as
+the tip, and friction is left in: what the thesis neglected is neglected here.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ QUICK_SPEEDS_CM_S = (0.1, 1.27, 2.54)
 LIVERS, QUICK_LIVERS = 6, 1  # for each speed and angle
 LENGTHS = table("6.1")["cut_length_m"]
 QUICK_LENGTHS = LENGTHS[::3]
-SEED = 5  # scripts/fit_specimens.py fits with another: to none of these livers
+SEED = 5  # scripts/fit_specimens.py uses another: none of these livers was fitted
 MODELS = {
     (formulation, poisson): CutModel(formulation=formulation, poisson=poisson)
     for formulation in ("plane_stress", "plane_strain")
@@ -46,30 +46,30 @@ Array = NDArray[np.float64]
 
 
 class DrawnCut(NamedTuple):
-    """What one record shows."""
+    """Results of one record."""
 
     segments: int
     as_measured: dict[tuple[str, float], Array]  # LEM of each segment by formulation and Poisson's ratio [Pa]
     per_depth: dict[tuple[str, float], Array]  # the same, from the increment of force per depth of cut [Pa]
     of_force_per_depth: Array  # another reading, 8 nodes, plane stress, 0.3: increment of the force per depth [Pa]
     with_small_drops: Array  # `as_measured`, likewise, where smaller drops count too [Pa]
-    length: float  # of the beginning of the cut that `apparent` belongs to [m]
+    length: float  # of the first part of the cut to which `apparent` belongs [m]
     apparent: float | None  # W/(B x), of upright cuts [J/m2]
 
 
 def speeds(quick: bool) -> tuple[float, ...]:
-    """Of the protocol [cm/s]."""
+    """Return the speeds of the protocol [cm/s]."""
     return QUICK_SPEEDS_CM_S if quick else SPEEDS_CM_S
 
 
 def livers(quick: bool) -> int:
-    """For each speed and angle."""
+    """Return the number of livers for each speed and angle."""
     return QUICK_LIVERS if quick else LIVERS
 
 
 @functools.cache
 def cuts(speed_cm_s: float, angle_deg: float, quick: bool) -> list[DrawnCut]:
-    """Cut livers of their own at one speed and angle, four times each; cuts of too few segments are left out."""
+    """Cut separate livers at one speed and angle, four times each; cuts of too few segments are left out."""
     tissue, angle = measured_liver(), math.radians(angle_deg)
     row = round(1000 * speed_cm_s + angle_deg)
     lengths = QUICK_LENGTHS if quick else LENGTHS
@@ -91,7 +91,7 @@ def cuts(speed_cm_s: float, angle_deg: float, quick: bool) -> list[DrawnCut]:
 
 
 def measure(trace: Trace, length: float, *, upright: bool) -> DrawnCut:
-    """As the thesis measured; the resistance from the first ``length`` [m] of an upright cut."""
+    """Measure as in the thesis; the resistance from the first ``length`` [m] of an upright cut."""
     estimate, with_small_drops = (
         estimate_local_effective_moduli(
             trace, BASE, depth_normalised=False, friction_per_depth=0.0, loading_ratio=0.0, smallest_drop=drop

@@ -1,4 +1,4 @@
-"""Tables 5.1 to 5.6, equations 5.1 to 5.8 and Table 6.1 beside drawn livers that were cut and measured likewise."""
+"""Tables 5.1 to 5.6, equations 5.1 to 5.8 and Table 6.1 beside sampled livers that were cut and measured likewise."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ BY_CUT = (
 )
 """Tables with a row for each cut: number, angle [deg], speed [cm/s]."""
 CUTS_UPRIGHT, CUTS = 12, 6
-"""Behind a mean of Table 5.5 at 90 degrees where Tables 5.2 to 5.4 list them, and behind all others (chapter 5)."""
+"""Cuts in a mean of Table 5.5 at 90 degrees where Tables 5.2 to 5.4 list them, and in all others (chapter 5)."""
 
 FITTED_TO = (
     "Mean modulus and resistance of the livers, and the spread between their cuts, were fitted to Tables 5.2-5.4, 5.6 "
@@ -49,7 +49,7 @@ BY_CHANCE = "Of rows that differ by chance alone one in twenty would miss."
 
 
 class Measured(NamedTuple):
-    """How the moduli of one table are had from a cut."""
+    """Selection of the moduli of one table from a cut."""
 
     poisson: float
     moduli: Callable[[DrawnCut], dict[tuple[str, float], Array]]
@@ -71,11 +71,11 @@ EQUATIONS = (
     ("5.8", "5.6", 45, "plane_strain"),
 )
 CONTRADICTORY = {("5.1", 45), ("5.5", 45)}
-"""Table and angle [deg] that contradict Table 5.6, from which the law of cutting has its LEM(v): shown, not claimed."""
+"""Table and angle [deg] that contradict Table 5.6, from which the cutting law takes LEM(v): shown, not claimed."""
 
 
 def cuts_by_cuts(quick: bool) -> Comparison:
-    """Tables 5.1 to 5.4: mean of the cuts, standard deviation between them, and mean of those within them."""
+    """Compare Tables 5.1 to 5.4: mean of the cuts, standard deviation between them, and mean of those within them."""
     rows = []
     for number, angle_deg, speed in BY_CUT:
         data, own = table(number), drawn_livers.cuts(speed, angle_deg, quick)
@@ -106,7 +106,7 @@ def cuts_by_cuts(quick: bool) -> Comparison:
 
 
 def average_tables(number: str) -> Callable[[bool], Comparison]:
-    """The comparison with Table 5.5 or 5.6: mean and standard deviation of the cuts by speed and angle."""
+    """Return the comparison with Table 5.5 or 5.6: mean and standard deviation of the cuts by speed and angle."""
 
     def compare(quick: bool) -> Comparison:
         rows: list[Row] = []
@@ -149,13 +149,13 @@ NOTES = {
 
 
 def other_limit(quick: bool) -> list[Row]:
-    """Moduli without depth by a lower limit of what is a drop over those by the usual one, by angle."""
+    """Return moduli without depth for a lower limit of a drop over those for the usual one, by angle."""
     what = f"mean with drops of {SMALLEST_DROP:g} N over that with {SIGNIFICANT_DROP:g} N"
     return _shown(what, lambda cut: (cut.with_small_drops, cut.as_measured["plane_stress", 0.3]), quick)
 
 
 def other_reading(quick: bool) -> list[Row]:
-    """Moduli by increments of F/B over those by increments of F over B, by angle."""
+    """Return moduli by increments of F/B over those by increments of F over B, by angle."""
     what = "mean by section 3.4.2 over that by 5.4"
     return _shown(what, lambda cut: (cut.of_force_per_depth, cut.per_depth["plane_stress", 0.3]), quick)
 
@@ -164,7 +164,7 @@ OTHER_READINGS = {"5.5": other_limit, "5.6": other_reading}
 
 
 def _shown(what: str, moduli: Callable[[DrawnCut], tuple[Array, Array]], quick: bool) -> list[Row]:
-    """The mean over the cuts of one kind of moduli over that of another, for each angle."""
+    """Return the mean over the cuts of one kind of moduli over that of another, for each angle."""
     rows = []
     for angle_deg in (90, 45):
         own = [cut for speed in speeds(quick) for cut in drawn_livers.cuts(speed, angle_deg, quick)]
@@ -174,7 +174,7 @@ def _shown(what: str, moduli: Callable[[DrawnCut], tuple[Array, Array]], quick: 
 
 
 def equations(quick: bool) -> Comparison:
-    """Equations 5.1 to 5.8: the thesis's fit to its means, and the same fit to ours."""
+    """Compare equations 5.1 to 5.8: the thesis's fit to its means, and the same fit to ours."""
     rows: list[Row] = []
     for equation, number, angle_deg, formulation in EQUATIONS:
         speed, mean, _ = _printed(number, angle_deg, formulation)
@@ -202,7 +202,7 @@ def equations(quick: bool) -> Comparison:
 
 
 def resistance(quick: bool) -> Comparison:
-    """Table 6.1: apparent fracture resistance by length of cut, upright, all speeds."""
+    """Compare Table 6.1: apparent fracture resistance by length of cut, upright, all speeds."""
     data = table("6.1")
     own = [cut for speed in speeds(quick) for cut in drawn_livers.cuts(speed, 90, quick)]
     rows: list[Row] = []
@@ -228,14 +228,14 @@ def resistance(quick: bool) -> Comparison:
 
 
 def cut_means(number: str, angle_deg: float, formulation: str, speed: float, quick: bool) -> Array:
-    """Mean LEM [kPa] of each drawn cut, as one of Tables 5.5 to 5.7 has it."""
+    """Return the mean LEM [kPa] of each sampled cut, as defined in one of Tables 5.5 to 5.7."""
     poisson, moduli = AVERAGES[number]
     own = drawn_livers.cuts(float(speed), angle_deg, quick)
     return np.array([moduli(cut)[formulation, poisson].mean() / 1e3 for cut in own])
 
 
 def _printed(number: str, angle_deg: float, formulation: str) -> tuple[Array, Array, Array]:
-    """Speeds [cm/s], means and standard deviations [kPa] that a table has."""
+    """Return the speeds [cm/s], means and standard deviations [kPa] of a table."""
     data = table(number)
     mean, sd = (data[f"{x}_{formulation}_{angle_deg}_deg_Pa"] / 1e3 for x in ("lem", "sd"))
     present = np.isfinite(mean)

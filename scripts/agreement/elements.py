@@ -29,12 +29,12 @@ KELVIN = {  # of a line load in an infinite plane, per halving of the elements, 
 
 
 def mesh_of(element: str, divisions: tuple[int, ...]) -> CutMesh:
-    """A mesh of the specimen."""
+    """Return a mesh of the specimen."""
     return CutMesh(kind=ELEMENT_KINDS[element], divisions=divisions, size=SIZE[: len(divisions)])
 
 
 def solve_with_outline(mesh: CutMesh, stiffness: csr_array, known: Array, load: Array) -> Array:
-    """Displacement of the tied, unclamped specimen whose outline is moved as ``known``; shape (n_nodes, dim)."""
+    """Solve for the tied, unclamped specimen whose outline is displaced as ``known``; shape (n_nodes, dim)."""
     places = np.round(mesh.nodes / 1e-9).astype(np.int64)
     _, first, same = np.unique(places, axis=0, return_index=True, return_inverse=True)
     columns = (mesh.dim * same.reshape(-1, 1) + np.arange(mesh.dim)).ravel()
@@ -49,7 +49,7 @@ def solve_with_outline(mesh: CutMesh, stiffness: csr_array, known: Array, load: 
 
 
 def patch_error(element: str, formulation: str) -> float:
-    """Largest departure from a constant strain that the outline imposes, over the largest displacement."""
+    """Return the largest departure from a constant strain imposed by the outline, over the largest displacement."""
     mesh = mesh_of(element, (4, 3, 2) if element == "hex20" else (4, 5))
     exact = mesh.nodes @ GRADIENT[: mesh.dim, : mesh.dim].T
     u = solve_with_outline(mesh, stiffness_matrix(mesh, formulation, NU), exact, np.zeros(mesh.nodes.size))
@@ -57,12 +57,12 @@ def patch_error(element: str, formulation: str) -> float:
 
 
 def wave(x: Array) -> Array:
-    """A smooth displacement [m] of the plane; ``x`` of shape (2, ...)."""
+    """Return a smooth displacement [m] of the plane; ``x`` of shape (2, ...)."""
     return np.array([np.sin(40 * x[0]) * np.cos(25 * x[1]), np.cos(30 * x[0] + 20 * x[1])])
 
 
 def wave_strain(x: Array) -> Array:
-    """Its symmetric gradient."""
+    """Return the symmetric gradient of :func:`wave`."""
     s = -np.sin(30 * x[0] + 20 * x[1])
     xx, yy = 40 * np.cos(40 * x[0]) * np.cos(25 * x[1]), 20 * s
     xy = 0.5 * (-25 * np.sin(40 * x[0]) * np.sin(25 * x[1]) + 30 * s)
@@ -70,7 +70,7 @@ def wave_strain(x: Array) -> Array:
 
 
 def wave_body_force(x: Array, lam: float, mu: float) -> Array:
-    """Minus (lambda + mu) grad div u minus mu Laplacian u."""
+    """Return minus (lambda + mu) grad div u minus mu Laplacian u."""
     c = np.cos(30 * x[0] + 20 * x[1])
     sc, cs = np.sin(40 * x[0]) * np.cos(25 * x[1]), np.cos(40 * x[0]) * np.sin(25 * x[1])
     laplacian = np.array([-(40**2 + 25**2) * sc, -(30**2 + 20**2) * c])
@@ -79,7 +79,7 @@ def wave_body_force(x: Array, lam: float, mu: float) -> Array:
 
 
 def energy_error(element: str, n: int) -> float:
-    """Energy norm of the error on n x 2 n elements under the wave's body force."""
+    """Return the energy norm of the error on n x 2 n elements under the wave's body force."""
     lam, mu = lame_parameters("plane_stress", NU)
     mesh = mesh_of(element, (n, 2 * n))
     fine = Basis(mesh.skfem_mesh, ElementVector(mesh.kind.element()), intorder=8)
@@ -94,7 +94,7 @@ def energy_error(element: str, n: int) -> float:
 
 
 def closed_forms(quick: bool) -> Comparison:
-    """What elements and assembly must do whatever the tissue."""
+    """Compare elements and assembly with closed forms, which hold whatever the tissue."""
     rows: list[Row] = []
     for element, formulation in (
         ("quad4", "plane_stress"),

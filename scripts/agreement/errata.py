@@ -1,4 +1,4 @@
-"""Where the thesis contradicts itself. The errata are kept with its tables, and nothing is claimed of them."""
+"""Contradictions within the thesis. The errata are stored with its tables, and nothing is claimed about them."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from cutenv.tissue import CutModel, tables
 from cutenv.tissue.modulus import linear_fit, power_fit
 from cutenv.tissue.tables import table
 
-NEAREST_POISSON = 0.43  # whose ratio of plane strain to plane stress Table 5.7 has
+NEAREST_POISSON = 0.43  # with this ratio, plane strain over plane stress is as in Table 5.7
 
 
 def strain_over_stress(poisson: float, integration: str) -> float:
-    """Mean LEM in plane strain over that in plane stress, 8 nodes."""
+    """Return the mean LEM in plane strain over that in plane stress, 8 nodes."""
     strain = CutModel("quad8", "plane_strain", poisson, integration=integration)
     return float(np.mean(model(poisson=poisson).convert_modulus(1.0, strain, MEAN_OVER)))
 
 
 def errata(quick: bool) -> Comparison:
-    """Every erratum, with the numbers of those that no other comparison shows."""
+    """List every erratum, with the numbers of those that no other comparison shows."""
     other, inclined = table("5.7"), "lem_plane_stress_45_deg_Pa"
     depth_cm = table("5.5")[inclined] / table("5.6")[inclined]
     rows = [

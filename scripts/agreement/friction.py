@@ -1,4 +1,4 @@
-"""Friction in, friction out: its share of the measured resistance comes back from the return stroke."""
+"""Recovery of friction: its share of the measured resistance, from the return stroke."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ POINTS = 3.0
 
 
 def share_found(kind: str, inches: float, speed: float, angle_deg: float, share: float) -> float:
-    """Friction per depth of the return stroke over the corrected resistance of the same record [%]."""
+    """Return friction per depth of the return stroke over the corrected resistance of the same record [%]."""
     cut = there_and_back(kind, inches, speed, angle_deg, friction_share=share)
     found = estimate_fracture_resistance(cut.trace)
     return 100.0 * found.friction_per_depth / found.corrected
 
 
 def friction_comes_back(quick: bool) -> Comparison:
-    """Every share, speed and angle; of the cuts of several lengths the one that is farthest off."""
+    """Compare every share, speed and angle; for cuts of several lengths the one with the largest error."""
     speeds, shares = (SEVEN_SPEEDS[3::3], SHARES[::3]) if quick else (SEVEN_SPEEDS, SHARES)
     rows: list[Row] = []
     for kind, share, angle_deg, speed in watched(

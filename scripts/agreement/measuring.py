@@ -1,4 +1,4 @@
-"""What was put in comes back out through the measurement code: LEM (3.1, 3.2) and R (6.1 to 6.4)."""
+"""Recovery of known values by the measurement code: LEM (3.1, 3.2) and R (6.1 to 6.4)."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ T = TypeVar("T")
 
 
 def watched(cases: Iterable[T], what: str) -> Iterator[T]:
-    """The same cases, with a progress bar that leaves no trace."""
+    """Yield the same cases, with a progress bar that is erased at the end."""
     cases = list(cases)
     yield from tqdm(cases, desc=what, unit="cut", leave=False)
 
 
 def modulus_errors(kind: str, speed: float, angle_deg: float) -> Array:
-    """Relative error of the modulus of every segment of one cut [1]."""
+    """Return the relative error of the modulus of every segment of one cut [1]."""
     cut = virtual_cut(kind, speed=speed, angle_deg=angle_deg)
     found = estimate_local_effective_moduli(cut.trace, CutModel())
     return np.abs(found.modulus / cut.true_moduli(found.segments) - 1.0)
 
 
 def modulus_comes_back(quick: bool) -> Comparison:
-    """LEM in, LEM out: the median error of the segments of each homogeneous cut, and of all drawn livers together."""
+    """Compare LEM in and out: the median error over the segments of each homogeneous cut, and over all livers."""
     if quick:
         groups, speeds = {"2 cm": ("2 cm",), "1 liver": LIVERS[:1]}, SPEEDS[1:2]
     else:
@@ -67,13 +67,13 @@ def modulus_comes_back(quick: bool) -> Comparison:
 def there_and_back(
     kind: str, inches: float, speed: float, angle_deg: float = 90.0, *, friction_share: float | None = None
 ) -> VirtualCut:
-    """One cut and the way back."""
+    """Make one cut and the way back."""
     turns = (inches * INCH, 0.0)
     return virtual_cut(kind, speed=speed, angle_deg=angle_deg, turns=turns, friction_share=friction_share)
 
 
 def resistance_row(cut: VirtualCut, what: str, tolerance: float, *, must_flag: bool = False) -> Row:
-    """R put in beside R found; without a return stroke the estimate must also say so."""
+    """Compare R in and out; without a return stroke the estimate must also carry a flag."""
     found = estimate_fracture_resistance(cut.trace)
     row = near(f"{what}, J/m2", cut.true_resistance(), found.corrected, relative=tolerance, form=".1f")
     if must_flag != bool(found.flags):
@@ -82,19 +82,19 @@ def resistance_row(cut: VirtualCut, what: str, tolerance: float, *, must_flag: b
 
 
 def grid(quick: bool) -> list[tuple[str, float, float, float]]:
-    """Homogeneous tissue of two depths, lengths of cut, speeds and angles."""
+    """Return homogeneous tissue of two depths, lengths of cut, speeds and angles."""
     if quick:
         return list(itertools.product(("2 cm",), (1.0, 4.0), SPEEDS[1:2], ANGLES_DEG))
     return list(itertools.product(("2 cm", "1 cm"), LENGTHS, SPEEDS, ANGLES_DEG))
 
 
 def largest_error(rows: list[Row]) -> str:
-    """The largest relative error, in words."""
+    """Return the largest relative error, in words."""
     return f"within {100 * max(abs(float(r.ours) / float(r.reference) - 1.0) for r in rows):.1f} %"
 
 
 def resistance_comes_back(quick: bool) -> Comparison:
-    """R in, R out, with a return stroke past the tip."""
+    """Compare R in and out, with a return stroke past the tip."""
     rows = [resistance_row(there_and_back(*case), _name(*case), 0.05) for case in watched(grid(quick), "R in, R out")]
     return Comparison(
         title="R in, R out with a return stroke, 1 to 4 inches, all speeds and angles",
@@ -106,7 +106,7 @@ def resistance_comes_back(quick: bool) -> Comparison:
 
 
 def resistance_of_open_records(quick: bool) -> Comparison:
-    """R in, R out, where the record ends with the tissue still loaded."""
+    """Compare R in and out, where the record ends with the tissue still loaded."""
     rows = [
         resistance_row(there_and_back(*case).forward(), _name(*case), 0.10, must_flag=True)
         for case in watched(grid(quick), "R in, R out without return stroke")
@@ -121,7 +121,7 @@ def resistance_of_open_records(quick: bool) -> Comparison:
 
 
 def resistance_of_livers(quick: bool) -> Comparison:
-    """R in, R out in drawn livers, whose depth and toughness vary along the cut."""
+    """Compare R in and out in sampled livers, whose depth and toughness vary along the cut."""
     cases = list(
         itertools.product(LIVERS[:1] if quick else LIVERS[:3], (1.0, 2.0, 4.0), SPEEDS[1:2] if quick else SPEEDS)
     )
@@ -145,7 +145,7 @@ def resistance_of_livers(quick: bool) -> Comparison:
 
 
 def apparent_reads_low(quick: bool) -> Comparison:
-    """The thesis's own formula W/(B x) takes the blade for the tip and stored energy for fracture."""
+    """Check the thesis's own formula W/(B x), which takes the blade for the tip and stored energy for fracture."""
     rows = []
     for inches, expected in ((1.0, 0.91), (4.0, 0.96)):
         cut = virtual_cut("2 cm", speed=SPEEDS[0], turns=(inches * INCH, 0.0), friction_share=0.0)

@@ -16,7 +16,7 @@ CORRECTED = {("nodes", 0): 438, ("elements", 1): 240}  # the errata of Table 4.1
 
 
 def mesh_counts(quick: bool) -> Comparison:
-    """Elements, nodes and equations, exactly."""
+    """Compare elements, nodes and equations, exactly."""
     rows = []
     sizes, levels = table("4.3"), table("4.12")
     for row, (name, kind) in enumerate(MODELS.items()):

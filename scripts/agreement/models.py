@@ -1,7 +1,7 @@
-"""How the modulus of one cut depends on the model that reads it: Tables 4.1, 4.2, 4.4 and 4.5 to 4.11.
+"""Dependence of a cut's modulus on the model with which it is evaluated: Tables 4.1, 4.2, 4.4 and 4.5 to 4.11.
 
-A local effective modulus is the measured slope over kappa and depth.  Whatever was measured at a place, the moduli of
-two models stand there in the inverse ratio of their unit stiffnesses.
+A local effective modulus is the measured slope over kappa and depth.  Whatever was measured at a place, the moduli by
+two models are in the inverse ratio of their unit stiffnesses.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from cutenv.tissue.tables import table
 
 QUAD8_COLUMN = "lem_quad8_plane_stress_Pa"
 FROM_4_CM = 0.04  # nearer to the clamp the brick model is not compared [m]
-KAPPA = {0.02: 0.942, 0.05: 0.668, 0.07: 0.569}  # worked out independently, 8-node plane stress
+KAPPA = {0.02: 0.942, 0.05: 0.668, 0.07: 0.569}  # from an independent calculation, 8-node plane stress
 POISSON_RATIOS = (0.4, 0.45, 0.499)
 INCOMPRESSIBLE = 0.499  # stands for the 0.5 of Table 4.5, as in Table 4.4
 EXPERIMENTS = {f"4.{number}": f"experiment {number - 5}" for number in range(6, 12)}  # Tables 4.6 to 4.11
-MEAN_OVER = np.linspace(0.02, 0.09, 8)  # cut lengths [m]; where their loading segments stand is not said
+MEAN_OVER = np.linspace(0.02, 0.09, 8)  # cut lengths [m]; the thesis does not give those of its loading segments
 DOUBTFUL_LEVEL = 1  # 838 nodes, see the errata of Table 4.12
 
 
@@ -35,17 +35,17 @@ class Lem(NamedTuple):
 
 @cache
 def model(element: str = "quad8", formulation: str = "plane_stress", poisson: float = 0.3) -> CutModel:
-    """A model on the thesis's mesh, built once."""
+    """Return a model on the thesis's mesh, built once."""
     return CutModel(element, formulation, poisson)
 
 
 def places(number: str) -> list[float]:
-    """Where the loading segments of a table stand [m]."""
+    """Return the positions of the loading segments of a table [m]."""
     return [float(d) / 100.0 for d in table(number)["distance_cm"]]
 
 
 def printed(number: str, column: str, row: int) -> Lem:
-    """One cell of a table."""
+    """Return one cell of a table."""
     data = table(number)
     return Lem(data[column][row], data.resolution[column] / 2 / data[column][row])
 
@@ -60,21 +60,21 @@ def ratio_row(
     *,
     base_model: CutModel | None = None,
 ) -> Row:
-    """LEM read with ``of`` over LEM read with ``base_model`` (8-node plane stress), printed and ours."""
+    """Compare LEM by ``of`` over LEM by ``base_model`` (8-node plane stress), printed and ours."""
     ours = (base_model or model()).convert_modulus(1.0, of, a)
     within = None if tolerance is None else tolerance + lem.rounding + base.rounding
     return near(what, lem.value / base.value, ours, relative=within)
 
 
 def largest_difference(rows: list[Row]) -> str:
-    """The largest relative difference of the rows that claim to agree, in words."""
+    """Return the largest relative difference of the rows that claim to agree, in words."""
     claimed = [row for row in rows if row.agrees is not None] or rows
     worst = max(abs(float(row.ours) / float(row.reference) - 1.0) for row in claimed)
     return f"within {100 * worst:.1f} %"
 
 
 def unit_stiffness(quick: bool) -> Comparison:
-    """Kappa at three cut lengths against an independent calculation."""
+    """Compare kappa at three cut lengths with an independent calculation."""
     rows = [
         near(f"kappa at {100 * a:g} cm", reference, model().stiffness(a), absolute=0.0005, form=".4f")
         for a, reference in KAPPA.items()
@@ -89,7 +89,7 @@ def unit_stiffness(quick: bool) -> Comparison:
 
 
 def plane_strain(quick: bool) -> Comparison:
-    """Table 4.1: plane strain over plane stress."""
+    """Compare Table 4.1: plane strain over plane stress."""
     rows = [
         ratio_row(
             f"at {100 * a:.2f} cm",
@@ -112,7 +112,7 @@ def plane_strain(quick: bool) -> Comparison:
 
 
 def poisson(quick: bool) -> Comparison:
-    """Table 4.4: LEM at three other Poisson's ratios over LEM at 0.3."""
+    """Compare Table 4.4: LEM at three other Poisson's ratios over LEM at 0.3."""
     column = "lem_quad8_plane_stress_poisson_{:g}_Pa".format
     rows = [
         ratio_row(
@@ -137,7 +137,7 @@ def poisson(quick: bool) -> Comparison:
 
 
 def bricks(quick: bool) -> Comparison:
-    """Table 4.1: 20-node bricks over 8-node plane stress, from 4.08 cm on."""
+    """Compare Table 4.1: 20-node bricks over 8-node plane stress, from 4.08 cm on."""
     rows = []
     for i, a in enumerate(places("4.1")):
         lem, base = printed("4.1", "lem_hex20_Pa", i), printed("4.1", QUAD8_COLUMN, i)
@@ -157,7 +157,7 @@ def bricks(quick: bool) -> Comparison:
 
 
 def four_nodes(quick: bool) -> Comparison:
-    """Table 4.2: the 4-node columns, whose element the text does not name; shown only."""
+    """Compare Table 4.2: the 4-node columns, whose element the text does not name; shown only."""
     rows = [
         ratio_row(
             f"{formulation.replace('_', ' ')}, at {100 * a:.2f} cm",
@@ -183,7 +183,7 @@ def four_nodes(quick: bool) -> Comparison:
 
 
 def incompressible(quick: bool) -> Comparison:
-    """Table 4.5: LEM at Poisson's ratio 0.5 over the 8-node plane-stress LEM at 0.3 of Table 4.1."""
+    """Compare Table 4.5: LEM at Poisson's ratio 0.5 over the 8-node plane-stress LEM at 0.3 of Table 4.1."""
     columns: dict[str, tuple[str, CutModel, float | None]] = {
         "2-D, 8 nodes": ("lem_quad8_plane_stress_Pa", model(poisson=INCOMPRESSIBLE), 0.011),
         "3-D": ("lem_hex20_Pa", model("hex20", "solid", INCOMPRESSIBLE), 0.08),
@@ -214,7 +214,7 @@ def incompressible(quick: bool) -> Comparison:
 
 
 def element_size(quick: bool) -> Comparison:
-    """Tables 4.6 to 4.11: mean LEM of six cuts on four finer meshes over that on the coarsest."""
+    """Compare Tables 4.6 to 4.11: mean LEM of six cuts on four finer meshes over that on the coarsest."""
     kappas = [np.asarray(CutModel(divisions=divisions).stiffness(MEAN_OVER)) for divisions in DIVISIONS]
     ours = [float((kappas[0] / kappa).mean()) for kappa in kappas]
     rows = []

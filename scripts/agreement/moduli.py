@@ -30,7 +30,7 @@ DEPTH_NORMALISED = {"5.5": False, "5.6": True}  # Table 5.7 is an erratum
 
 
 def averages(quick: bool) -> Comparison:
-    """The printed "Average" rows of Tables 5.1 to 5.4."""
+    """Compare the printed "Average" rows of Tables 5.1 to 5.4."""
     rows = []
     for number in ("5.1", "5.2", "5.3", "5.4"):
         data = table(number)
@@ -54,7 +54,7 @@ def averages(quick: bool) -> Comparison:
 
 
 def equations(quick: bool) -> Comparison:
-    """Equations 5.1 to 5.10 recomputed from Tables 5.5 to 5.7."""
+    """Compare equations 5.1 to 5.10 with fits to Tables 5.5 to 5.7."""
     rows = []
     for equation, number, angle_deg, formulation, slope, intercept, digit in LINEAR:
         fit = linear_fit(number, angle_deg=angle_deg, formulation=formulation)
@@ -79,7 +79,7 @@ def equations(quick: bool) -> Comparison:
 
 
 def fits(quick: bool) -> Comparison:
-    """The fits against the means that they were made from, within the printed SD."""
+    """Compare the fits with the means from which they were made, within the printed SD."""
     rows: list[Row] = []
     for number, per_depth in DEPTH_NORMALISED.items():
         data = table(number)
@@ -106,7 +106,7 @@ def fits(quick: bool) -> Comparison:
 
 
 def law_of_speed(quick: bool) -> Comparison:
-    """What the law of cutting takes for LEM(v, theta), beside the means: within two standard errors of them."""
+    """Compare the cutting law's LEM(v, theta) with the means: within two standard errors of them."""
     rows = []
     data, liver = table("5.6"), measured_liver()
     for angle_deg in (90, 45):
@@ -130,7 +130,7 @@ def law_of_speed(quick: bool) -> Comparison:
 
 
 def constants(quick: bool) -> Comparison:
-    """The quasi-static modulus and the fracture resistance that the simulator starts from."""
+    """Compare the quasi-static modulus and the fracture resistance with which the simulator starts."""
     data = table("6.1")
     resistance = measured_fracture_resistance()
     rows = [printed_as("quasi-static modulus E0, kPa", 48.4, quasi_static_modulus() / 1e3, 0.1)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 SHOWN = "not a target"
-"""Tolerance of a row that is shown for what it is worth."""
+"""Tolerance of a row that is only shown."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,17 +21,17 @@ class Row:
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """Rows that belong together, and what to say of them in one line.
+    """Rows that belong together, and their summary in one line.
 
     Attributes
     ----------
     title, source : str
-        What is compared, and with what: table, equation, figure or section.
+        Subject of the comparison, and its reference: table, equation, figure or section.
     ours, tolerance : str
-        Of all rows at once, for the summary.
+        Summary of all rows.
     rows : tuple of Row
     notes : tuple of str
-        Errata that were honoured, and why a row misses.
+        Errata that were taken into account, and reasons why a row misses.
     """
 
     title: str
@@ -53,7 +53,7 @@ class Comparison:
 
     @property
     def verdict(self) -> str:
-        """``agrees``, ``MISS`` or ``shown``, with how many of how many."""
+        """Verdict ``agrees``, ``MISS`` or ``shown``, with the number of rows."""
         n, hits = len(self.claims), len(self.claims) - len(self.misses)
         if n == 0:
             return "shown"
@@ -61,13 +61,13 @@ class Comparison:
 
 
 def hits(rows: list[Row]) -> str:
-    """How many of the claimed rows agree, in words."""
+    """Return how many of the claimed rows agree, in words."""
     claims = [row for row in rows if row.agrees is not None]
     return f"{sum(row.agrees is True for row in claims)} of {len(claims)}"
 
 
 def exactly(what: str, reference: float, ours: float) -> Row:
-    """A count."""
+    """Compare two counts."""
     return Row(
         what=what, reference=f"{reference:g}", ours=f"{ours:g}", tolerance="exact", agrees=bool(ours == reference)
     )
@@ -82,7 +82,7 @@ def near(
     absolute: float | None = None,
     form: str = ".4g",
 ) -> Row:
-    """A number that shall lie within ``relative`` or ``absolute`` of its reference; neither: only shown."""
+    """Compare a number with its reference within ``relative`` or ``absolute`` tolerance; neither: only shown."""
     difference = abs(ours - reference)
     if relative is not None:
         tolerance, agrees = f"{100 * relative:.3g} %", bool(difference <= relative * abs(reference))
@@ -96,12 +96,12 @@ def near(
 
 
 def unclaimed(row: Row) -> Row:
-    """The same row as it is shown where the reference is an erratum."""
+    """Return the same row without a claim, as for a reference that is an erratum."""
     return replace(row, tolerance=SHOWN, agrees=None)
 
 
 def printed_as(what: str, printed: float, ours: float, digit: float) -> Row:
-    """A number that shall round to the printed one, whose last digit counts ``digit``."""
+    """Compare a number that shall round to the printed one, whose last digit counts ``digit``."""
     decimals = max(0, len(f"{digit:.6f}".rstrip("0").partition(".")[2]))
     return Row(
         what=what,
@@ -113,10 +113,10 @@ def printed_as(what: str, printed: float, ours: float, digit: float) -> Row:
 
 
 def at_most(what: str, ours: float, limit: float, *, reference: str = "0") -> Row:
-    """A residual."""
+    """Check that a residual is at most ``limit``."""
     return Row(what=what, reference=reference, ours=f"{ours:.1e}", tolerance=f"{limit:.0e}", agrees=bool(ours <= limit))
 
 
 def holds(what: str, reference: str, ours: str, agrees: bool, *, tolerance: str = "shown") -> Row:
-    """A statement of the thesis that is true or not."""
+    """Check a statement of the thesis that is true or not."""
     return Row(what=what, reference=reference, ours=ours, tolerance=tolerance, agrees=bool(agrees))

@@ -1,9 +1,9 @@
 """Rows whose tolerance is the scatter of what they compare: two means, two standard deviations, two fitted lines.
 
 Both sides are samples: a table's mean of a few cuts is known to its standard error and no better, nor is ours.  Two
-samples of one population differ by more than is allowed here once in twenty rows, so that of a hundred rows some five
-miss by chance; tolerances of so many per cent would hide that, or hide worse.  Cuts of one liver are alike, which both
-standard errors neglect: they are a little too small.
+samples of one population differ by more than is allowed here once in twenty rows, so that by chance some five of a
+hundred rows miss; tolerances of so many per cent would hide that, or hide worse.  Cuts of one liver are correlated,
+which both standard errors neglect: they are a little too small.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ class Sample(NamedTuple):
 
     @classmethod
     def of(cls, values: Array) -> Sample:
-        """Of the numbers themselves."""
+        """Compute the sample statistics of numbers."""
         return cls(float(np.mean(values)), float(np.std(values)), len(values))
 
     @property
     def standard_error(self) -> float:
-        """Of the mean, by the unbiased variance."""
+        """Standard error of the mean, by the unbiased variance."""
         return self.sd / math.sqrt(self.n - 1)
 
     @property
     def variance(self) -> float:
-        """Unbiased."""
+        """Unbiased variance."""
         return self.sd**2 * self.n / (self.n - 1)
 
 
 def mean_row(what: str, reference: Sample, ours: Sample) -> Row:
-    """Agree if the means differ by less than two standard errors of their difference (Welch's t test)."""
+    """Compare means: agree if they differ by less than two standard errors of their difference (Welch's t test)."""
     error = math.hypot(reference.standard_error, ours.standard_error)
     squares = (reference.standard_error**4 / (reference.n - 1)) + (ours.standard_error**4 / (ours.n - 1))
     allowed = _quantile(error**4 / squares) * error if error else 0.0
@@ -60,7 +60,7 @@ def mean_row(what: str, reference: Sample, ours: Sample) -> Row:
 
 
 def sd_row(what: str, reference: Sample, ours: Sample) -> Row:
-    """Agree if the ratio of the variances is one that two samples of a population show (F test)."""
+    """Compare variances: agree if their ratio is one that two samples of a population show (F test)."""
     ratio = ours.variance / reference.variance
     degrees = (ours.n - 1, reference.n - 1)
     low, high = stats.f.ppf([(1 - TWO_SIDED) / 2, (1 + TWO_SIDED) / 2], *degrees)
@@ -74,7 +74,7 @@ def sd_row(what: str, reference: Sample, ours: Sample) -> Row:
 
 
 def _as_sd(variance_ratio: float, degrees: tuple[float, float]) -> float:
-    """Ratio of population standard deviations, whose samples have one more number than degrees of freedom."""
+    """Return the ratio of population standard deviations; samples have one more number than degrees of freedom."""
     ours, reference = degrees
     return math.sqrt(variance_ratio * (ours / (ours + 1)) * ((reference + 1) / reference))
 
@@ -90,20 +90,20 @@ class Line(NamedTuple):
 
     @classmethod
     def through(cls, x: Array, y: Array) -> Line:
-        """LEM = intercept + slope v, as most of the thesis's equations follow from its tables."""
+        """Fit LEM = intercept + slope v, as in most of the thesis's equations."""
         fit = stats.linregress(x, y)
         return cls(fit.slope, fit.stderr, fit.intercept, fit.intercept_stderr, len(x))
 
     @classmethod
     def through_logarithms(cls, x: Array, y: Array) -> Line:
-        """LEM = intercept v^slope, as equations 5.3 and 5.4."""
+        """Fit LEM = intercept v^slope, as in equations 5.3 and 5.4."""
         fit = stats.linregress(np.log(x), np.log(y))
         coefficient = math.exp(fit.intercept)
         return cls(fit.slope, fit.stderr, coefficient, coefficient * fit.intercept_stderr, len(x))
 
 
 def coefficient_rows(what: str, reference: Line, ours: Line, *, slope: str, intercept: str) -> list[Row]:
-    """Two rows: agree if the coefficients differ by less than both lines' scatter explains (t test)."""
+    """Compare coefficients in two rows: agree if they differ by less than both lines' scatter explains (t test)."""
     pairs = {
         slope: ((reference.slope, reference.slope_error), (ours.slope, ours.slope_error)),
         intercept: ((reference.intercept, reference.intercept_error), (ours.intercept, ours.intercept_error)),

@@ -1,4 +1,4 @@
-"""Virtual records: cuts of known tissue as the rig would have recorded them, with the truth beside."""
+"""Virtual records: cuts of known tissue as the rig would have recorded them, together with the truth."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 
 class VirtualCut(NamedTuple):
-    """A record, and what no rig could have recorded."""
+    """A record, with the truth that no rig could have recorded."""
 
     trace: Trace
     specimen: Specimen
@@ -43,34 +43,34 @@ class VirtualCut(NamedTuple):
         return np.asarray(self.readings["tip"])
 
     def forward(self) -> VirtualCut:
-        """The same, as if the record had ended where the blade turned."""
+        """Return the same cut, as if the record had ended where the blade turned."""
         stop = int(np.argmax(self.trace.position)) + 1
         return self._replace(trace=self.trace.select(slice(stop)), readings=self.readings[:stop])
 
     def true_moduli(self, segments: Sequence[Segment]) -> Array:
-        """LEM [Pa] that an exact slope shows at each segment's tip, speed and angle: r K/(kappa B)."""
+        """Return the LEM [Pa] by an exact slope at each segment's tip, speed and angle: r K/(kappa B)."""
         tips = [float(self.tip[s.samples].mean()) for s in segments]
         r = np.array([self.specimen.loading_ratio(s.speed or 0.0, s.angle or math.pi / 2) for s in segments])
         K, B = (np.interp(tips, PLACES, values) for values in (self.specimen.stiffness(), self.specimen.depth))
         return np.asarray(r * K / (self.specimen.cut_model().stiffness(tips) * B))
 
     def true_resistance(self) -> float:
-        """R [J/m2] that the law was given, friction's share included, mean over the area that was cut."""
+        """Return the true R [J/m2], friction's share included, mean over the area that was cut."""
         share, depth = self.specimen.tissue.friction_share, self.specimen.depth
         at = np.linspace(0.0, float(self.tip.max()), 4001)
         fracture = np.interp(at, PLACES, (1.0 - share) * self.specimen.fracture_resistance * depth)
         return float(fracture.sum() / np.interp(at, PLACES, depth).sum()) + self.specimen.friction_per_depth
 
     def debt(self) -> float:
-        """What the law still owes at the end, or has lost, per area [J/m2]: no measurement can know it."""
+        """Return what the law still owes at the end, or has lost, per area [J/m2]: no measurement can know it."""
         area = DepthProfile.recorded(self.trace, by="a virtual cut").area(0.0, float(self.tip.max()))
         return (self.energy["ledger"] + self.energy["loss"]) / area
 
 
 def specimen(kind: str, *, friction_share: float | None = None) -> Specimen:
-    """A slice 2 or 1 cm thick that is cut through (``"2 cm"``, ``"1 cm"``), a slab with the bulge, or a liver.
+    """Make a slice 2 or 1 cm thick that is cut through (``"2 cm"``, ``"1 cm"``), a slab with the bulge, or a liver.
 
-    ``"liver 7"`` is drawn with seed 7.
+    ``"liver 7"`` is sampled with seed 7.
     """
     tissue = measured_liver()
     if friction_share is not None:
@@ -96,7 +96,7 @@ def virtual_cut(
     turns: tuple[float, ...] = (0.1, 0.0),
     friction_share: float | None = None,
 ) -> VirtualCut:
-    """Lead the blade through ``turns`` [m] at ``speed`` [m/s], felt with noise, resolution and delay.
+    """Move the blade through ``turns`` [m] at ``speed`` [m/s], measured with noise, resolution and delay.
 
     It rests before the cut and at each turn.
     """
@@ -108,5 +108,5 @@ def virtual_cut(
 
 
 def cm_s(speed: float) -> str:
-    """A speed in the thesis's unit."""
+    """Format a speed in the thesis's unit."""
     return f"{100 * speed:g} cm/s"

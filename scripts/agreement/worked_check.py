@@ -1,4 +1,4 @@
-"""The worked-out check of the cutting law: homogeneous tissue, no friction, the blade led 10 cm."""
+"""Worked check of the cutting law: homogeneous tissue, no friction, the blade moved by 10 cm."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from cutenv.tissue.description import tables_only
 
 ETA90, MODULUS, RESISTANCE, DEPTH = 0.28, 48.36e3, 211.0, 0.02  # [1], [Pa], [J/m2], [m]
 TRAVEL = 0.1  # [m]
-_BLOCK = 100  # updates between two looks at the energy account
+_BLOCK = 100  # updates between two checks of the energy account
 _SHORTEST_RAMP = 5  # readings
 
 
 class Expected(NamedTuple):
-    """One cut of the check, worked out independently."""
+    """Results of one cut of the check by an independent calculation."""
 
     angle_deg: int
     speed: float  # [m/s]
@@ -52,7 +52,7 @@ EXPECTED = [
 
 
 class Found(NamedTuple):
-    """What the law did."""
+    """Results of one cut by the law."""
 
     readings: NDArray[np.void]
     state: Record
@@ -61,13 +61,13 @@ class Found(NamedTuple):
 
     @property
     def lag(self) -> NDArray[np.float64]:
-        """How far the blade leads the tip at every instant [m]."""
+        """Distance by which the blade leads the tip at every instant [m]."""
         return np.maximum(self.readings["position"] - self.readings["tip"], 0.0)
 
 
 @functools.cache
 def cut(speed: float, angle_deg: float) -> Found:
-    """Lead the blade ``TRAVEL`` at constant speed [m/s] and angle."""
+    """Move the blade by ``TRAVEL`` at constant speed [m/s] and angle."""
     specimen = Specimen.homogeneous(
         modulus=MODULUS,
         fracture_resistance=RESISTANCE,
@@ -91,7 +91,7 @@ def cut(speed: float, angle_deg: float) -> Found:
 
 
 def loading_slope(found: Found, expected: Expected) -> float:
-    """Mean slope of the force while the crack grows steadily, over LEM kappa B at that place."""
+    """Return the mean slope of the force while the crack grows steadily, over LEM kappa B at that place."""
     r = found.readings
     growing = (np.diff(r["tip"], prepend=0.0) > 0.0) & (r["jump"] == 0.0)
     borders = np.flatnonzero(np.diff(np.concatenate(([False], growing, [False])).astype(int)))
@@ -106,7 +106,7 @@ def loading_slope(found: Found, expected: Expected) -> float:
 
 
 def rows_of(of: str, quick: bool) -> list[Row]:
-    """Rows of one kind for every cut of the check; quick leaves out the two slow speeds."""
+    """Return rows of one kind for every cut of the check; quick leaves out the two slow speeds."""
     rows = []
     for e in EXPECTED:
         if quick and e.speed < 0.01:
@@ -134,7 +134,7 @@ def rows_of(of: str, quick: bool) -> list[Row]:
 
 
 def span(rows: list[Row]) -> str:
-    """Smallest and largest of ours."""
+    """Return smallest and largest of our values."""
     values = sorted((row.ours for row in rows), key=float)
     return f"{values[0]} to {values[-1]}"
 
@@ -150,7 +150,7 @@ def _comparison(title: str, tolerance: str, rows: list[Row], ours: str) -> Compa
 
 
 def units_and_share(quick: bool) -> Comparison:
-    """How often the crack runs, and how much of the cut the runs make."""
+    """Compare the number of crack runs, and their share of the cut."""
     units, shares = rows_of("units", quick), rows_of("share of unstable growth", quick)
     off = max(abs(float(row.ours) - float(row.reference)) for row in units)
     share_off = max(abs(float(row.ours) - float(row.reference)) for row in shares)
@@ -160,14 +160,14 @@ def units_and_share(quick: bool) -> Comparison:
 
 
 def peak_and_slope(quick: bool) -> Comparison:
-    """The force at initiation, and how it rises."""
+    """Compare the force at initiation, and its rise."""
     peaks, slopes = rows_of("peak force, N", quick), rows_of("slope over LEM kappa B", quick)
     ours = f"{peaks[0].ours} and {peaks[-1].ours} N; {span(slopes)}"
     return _comparison("peak force 5.40 and 4.81 N; slope over LEM kappa B", "0.005", [*peaks, *slopes], ours)
 
 
 def lag_and_energy(quick: bool) -> Comparison:
-    """How far the tip stays behind, and what the work paid for."""
+    """Compare the distance of the tip behind the blade, and the distribution of the work."""
     lags, works = rows_of("mean lag, mm", quick), rows_of("(work - stored)/(R B a)", quick)
     residuals = rows_of("energy residual, J", quick)
     ours = f"{span(lags)} mm; {span(works)}; {span(residuals).partition(' to ')[2]} J"

@@ -22,11 +22,11 @@ FIGURES: dict[str, Callable[[Path, bool], None]] = {
     "figure_6_5_to_6_7": fracture.forward_backward,
     "figure_energy": fracture.energy_account,
 }
-"""By name of the picture; each takes where to draw and whether to be quick."""
+"""Figures by name; each takes where to draw and whether to be quick."""
 
 
 def draw(name: str, folder: Path, quick: bool) -> Path:
-    """Draw one figure into ``folder``, which is made if it is missing; return the picture."""
+    """Draw one figure into ``folder``, which is created if missing; return the path of the picture."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.png"
     with rc_context(STYLE):

@@ -37,7 +37,7 @@ UNUSED = "not used: the first, bent, or ended by no drop"
 
 
 def force_against_displacement(path: Path, quick: bool) -> None:
-    """Figure 3.3: three speeds through one drawn liver."""
+    """Draw Figure 3.3: three speeds through one sampled liver."""
     title = "Figure 3.3 anew: cutting force at three speeds, one drawn liver, 90°, virtual sensor"
     figure, axes = panels(3, 1, (7.5, 7.5), title, sharex=True, sharey=True)
     for ax, speed, letter in zip(axes, SPEEDS, "ABC", strict=True):
@@ -51,7 +51,7 @@ def force_against_displacement(path: Path, quick: bool) -> None:
 
 
 def loading_segments_found(path: Path, quick: bool) -> None:
-    """Figure 3.6: the ramps that the measurement uses."""
+    """Draw Figure 3.6: the ramps that the measurement uses."""
     figure, axes = panels(
         2, 1, (7.5, 6.0), "Figure 3.6 anew: loading segments found in the force (line: fitted slope ΔF/ΔU)"
     )
@@ -74,7 +74,7 @@ def loading_segments_found(path: Path, quick: bool) -> None:
 
 
 def mark_segments(ax: Axes, trace: Trace, segments: list[Segment]) -> None:
-    """The fitted lines over the force, in another colour where the measurement does not use them."""
+    """Draw the fitted lines over the force, in another colour where the measurement does not use them."""
     for s in segments:
         ends = trace.position[[s.start, s.stop - 1]]
         line = s.force + s.slope * (ends - s.position)
@@ -83,7 +83,7 @@ def mark_segments(ax: Axes, trace: Trace, segments: list[Segment]) -> None:
 
 
 def liver_cuts() -> list[tuple[Specimen, SimulatedPlant]]:
-    """Four parallel cuts of one liver, not yet made."""
+    """Prepare four parallel cuts of one liver, not yet made."""
     factor = draw_liver(generator(LIVER_SEED))
     cuts = []
     for cut in range(CUTS):
@@ -93,7 +93,7 @@ def liver_cuts() -> list[tuple[Specimen, SimulatedPlant]]:
 
 
 def moduli_along_four_cuts(path: Path, quick: bool) -> None:
-    """Figures 3.7 and 3.8: LEM along a cut, averages of four cuts; and per depth, beside what was put in."""
+    """Draw Figures 3.7 and 3.8: LEM along a cut, averages of four cuts; and per depth, beside the truth."""
     figure, axes = panels(
         2, 2, (10.0, 7.0), "Figures 3.7 and 3.8 anew: local effective modulus in four cuts of one liver"
     )

@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 
 
 def resistance_by_length(path: Path, quick: bool) -> None:
-    """Figures 6.3 and 6.4: the work of a cut, and apparent resistance against its length."""
+    """Draw Figures 6.3 and 6.4: the work of a cut, and apparent resistance against its length."""
     figure, (work, resistance) = panels(
         1, 2, (11.0, 4.4), "Figures 6.3 and 6.4 anew: work of the blade, and apparent fracture resistance R = W*/x"
     )
@@ -72,7 +72,7 @@ def _draw_resistance(ax: Axes, quick: bool) -> None:
 
 
 def forward_backward(path: Path, quick: bool) -> None:
-    """Figures 6.5 to 6.7: travel, and force in the first (red) and the second (blue) cycle."""
+    """Draw Figures 6.5 to 6.7: travel, and force in the first (red) and the second (blue) cycle."""
     speed = SPEEDS[0]
     cut = protocol(TOUGH, speed)
     out, back, on, home = legs(cut)
@@ -110,12 +110,12 @@ def forward_backward(path: Path, quick: bool) -> None:
 
 
 def smoothed(force: Array) -> Array:
-    """Mean over 50 ms, which is 0.05 mm of a slow cut: below the sensor's resolution, friction shows."""
+    """Return the mean over 50 ms, which is 0.05 mm of a slow cut: below the sensor's resolution, friction shows."""
     return np.convolve(force, np.full(_SMOOTHING, 1.0 / _SMOOTHING), mode="same")
 
 
 def energy_account(path: Path, quick: bool) -> None:
-    """Where the work of a cut and of its return stroke goes, at every instant."""
+    """Draw where the work of a cut and of its return stroke goes, at every instant."""
     plant = SimulatedPlant(specimen(TYPICAL), seed=2)
     account: dict[str, list[float]] = {}
     times, places, speed = [], [], 0.0127

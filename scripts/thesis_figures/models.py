@@ -1,4 +1,4 @@
-"""Chapter 4: displacement fields, and one cut read with several models."""
+"""Chapter 4: displacement fields, and one cut evaluated with several models."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ _FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), 
 
 
 def displacement_at_the_tip(of: CutModel) -> Array:
-    """Displacement of every node [m] under the force that moves the tip by ``TIP_DISPLACEMENT``."""
+    """Return the displacement of every node [m] under the force that moves the tip by ``TIP_DISPLACEMENT``."""
     force = TIP_DISPLACEMENT * of.stiffness(CUT_LENGTH) * quasi_static_modulus() * DEPTH
     return of.displacement(CUT_LENGTH, force, quasi_static_modulus(), DEPTH)
 
 
 def displacement_field(path: Path, quick: bool) -> None:
-    """Figure 4.2: the displaced mesh of both quadratic models, true to scale."""
+    """Draw Figure 4.2: the displaced mesh of both quadratic models, true to scale."""
     title = "Figure 4.2 anew: displacement field, tip at 7 cm pushed 1 cm forward (true to scale)"
     figure, (solid, plane) = panels(1, 2, (10.0, 6.4), title, width_ratios=(1.35, 1.0))
     norm = Normalize(0.0, 1e3 * TIP_DISPLACEMENT)
@@ -47,7 +47,7 @@ def displacement_field(path: Path, quick: bool) -> None:
 
 
 def _draw_faces(ax: Axes, points: Array, faces: NDArray[np.int64], size: Array, norm: Normalize) -> None:
-    """Quadrilaterals in the plane, shaded by ``size`` [mm] at their corners."""
+    """Draw quadrilaterals in the plane, shaded by ``size`` [mm] at their corners."""
     centres = np.arange(len(faces)) + len(points)  # around which every face is split, so that it is shaded evenly
     vertices = np.concatenate([points, points[faces].mean(axis=1)])
     values = np.concatenate([size, size[faces].mean(axis=1)])
@@ -57,7 +57,7 @@ def _draw_faces(ax: Axes, points: Array, faces: NDArray[np.int64], size: Array, 
 
 
 def _corners_of_the_cut(of: CutModel) -> NDArray[np.int64]:
-    """Corner nodes of the cut's left face, from the clamp to the tip; of bricks those on top."""
+    """Return corner nodes of the cut's left face, from the clamp to the tip; for bricks those on top."""
     line = of.pairs[np.isin(of.pairs[:, 0], of.elements), 0]
     place = of.nodes[line]
     return line[(place[:, 1] <= CUT_LENGTH + 1e-9) & (place[:, -1] >= of.nodes[line, -1].max() * (of.dim == 3) - 1e-9)]
@@ -97,7 +97,7 @@ def _draw_solid(ax: Axes, of: CutModel, norm: Normalize) -> None:
 
 
 def _seen_from_above(x: Array) -> Array:
-    """Parallel projection of points in space from over the right shoulder of the clamp; shape (n, 2)."""
+    """Project points in space in parallel, seen from over the right shoulder of the clamp; shape (n, 2)."""
     turned, raised = np.radians(-32.0), np.radians(42.0)
     across = x[:, 0] * np.cos(turned) - x[:, 1] * np.sin(turned)
     along = x[:, 0] * np.sin(turned) + x[:, 1] * np.cos(turned)
@@ -105,7 +105,7 @@ def _seen_from_above(x: Array) -> Array:
 
 
 def models_along_the_cut(path: Path, quick: bool) -> None:
-    """Figures 4.3 to 4.5: the cut of Table 4.1 read with every model; the average by speed with bricks."""
+    """Draw Figures 4.3 to 4.5: the cut of Table 4.1 by every model; the average by speed with bricks."""
     figure, axes = panels(
         1, 3, (13.0, 4.4), "Figures 4.3 to 4.5 anew: one cut read with several models; average by speed"
     )

@@ -1,4 +1,4 @@
-"""Chapter 5: LEM by cut and against speed; the measured means, drawn livers, and the fits that the simulator uses."""
+"""Chapter 5: LEM by cut and against speed; the measured means, sampled livers, and the fits that the simulator uses."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ at 90°."""
 
 
 def moduli_by_cut(path: Path, quick: bool) -> None:
-    """Figures 5.2 to 5.4: force against the length of cut with its segments, and the means of the cuts."""
+    """Draw Figures 5.2 to 5.4: force against the length of cut with its segments, and the means of the cuts."""
     title = "Figures 5.2 to 5.4 anew: loading segments at 45° and 90° in one drawn liver, and the means of all cuts"
     figure, axes = panels(4, 2, (12.0, 11.0), title)
     for angle_deg, column in ((45, 0), (90, 1)):
@@ -103,7 +103,7 @@ def _draw_segments(ax: Axes, angle_deg: float, speed: float) -> None:
 
 
 def _draw_means(ax: Axes, angle_deg: float, rows: list[tuple[str, float]], quick: bool) -> None:
-    """Measured means of the cuts with the standard deviation within each, and drawn ones beside them."""
+    """Draw measured means of the cuts with the standard deviation within each, and virtual ones beside them."""
     colour = INCLINED if angle_deg == 45 else UPRIGHT
     for at, (number, speed) in enumerate(rows):
         suffix = f"_at_{speed:.2f}_cm_s" if number == "5.1" else ""
@@ -125,7 +125,7 @@ def _draw_means(ax: Axes, angle_deg: float, rows: list[tuple[str, float]], quick
 
 
 def moduli_by_speed(path: Path, quick: bool) -> None:
-    """Figures 5.5 to 5.9."""
+    """Draw Figures 5.5 to 5.9."""
     title = "Figures 5.5 to 5.9 anew: LEM against cutting speed, mean ± SD; measured and fitted, and of drawn livers"
     figure, axes = panels(2, 3, (12.5, 7.2), title)
     for ax, panel in zip(axes, PANELS, strict=False):

@@ -29,13 +29,13 @@ STYLE = {
     "lines.linewidth": 1.0,
     "errorbar.capsize": 2.5,
 }
-"""Settings of Matplotlib under which every figure is drawn."""
+"""Matplotlib settings for every figure."""
 
 
 def panels(
     rows: int, columns: int, size: tuple[float, float], title: str, **shared: object
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of ``size`` [inch] with its axes row by row."""
+    """Return a figure of ``size`` [inch] with its axes row by row."""
     figure = Figure(figsize=size, layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **shared)  # type: ignore[call-overload]
     figure.suptitle(title, fontsize=10, fontweight="bold")
@@ -43,7 +43,7 @@ def panels(
 
 
 def named(axes: Axes, title: str, x: str = "", y: str = "") -> None:
-    """Title at the left and labels."""
+    """Set the title at the left, and the labels."""
     axes.set_title(title, loc="left")
     axes.set_xlabel(x)
     axes.set_ylabel(y)

@@ -190,7 +190,7 @@ def test_a_card_that_belongs_to_the_other_kind_of_network_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("change", "found"),
     [
-        ({"weight_hh": np.zeros((4 * UNITS, 6), np.float32)}, "four times as high as wide"),
+        ({"weight_hh": np.zeros((4 * UNITS, 6), np.float32)}, "four times as many rows as columns"),
         ({"bias_ih": np.zeros(3, np.float32)}, r"memory.bias_ih has shape \(3,\); 7 units need 28 rows"),
         ({"weight_ih": np.full((4 * UNITS, SIZE), np.nan, np.float32)}, "memory.weight_ih holds .* NaN"),
         ({"bias_hh": np.zeros(4 * UNITS)}, "memory.bias_hh is float64"),

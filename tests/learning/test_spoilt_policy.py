@@ -98,7 +98,7 @@ def test_a_single_damaged_byte_of_the_weights_is_noticed(folder, place):
     content = bytearray((folder / WEIGHTS).read_bytes())
     content[place] ^= 1
     (folder / WEIGHTS).write_bytes(content)
-    check_refused(folder, WEIGHTS, f"its SHA-256 is .*{CARD} says .*changed or damaged")
+    check_refused(folder, WEIGHTS, f"its SHA-256 is .*{CARD} has .*changed or damaged")
 
 
 def test_weights_that_are_no_safetensors_are_refused_even_with_their_hash(folder):

@@ -120,7 +120,7 @@ def test_an_angle_outside_of_45_to_90_degrees_is_refused_with_the_cure(angle_deg
     assert [each.name for each in refused] == ([] if taken else ["turned"])
     for each in refused:
         assert f"stands at {angle_deg:.0f} degrees" in each.reason
-        assert "180 less it" in each.reason
+        assert "180 minus the angle" in each.reason
 
 
 def test_if_every_record_is_refused_all_reasons_are_told() -> None:

@@ -198,7 +198,7 @@ def test_calibration_warns_where_friction_hides_an_offset(offset: float) -> None
     even, varied = (restless(rested_cut(kind).trace) for kind in ("2 cm", "liver"))
     notes = notes_of([shifted(even, offset), shifted(varied, offset)])
     # 0.1 N over 2 cm and 211 J/m2
-    check_warned(notes, "1 of 2 cuts do not tell the sensor's zero", "cannot be told apart", "share by 0.02 or more")
+    check_warned(notes, "1 of 2 cuts do not show the sensor's zero", "cannot be told apart", "share by 0.02 or more")
 
 
 def test_calibration_says_what_was_taken_off() -> None:

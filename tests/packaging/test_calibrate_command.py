@@ -152,7 +152,7 @@ def bad_records(folder: Path) -> dict[str, str]:
     (folder / "damaged.csv").write_text("# cutenv-record/1\ntime_s,force_N\n0,zero\n")
     save(dataclasses.replace(good, force=-good.force, metadata={}), folder / "reversed.csv")
     save(dataclasses.replace(good, force=np.full(len(good), 1.0), metadata={}), folder / "constant.csv")
-    return {"damaged.csv": "is not a number", "reversed": "Turn its sign", "constant": "at every instant"}
+    return {"damaged.csv": "is not a number", "reversed": "Reverse its sign", "constant": "at every instant"}
 
 
 @pytest.mark.usefixtures("no_work")

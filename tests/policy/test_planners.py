@@ -137,7 +137,7 @@ def test_a_plant_that_is_no_simulation_cannot_be_looked_into():
     cutting.plant = Rig()
     planner = PlannerWithTruth()
     planner.reset(np.random.default_rng(0))
-    with pytest.raises(TypeError, match="tried out in a simulation; Rig is none"):
+    with pytest.raises(TypeError, match="need a SimulatedPlant to simulate, got Rig"):
         planner.look_into(cutting)
 
 

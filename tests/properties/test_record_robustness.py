@@ -128,7 +128,7 @@ def test_more_return_strokes_tell_the_same(condition, protocol):
 def test_a_reversed_force_is_refused(condition):
     found = robust.record(*condition).measured(robust.reversed_sign(of(condition)))
     assert isinstance(found, robust.Refused)
-    assert "Turn its sign" in found.reason
+    assert "Reverse its sign" in found.reason
 
 
 @pytest.mark.parametrize(

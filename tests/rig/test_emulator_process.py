@@ -239,7 +239,7 @@ def test_a_bad_option_is_refused_before_it_is_ready(capfd):
     assert "fault must be one of" in capfd.readouterr().err
     with pytest.raises(RigError, match="ended before it was ready"):
         start(angle_deg=30.0)
-    assert "Measured are 45 to 90 degrees" in capfd.readouterr().err
+    assert "45 to 90 degrees" in capfd.readouterr().err
 
 
 def test_nobody_at_the_control_port_is_said_with_the_cure():

@@ -169,7 +169,7 @@ def test_a_reference_set_survives_its_file(tmp_path: object) -> None:
     for name, values in before.values.items():
         np.testing.assert_allclose(after.values[name], values, rtol=1e-4)
     path.write_text("time,force\n0,1\n")
-    with pytest.raises(ValueError, match="is no reference set"):
+    with pytest.raises(ValueError, match="is not a reference set"):
         ReferenceSet.load(path)
 
 

@@ -76,7 +76,7 @@ def test_a_good_record_is_scored() -> None:
 
 def test_a_truncated_record_is_not_scored_and_says_why() -> None:
     half = cut(GOOD).select(slice(4000))
-    check_refused(half, "the record ends while the blade moves with 13 mm/s", "tip_error", "overshoot", "wedge")
+    check_refused(half, "the record ends while the blade moves at 13 mm/s", "tip_error", "overshoot", "wedge")
     assert not [fault for fault in scored(half).faults if fault.kind in ("short", "overshoot", "wedge")]
 
 
@@ -111,9 +111,9 @@ def test_a_saturated_force_says_so() -> None:
 
 
 def test_a_reversed_force_says_so() -> None:
-    check_refused(changed(cut(ONE_WAY), force=-cut(ONE_WAY).force), "Turn its sign", "peak_force", "tip_error")
+    check_refused(changed(cut(ONE_WAY), force=-cut(ONE_WAY).force), "Reverse its sign", "peak_force", "tip_error")
     alone = force_alone(cut(ONE_WAY))
-    check_refused(changed(alone, force=-alone.force), "Turn its sign", "peak_force", "force_rate")
+    check_refused(changed(alone, force=-alone.force), "Reverse its sign", "peak_force", "force_rate")
 
 
 def test_two_cuts_in_one_record_say_so() -> None:

@@ -364,7 +364,7 @@ def test_too_few_people_get_metrics_reasons_and_no_nan() -> None:
 def test_of_three_groups_two_must_be_named() -> None:
     cuts = [cut(f"{g}{i}", {"force_rate": float(i)}, group=g) for g in "ABC" for i in (1, 2, 3, 5)]
     unnamed = Study(name="three", cuts=cuts, metrics=("force_rate",))
-    assert unnamed.notes == ("of the groups A, B, C no two were named: their separation is not told",)
+    assert unnamed.notes == ("of the groups A, B, C no two were named: their separation is not computed",)
     assert unnamed.findings[0].separation == Untold("the study has no two groups")
     named = Study(name="three", cuts=cuts, metrics=("force_rate",), groups=("C", "A"))
     assert isinstance(named.findings[0].separation, Separation)
@@ -383,7 +383,7 @@ def card_in_numbers() -> ScoreCard:
         ([cut("P1", {}, group="a"), cut("P1", {}, group="b")], {}, "operator P1 is in groups 'a' and 'b'"),
         ([cut("P1", {})], {"metrics": ("force_rates",)}, "Did you mean 'force_rate'"),
         ([cut("P1", {})], {"metrics": ("force_rate",)}, "force_rate is missing in 1 of 1 cuts: made up"),
-        ([cut("P1", {})], {}, "no metric could be had from these cuts: force_rate is missing"),
+        ([cut("P1", {})], {}, "no metric could be computed from these cuts: force_rate is missing"),
         ([cut("P1", {}, group="a")], {"groups": ("a", "c")}, "group must be one of 'a', got 'c'"),
         ([cut("P1", {}, group="a")], {"target_group": "c"}, "target group must be one of"),
         ([cut("P1", {})], {"target": 1.0}, "needs exactly one metric"),

@@ -1,4 +1,4 @@
-"""A number with its interval, and the checks that every statistic of a study makes at its door."""
+"""A value with its confidence interval, and the input checks of a study's statistics."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from cutenv.validation import array_in_range
 Array = NDArray[np.float64]
 
 CONFIDENCE = 0.95
-"""Of every interval, unless another is asked for."""
+"""Default level of confidence of every interval."""
 FEWEST = 3
-"""People (rows, groups) below which nothing is said about people."""
+"""Smallest number of people (rows, groups) for statistics about people."""
 _LARGEST = 1e12
-_NO_VARIATION = 1e-12  # of the largest value: less than that is rounding
+_NO_VARIATION = 1e-12  # relative to the largest value: less is rounding
 
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """A value and the ends of its interval."""
+    """A value with its confidence interval."""
 
     value: float
     low: float
@@ -33,16 +33,16 @@ class Estimate:
 
 
 def series_of(name: str, series: Sequence[ArrayLike], *, fewest: int, people: int = FEWEST) -> tuple[Array, ...]:
-    """One array for each person, checked: ``people`` or more, each with ``fewest`` finite values or more.
+    """Return one checked array for each person: at least ``people``, each with at least ``fewest`` finite values.
 
     Raises
     ------
     TypeError, ValueError
-        Naming the person by place, the value and the cure.
+        If one is invalid; the message names the person by index, the value and the cure.
     """
     columns = tuple(array_in_range(f"{name}[{i}]", each, -_LARGEST, _LARGEST, "1") for i, each in enumerate(series))
     if len(columns) < people:
-        raise ValueError(f"{name} has {len(columns)} rows; give {people} or more: fewer say nothing about people.")
+        raise ValueError(f"{name} has {len(columns)} rows; give {people} or more: fewer are too few for statistics.")
     for i, column in enumerate(columns):
         if column.ndim != 1 or len(column) < fewest:
             raise ValueError(f"{name}[{i}] has shape {column.shape}; give {fewest} values or more, shape (n,).")
@@ -50,12 +50,12 @@ def series_of(name: str, series: Sequence[ArrayLike], *, fewest: int, people: in
 
 
 def values_of(name: str, values: ArrayLike, *, fewest: int) -> Array:
-    """A checked array of finite values, shape (n,), n at least ``fewest``.
+    """Return a checked array of finite values, shape (n,), n at least ``fewest``.
 
     Raises
     ------
     TypeError, ValueError
-        Naming the field, the value and the cure.
+        If it is invalid; the message names the field, the value and the cure.
     """
     array = array_in_range(name, values, -_LARGEST, _LARGEST, "1")
     if array.ndim != 1 or len(array) < fewest:
@@ -64,5 +64,5 @@ def values_of(name: str, values: ArrayLike, *, fewest: int) -> Array:
 
 
 def vanishes(square: float, values: Array) -> bool:
-    """Whether a mean square is nothing but rounding, beside the values that it is of."""
+    """Return True if a mean square is only rounding error, compared to its values."""
     return square <= (_NO_VARIATION * float(np.abs(values).max())) ** 2

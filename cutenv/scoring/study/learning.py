@@ -1,4 +1,4 @@
-"""Learning: how a metric changes from cut to cut, and when a person's cuts are as good as a target."""
+"""Learning curves over the number of the cut, and CUSUM charts of when a person reaches a target."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from cutenv.scoring.study.estimate import CONFIDENCE, FEWEST, Array, series_of, 
 from cutenv.validation import in_range
 
 SLACK, THRESHOLD = 0.5, 4.0
-"""Of :func:`cusum`, in standard deviations of single cuts."""
+"""Defaults of :func:`cusum`, in standard deviations of single cuts."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cusum:
-    """Cumulative sums of one person's cuts against a target, in standard deviations; every array of shape (n,).
+    """CUSUM chart: sums of one person's deviations from a target, in standard deviations; arrays of shape (n,).
 
     Attributes
     ----------
     total : ndarray
-        Plain sum of the deviations from the target; it falls while cuts lie below.
+        Plain cumulative sum of the deviations from the target; it falls while cuts lie below.
     reaching : ndarray
-        Learning curve CUSUM: begins at 0 with the person taken to be beyond the target, and grows while cuts are not.
+        Learning curve CUSUM: starts at 0, assumes that the person is beyond the target, and grows while cuts are not.
     leaving : ndarray
         Page's CUSUM: grows while cuts lie beyond the target by more than the slack.
     threshold : float
-        From which either signals.
+        Limit at which either sum signals.
     """
 
     total: Array
@@ -55,13 +55,13 @@ class LearningCurve:
     Attributes
     ----------
     number : ndarray of int
-        Of the cut, from 1.
+        Number of the cut, from 1.
     people : ndarray of int
-        Who made it.
+        Number of people who made it.
     mean, low, high : ndarray
-        Over these people; interval by Student's t.
+        Mean over these people, and interval by Student's t.
     change, change_low, change_high : ndarray
-        From each person's own first cut, paired; 0 at the first.
+        Paired change from each person's own first cut; 0 at the first.
     """
 
     number: NDArray[np.int_]
@@ -77,20 +77,20 @@ class LearningCurve:
 def cusum(
     values: ArrayLike, target: float, scale: float, *, slack: float = SLACK, threshold: float = THRESHOLD, sign: int = 1
 ) -> Cusum:
-    """Cumulative sums of values against a target.
+    """Compute cumulative sums of deviations from a target.
 
     Parameters
     ----------
     values : array_like of shape (n,)
-        Of one person's cuts in their order; n is 2 or more.
+        Values of one person's cuts in order; n is 2 or more.
     target : float
         The level that a learner is to reach; in the unit of the values.
     scale : float
         Standard deviation of single cuts of one person, above 0; in the unit of the values.
     slack : float
-        Half the distance, in standard deviations, between the target and what is to be told from it; 0.05 to 3.
+        Half the distance, in standard deviations, between the target and the level to be detected; 0.05 to 3.
     threshold : float
-        Beyond which a sum signals, in standard deviations, 1 to 20.
+        Limit at which a sum signals, in standard deviations, 1 to 20.
     sign : {1, -1}
         1 if small values are good ("beyond" is above the target), -1 if large ones are.
 
@@ -109,9 +109,8 @@ def cusum(
     Montgomery, Introduction to Statistical Quality Control, section 9.1 (equation 9.2). ``reaching`` is the
     learning curve CUSUM max(0, C - z + k): the person is taken to be at the target + 2k until the sum passes the
     threshold (Biau & Porcher, Statistics in Medicine 29 (2010) 1900-1909, doi 10.1002/sim.3947, one-sided). Sums are
-    not set back after a signal. With the defaults a person at the target is told after 8.4 cuts on average, and one
-    who stays one standard deviation beyond it after 335 (average run lengths, for normal values that do not depend on
-    one another).
+    not reset after a signal. With the defaults a person at the target is detected after 8.4 cuts on average, and one
+    who stays one standard deviation beyond it after 335 (average run lengths, for independent normal values).
     """
     column = values_of("values", values, fewest=2)
     at = in_range("target", target, -1e12, 1e12, "1")
@@ -125,7 +124,7 @@ def cusum(
 
 
 def learning_curve(series: Sequence[ArrayLike], *, confidence: float = CONFIDENCE) -> LearningCurve:
-    """Mean over people by the number of the cut, and the paired change since each person's first.
+    """Compute the mean over people for each number of the cut, and the paired change since each person's first.
 
     Parameters
     ----------
@@ -133,7 +132,7 @@ def learning_curve(series: Sequence[ArrayLike], *, confidence: float = CONFIDENC
         The values of each person's cuts in their order: 3 people or more, 2 cuts each or more. People may differ in
         number of cuts; the curve ends where fewer than 3 are left.
     confidence : float
-        Of the intervals at each number by itself, 0.5 to 0.999.
+        Level of the pointwise intervals, 0.5 to 0.999.
 
     Returns
     -------
@@ -173,7 +172,7 @@ def _interval(values: Array, level: float) -> tuple[float, float, float]:
 
 
 def _summed(steps: Array) -> Array:
-    """Sums that start at 0 and never fall below it."""
+    """Return cumulative sums that start at 0 and never fall below it."""
     sums = np.zeros(len(steps))
     level = 0.0
     for i, step in enumerate(steps):

@@ -1,4 +1,4 @@
-"""Reliability: how much of the spread of a metric is between people, and how much between the cuts of one."""
+"""Reliability: the spread of a metric between people against the spread between the cuts of one person (ICC)."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from cutenv.validation import array_in_range, in_range
 class Intraclass:
     """Intraclass correlations of a full table, each with its interval.
 
-    In the words of McGraw & Wong (1996), with Shrout & Fleiss's (1979) names: ``one_way`` is ICC(1), or ICC(1,1);
-    ``agreement`` ICC(A,1), or ICC(2,1); ``consistency`` ICC(C,1), or ICC(3,1). Those of means over the k columns
-    have ``_of_means`` behind: ICC(k), ICC(A,k), ICC(C,k), or ICC(1,k), ICC(2,k), ICC(3,k).
+    Notation of McGraw & Wong (1996), then Shrout & Fleiss (1979): ``one_way`` is ICC(1), or ICC(1,1); ``agreement``
+    ICC(A,1), or ICC(2,1); ``consistency`` ICC(C,1), or ICC(3,1). Those of means over the k columns end in
+    ``_of_means``: ICC(k), ICC(A,k), ICC(C,k), or ICC(1,k), ICC(2,k), ICC(3,k).
 
     Attributes
     ----------
     one_way : Estimate
-        Each row's measurements are of its own sort: columns mean nothing.
+        Columns of different rows have nothing in common: measurements are nested in rows.
     agreement : Estimate
         Columns are a sample (sessions, raters); a shift between them counts as disagreement.
     consistency : Estimate
         A shift between columns, such as learning from one session to the next, does not count.
     one_way_of_means, agreement_of_means, consistency_of_means : Estimate
-        Of the mean over all k columns.
+        Correlations of the mean over all k columns.
     rows, columns : int
-        n and k.
+        Numbers n and k.
     """
 
     one_way: Estimate
@@ -52,15 +52,15 @@ class OneWay:
     Attributes
     ----------
     single : Estimate
-        Of one cut: share of the variance that is between people; may be negative, which means none.
+        Reliability of one cut: share of the variance that is between people; a negative value means none.
     mean : Estimate
-        Of a person's mean over ``cuts`` cuts.
+        Reliability of a person's mean over ``cuts`` cuts.
     cuts : float
         Harmonic mean of the numbers of cuts.
     people, total : int
         Number of people, and of cuts in all.
     between_sd, within_sd : float
-        Standard deviation of people's own levels, and of one person's cuts; in the metric's unit.
+        Standard deviation between people, and between one person's cuts; in the metric's unit.
     """
 
     single: Estimate
@@ -72,7 +72,7 @@ class OneWay:
     within_sd: float
 
     def cuts_for(self, reliability: float = 0.8) -> float:
-        """Cuts of which the mean would reach a reliability, by Spearman and Brown; infinite if single cuts have none.
+        """Return the number of cuts whose mean has a reliability (Spearman-Brown); infinite if single cuts have none.
 
         Raises
         ------
@@ -85,14 +85,14 @@ class OneWay:
 
 
 def intraclass_correlation(ratings: ArrayLike, *, confidence: float = CONFIDENCE) -> Intraclass:
-    """Intraclass correlations of a table without gaps, with intervals by the F distribution.
+    """Compute intraclass correlations of a complete table, with intervals by the F distribution.
 
     Parameters
     ----------
     ratings : array_like of shape (n, k)
         A row for each person (3 or more), a column for each session or rater (2 or more); any one unit.
     confidence : float
-        Of the intervals, 0.5 to 0.999.
+        Level of the intervals, 0.5 to 0.999.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def intraclass_correlation(ratings: ArrayLike, *, confidence: float = CONFIDENCE
     -----
     McGraw & Wong, Psychological Methods 1 (1996) 30-46, Tables 4 and 7, doi 10.1037/1082-989X.1.1.30; Shrout &
     Fleiss, Psychological Bulletin 86 (1979) 420-428. In the degrees of freedom of ICC(A,1)'s interval (Satterthwaite)
-    a negative estimate is taken for 0.
+    a negative estimate is replaced by 0.
     """
     table = array_in_range("ratings", ratings, -1e12, 1e12, "1", "Leave out rows with gaps.")
     if table.ndim != 2 or table.shape[0] < FEWEST or table.shape[1] < 2:
@@ -145,14 +145,14 @@ def intraclass_correlation(ratings: ArrayLike, *, confidence: float = CONFIDENCE
 
 
 def one_way_reliability(series: Sequence[ArrayLike], *, confidence: float = CONFIDENCE) -> OneWay:
-    """Reliability of single cuts and of means, from people with different numbers of cuts.
+    """Compute the reliability of single cuts and of means, from people with different numbers of cuts.
 
     Parameters
     ----------
     series : sequence of array_like
         The values of each person's cuts: 3 people or more, 2 cuts each or more; any one unit.
     confidence : float
-        Of the intervals, 0.5 to 0.999.
+        Level of the intervals, 0.5 to 0.999.
 
     Returns
     -------
@@ -165,8 +165,8 @@ def one_way_reliability(series: Sequence[ArrayLike], *, confidence: float = CONF
 
     Notes
     -----
-    Analysis of variance by unweighted means, so that each person counts the same: with equal numbers it is ICC(1) and
-    its exact interval; else the interval is approximate. Thomas & Hultquist, Annals of Statistics 6 (1978) 582-587,
+    Analysis of variance by unweighted means, so that each person has the same weight: with equal numbers it is ICC(1)
+    and its exact interval, else an approximate one. Thomas & Hultquist, Annals of Statistics 6 (1978) 582-587,
     doi 10.1214/aos/1176344202.
     """
     columns = series_of("series", series, fewest=2)
@@ -191,7 +191,7 @@ def one_way_reliability(series: Sequence[ArrayLike], *, confidence: float = CONF
 
 
 def _of_ratio(MSR: float, MSE: float, k: float, F_low: float, F_high: float) -> tuple[Estimate, Estimate]:
-    """Correlation of single values and of means from F = MSR/MSE, whose quantiles bound it."""
+    """Return the correlation of single values and of means from F = MSR/MSE, whose quantiles bound it."""
     single = Estimate(
         value=(MSR - MSE) / (MSR + (k - 1.0) * MSE),
         low=(MSR - F_low * MSE) / (MSR + (k - 1.0) * F_low * MSE),
@@ -223,7 +223,7 @@ def _quantile(p: float, numerator: float, denominator: float) -> float:
 
 
 def _of_mean(rho: float, k: float) -> float:
-    """Spearman and Brown: the correlation of means over k from that of single values."""
+    """Return the correlation of means over k from that of single values (Spearman-Brown)."""
     return k * rho / (1.0 + (k - 1.0) * rho)
 
 

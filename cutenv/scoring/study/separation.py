@@ -1,4 +1,4 @@
-"""Separation of two groups of people by a metric, with intervals over people and not over cuts."""
+"""Separation of two groups of people by a metric, with confidence intervals over people, not over cuts."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from cutenv.scoring.study.estimate import CONFIDENCE, Array, Estimate, series_of
 from cutenv.validation import in_range
 
 FEWEST_IN_A_GROUP = 4
-"""People: of three against three, a full separation happens by chance in one of ten studies."""
-_EDGE = 1e-9  # beside 0 and 1, where Newcombe's variance vanishes
+"""Smallest number of people in a group: of 3 against 3, full separation occurs by chance in 1 of 10 studies."""
+_EDGE = 1e-9  # distance from 0 and 1, where Newcombe's variance vanishes
 
 
 @dataclass(frozen=True, kw_only=True)
 class Separation:
-    """How far the first group's values lie above the second's; the unit is a person, by the mean of his or her cuts.
+    """Difference between the first group and the second; the unit is a person, represented by the mean of the cuts.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Separation:
         Hedges' g: difference of the groups' means over the standard deviation between people of a group, corrected
         for small samples.
     people : tuple of int
-        In the first group and the second.
+        Number of people in the first group and in the second.
     """
 
     superiority: Estimate
@@ -44,14 +44,14 @@ class Separation:
 def separation(
     first: Sequence[ArrayLike], second: Sequence[ArrayLike], *, confidence: float = CONFIDENCE
 ) -> Separation:
-    """Separation of two groups of people.
+    """Compute the separation of two groups of people.
 
     Parameters
     ----------
     first, second : sequence of array_like
         The values of each person's cuts, one or more; 4 people or more in each group; one unit.
     confidence : float
-        Of the intervals, 0.5 to 0.999.
+        Level of the intervals, 0.5 to 0.999.
 
     Returns
     -------
@@ -64,12 +64,12 @@ def separation(
 
     Notes
     -----
-    Cuts of one person are alike: taken for independent they make intervals far too narrow, so each person is one
-    value. Intervals of the probability: Newcombe, Statistics in Medicine 25 (2006) 559-573, method 5, doi
+    Cuts of one person are correlated: treated as independent they make intervals far too narrow, so each person is
+    one value. Intervals of the probability: Newcombe, Statistics in Medicine 25 (2006) 559-573, method 5, doi
     10.1002/sim.2324, which holds for few people and full separation; of g: the noncentral t distribution of Hedges
-    & Olkin, Statistical Methods for Meta-Analysis (1985), chapter 5, for means about normal. A bootstrap over people
-    is not used: with six in a group its 95 % intervals held the truth in 69 to 92 of 100 trials, and a full
-    separation gets no width at all.
+    & Olkin, Statistical Methods for Meta-Analysis (1985), chapter 5, for approximately normal means. A bootstrap over
+    people is not used: with six in a group its 95 % intervals covered the truth in 69 to 92 of 100 trials, and full
+    separation gives an interval of zero width.
     """
     level = in_range("confidence", confidence, 0.5, 0.999, "1")
     a, b = (
@@ -88,7 +88,7 @@ def _superiority(a: Array, b: Array, level: float) -> Estimate:
     N = 0.5 * (m + n) - 1.0
 
     def excess(x: float) -> float:
-        """By how much the estimate is farther from x than chance allows, if x is the truth."""
+        """Return the amount by which the estimate deviates from ``x`` more than chance allows if ``x`` is the truth."""
         variance = x * (1.0 - x) / (m * n) * (1.0 + N * (1.0 - x) / (2.0 - x) + N * x / (1.0 + x))
         return abs(theta - x) - z * math.sqrt(variance)
 
@@ -103,8 +103,8 @@ def _difference(a: Array, b: Array, level: float) -> Estimate:
     variance = ((m - 1) * a.var(ddof=1) + (n - 1) * b.var(ddof=1)) / df
     if vanishes(variance, np.concatenate((a, b))):
         raise ValueError(
-            f"nobody differs within the groups (first: {a[0]:g} for all, second: {b[0]:g}): a difference over their "
-            "spread needs some. A metric that counts seldom events may have none; take another."
+            f"nobody differs within the groups (first: {a[0]:g} for all, second: {b[0]:g}): the standardised "
+            "difference needs spread. A metric that counts rare events may have none; choose another."
         )
     d = float((a.mean() - b.mean()) / math.sqrt(variance))
     scale = math.sqrt(1.0 / m + 1.0 / n)

@@ -1,4 +1,4 @@
-"""A study of people: the score cards of many cuts, who made them, and what each metric tells about these people."""
+"""A study of people: the score cards of many cuts, who made them, and the statistics of each metric."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ class StudiedCut:
     Attributes
     ----------
     card : ScoreCard
-        What it comes to.
+        Score card of the cut.
     operator : str
-        Code of who made it.
+        Code of the person who made it.
     group : str
-        To which the operator belongs; "" if the study has none.
+        Group of the operator; "" if the study has none.
     session : str
-        In which it was made; "" if the study has none.
+        Session of the cut; "" if the study has none.
     """
 
     card: ScoreCard
@@ -45,37 +45,37 @@ class StudiedCut:
 
 @dataclass(frozen=True)
 class Untold:
-    """Why a statistic cannot be told from this study."""
+    """The reason why a statistic cannot be computed from this study."""
 
     reason: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Findings:
-    """What one metric tells about the people of a study.
+    """Statistics of one metric in a study.
 
     Attributes
     ----------
     metric, unit : str
-        Its name, and its unit on the cards.
+        Name of the metric, and its unit on the cards.
     series : mapping of str to ndarray
-        Values of each operator's cuts, in their order; cuts without a value are left out.
+        Values of each operator's cuts, in order; cuts without a value are left out.
     missing : int
-        Cuts without a value.
+        Number of cuts without a value.
     reliability : OneWay or Untold
-        Of single cuts and of means, over operators with two cuts or more.
+        Reliability of single cuts and of means, over operators with two cuts or more.
     retest : Intraclass or Untold
-        Of session means, over operators who were at every session.
+        Test-retest reliability of session means, over operators who were at every session.
     separation : Separation or Untold
-        Of the study's two groups, the first above the second.
+        Separation of the study's two groups, the first above the second.
     curves : mapping of str to LearningCurve or Untold
-        By group, by number of the cut; over operators with two cuts or more.
+        Learning curve by group, over the number of the cut; operators with two cuts or more.
     cusums : mapping of str to Cusum, or Untold
-        Of each operator with two cuts or more.
+        Cumulative sums by operator, for those with two cuts or more.
     target, scale : float
-        Against which, and in what, the cumulative sums are taken; in the metric's unit.
+        Target and standard deviation for the cumulative sums; in the metric's unit.
     target_is : str
-        Whence the target.
+        Origin of the target.
     """
 
     metric: str
@@ -94,31 +94,31 @@ class Findings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """Cuts of several people, scored.
+    """A study: scored cuts of several people.
 
     Parameters
     ----------
     name : str
-        How pages call it.
+        Name of the study, for pages.
     cuts : sequence of StudiedCut
-        Each operator's in the order in which they were made.
+        The cuts, each operator's in the order in which they were made.
     metrics : sequence of str, optional
-        Of :data:`~cutenv.scoring.METRICS`; by default those that lead the overall score.
+        Names in :data:`~cutenv.scoring.METRICS`; by default those that lead the overall score.
     groups : pair of str, optional
-        Whose separation is told; by default the two groups, if there are two.
+        Groups to compare; by default the two groups, if there are two.
     target_group : str, optional
-        Whose mean is the target of the cumulative sums; by default the mean over all operators is.
+        Group whose mean is the target of the cumulative sums; by default the mean over all operators is.
     target : float, optional
         The target itself, in the unit of the one metric.
     who : str
-        What an operator is called, if not that: "trial", say.
+        Word for an operator, if another is wanted: for example "trial".
 
     Attributes
     ----------
     findings : tuple of Findings
-        One for each metric that any cut has.
+        Statistics of each metric that any cut has.
     notes : tuple of str
-        What a reader must know.
+        Notes for the reader.
 
     Raises
     ------
@@ -141,7 +141,7 @@ class Study:
             raise ValueError("a study needs cuts; there is none.")
         units = sorted({cut.card.force_unit for cut in self.cuts})
         if len(units) > 1:
-            raise ValueError(f"force is in {' and in '.join(units)}; study cuts of one unit by themselves.")
+            raise ValueError(f"force is in {' and in '.join(units)}; study cuts of one unit at a time.")
         for metric in self.metrics:
             one_of("metric", metric, METRICS)
         known = tuple(dict.fromkeys(cut.group for cut in self.cuts))
@@ -151,7 +151,7 @@ class Study:
                     one_of(name, each, known)
         if self.target is not None:
             if len(self.metrics) != 1:
-                raise ValueError(f"target = {self.target:g} needs exactly one metric: name the one that it is of.")
+                raise ValueError(f"target = {self.target:g} needs exactly one metric: name the metric it belongs to.")
             in_range("target", self.target, -1e12, 1e12, "1")
         if self.target is not None and self.target_group is not None:
             raise ValueError("give a target or a target group, not both.")
@@ -160,26 +160,26 @@ class Study:
             object.__setattr__(self, "groups", known)
         notes: list[str] = []
         if self.groups is None and len(known) > 2:
-            notes.append(f"of the groups {', '.join(known)} no two were named: their separation is not told")
+            notes.append(f"of the groups {', '.join(known)} no two were named: their separation is not computed")
         findings = [found for metric in self._chosen() if (found := self._find(metric, notes)) is not None]
         if not findings:
-            raise ValueError(f"no metric could be had from these cuts: {'; '.join(notes)}.")
+            raise ValueError(f"no metric could be computed from these cuts: {'; '.join(notes)}.")
         object.__setattr__(self, "findings", tuple(findings))
         object.__setattr__(self, "notes", tuple(notes))
 
     @property
     def operators(self) -> tuple[str, ...]:
-        """Codes, in order of appearance."""
+        """Codes of the operators, in order of appearance."""
         return tuple(dict.fromkeys(cut.operator for cut in self.cuts))
 
     @property
     def sessions(self) -> tuple[str, ...]:
-        """Names, in order of appearance."""
+        """Names of the sessions, in order of appearance."""
         return tuple(dict.fromkeys(cut.session for cut in self.cuts))
 
     @property
     def group_of(self) -> dict[str, str]:
-        """Group by operator; ValueError if an operator is in two."""
+        """Group of each operator; raises ValueError if an operator is in two."""
         groups: dict[str, str] = {}
         for cut in self.cuts:
             if groups.setdefault(cut.operator, cut.group) != cut.group:
@@ -289,7 +289,7 @@ class Study:
 
 
 def numbered(cuts: Sequence[StudiedCut]) -> list[tuple[int, StudiedCut]]:
-    """Every cut with its number among its operator's, from 1."""
+    """Return every cut with its number among its operator's cuts, from 1."""
     made: dict[str, int] = {}
     rows = []
     for cut in cuts:
@@ -306,7 +306,7 @@ def _told(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | Un
 
 
 def _pooled(series: Mapping[str, Array]) -> float:
-    """Standard deviation of one person's cuts, pooled over people; 0 if there is none."""
+    """Return the standard deviation of one person's cuts, pooled over people; 0 if there is none."""
     degrees = sum(len(values) - 1 for values in series.values())
     squares = sum(float(np.sum((values - values.mean()) ** 2)) for values in series.values())
     return float(np.sqrt(squares / degrees)) if degrees else 0.0
