@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable
 
 import numpy as np
@@ -13,10 +12,10 @@ from cutenv.cutting.records import READING, TICK, Records
 from cutenv.rig.causes import WATCH, Cause, RigStopped, StopReport
 from cutenv.rig.clock import Clock, Repeating
 from cutenv.rig.drivers import ForceDriver, MotionDriver, RigError, Witness
-from cutenv.rig.motion_watch import STANDSTILL
 from cutenv.rig.owner import Owner
 from cutenv.rig.quick_stops import AGAIN
-from cutenv.rig.samples import ForceSample, MotionSample, interpolated, newest_since
+from cutenv.rig.reading_grid import ReadingGrid
+from cutenv.rig.samples import ForceSample, MotionSample
 from cutenv.rig.settings import RigSettings
 from cutenv.rig.supervisor import Supervisor
 from cutenv.rig.timing import Timing
@@ -34,9 +33,6 @@ _SAME_RATE = 0.02  # relative difference allowed between the sensor's rate and t
 _AIMED = math.radians(0.05)  # [rad] error below which the hinge is not moved
 _ARRIVED = 2e-5  # [m] distance at which the blade has arrived
 _SLICE = 0.02  # [s] of waiting at a time
-_OLDEST = 0.05  # [s] before a period, from which samples are still used
-_KEPT = 4.0  # [s] of samples kept for the 1 kHz grid of readings
-_UNKNOWN = ("true_force", "elastic_force", "tip", "jump")
 REST_WITHIN = 2.0
 """Time allowed for a blade to come to rest after a stop [s]."""
 
@@ -91,7 +87,6 @@ class RigPlant:
         self.settings, self.clock = settings, clock
         self._angle, self._sensor = angle, sensor
         self._axes = [blade] if angle is None else [blade, angle]
-        self._cut_axis = "xyz".index(settings.sensor.cut_axis)
         self._gain = settings.calibration.gain
         self.supervisor = Supervisor(settings, clock, self._axes, rate=sensor.rate, follows=follows)
         self.depth = np.zeros(N_POINTS) if depth is None else depth
@@ -102,15 +97,10 @@ class RigPlant:
         self._timers: list[Repeating] = []
         self.owner = Owner()
         self._left = False
-        self._forces: deque[ForceSample] = deque(maxlen=round(_KEPT * sensor.rate))
-        self._motions: dict[str, deque[MotionSample]] = {
-            axis.name: deque(maxlen=round(_KEPT / settings.bus.sync)) for axis in self._axes
-        }
+        self._grid = ReadingGrid(settings, sensor.rate, [axis.name for axis in self._axes])
         self._due: float | None = None
-        self._grid = self._newest_known = 0.0
         self._cutting = False  # outside a cut, readings have no start time
         self._commanded: float | None = None
-        self._ticks = 0
 
     @property
     def depth(self) -> NDArray[np.float64]:
@@ -203,7 +193,7 @@ class RigPlant:
             x, y, z = sample.force
             sample = sample._replace(force=(self._gain * x, self._gain * y, self._gain * z))
         self.supervisor.force(sample)
-        self._forces.append(sample)
+        self._grid.force(sample)
         if self.witness is not None:
             self.witness.force(sample)
 
@@ -214,7 +204,7 @@ class RigPlant:
     def motion(self, axis: str, sample: MotionSample) -> None:
         """Take a sample of an axis."""
         self.supervisor.motion(axis, sample)
-        self._motions[axis].append(sample)
+        self._grid.motion(axis, sample)
         if self.witness is not None:
             self.witness.motion(axis, sample)
 
@@ -241,7 +231,7 @@ class RigPlant:
     def begin(self) -> None:
         """Begin a cut: its time starts with the next command."""
         self._due = None
-        self._ticks = 0
+        self._grid.ticks = 0
         self._cutting = True
         self.timing = Timing()
 
@@ -261,13 +251,13 @@ class RigPlant:
         now = self.clock.now()
         start = now if self._due is None else self._due
         if self._due is None:
-            self._grid = start
+            self._grid.start = start
         self.timing.lateness.append(max(now - start, 0.0))
         if now - start > _LATE:
             self.timing.overruns += 1
             if now - start > period:  # whole periods are lost: restart the clock
                 self.timing.skipped += now - start
-                self._grid += now - start
+                self._grid.start += now - start
                 start = now
         self._raise_if_stopped()  # perhaps since the last command
         turned = self._drive(speed, angle, hold=start + period - now)
@@ -338,10 +328,10 @@ class RigPlant:
 
     def _note_timing(self) -> None:
         now = self.clock.now()
-        if self._commanded is not None and self._ticks:
+        if self._commanded is not None and self._grid.ticks:
             self.timing.periods.append(now - self._commanded)
-        if self._newest_known > self._grid:
-            self.timing.latencies.append(now - self._newest_known)
+        if self._grid.newest > self._grid.start:
+            self.timing.latencies.append(now - self._grid.newest)
         self._commanded = now
 
     def _wait(self, moment: float, angle: float, *, fastest: float = TURN_RATE) -> None:
@@ -391,30 +381,9 @@ class RigPlant:
             self.clock.sleep_until(self.clock.now() + WATCH)
         if not self._cutting:
             return np.zeros(0, READING)
-        return self._collect(max(math.floor((self.clock.now() - self._grid) / TICK) - self._ticks, 1))
+        return self._collect(max(math.floor((self.clock.now() - self._grid.start) / TICK) - self._grid.ticks, 1))
 
     def _collect(self, ticks: int) -> Records:
-        """Return the next ``ticks`` readings: the newest force at each, the motion interpolated between samples."""
-        readings = np.zeros(ticks, READING)
-        for name in _UNKNOWN:
-            readings[name] = np.nan
-        count = self._ticks + np.arange(1.0, ticks + 1.0)
-        time: NDArray[np.float64] = self._grid + TICK * count
-        readings["time"] = TICK * count
-        self._ticks += ticks
-
-        forces = newest_since(self._forces, time[0] - _OLDEST)
-        if forces:
-            sensed = np.array([sample.time for sample in forces])
-            along = self.settings.sensor.sign * np.array([sample.force[self._cut_axis] for sample in forces])
-            readings["force"] = along[np.maximum(np.searchsorted(sensed, time, side="right") - 1, 0)]
-            self._newest_known = float(sensed[-1])
-        blade = newest_since(self._motions["blade"], time[0] - _OLDEST)
-        readings["position"], readings["speed"] = interpolated(time, blade)
-        readings["speed"][np.abs(readings["speed"]) < STANDSTILL] = 0.0
-        if self._angle is None:
-            readings["angle"] = self.settings.fixed_angle
-        else:
-            readings["angle"], _ = interpolated(time, newest_since(self._motions["angle"], time[0] - _OLDEST))
+        readings = self._grid.collect(ticks)
         self.keep(readings)
         return readings

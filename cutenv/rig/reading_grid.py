@@ -1,0 +1,85 @@
+"""Resampling of what the sensor and the drives report to readings at 1 kHz."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.cutting.records import READING, TICK, Records
+from cutenv.rig.motion_watch import STANDSTILL
+from cutenv.rig.samples import ForceSample, MotionSample, interpolated, newest_since
+from cutenv.rig.settings import RigSettings
+
+_OLDEST = 0.05  # [s] before a period, from which samples are still used
+_KEPT = 4.0  # [s] of samples kept
+_UNKNOWN = ("true_force", "elastic_force", "tip", "jump")
+
+
+class ReadingGrid:
+    """Readings of a cut, one every millisecond from its start.
+
+    Parameters
+    ----------
+    settings : RigSettings
+        Axis and sign of the force, rates, the angle of a blade that no drive turns.
+    rate : float
+        Readings of the force sensor per second [Hz].
+    axes : iterable of str
+        Names of the driven axes.
+
+    Attributes
+    ----------
+    start : float
+        Time of the rig's clock at which the cut's time is zero [s].
+    ticks : int
+        Number of readings collected since then.
+    newest : float
+        Time of the newest force that :meth:`collect` used [s].
+    """
+
+    def __init__(self, settings: RigSettings, rate: float, axes: Iterable[str]) -> None:
+        self._cut_axis = "xyz".index(settings.sensor.cut_axis)
+        self._sign, self._fixed_angle = settings.sensor.sign, settings.fixed_angle
+        self._forces: deque[ForceSample] = deque(maxlen=round(_KEPT * rate))
+        kept = round(_KEPT / settings.bus.sync)
+        self._motions: dict[str, deque[MotionSample]] = {axis: deque(maxlen=kept) for axis in axes}
+        self.start = self.newest = 0.0
+        self.ticks = 0
+
+    def force(self, sample: ForceSample) -> None:
+        """Keep a reading of the force sensor."""
+        self._forces.append(sample)
+
+    def motion(self, axis: str, sample: MotionSample) -> None:
+        """Keep a sample of an axis."""
+        self._motions[axis].append(sample)
+
+    def collect(self, ticks: int) -> Records:
+        """Return the next ``ticks`` readings: the newest force at each, the motion interpolated between samples."""
+        readings = np.zeros(ticks, READING)
+        for name in _UNKNOWN:
+            readings[name] = np.nan
+        count = self.ticks + np.arange(1.0, ticks + 1.0)
+        time: NDArray[np.float64] = self.start + TICK * count
+        readings["time"] = TICK * count
+        self.ticks += ticks
+
+        forces = newest_since(self._forces, time[0] - _OLDEST)
+        if forces:
+            sensed = np.array([sample.time for sample in forces])
+            along = self._sign * np.array([sample.force[self._cut_axis] for sample in forces])
+            readings["force"] = along[np.maximum(np.searchsorted(sensed, time, side="right") - 1, 0)]
+            self.newest = float(sensed[-1])
+        readings["position"], readings["speed"] = self._interpolated("blade", time)
+        readings["speed"][np.abs(readings["speed"]) < STANDSTILL] = 0.0
+        if "angle" in self._motions:
+            readings["angle"], _ = self._interpolated("angle", time)
+        else:
+            readings["angle"] = self._fixed_angle
+        return readings
+
+    def _interpolated(self, axis: str, time: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return interpolated(time, newest_since(self._motions[axis], time[0] - _OLDEST))
