@@ -63,7 +63,7 @@ def identified_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, fl
         driven by a rig.
     """
     if drive != "rig":
-        raise ValueError(f'rig = {str(rig)!r} tells of a motor, and drive = "{drive}" has none: leave one of them out.')
+        raise ValueError(f'rig = {str(rig)!r} is for a motor, and drive = "{drive}" has none: leave one of them out.')
     measured = environment_arguments(read(rig).identified)
     if not measured:
         raise ValueError(f"{rig}: nothing in it was identified yet. Run 'cutenv rig identify {rig} --write' first.")

@@ -177,7 +177,7 @@ def cut_on_rig(
                 continue
             if cut.end == STOPPED and _time_was_lost(env):
                 lost = True
-                between.append(f"specimen {episode + 1} was cut anew: {env.session.plant.supervisor.report}")
+                between.append(f"specimen {episode + 1} was cut again: {env.session.plant.supervisor.report}")
                 continue
             if cut.end == STOPPED and _stopped_by(env) in BY_PEOPLE:
                 between.append(f"specimen {episode + 1}: {env.session.plant.supervisor.report}")

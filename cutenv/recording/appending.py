@@ -120,8 +120,7 @@ class AppendingRecord:
 
         Raises
         ------
-        If a reading lacks a field, leaves the range of a :class:`cutenv.trace.Trace`, or is not after the one before:
-        the file could not be loaded any more. The record goes on without these readings.
+        TypeError, ValueError
             If a reading lacks a field, leaves the range of a :class:`cutenv.trace.Trace`, or is not after the one
             before: the file could not be loaded any more.  The record goes on without these readings.
         RecordingFailed

@@ -53,8 +53,8 @@ def read(path: Path) -> list[Table]:
 
     Raises
     ------
-    If it is not such a file; the message names group and dataset.
-        If it is not such a file; says which group and dataset.
+    ValueError
+        If it is not such a file; the message names group and dataset.
     """
     h5py = library("h5py", "h5py", "HDF5")
     check_heaps(path)

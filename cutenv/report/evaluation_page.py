@@ -176,7 +176,7 @@ def _meaning(evaluation: Evaluation) -> Html:
     entries = [
         (
             "Difference",
-            "Of most measures the typical difference of a specimen (Hodges and Lehmann, with Wilcoxon's interval): a "
+            "For most measures, the typical difference of a specimen (Hodges and Lehmann, with Wilcoxon's interval): a "
             "decision that falls one reading later can end one cut otherwise, and that one would rule a mean. Such "
             "cuts are counted by success and end agreement, which are means. The mean difference stands beside "
             "with its t interval.",

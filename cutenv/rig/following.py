@@ -46,7 +46,7 @@ class Following:
         Returns
         -------
         tuple of bool, float
-            Whether the encoder is stuck, and the distance of the axis from where it should be [m or rad], positive: too
+            True if the encoder is stuck, and the distance of the axis from where it should be [m or rad], positive: too
             far.
         """
         last, self._last = self._last, sample

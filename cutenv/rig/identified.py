@@ -10,7 +10,7 @@ from cutenv.rig.settings import Identified, RigSettings
 SIMULATED = (
     "motor_lag", "dead_time", "acceleration", "backlash", "force_noise", "force_resolution", "force_drift",
 )  # fmt: skip
-"""Fields that are constants of the simulated rig too, under the same names.  Friction of the axis is none: a stiff
+"""Fields that are constants of the simulated rig too, under the same names.  The axis's friction is not one: a stiff
 drive does not yield to it, and the sensor sits behind it."""
 
 

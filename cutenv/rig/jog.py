@@ -21,7 +21,7 @@ TURN_RATE = math.radians(5.0)
 HELD = 0.150
 """Time after its last repeat for which a key counts as held [s].
 
-A terminal does not tell when a key is released.  It repeats a held key, after a first pause of 0.2 to 0.7 s, every 25
+A terminal does not report the release of a key.  It repeats a held key, after a first pause of 0.2 to 0.7 s, every 25
 to 100 ms; when the repeats stay away, the key was released.  So a key that is tapped moves the blade for this long, one
 that is held moves it once, pauses, and moves on with the first repeat.
 """

@@ -10,12 +10,11 @@ from cutenv.rig.drivers import MotionDriver, RigError
 from cutenv.rig.samples import DriveState, MotionSample
 
 AGAIN = 0.005
-"""Period of the timer that repeats them [s]."""
+"""Period of the timer that repeats quick stops [s]."""
 INSIST = 0.010
 """Time after a quick stop [s] from which it is repeated, every period, to a drive that is not seen to obey."""
 DEAF = 0.040
-"""If a drive still ignores the quick stop after this time, our heartbeat ends, so that its own watchdog stops it
-[s]."""
+"""Time of repeated quick stops that a drive ignores, after which our heartbeat ends: its own watchdog stops it [s]."""
 _OFTEN = 0.0005  # [s] between two answers to another master's frames: no more bus load than theirs
 
 
@@ -24,10 +23,10 @@ class QuickStops:
 
     Parameters
     ----------
-    Drivers of the axes, by name.
-        By name.
-    Last sample of each axis.
-        The last sample of each axis.
+    axes : mapping of str to MotionDriver
+        Drivers of the axes, by name.
+    newest : mapping of str to MotionSample
+        Last sample of each axis, by name.
     fresh : float
         Greatest age at which a sample still shows the state of its drive [s].
     """
@@ -39,7 +38,7 @@ class QuickStops:
         self._contested: dict[str, float] = {}  # time of the last answer [s]
 
     def begin(self) -> list[str]:
-        """Send the first one to every axis; return the axes that could not be reached, each with the reason."""
+        """Send the first quick stop to every axis; return the axes that could not be reached, each with the reason."""
         self._deaf_since.clear()
         self._abandoned.clear()
         self._contested.clear()
@@ -52,7 +51,7 @@ class QuickStops:
         return unreached
 
     def again(self, report: StopReport, now: float) -> None:
-        """Repeat it to every drive that is not seen to obey, even if SYNC, samples or the heartbeat have ended."""
+        """Repeat the quick stop to drives that are not seen to obey, even if SYNC, samples or the heartbeat have ended."""
         if now - (report.commanded or report.detected) < INSIST:
             return
         for name, axis in self._axes.items():

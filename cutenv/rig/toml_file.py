@@ -22,12 +22,12 @@ from cutenv.validation import in_range, one_of
 
 _TO_FILL = "# FILL IN: "
 _BEGINNING = """\
-# A rig for cutenv.  Every name ends with its unit.  What is left out has the default that its comment tells.
+# A rig for cutenv.  Every name ends with its unit.  A missing key has the default in its comment.
 """
 _UNFINISHED = f"""\
 #
-# Not finished: replace each line that begins with '{_TO_FILL.strip()}' by what is true of this rig, without that
-# beginning.  Until then the file is refused, and what is missing is listed.  The section [angle] may stay as it is.
+# Not finished: replace each line that begins with '{_TO_FILL.strip()}' by the true value for this rig, without that
+# beginning.  Until then the file is refused, and the missing keys are listed.  The section [angle] may stay as it is.
 """
 _EMULATED_BUSES, _HERE = ("socketcand", "virtual"), ("127.0.0.1", "localhost", "::1")
 _WIDTH = 116  # characters of a comment, after its mark

@@ -102,7 +102,7 @@ def test_a_given_keyword_wins_over_the_rig_s_file(tmp_path: Path) -> None:
     [
         (Identified(), {}, "nothing in it was identified yet"),
         (Identified(dead_time=0.09), {}, r"\[identified\] dead_time"),
-        (Identified(motor_lag=0.05), {"drive": "hand"}, "tells of a motor"),
+        (Identified(motor_lag=0.05), {"drive": "hand"}, "is for a motor"),
     ],
 )
 def test_a_file_that_says_nothing_usable_is_refused(

@@ -409,7 +409,7 @@ class CanopenAxis:
 
     def _fresh(self) -> None:
         """Wait for a statusword younger than now, because an older one does not reflect the last command."""
-        self._book  # noqa: B018  # an axis that is not open says so
+        self._book  # noqa: B018  # raises if the axis is not open
         seen = self._statuses
         if not self._wait(lambda: self._statuses > seen, _STATUS_LIMIT):
             raise RigError(

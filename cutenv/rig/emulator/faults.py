@@ -119,7 +119,7 @@ FAULTS: dict[str, Fault] = {
         share=Range(1.0, 0.0, 1.0, "1"),
     ),
     "runaway": _of_motor(
-        "runaway", "the drive takes a speed of its own instead of the target; it still stops when told to",
+        "runaway", "the drive takes a speed of its own instead of the target; it still obeys a stop",
         "speed", float("nan"), speed=Range(0.05, -0.2, 0.2, "m/s or rad/s"),
     ),
     "drive_fault": Fault(
@@ -133,7 +133,7 @@ FAULTS: dict[str, Fault] = {
         end=lambda rig, p: rig.intruders.clear(),
     ),
     "power_loss": Fault(
-        summary="the drive is silent and the motor coasts; at the end it starts anew",
+        summary="the drive is silent and the motor coasts; at the end it restarts",
         of_axis=True, begin=_power(False), end=_power(True),
     ),
     "over_force": Fault(

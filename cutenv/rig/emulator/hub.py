@@ -60,7 +60,7 @@ def parsed_send(content: str) -> Frame:
         raise BadMessage(f"{content!r} is not 'send ID LENGTH BYTES' with an ID of 3 or 8 hexadecimal digits")
     identifier, extended, data = int(words[1], 16), len(words[1]) == 8, words[3:]
     if not (words[2].isdecimal() and words[2].isascii() and int(words[2]) == len(data) <= 8):
-        raise BadMessage(f"{content!r} has {len(data)} bytes; a frame has 0 to 8, and as many as it says")
+        raise BadMessage(f"{content!r} has {len(data)} bytes; a frame has 0 to 8, and as many as LENGTH states")
     if not all(_BYTE.match(word) for word in data):
         raise BadMessage(f"{content!r} has bytes that are not hexadecimal")
     if identifier >= (1 << 29 if extended else 1 << 11):

@@ -242,7 +242,7 @@ class NetftSensor:
                 continue
             except (
                 ConnectionError
-            ):  # some systems tell here that nobody listens there: no reading comes, and that shows
+            ):  # some systems report here that nobody listens there: the lack of readings is noticed
                 continue
             except OSError as error:
                 if not closing.is_set():

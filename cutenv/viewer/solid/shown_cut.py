@@ -154,5 +154,5 @@ def _check_angle(angle: Array) -> None:
     if not _FLATTEST <= worst <= math.pi - _FLATTEST:
         raise ValueError(
             f"angle = {math.degrees(worst):.0f} deg lies flat; a blade is drawn from 10 to 170 deg against the "
-            "surface. Upright is 90 deg: if the record counts from upright, map it anew."
+            "surface. Upright is 90 deg: if the record counts from upright, map it again."
         )
