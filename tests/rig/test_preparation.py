@@ -45,7 +45,7 @@ def test_a_sound_rig_is_ready_and_says_what_was_found():
     checks = prepare(rig.plant, operator, today=TODAY)
     assert rig.plant.supervisor.phase == "ready"
     assert {"calibration", "armed_by", "zero force", "encoder", "hinge", "blade limit high"} <= {c.name for c in checks}
-    assert "told +1.00 mm" in next(check.found for check in checks if check.name == "encoder")
+    assert "of +1.00 mm" in next(check.found for check in checks if check.name == "encoder")
     assert any("Keep clear" in told for told in operator.told)
     assert any("stop button" in asked for asked in operator.asked)
     assert any("stands 0.0 mm from the clamp, and in air the sensor reads" in asked for asked in operator.asked)

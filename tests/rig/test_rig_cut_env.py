@@ -208,7 +208,7 @@ def test_after_a_stop_in_tissue_force_counts_from_the_zero_in_air(env):
     env.reset()
     ((question, kept),) = [(question, kept) for question, kept in asked if "will move" in question]
     assert kept == zero
-    assert f"reads ({pulls:.1f}, 0.0, 0.0) N from its zero in air" in question
+    assert f"reads ({pulls:.1f}, 0.0, 0.0) N relative to its zero in air" in question
 
 
 def test_a_blade_that_was_pushed_while_the_specimen_was_laid_is_found_out(env):
