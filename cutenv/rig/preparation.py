@@ -143,8 +143,8 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
         If a check fails, or the operator does not agree; the drives are then without power.
     """
     checks = _passed(may_move(plant.settings, today))
-    place = "it has to be in air" if in_air else "wherever it stands"
-    operator.tell(f"The drives are switched on now; the blade holds still. Keep clear of it; {place}.")
+    place = "; it has to be in air" if in_air else ", wherever it stands"
+    operator.tell(f"The drives are switched on now; the blade holds still. Keep clear of it{place}.")
     plant.power()
     try:
         plant.clock.sleep_until(plant.clock.now() + SETTLE)
@@ -175,7 +175,7 @@ def _question(plant: RigPlant, in_air: bool) -> str:
     """Return the question to the operator: only a person can see whether a tare and a drive's zero are right."""
     sample = plant.supervisor.newest_force
     if in_air:
-        felt = f", and in air the sensor reads {_newtons(plant.zero)}, taken as zero. Is that so, is it free"
+        felt = f", and in air the sensor reads {_newtons(plant.zero)}, taken as zero. Is that so, is the blade free"
     elif sample is not None:
         felt = f", and the sensor reads {_newtons(sample.force)} relative to its zero in air. May it move"
     else:

@@ -51,7 +51,7 @@ class QuickStops:
         return unreached
 
     def again(self, report: StopReport, now: float) -> None:
-        """Repeat the quick stop to drives that are not seen to obey, even if SYNC, samples or the heartbeat have ended."""
+        """Repeat the quick stop to drives not seen to obey, even if SYNC, samples or the heartbeat have ended."""
         if now - (report.commanded or report.detected) < INSIST:
             return
         for name, axis in self._axes.items():

@@ -158,8 +158,8 @@ class Supervisor:
         broken = None
         with self._lock:
             if self.phase is not Phase.READY:
-                why = f"the rig is stopped ({self.report})" if self.phase is Phase.STOPPED else "it is not released"
-                raise RigError(f"the blade may not move: {why}. The operator has to release it first.")
+                why = f"stopped ({self.report})" if self.phase is Phase.STOPPED else "not released"
+                raise RigError(f"the blade may not move: the rig is {why}. The operator has to release it first.")
             allowed = self._allowed(speed)
             turned = min(max(angle, self.limits.angle_low), self.limits.angle_high)
             self.limited += allowed != speed or turned != angle

@@ -72,7 +72,7 @@ def test_what_is_folded_fits_too(browser: Browser, page: Path, width: int) -> No
 def test_the_page_says_verdict_margins_and_lateness(page: Path) -> None:
     read = " ".join(Page(page.read_text(encoding="utf-8")).text.split())
     assert headline(evaluation(offset=0.3)) in read
-    assert "7 of 4000 commands came more than 2 ms late" in read
+    assert "7 of 4000 commands were more than 2 ms late" in read
     assert "Holm" in read
     assert "nan" not in read.lower().split()
 

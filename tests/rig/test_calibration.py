@@ -22,7 +22,7 @@ def test_never_in_the_future_and_nonsense_do_not_count() -> None:
     today = date(2026, 3, 1)
     assert "never checked" in str(expired(Calibration(), today))
     assert "2026-03-02 is in the future: today is 2026-03-01" in str(expired(Calibration(date="2026-03-02"), today))
-    assert "'soon' is no date" in str(expired(Calibration(date="soon"), today))
+    assert "'soon' is not a date" in str(expired(Calibration(date="soon"), today))
 
 
 @pytest.mark.parametrize("days", [0, -1, 100_000])

@@ -140,7 +140,7 @@ def test_an_emulated_rig_is_answered_yes_and_what_was_asked_is_kept() -> None:
 
 
 def test_hardware_is_never_answered_automatically() -> None:
-    with pytest.raises(ValueError, match=r"rig 'bench 2' is not emulated.*one of them must answer"):
+    with pytest.raises(ValueError, match=r"rig 'bench 2' is not emulated.*a person has to confirm"):
         AutomaticOperator(RigSettings(name="bench 2"))
 
 

@@ -139,7 +139,7 @@ REFUSED = {
     "ends of travel": (("high_mm = 149.0", "high_mm = -5.0"),
                        r"\[blade\] low_mm = -2 must be below high_mm = -5: they are the ends of travel"),
     "angle mode": (('angle_mode = "fixed"', 'angle_mode = "free"'), '"free" needs the second axis "angle"'),
-    "date": (("date = 2026-03-01", 'date = "1 March"'), r"\[calibration\] date = '1 March' is no date"),
+    "date": (("date = 2026-03-01", 'date = "1 March"'), r"\[calibration\] date = '1 March' is not a date"),
     "date of a kind": (("date = 2026-03-01", "date = 20260301"), r"\[calibration\] date must be a date such as"),
     "section as line": (("[bus]", "bus = 3\n[buss]"), r"bus must be a section, \[bus\]|Did you mean 'bus'"),
     "not TOML": (('"bench 2"', "bench 2"), r"it is not TOML: .*line 7.*quotation marks"),
@@ -269,5 +269,5 @@ def test_a_measurement_that_the_file_cannot_hold_leaves_it_as_it_was(file: Path)
 
 def test_an_empty_date_of_a_measurement_is_none(file: Path) -> None:
     file.write_text(FILLED + 'date = ""\n')
-    with pytest.raises(ValueError, match=r"\[identified\] date = '' is no date"):
+    with pytest.raises(ValueError, match=r"\[identified\] date = '' is not a date"):
         read(file)
