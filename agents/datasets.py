@@ -75,7 +75,7 @@ class Arguments:
 
     @property
     def environment(self) -> dict[str, Any]:
-        """Return the keyword arguments of the environment."""
+        """Keyword arguments of the environment."""
         return {name: getattr(self, name) for name in ("specimen_class", "angle_mode", "control_hz")}
 
 
