@@ -86,30 +86,30 @@ class AgentArguments:
 
     @property
     def environment(self) -> dict[str, Any]:
-        """Return the keyword arguments of the environment in which the agent is trained and tested."""
+        """Keyword arguments of the environment in which the agent is trained and tested."""
         return {"specimen_class": self.specimen_class, "control_hz": self.control_hz, **self.angle}
 
     @property
     def angle(self) -> dict[str, Any]:
-        """Return the keyword arguments of the environment for the blade's angle: free, or fixed at a value."""
+        """Keyword arguments of the environment for the blade's angle: free, or fixed at a value."""
         return {"angle_mode": self.angle_mode} | (
             {"fixed_angle_deg": self.fixed_angle_deg} if self.angle_mode == "fixed" else {}
         )
 
     @property
     def features(self) -> dict[str, Any]:
-        """Return the keyword arguments of :class:`cutenv.policy.Features`; the force only if it is not used."""
+        """Keyword arguments of :class:`cutenv.policy.Features`; the force only if it is not used."""
         return {"history": self.history} | ({} if self.force == "felt" else {"force": False})
 
     @property
     def training_seeds(self) -> range:
-        """Return the seeds of the training environments."""
+        """Seeds of the training environments."""
         first = self.seed * MAX_ENVIRONMENTS
         return range(first, first + self.environments)
 
     @property
     def validation_seeds(self) -> range:
-        """Return the seeds of the specimens on which checkpoints are compared."""
+        """Seeds of the specimens on which checkpoints are compared."""
         return VALIDATION_SEEDS[: self.validation_specimens]
 
     def environments_at(self, seeds: range) -> CutVecEnv:

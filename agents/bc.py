@@ -86,7 +86,7 @@ class Arguments(AgentArguments):
 
     @property
     def teacher(self) -> str:
-        """Return the name of the teacher, in words."""
+        """Name of the teacher, in words."""
         return f"data set {self.dataset!r}" if self.dataset else repr(self.script)
 
 

@@ -170,7 +170,7 @@ class Benchmark:
 
     @property
     def feeds(self) -> Path:
-        """Return the file of the constant feeds on validation specimens."""
+        """File of the constant feeds on validation specimens."""
         return self.folder / "feeds.csv"
 
     def best_feed(self, pool: Executor) -> str:

@@ -75,7 +75,7 @@ class Arguments:
 
     @property
     def environment(self) -> dict[str, Any]:
-        """Return the keyword arguments of the environment."""
+        """Keyword arguments of the environment."""
         return {name: getattr(self, name) for name in ("specimen_class", "angle_mode", "control_hz")}
 
 
@@ -119,7 +119,7 @@ def write(
     dataset_id : str
         Id with a version, such as ``cutenv/probe-and-creep-v0``.
     source : str
-        Who made the cuts, for people.
+        Author of the cuts, for people.
     keywords : dict
         Keyword arguments of the environment.
     demonstrations : sequence of Demonstration

@@ -88,7 +88,7 @@ class Table:
 
     @property
     def script(self) -> str | None:
-        """Return the best script: all differences but those of ablations are from it."""
+        """Best script: all differences but those of ablations are from it."""
         scores = [line.score for line in self.lines if line.score.startswith("return minus ")]
         names = {score.removeprefix("return minus ") for score in scores} - {REFERENCE}
         return next(iter(names), None)

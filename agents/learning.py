@@ -65,7 +65,7 @@ class TrialArguments(AgentArguments):
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Return the input sizes of actor and critic, and the number of units in a layer."""
+        """Input sizes of actor and critic, and the number of units in a layer."""
         features = feature_count(self.history)
         critic = features + (len(HIDDEN) if self.critic == "truth" else 0)
         return {"features": features, "critic": critic, "hidden": self.hidden}

@@ -102,12 +102,12 @@ class Progress(BaseCallback):
 
     @property
     def seconds(self) -> float:
-        """Return the time worked so far, before an interruption too [s]."""
+        """Time worked so far, before an interruption too [s]."""
         return time.monotonic() - self._begun
 
     @property
     def share(self) -> float:
-        """Return the share of the training that is done, by decisions or by minutes, whichever is larger."""
+        """Share of the training that is done, by decisions or by minutes, whichever is larger."""
         a, of_time = self._arguments, 0.0
         if a.minutes:
             of_time = (self.seconds - self._taught) / max(60.0 * a.minutes - self._taught, 1.0)

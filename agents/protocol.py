@@ -78,7 +78,7 @@ class Protocol:
 
     @property
     def test_seeds(self) -> range:
-        """Return the seeds of the held-out specimens of each class."""
+        """Seeds of the held-out specimens of each class."""
         return TEST_SEEDS[self.first_specimen : self.first_specimen + self.specimens]
 
 

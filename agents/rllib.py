@@ -93,12 +93,12 @@ class Arguments:
 
     @property
     def environment(self) -> dict[str, Any]:
-        """Return the keyword arguments of the environment."""
+        """Keyword arguments of the environment."""
         return {name: getattr(self, name) for name in ("specimen_class", "angle_mode", "control_hz")}
 
     @property
     def training_seeds(self) -> range:
-        """Return the seeds of the environments of all runners: the local one, which need not step, and the workers."""
+        """Seeds of the environments of all runners: the local one, which need not step, and the workers."""
         first = self.seed * SEEDS_OF_A_RUN
         return range(first, first + (self.workers + 1) * self.environments)
 

@@ -32,7 +32,7 @@ def typed(function: Callable[..., Any]) -> Callable[[Function], Function]:
 
 
 def lowered(function: Callable[..., Any], *kinds: Any) -> Callable[[Function], Function]:
-    """Register an LLVM lowering for ``function`` (typed `lower_builtin`); unlike `@overload` it compiles nothing."""
+    """Register an LLVM lowering for ``function`` (typed `lower_builtin`): faster to compile than `@overload`."""
     return cast(Callable[[Function], Function], _lower(function, *kinds))
 
 

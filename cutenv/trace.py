@@ -202,7 +202,7 @@ class Trace:
         Parameters
         ----------
         *names : str
-            Among "time", "force", "position", "speed", "angle", "depth".
+            Names among "time", "force", "position", "speed", "angle", "depth".
         by : str
             Name of the function that needs them, for the message.
 

@@ -306,7 +306,7 @@ class Outcome(NamedTuple):
 
     @property
     def worst(self) -> list[float]:
-        """Return the largest change of each result; NaN where no record gives one."""
+        """Largest change of each result; NaN where no record gives one."""
         largest = [
             [abs(value) for value in column if not math.isnan(value)] for column in zip(*self.moves, strict=True)
         ]

@@ -129,7 +129,7 @@ def nested_variances(values: Array, groups: NDArray[np.intp], counts: Array) -> 
     groups : ndarray of int of shape (n,)
         Index of each cut's piece of tissue.
     counts : ndarray of shape (n,)
-        How often each is taken (a bootstrap resample), otherwise 1.
+        Number of times that each is taken (a bootstrap resample), otherwise 1.
 
     Returns
     -------

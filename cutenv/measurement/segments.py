@@ -125,7 +125,7 @@ class Segment:
         Parameters
         ----------
         *names : str
-            Among "position", "displacement", "slope", "speed", "speed_change".
+            Names among "position", "displacement", "slope", "speed", "speed_change".
         by : str
             Name of the function that needs them, for the message.
 

@@ -119,7 +119,7 @@ def test_an_angle_outside_of_45_to_90_degrees_is_refused_with_the_cure(angle_deg
     _, refused = measure_cuts([*good, turned], MODEL)
     assert [each.name for each in refused] == ([] if taken else ["turned"])
     for each in refused:
-        assert f"stands at {angle_deg:.0f} degrees" in each.reason
+        assert f"is at {angle_deg:.0f} degrees" in each.reason
         assert "180 minus the angle" in each.reason
 
 
