@@ -1,0 +1,36 @@
+"""Every example runs, asserts a number that it prints, and has its page.
+
+They run in this process: imports and compiled code, most of an example's time, are then paid for once.
+"""
+
+from __future__ import annotations
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = sorted(path.stem for path in (ROOT / "examples").glob("*.py"))
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_an_example_runs_and_prints_numbers(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("MINARI_DATASETS_PATH", raising=False)
+    runpy.run_path(str(ROOT / "examples" / f"{name}.py"), run_name="__main__")
+    assert re.search(r"\d", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_an_example_is_short_asserts_something_and_has_its_page(name):
+    code = (ROOT / "examples" / f"{name}.py").read_text(encoding="utf-8")
+    assert len(code.splitlines()) <= 60
+    assert re.search(r"^ *assert ", code, re.MULTILINE)
+    assert f'--8<-- "examples/{name}.py"' in (ROOT / "docs" / "examples" / f"{name}.md").read_text(encoding="utf-8")
+    assert f"({name}.md)" in (ROOT / "docs" / "examples" / "index.md").read_text(encoding="utf-8")
+
+
+def test_there_are_examples():
+    assert len(EXAMPLES) >= 8

@@ -1,0 +1,94 @@
+"""What the pages of the documentation show is what the code does."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import shlex
+import types
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from cutenv import cli
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
+FENCE = re.compile(r"(?:<!-- (not run|not checked): (\S.*?) -->\n)?^( *)```(\w+)\n(.*?)^\3```$", re.DOTALL | re.MULTILINE)
+
+
+def blocks(page: str, language: str) -> Iterator[str]:
+    """The code of a page in one language, but for what is marked with a reason, and what is an example's file."""
+    for reason, _, indent, found, code in FENCE.findall((DOCS / page).read_text(encoding="utf-8")):
+        if found == language and not reason and "--8<--" not in code:
+            yield re.sub(f"^{indent}", "", code, flags=re.MULTILINE)
+
+
+PYTHON = [(page, number) for page in PAGES for number, _ in enumerate(blocks(page, "python"))]
+
+
+@pytest.mark.parametrize(("page", "number"), PYTHON)
+def test_the_python_of_a_page_runs_as_it_stands(page, number, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "datasets"))
+    code = list(blocks(page, "python"))[number]
+    module = types.ModuleType("__main__")  # a name of its own for every block: none lives on another's imports
+    exec(compile(code, f"{page}, block {number}", "exec"), module.__dict__)
+
+
+def commands(page: str) -> Iterator[list[str]]:
+    """Every command of a page, as words, without what follows a pipe."""
+    for code in blocks(page, "bash"):
+        for line in code.replace("\\\n", " ").splitlines():
+            words = shlex.split(line, comments=True)
+            if words:
+                yield words
+
+
+@cache
+def help_of(*names: str) -> str:
+    """What ``cutenv NAMES --help`` prints."""
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed), pytest.raises(SystemExit) as ended:
+        cli.main([*names, "--help"])
+    assert ended.value.code == 0
+    return printed.getvalue()
+
+
+OURS = [(page, " ".join(words)) for page in PAGES for words in commands(page) if words[0] == "cutenv"]
+
+
+@pytest.mark.parametrize(("page", "command"), OURS)
+def test_a_command_of_a_page_is_there_with_its_options(page, command):
+    words = command.split()[1:]
+    if words[0].startswith("-"):
+        return
+    names = words[:2] if words[0] == "rig" else words[:1]
+    listed = help_of(*names)
+    for option in (word.partition("=")[0] for word in words if word.startswith("--")):
+        assert re.search(rf"{re.escape(option)}\b", listed), f"{page}: {command}: no {option}"
+
+
+PROGRAMS = [(page, word) for page in PAGES for words in commands(page) for word in words if word.endswith(".py")]
+
+
+@pytest.mark.parametrize(("page", "program"), sorted(set(PROGRAMS)))
+def test_a_program_that_a_page_runs_is_there(page, program):
+    assert (ROOT / program).is_file(), f"{page}: {program}"
+
+
+def test_links_between_pages_lead_somewhere():
+    for page in PAGES:
+        text = re.sub(r"```.*?```", "", (DOCS / page).read_text(encoding="utf-8"), flags=re.DOTALL)
+        for target in re.findall(r"\]\(([^)\s]+)\)", text):
+            if not re.match(r"[a-z]+:", target) and not target.startswith("#"):
+                assert (DOCS / page).parent.joinpath(target.partition("#")[0]).exists(), f"{page}: {target}"
+
+
+def test_a_page_that_shows_code_is_run():
+    assert len(PYTHON) >= 20
+    assert len(OURS) >= 50
