@@ -18,7 +18,7 @@ EXAMPLES = sorted(path.stem for path in (ROOT / "examples").glob("*.py"))
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_an_example_runs_and_prints_numbers(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("MINARI_DATASETS_PATH", raising=False)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))  # given back afterwards, whatever an example sets
     runpy.run_path(str(ROOT / "examples" / f"{name}.py"), run_name="__main__")
     assert re.search(r"\d", capsys.readouterr().out)
 
