@@ -1,4 +1,4 @@
-"""Draw the figures of the documentation's concepts: docs/pictures/geometry.svg and docs/pictures/law.svg.
+"""Draw the figures of the documentation's concepts: assets/pictures/geometry.svg and law.svg.
 
     python scripts/draw_concepts.py
 
@@ -20,7 +20,7 @@ from matplotlib.patches import Polygon, Rectangle
 from cutenv.plant import Leg, SimulatedPlant, run
 from cutenv.tissue import Specimen
 
-FOLDER = Path(__file__).parents[1] / "docs" / "pictures"
+FOLDER = Path(__file__).parents[1] / "assets" / "pictures"
 GREY = "#808080"
 TISSUE, CRACK, FORCE, TARGET = "#d98c7a", "#5b9bd5", "#2f8fd0", "#1f9e77"
 STYLE = {
@@ -124,7 +124,6 @@ def mark(axes: Axes, x: np.ndarray, force: np.ndarray, tip: np.ndarray) -> None:
 
 def main() -> None:
     """Draw both."""
-    FOLDER.mkdir(parents=True, exist_ok=True)
     with plt.rc_context(STYLE):
         draw_geometry()
         draw_law()

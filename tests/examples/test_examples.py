@@ -5,6 +5,7 @@ They run in this process: imports and compiled code, most of an example's time, 
 
 from __future__ import annotations
 
+import json
 import re
 import runpy
 from pathlib import Path
@@ -34,3 +35,14 @@ def test_an_example_is_short_asserts_something_and_has_its_page(name):
 
 def test_there_are_examples():
     assert len(EXAMPLES) >= 8
+
+
+def test_the_notebook_prints_what_its_page_shows(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    import notebook_page
+
+    page, figures = notebook_page.run(json.loads(notebook_page.NOTEBOOK.read_text(encoding="utf-8")))
+    assert page == notebook_page.PAGE.read_text(encoding="utf-8")
+    assert len(figures) == 1
+    for beginning in ("finished", "lag: ", "estimate off by", "weight of jumps", "fast then slow minus upright"):
+        assert f"```text\n{beginning}" in page
