@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import pkgutil
 import re
 import shlex
 import types
@@ -61,28 +62,38 @@ def help_of(*names: str) -> str:
     return printed.getvalue()
 
 
-OURS = [(page, " ".join(words)) for page in PAGES for words in commands(page) if words[0] == "cutenv"]
+@pytest.mark.parametrize("page", PAGES)
+def test_the_commands_of_a_page_are_there_with_their_options(page):
+    for words in commands(page):
+        if words[0] == "cutenv" and not words[1].startswith("-"):
+            listed = help_of(*(words[1:3] if words[1] == "rig" else words[1:2]))
+            for option in (word.partition("=")[0] for word in words if word.startswith("--")):
+                assert re.search(rf"{re.escape(option)}\b", listed), f"{' '.join(words)}: there is no {option}"
+        for program in (word for word in words if word.endswith(".py")):
+            assert (ROOT / program).is_file()
 
 
-@pytest.mark.parametrize(("page", "command"), OURS)
-def test_a_command_of_a_page_is_there_with_its_options(page, command):
-    words = command.split()[1:]
-    if words[0].startswith("-"):
-        return
-    names = words[:2] if words[0] == "rig" else words[:1]
-    listed = help_of(*names)
-    for option in (word.partition("=")[0] for word in words if word.startswith("--")):
-        assert re.search(rf"{re.escape(option)}\b", listed), f"{page}: {command}: no {option}"
-
-
-PROGRAMS = [(page, word) for page in PAGES for words in commands(page) for word in words if word.endswith(".py")]
-
-
-@pytest.mark.parametrize(("page", "program"), sorted(set(PROGRAMS)))
-def test_a_program_that_a_page_runs_is_there(page, program):
-    assert (ROOT / program).is_file(), f"{page}: {program}"
+@pytest.mark.parametrize("page", PAGES)
+def test_the_names_and_files_that_a_page_mentions_are_there(page):
+    text = (DOCS / page).read_text(encoding="utf-8")
+    for name in re.findall(r"`(cutenv(?:\.\w+)+)`", text):
+        assert pkgutil.resolve_name(name) is not None
+    for path in re.findall(r"`((?:agents|assets|cutenv|docs|examples|scripts|tests)/[\w./-]*)`", text):
+        assert re.search(r"-v\d+$", path) or (ROOT / path).exists(), path  # an environment or a data set
 
 
 def test_a_page_that_shows_code_is_run():
     assert len(PYTHON) >= 20
-    assert len(OURS) >= 50
+    assert sum(words[0] == "cutenv" for page in PAGES for words in commands(page)) >= 50
+
+
+def test_the_picture_of_the_architecture_shows_every_part_of_the_package_once(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    import draw_architecture
+
+    shown = [package for row in draw_architecture.ROWS for wing in row for package in wing.packages]
+    there = {
+        path.stem for path in (ROOT / "cutenv").iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()
+    }
+    assert sorted(shown) == sorted(there - {"__init__", "__main__"})
+    assert draw_architecture.PICTURE.read_text(encoding="utf-8") == draw_architecture.picture()
