@@ -3,7 +3,7 @@
 import gymnasium
 import numpy as np
 
-import cutenv  # noqa: F401  registers the environments
+import cutenv  # registers the environments
 from cutenv.policy import ConstantFeed
 
 env = gymnasium.make("cutenv/RigCut-v1", rig="fake", target_length=0.08)  # or "emulator", or "my_rig.toml"

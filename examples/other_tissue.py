@@ -6,7 +6,7 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 
-import cutenv  # noqa: F401  registers the environments
+import cutenv  # registers the environments
 from cutenv.policy import ConstantFeed
 from cutenv.tissue import measured_liver
 

@@ -7,7 +7,7 @@ import warnings
 import gymnasium
 import numpy as np
 
-import cutenv  # noqa: F401  registers the environments
+import cutenv  # registers the environments
 from cutenv.policy import FastThenSlow
 
 os.environ["MINARI_DATASETS_PATH"] = os.path.abspath("datasets")  # instead of ~/.minari/datasets

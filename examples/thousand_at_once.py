@@ -5,7 +5,7 @@ import time
 import gymnasium
 import numpy as np
 
-import cutenv  # noqa: F401  registers the environments
+import cutenv  # registers the environments
 
 envs = gymnasium.make_vec("cutenv/GentleCut-v1", num_envs=1024, autoreset_mode="SameStep")
 env = gymnasium.make("cutenv/GentleCut-v1")
