@@ -3,7 +3,7 @@
     python scripts/draw_architecture.py
 
 A row is a layer, a box a wing: its name, what it does, and the packages in it.  A module imports only from rows below
-its own.  Change the list when a wing changes; ``tests/packaging/test_docs_pages.py`` checks that every package of
+its own.  Change the list when a wing changes; ``tests/documentation/test_pages.py`` checks that every package of
 ``cutenv`` is in one box.
 """
 
