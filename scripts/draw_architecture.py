@@ -27,7 +27,7 @@ class Wing(NamedTuple):
 
 ROWS = (
     (
-        Wing("apps", "what a person starts", ("cli", "commands", "play", "bench"), "#5b7db1"),
+        Wing("apps", "what a person starts", ("cli", "commands", "play"), "#5b7db1"),
         Wing("learning", "training, evaluation", ("learning", "sb3"), "#5b7db1"),
     ),
     (Wing("envs", "Gymnasium, and nowhere below", ("envs",), "#3f8f6b"),),
