@@ -13,15 +13,20 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+TIMED = ("thousand_at_once", "train_sb3")
+"""Examples that print what depends on the machine: a rate, or what PyTorch has learned."""
 EXAMPLES = sorted(path.stem for path in (ROOT / "examples").glob("*.py"))
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_an_example_runs_and_prints_numbers(name, tmp_path, monkeypatch, capsys):
+def test_an_example_runs_and_prints_what_its_page_shows(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))  # given back afterwards, whatever an example sets
     runpy.run_path(str(ROOT / "examples" / f"{name}.py"), run_name="__main__")
-    assert re.search(r"\d", capsys.readouterr().out)
+    printed = capsys.readouterr().out
+    assert re.search(r"\d", printed)
+    shown = re.search(r"```text\n(.*?)```", (ROOT / "docs" / "examples" / f"{name}.md").read_text("utf-8"), re.DOTALL)
+    assert shown is None if name in TIMED else shown[1].strip() == printed.strip()
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
