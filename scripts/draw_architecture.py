@@ -1,0 +1,86 @@
+"""Draw the one picture of the architecture, assets/pictures/architecture.svg, from the list below.
+
+    python scripts/draw_architecture.py
+
+A row is a layer, a box a wing: its name, what it does, and the packages in it.  A module imports only from rows below
+its own.  Change the list when a wing changes; ``tests/documentation/test_pages.py`` checks that every package of
+``cutenv`` is in one box.
+"""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+from typing import NamedTuple
+
+PICTURE = Path(__file__).parents[1] / "assets" / "pictures" / "architecture.svg"
+
+
+class Wing(NamedTuple):
+    """A box of the picture."""
+
+    name: str
+    does: str
+    packages: tuple[str, ...]
+    colour: str
+
+
+ROWS = (
+    (
+        Wing("apps", "what a person starts", ("cli", "commands", "play"), "#5b7db1"),
+        Wing("learning", "training, evaluation", ("learning", "sb3"), "#5b7db1"),
+    ),
+    (Wing("envs", "Gymnasium, and nowhere below", ("envs",), "#3f8f6b"),),
+    (
+        Wing("rig", "safety, drivers, emulator, fake", ("rig", "agreement"), "#b5574a"),
+        Wing("records", "files of cuts", ("recording",), "#8a6fb0"),
+        Wing("pages", "pictures, reports", ("viewer", "report"), "#8a6fb0"),
+    ),
+    (Wing("policy", "scripts, planners, trained agents run by NumPy", ("policy",), "#3f8f6b"),),
+    (Wing("task", "observation, reward, ends", ("task",), "#3f8f6b"),),
+    (
+        Wing("simulator", "cutting law, drive, sensor", ("cutting", "plant"), "#8f6a1f"),
+        Wing("measure", "traces, properties, scores; never sees the simulator",
+             ("trace", "measurement", "scoring", "terms"), "#8a6fb0"),
+    ),
+    (Wing("tissue", "tables, finite elements, specimens", ("tissue",), "#8f6a1f"),),
+    (
+        Wing("engine", "compiled kernels, cores",
+             ("compiled", "intrinsics", "portions", "cores", "elementary"), "#777777"),
+        Wing("base", "files, checks, randomness",
+             ("atomic", "resources", "validation", "parameter", "randomness"), "#777777"),
+    ),
+)  # fmt: skip
+
+WIDTH, HEIGHT, GAP, PAD = 860, 62, 10, 10
+
+
+def box(wing: Wing, x: float, y: float, width: float) -> str:
+    """Return a wing as SVG."""
+    packages = ", ".join(wing.packages)
+    return (
+        f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{HEIGHT}" rx="6" fill="{wing.colour}"/>'
+        f'<text x="{x + 12:g}" y="{y + 23:g}" font-size="16" font-weight="bold">{escape(wing.name)}</text>'
+        f'<text x="{x + 12:g}" y="{y + 41:g}" font-size="12">{escape(wing.does)}</text>'
+        f'<text x="{x + 12:g}" y="{y + 55:g}" font-size="10.5" font-family="monospace">{escape(packages)}</text>'
+    )
+
+
+def picture() -> str:
+    """Return the whole SVG."""
+    height = PAD * 2 + len(ROWS) * (HEIGHT + GAP) - GAP
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" role="img" '
+        'font-family="sans-serif" fill="#ffffff">',
+        "<title>The wings of cutenv: a module imports only from rows below its own</title>",
+    ]
+    for number, row in enumerate(ROWS):
+        width = (WIDTH - 2 * PAD - (len(row) - 1) * GAP) / len(row)
+        y = PAD + number * (HEIGHT + GAP)
+        parts += [box(wing, PAD + place * (width + GAP), y, width) for place, wing in enumerate(row)]
+    return "\n".join([*parts, "</svg>\n"])
+
+
+if __name__ == "__main__":
+    PICTURE.write_text(picture(), encoding="utf-8")
+    print(PICTURE)

@@ -1,0 +1,180 @@
+"""What the pages of the documentation show is what the code does."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import io
+import math
+import pkgutil
+import re
+import shlex
+import types
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from cutenv import cli
+from cutenv.recording import UNITS, load, load_operators
+from cutenv.rig.causes import STILL
+from cutenv.rig.emulator.faults import FAULTS
+from cutenv.rig.settings import Limits
+from cutenv.task.weights import RewardWeights
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
+FENCE = re.compile(
+    r"(?:<!-- (not run|not checked): (\S.*?) -->\n)?^( *)```(\w+)\n(.*?)^\3```$", re.DOTALL | re.MULTILINE
+)
+
+
+def blocks(page: str, language: str) -> Iterator[str]:
+    """The code of a page in one language, but for what is marked with a reason, and what is an example's file."""
+    for reason, _, indent, found, code in FENCE.findall((DOCS / page).read_text(encoding="utf-8")):
+        if found == language and not reason and "--8<--" not in code:
+            yield re.sub(f"^{indent}", "", code, flags=re.MULTILINE)
+
+
+PYTHON = [(page, number) for page in PAGES for number, _ in enumerate(blocks(page, "python"))]
+
+
+@pytest.mark.parametrize(("page", "number"), PYTHON)
+def test_the_python_of_a_page_runs_as_it_stands(page, number, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "datasets"))
+    code = list(blocks(page, "python"))[number]
+    module = types.ModuleType("__main__")  # a name of its own for every block: none lives on another's imports
+    exec(compile(code, f"{page}, block {number}", "exec"), module.__dict__)
+
+
+def commands(page: str) -> Iterator[list[str]]:
+    """Every command of a page, as words, without what follows a pipe."""
+    for code in blocks(page, "bash"):
+        for line in code.replace("\\\n", " ").splitlines():
+            words = shlex.split(line, comments=True)
+            if words:
+                yield words
+
+
+@cache
+def help_of(*names: str) -> str:
+    """What ``cutenv NAMES --help`` prints."""
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed), pytest.raises(SystemExit) as ended:
+        cli.main([*names, "--help"])
+    assert ended.value.code == 0
+    return printed.getvalue()
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_commands_of_a_page_are_there_with_their_options(page):
+    for words in commands(page):
+        if words[0] == "cutenv" and not words[1].startswith("-"):
+            listed = help_of(*(words[1:3] if words[1] == "rig" else words[1:2]))
+            for option in (word.partition("=")[0] for word in words if word.startswith("--")):
+                assert re.search(rf"{re.escape(option)}\b", listed), f"{' '.join(words)}: there is no {option}"
+        for program in (word for word in words if word.endswith(".py")):
+            assert (ROOT / program).is_file()
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_names_and_files_that_a_page_mentions_are_there(page):
+    text = (DOCS / page).read_text(encoding="utf-8")
+    for name in re.findall(r"`(cutenv(?:\.\w+)+)`", text):
+        assert pkgutil.resolve_name(name) is not None
+    for path in re.findall(r"`((?:agents|assets|cutenv|docs|examples|scripts|tests)/[\w./-]*)`", text):
+        assert re.search(r"-v\d+$", path) or (ROOT / path).exists(), path  # an environment or a data set
+
+
+def test_a_page_that_shows_code_is_run():
+    assert len(PYTHON) >= 20
+    assert sum(words[0] == "cutenv" for page in PAGES for words in commands(page)) >= 50
+
+
+def test_the_picture_of_the_architecture_shows_every_part_of_the_package_once(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    import draw_architecture
+
+    shown = [package for row in draw_architecture.ROWS for wing in row for package in wing.packages]
+    there = {
+        path.stem for path in (ROOT / "cutenv").iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()
+    }
+    assert sorted(shown) == sorted(there - {"__init__", "__main__"})
+    assert draw_architecture.PICTURE.read_text(encoding="utf-8") == draw_architecture.picture()
+
+
+def shown(page: str, language: str, number: int = 0) -> str:
+    return list(blocks(page, language))[number]
+
+
+def test_the_record_that_is_shown_loads_as_the_text_above_it_says(tmp_path):
+    text = shown("how-to/foreign-records.md", "csv")
+    (tmp_path / "rig.csv").write_text(text)
+    first, second = load(tmp_path / "rig.csv")
+    assert list(first.force) == [0.05, 0.31]
+    assert (first.metadata["cut"], second.metadata["cut"]) == (3, 4)
+    assert first.speed == pytest.approx([0.0254, 0.0254])
+    assert second.angle == pytest.approx([math.pi / 4] * 2)
+    (tmp_path / "rig.csv").write_text(text.partition("\n")[2])  # without the metadata
+    assert load(tmp_path / "rig.csv", force="-x")[1].force == pytest.approx(second.force)
+
+
+def test_the_record_of_a_person_that_is_shown_loads(tmp_path):
+    (tmp_path / "cut.csv").write_text(shown("how-to/score-cuts.md", "csv"))
+    (cut,) = load(tmp_path / "cut.csv")
+    assert cut.known == ("time", "force", "position", "angle", "depth")
+    assert cut.position == pytest.approx([0.0, 1e-5])
+
+
+def test_the_table_of_operators_that_is_shown_loads(tmp_path):
+    (tmp_path / "operators.csv").write_text(shown("how-to/study.md", "csv"))
+    rows = load_operators(tmp_path / "operators.csv")
+    assert [(row.record, row.group, row.order) for row in rows] == [
+        ("N01_01.csv", "novice", 1.0),
+        ("N01_02.csv", "novice", 2.0),
+        ("E01_01.csv", "expert", 1.0),
+    ]
+
+
+def test_the_units_that_are_listed_are_those_that_are_understood():
+    page = (DOCS / "how-to" / "score-cuts.md").read_text(encoding="utf-8")
+    listed = dict(re.findall(r"^\| (`(?:time|force|position|speed|angle)`.*?) \| (.*) \|$", page, re.MULTILINE))
+    found = {re.findall(r"`(\w+)`", fields)[0]: re.findall(r"`(\w+)`", units) for fields, units in listed.items()}
+    found["depth"] = found["position"]
+    assert found == {field: [unit for unit in units if "/" not in unit] for field, units in UNITS.items()}
+
+
+def test_the_weights_that_are_listed_are_those_of_the_reward():
+    page = (DOCS / "how-to" / "train.md").read_text(encoding="utf-8")
+    listed = {
+        name: float(weight) for name, weight in re.findall(r"^\| `weight_(\w+)` \| ([\d.]+) \|", page, re.MULTILINE)
+    }
+    assert listed == dataclasses.asdict(RewardWeights())
+
+
+def test_the_limits_that_are_listed_are_the_defaults():
+    page = (DOCS / "rig" / "what-stops-it.md").read_text(encoding="utf-8")
+    limits = Limits()
+    for value in (
+        f"{limits.force:g} N, or all three together beyond {limits.force_norm:g} N",
+        f"faster than {limits.force_rise:g} N/s",
+        f"no reading for {1e3 * limits.stale_force:g} ms; {1e3 * limits.late_force:g} ms later than before; "
+        f"{100 * limits.lost_force:g} % lost over 100 ms; all counts equal for {1e3 * limits.frozen_force:g} ms",
+        f"beyond {100 * limits.speed:g} cm/s; {limits.acceleration:g} m/s²",
+        f"outside {1e3 * limits.low:g} to {1e3 * limits.high:g} mm; "
+        f"{math.degrees(limits.angle_low):g} to {math.degrees(limits.angle_high):g} degrees",
+        f"blade {1e3 * limits.following:g} mm from where it should be",
+        f"no sample of an axis for {1e3 * limits.stale_motion:g} ms",
+        f"no heartbeat of a drive for {1e3 * limits.heartbeat:g} ms",
+    ):
+        assert value in page
+    assert "at one count for 200 ms" in page
+    assert STILL == 0.2
+
+
+def test_every_fault_of_the_emulator_is_listed():
+    page = (DOCS / "rig" / "emulator.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"`(\w+)`", re.search(r"\| fault \|.*?\n\n", page, re.DOTALL)[0])) == set(FAULTS)
