@@ -1,4 +1,4 @@
-"""The comparison that the README shows: whole, plausible, of a version that it names, and printed as it is kept."""
+"""The published comparison: whole, plausible, of a version that it names, and printed as it is kept."""
 
 from __future__ import annotations
 
