@@ -1,4 +1,4 @@
-"""The table of the comparison as text for the README and as a page, both generated from summary.csv and sweeps.csv.
+"""The table of the comparison as text for the documentation and as a page, both from summary.csv and sweeps.csv.
 
 python agents/leaderboard.py                     the published table, of assets/benchmark
 python agents/leaderboard.py --page FILE         and as a page that opens without a network
@@ -35,7 +35,7 @@ from cutenv.atomic import replacing
 from cutenv.policy import BOUND, IDLE, SCRIPTS
 
 PUBLISHED = Path(__file__).parents[1] / "assets" / "benchmark"
-"""Folder of the comparison shown in the README."""
+"""Folder of the published comparison."""
 _ORIGIN = "origin.json"
 _TABLES = ("protocol.json", "summary.csv", "sweeps.csv", _ORIGIN)  # files from which text and page are generated
 _CUTS_KEPT = 10
@@ -186,7 +186,7 @@ def markdown_table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str
 
 
 def markdown(folder: Path) -> str:
-    """Return the README's part: main table, verdicts, ablations, robustness."""
+    """Return the block of the documentation: main table, verdicts, ablations, robustness."""
     table = read_table(folder)
     parts = [about(table), markdown_table(*table.main())]
     if table.verdicts():
@@ -202,25 +202,25 @@ def markdown(folder: Path) -> str:
 
 
 def earlier(environment: str) -> str:
-    """Return a sentence about a table from another version of the environment; empty for the present one."""
+    """Return a sentence about a table measured on another version of the environment; empty for the present one."""
     if environment == ENVIRONMENT:
         return ""
     name = environment.partition("/")[2]
-    return f"Of {name}, whose tissue and law were others: not to be compared with {ENVIRONMENT}. "
+    return f"Measured on {name}, which has another tissue and cutting law; not comparable with {ENVIRONMENT}. "
 
 
 def about(table: Table) -> str:
-    """Return a paragraph that explains the numbers."""
+    """Return one paragraph about what the numbers are."""
     p = table.protocol
     n = len(p.training_seeds)
     return (
         f"{earlier(p.environment)}Protocol {p.version}: "
         f"{p.specimens} held-out specimens of class {p.training_class}, "
         f"{n} training runs of {p.training_minutes:g} minutes on one core each; interquartile mean (success: mean) "
-        "with 95 % stratified bootstrap interval over runs and specimens. Differences are paired by specimen, and "
-        "means. "
-        f"Training decisions count demonstrations, and what led nowhere. {ALL.capitalize()} classes together are those "
-        f"that are not mixed of others. {n} runs are few: an interval does not know of runs that did not happen."
+        "with 95 % stratified bootstrap interval over runs and specimens. Differences are means, paired by specimen. "
+        "Training decisions include demonstrations and discarded checkpoints. "
+        f"'{ALL}' averages the pure classes (uniform, liver, vascular). "
+        f"With {n} training seeds, intervals understate the variation between runs."
     )
 
 
@@ -283,7 +283,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", nargs="?", type=Path, default=PUBLISHED, help="of the comparison")
     parser.add_argument("--page", type=Path, metavar="FILE", help="write the page there")
-    parser.add_argument("--publish", action="store_true", help="make it the one that the README shows")
+    parser.add_argument("--publish", action="store_true", help="publish it: docs/results/leaderboard.md shows it")
     given = parser.parse_args()
     print(markdown(given.folder))
     if given.page is not None:

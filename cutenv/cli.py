@@ -46,6 +46,7 @@ class Command:
 
 COMMANDS = {
     "demo": Command(module="cutenv.commands.demo", summary="a trained agent beside the best script, in half a minute"),
+    "docs": Command(module="cutenv.commands.docs", summary="open the documentation in a browser, without a network"),
     "calibrate": Command(module="cutenv.commands.calibrate", summary="make a tissue of your own records of cuts"),
     "play": Command(module="cutenv.commands.play", summary="cut by mouse or gamepad in a window"),
     "rig": Command(module="cutenv.commands.rig", summary="the real rig: a motor and a force sensor; or their emulator"),

@@ -3,7 +3,7 @@
     python scripts/reproduce_thesis.py                      everything, about two minutes; figures into figures/
     python scripts/reproduce_thesis.py --quick              fewer speeds, specimens and policies
     python scripts/reproduce_thesis.py --only plane-strain  one comparison or figure, by its short name
-    python scripts/reproduce_thesis.py --markdown FILE      the summary as a Markdown table, for the README
+    python scripts/reproduce_thesis.py --markdown FILE      the summary as a Markdown table, for the documentation
 
 scripts/fit_specimens.py prints how well sampled livers reproduce the measured spread.
 """

@@ -2,7 +2,7 @@
 
     python scripts/rig_faults.py                              10 trials of each fault, about a quarter of an hour
     python scripts/rig_faults.py --only kill_9 --trials 3
-    python scripts/rig_faults.py --json runs/rig-faults.json  for the README: scripts/update_readme.py rig-faults
+    python scripts/rig_faults.py --json runs/rig-faults.json  for scripts/update_docs.py rig-faults
 
 The blade cuts sampled specimens at 1.5 cm/s when the fault occurs, at a random instant.  All times are of one clock.
 The machine's own delays are counted (a thread of the rig or of the emulator that was late by more than 5 ms), and the
@@ -195,7 +195,7 @@ def text(lines: Sequence[tuple[str, ...]]) -> str:
 
 
 def markdown(kept: dict[str, Any]) -> str:
-    """Return the table for the README."""
+    """Return the table for the documentation."""
     lines = [HEADER, tuple("---" for _ in HEADER), *rows(kept)]
     table = "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
     made = f"{len(kept['trials'])} trials, {sum(kept['before'].values())} more that a stop came before."
@@ -211,7 +211,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--trials", type=int, default=10, metavar="N", help="of each fault; default 10")
     add("--only", choices=EXPECTED, nargs="+", default=list(EXPECTED), metavar="FAULT", help=", ".join(EXPECTED))
     add("--seed", type=int, default=0, help="of specimens and instants; default 0")
-    add("--json", type=Path, metavar="FILE", help=f"keep every trial there; the README is made of {DEFAULT}")
+    add("--json", type=Path, metavar="FILE", help=f"keep every trial there; the documentation is made from {DEFAULT}")
     add("--markdown", action="store_true", help="print the table as Markdown")
     add("--anew", action="store_true", help="begin from the first trial, though a run was broken off")
     arguments = parser.parse_args(argv)

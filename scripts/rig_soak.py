@@ -2,7 +2,7 @@
 
     python scripts/rig_soak.py                             5 minutes of cutting, in some ten
     python scripts/rig_soak.py --minutes 60 --ordinary     without priority over other processes
-    python scripts/rig_soak.py --json runs/rig-soak.json   for the README: scripts/update_readme.py rig-soak
+    python scripts/rig_soak.py --json runs/rig-soak.json   for scripts/update_docs.py rig-soak
 
 Decisions at 50 Hz by a slow feed that ends where it estimates the tip at the target, force at 1 kHz, SYNC every 5 ms,
 ways back to the clamp between cuts, drive and sensor in a separate process.  The minutes are those of cuts.  A stop
@@ -175,7 +175,7 @@ def ordinary(real_time: bool) -> Any:
 
 
 def text(kept: dict[str, Any]) -> str:
-    """Return the summary that is printed, and shown in the README."""
+    """Return what is printed, and shown in the documentation."""
     counts, stalls = kept["counts"], kept["host_stalls_ms"]
     allowed = ", ".join(f"{name}: {'yes' if yes else 'no'}" for name, yes in kept["real_time"].items())
     lines = [
@@ -208,7 +208,7 @@ def main() -> int:
     add("--minutes", type=float, default=5.0, metavar="M", help="of cutting; default 5")
     add("--seed", type=int, default=0, help="of the specimens; default 0")
     add("--ordinary", action="store_true", help="take no priority over other processes")
-    add("--json", type=Path, metavar="FILE", help=f"keep the numbers there; the README is made of {DEFAULT}")
+    add("--json", type=Path, metavar="FILE", help=f"keep the numbers there; the documentation is made from {DEFAULT}")
     arguments = parser.parse_args()
     kept = soak(arguments.minutes, seed=arguments.seed, real_time=not arguments.ordinary)
     if arguments.json is not None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from cutenv.policy import Policy
 
 SCRIPT = "probe and creep"
-"""Best script of the README's table."""
+"""Name of the best script (docs/results/training.md)."""
 UNSEEN = 3_000_000
 """First seed beyond those on which agents are trained, chosen and tested."""
 

@@ -35,7 +35,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     A scalpel cuts a slab of liver, 8 cm wide, 15 cm long and 2.5 cm thick, clamped along the edge where the cut starts.
     The blade drags tissue along (F = K (x - a)), the crack follows in sudden runs of several millimetres, and its tip
-    is hidden: an agent sees a force.  Physics at 1 kHz, decisions at ``control_hz``.  Model and data: see the README.
+    is hidden: an agent sees a force.  Physics at 1 kHz, decisions at ``control_hz``.  Model and data: ``cutenv docs``.
     Many at once: ``gymnasium.make_vec``, see :class:`cutenv.envs.vector.GentleCutVectorEnv`.
 
     Action

@@ -1,4 +1,4 @@
-"""The comparison that the README shows: whole, plausible, of a version that it names, and printed as it is kept."""
+"""The published comparison: whole, plausible, of a version that it names, and printed as it is kept."""
 
 from __future__ import annotations
 
@@ -50,5 +50,5 @@ def test_scripts_and_agents_are_above_chance_and_idleness(table):
 
 def test_it_says_so_where_it_is_not_of_the_present_physics(table):
     assert table.protocol.environment == "cutenv/GentleCut-v0"
-    assert about(table).startswith("Of GentleCut-v0, whose tissue and law were others")
+    assert about(table).startswith("Measured on GentleCut-v0, which has another tissue and cutting law")
     assert earlier(Protocol().environment) == ""

@@ -100,7 +100,7 @@ def test_a_csv_file_is_read_by_a_person(tmp_path):
 
 
 def test_a_file_of_another_program_reads_the_same(tmp_path):
-    """h5py and pyarrow by themselves find the numbers and their units where the README says."""
+    """h5py and pyarrow by themselves find the numbers and their units where docs/reference/files/records.md states."""
     import h5py
     import pyarrow.parquet
 

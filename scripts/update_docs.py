@@ -1,13 +1,14 @@
-"""Print every number of the README: rewrite the blocks between its markers, or check them.
+"""Print every generated number of the documentation: rewrite the blocks of its pages, or check them.
 
-    python scripts/update_readme.py parameters agreement specimens calibration speed headroom
-    python scripts/update_readme.py training --runs runs/NAME ...  one run for each seed
-    python scripts/update_readme.py benchmark                   what agents/leaderboard.py --publish has kept
-    python scripts/update_readme.py rig-faults rig-soak            what their scripts left in runs/ (--json)
-    python scripts/update_readme.py --check parameters          fails if a block is not what it would print
-    python scripts/update_readme.py --picture                   draws assets/pictures/cut.png
+    python scripts/update_docs.py parameters agreement specimens calibration speed headroom
+    python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
+    python scripts/update_docs.py benchmark                 what agents/leaderboard.py --publish has kept
+    python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
+    python scripts/update_docs.py errata tissue-file rig-file metrics
+    python scripts/update_docs.py --check parameters        fails if a block is not what it would print
+    python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
 
-A block stands between ``<!-- NAME -->`` and ``<!-- /NAME -->``.
+A block stands between ``<!-- NAME -->`` and ``<!-- /NAME -->`` on its page (``PAGES``).
 """
 
 from __future__ import annotations
@@ -37,8 +38,11 @@ from cutenv.envs.constants import Knowledge
 from cutenv.parameter import parameter_table
 from cutenv.policy import BOUND, GRID, SCRIPTS, ConstantFeed
 from cutenv.report import draw_cut
+from cutenv.rig.toml_file import template
+from cutenv.scoring import INVARIANCES, METRICS
 from cutenv.task.weights import Limits
 from cutenv.tissue import measured_liver
+from cutenv.tissue import tables as thesis_tables
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.specimen import CLASSES
 
@@ -51,14 +55,34 @@ from evaluate import mean_with_interval  # noqa: E402
 SCORES = ("return", "success", "tip_error_mm", "peak_force_N", "time_s")
 
 
+PAGES = {
+    "results": "README.md",
+    "training": "docs/results/training.md",
+    "benchmark": "docs/results/leaderboard.md",
+    "headroom": "docs/results/baselines.md",
+    "speed": "docs/results/speed.md",
+    "agreement": "docs/validation/agreement.md",
+    "specimens": "docs/validation/specimens.md",
+    "calibration": "docs/validation/calibration.md",
+    "errata": "docs/validation/errata.md",
+    "parameters": "docs/reference/constants.md",
+    "metrics": "docs/reference/metrics.md",
+    "tissue-file": "docs/reference/files/tissue.md",
+    "rig-file": "docs/reference/files/rig.md",
+    "rig-faults": "docs/rig/what-stops-it.md",
+    "rig-soak": "docs/rig/what-stops-it.md",
+}
+"""Block and the page that holds it."""
+
+
 def markdown(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    """A Markdown table."""
+    """Return a Markdown table."""
     lines = [header, tuple("---" for _ in header), *rows]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
 
 def parameters(_: argparse.Namespace) -> str:
-    """Every constant of tissue, law, drive, sensor and task, with provenance."""
+    """Return every constant of tissue, law, drive, sensor and task, with provenance."""
     liver = measured_liver()
     rows = []
     for row in parameter_table(TissueDescription, LawParameters, Rig, SensorParameters, Knowledge, Limits):
@@ -69,7 +93,7 @@ def parameters(_: argparse.Namespace) -> str:
 
 
 def agreement(_: argparse.Namespace) -> str:
-    """What the thesis and independent calculations say, beside ours."""
+    """Return the thesis's numbers and those of independent calculations beside ours."""
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder) / "agreement.md"
         program = [sys.executable, str(ROOT / "scripts" / "reproduce_thesis.py"), "--out", folder]
@@ -78,28 +102,28 @@ def agreement(_: argparse.Namespace) -> str:
 
 
 def speed(_: argparse.Namespace) -> str:
-    """What ``cutenv bench`` prints on this machine."""
+    """Return the output of ``cutenv bench`` on this machine."""
     program = [sys.executable, "-m", "cutenv", "bench"]  # a fresh process: no threads yet, nothing loaded
     done = subprocess.run(program, check=True, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     return "```\n" + done.stdout.rstrip() + "\n```"
 
 
 def specimens(_: argparse.Namespace) -> str:
-    """What ``scripts/fit_specimens.py`` prints: virtual measurement of drawn specimens beside the tables."""
+    """Return the output of ``scripts/fit_specimens.py``: virtual measurement of drawn specimens beside the tables."""
     program = [sys.executable, str(ROOT / "scripts" / "fit_specimens.py"), "--livers", "150"]
     done = subprocess.run(program, check=True, stdout=subprocess.PIPE, text=True)
     return "```\n" + done.stdout.strip() + "\n```"
 
 
 def calibration(_: argparse.Namespace) -> str:
-    """What ``scripts/calibrate_virtual_rig.py`` finds beside what it put in."""
+    """Return the comparison that ``scripts/calibrate_virtual_rig.py`` prints: values found beside values put in."""
     program = [sys.executable, str(ROOT / "scripts" / "calibrate_virtual_rig.py")]
     done = subprocess.run(program, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     return "```\n" + done.stdout.partition("4. Beside what was put in:\n")[2].strip("\n") + "\n```"
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
-    """Rows of a CSV file; SystemExit with the cure where there is none."""
+    """Return the rows of a CSV file; SystemExit with the cure where there is none."""
     if not path.is_file():
         raise SystemExit(f"{path} is missing; give the folder of a finished run with --runs, or make it first.")
     with path.open(encoding="utf-8") as file:
@@ -107,20 +131,20 @@ def read_csv(path: Path) -> list[dict[str, str]]:
 
 
 def interval(row: dict[str, str], digits: int = 2) -> str:
-    """A mean and its interval."""
+    """Return a mean and its interval as text."""
     mean, low, high = (f"{float(row[name]):.{digits}f}" for name in ("mean", "low_95", "high_95"))
     return f"{mean} [{low}, {high}]"
 
 
 def training(arguments: argparse.Namespace) -> str:
-    """The evaluation of training runs, one for each seed, from their summary.csv and differences.csv."""
+    """Return the evaluation of training runs, one for each seed, from their summary.csv and differences.csv."""
     if not arguments.runs:
         raise SystemExit("training needs --runs runs/NAME ..., the folders of finished training runs.")
     return "\n\n".join((compared(arguments.runs[0]), each_seed(arguments.runs)))
 
 
 def compared(run: Path) -> str:
-    """The agent of one run beside the scripts."""
+    """Return the table of one run: the agent beside the baselines."""
     values = {(row["policy"], row["score"]): row for row in read_csv(run / "summary.csv")}
     paired = read_csv(run / "differences.csv")
     shown = [paired[0]["policy"], *dict.fromkeys(row["baseline"] for row in paired)]
@@ -130,7 +154,7 @@ def compared(run: Path) -> str:
 
 
 def each_seed(runs: list[Path]) -> str:
-    """What each training seed came to, against the best script and the bound."""
+    """Return the table of training seeds: each agent against the best script and the oracle."""
     rows = []
     for run in runs:
         facts = json.loads((run / "run.json").read_text())
@@ -159,14 +183,14 @@ def each_seed(runs: list[Path]) -> str:
 
 
 def level(facts: dict[str, Any]) -> str:
-    """After which time the agent was level with its teacher on validation specimens, and how long it was trained."""
+    """Return when the agent was level with its teacher on validation specimens, and how long it was trained [min]."""
     seconds = facts.get("level_with_script_after_s", "not measured")
     known = "never" if seconds is None else seconds if isinstance(seconds, str) else f"{seconds / 60.0:.1f}"
     return f"{known}, {facts.get('training_minutes', 'unknown')}"
 
 
 def together(runs: list[Path], agent: str, script: str) -> dict[str, str]:
-    """Paired difference of the return, averaged over the runs before the interval over specimens is taken."""
+    """Return the paired difference of the return, averaged over runs before the interval over specimens is taken."""
     by_seed: dict[str, list[float]] = {}
     for run in runs:
         scores = {(row["policy"], row["seed"]): float(row["return"]) for row in read_csv(run / "scores.csv")}
@@ -179,7 +203,7 @@ def together(runs: list[Path], agent: str, script: str) -> dict[str, str]:
 
 
 def headroom_block(_: argparse.Namespace) -> str:
-    """What ``agents/headroom.py`` has measured."""
+    """Return what ``agents/headroom.py`` has measured."""
     printed = []
     measured = [name for name in reversed(CLASSES) if (ROOT / headroom.FOLDER / f"{name}.csv").is_file()]
     for specimen_class in measured or CLASSES:
@@ -189,12 +213,12 @@ def headroom_block(_: argparse.Namespace) -> str:
 
 
 def benchmark(_: argparse.Namespace) -> str:
-    """The comparison of all agents that is published."""
+    """Return the published comparison of all agents."""
     return leaderboard.markdown(leaderboard.PUBLISHED)
 
 
 def left_by(script: ModuleType) -> dict[str, Any]:
-    """What a script has kept where its ``--json`` is expected; SystemExit with the cure where there is nothing."""
+    """Return what a script has kept in its ``--json`` file; SystemExit with the cure where there is none."""
     name = Path(str(script.__file__)).name
     path = ROOT / script.DEFAULT
     if not path.is_file():
@@ -204,13 +228,81 @@ def left_by(script: ModuleType) -> dict[str, Any]:
 
 
 def rig_faults_block(_: argparse.Namespace) -> str:
-    """What ``scripts/rig_faults.py`` has found."""
+    """Return the table that ``scripts/rig_faults.py`` has measured."""
     return rig_faults.markdown(left_by(rig_faults))
 
 
 def rig_soak_block(_: argparse.Namespace) -> str:
-    """What ``scripts/rig_soak.py`` has measured."""
+    """Return the times that ``scripts/rig_soak.py`` has measured."""
     return "```\n" + rig_soak.text(left_by(rig_soak)) + "\n```"
+
+
+def results(_: argparse.Namespace) -> str:
+    """Return the short table of the README, taken from the blocks of the page on training."""
+    block = block_of((ROOT / PAGES["training"]).read_text(encoding="utf-8"), "training")
+    policies, seeds = (table_of(lines) for lines in re.findall(r"(?:^\|.*\n)+", block, re.MULTILINE))
+    rows = {row["policy"]: row for row in policies}
+    *_, script = (seed["best script"] for seed in seeds)
+    constant = next(name for name in rows if name in GRID)
+    shown = {
+        BOUND: "oracle: a planner that sees the hidden state",
+        "PPO": "PPO",
+        script: f"best script ({script})",
+        constant: f"best constant feed ({constant.removeprefix('constant ')})",
+        "random": "random",
+    }
+    columns = ("return", "success", "tip error [mm]", "peak force [N]")
+    table = markdown(
+        ("policy", *columns), [(label, *(rows[name][column] for column in columns)) for name, label in shown.items()]
+    )
+    return f"{table}\n\n{verdict(seeds)}"
+
+
+def verdict(seeds: list[dict[str, str]]) -> str:
+    """Return the sentence about agent and script, from the table of training seeds."""
+    count = len([row for row in seeds if row["seed"] != "all"])
+    mean, low, high = map(float, re.findall(r"-?\d+\.\d+", seeds[-1]["agent minus script: return"]))
+    about = f"{abs(mean):.2f} of return (95 % interval of the paired difference [{low:.2f}, {high:.2f}]"
+    runs = "one training seed" if count == 1 else f"{count} training seeds"
+    if low > 0.0:
+        return f"PPO beats the best script by {about}, {runs})."
+    if high < 0.0:
+        return f"PPO is worse than the best script by {about}, {runs})."
+    return f"PPO against the best script is undecided: they differ by {about}, {runs})."
+
+
+def table_of(text: str) -> list[dict[str, str]]:
+    """Return the rows of a Markdown table by column."""
+    header, _, *rows = ([cell.strip() for cell in line.strip("| ").split(" | ")] for line in text.strip().splitlines())
+    return [dict(zip(header, row, strict=True)) for row in rows]
+
+
+def errata(_: argparse.Namespace) -> str:
+    """Return the errata of the thesis that are kept with its tables."""
+    return markdown(("table", "erratum"), [(number, text) for number, text in thesis_tables.errata()])
+
+
+def metrics(_: argparse.Namespace) -> str:
+    """Return every metric of a score card: meaning, formula, unit, source and promised invariances."""
+    rows = []
+    for each in METRICS.values():
+        cells = (each.meaning, each.formula, each.unit, each.direction, each.validity, each.source)
+        promised = ", ".join(f"`{name}`" for name in each.invariances)
+        rows.append((f"`{each.name}`", *(cell.replace("|", r"\|") for cell in cells), promised))
+    header = ("metric", "meaning", "formula", "unit", "better", "valid for", "source", "unchanged by")
+    table = markdown(header, rows)
+    promises = "\n".join(f"- `{name}`: {meaning}" for name, meaning in INVARIANCES.items())
+    return f"{table}\n\n{promises}"
+
+
+def tissue_file(_: argparse.Namespace) -> str:
+    """Return the tissue file of measured liver."""
+    return f"```json\n{measured_liver().to_json()}\n```"
+
+
+def rig_file(_: argparse.Namespace) -> str:
+    """Return the file that ``cutenv rig init my_rig.toml`` writes."""
+    return f"```toml\n{template('my_rig').rstrip()}\n```"
 
 
 BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
@@ -220,23 +312,39 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "calibration": calibration,
     "speed": speed,
     "training": training,
+    "results": results,
     "headroom": headroom_block,
     "benchmark": benchmark,
+    "errata": errata,
+    "metrics": metrics,
+    "tissue-file": tissue_file,
+    "rig-file": rig_file,
     "rig-faults": rig_faults_block,
     "rig-soak": rig_soak_block,
 }
 
 
+def pattern_of(name: str) -> re.Pattern[str]:
+    """Return the pattern of a block with its markers."""
+    return re.compile(rf"(<!-- {name} -->\n)(.*?)(<!-- /{name} -->)", re.DOTALL)
+
+
+def block_of(text: str, name: str) -> str:
+    """Return what stands between a block's markers; SystemExit where they are not there once."""
+    found = pattern_of(name).findall(text)
+    if len(found) != 1:
+        raise SystemExit(f"{PAGES[name]} has block {name} {len(found)} times: <!-- {name} --> to <!-- /{name} -->")
+    return str(found[0][1])
+
+
 def replaced(text: str, name: str, block: str) -> str:
-    """The README with one block replaced."""
-    pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
-    if not pattern.search(text):
-        raise SystemExit(f"README.md has no block {name}: <!-- {name} --> to <!-- /{name} -->")
-    return pattern.sub(lambda match: f"{match[1]}\n{block}\n\n{match[2]}", text)
+    """Return the text of a page with one block replaced."""
+    block_of(text, name)
+    return pattern_of(name).sub(lambda match: f"{match[1]}\n{block}\n\n{match[3]}", text)
 
 
 def draw_picture(path: Path) -> None:
-    """One cut by a script on measured liver, above its force trace."""
+    """Draw one cut by a script on measured liver, above its force trace."""
     env = gymnasium.make("cutenv/GentleCut-v1", specimen_class="liver", target_length=0.08)
     observation, _ = env.reset(seed=7)
     policy = ConstantFeed(speed=0.0127, angle=math.radians(75.0))
@@ -266,15 +374,14 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.picture:
         draw_picture(ROOT / "assets" / "pictures" / "cut.png")
-    readme = ROOT / "README.md"
-    text = readme.read_text()
     for name in arguments.blocks:
+        page = ROOT / PAGES[name]
+        text = page.read_text(encoding="utf-8")
         new = replaced(text, name, BLOCKS[name](arguments))
         if arguments.check and new != text:
-            raise SystemExit(f"README.md: block {name} is not what scripts/update_readme.py {name} prints")
-        text = new
-    if not arguments.check:
-        readme.write_text(text)
+            raise SystemExit(f"{PAGES[name]}: block {name} is not what scripts/update_docs.py {name} prints")
+        if not arguments.check:
+            page.write_text(new, encoding="utf-8")
 
 
 if __name__ == "__main__":

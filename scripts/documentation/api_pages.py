@@ -1,0 +1,67 @@
+"""Reference pages of the Python API: one for each package that lists its public names, and for a few modules."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+PACKAGE = Path(__file__).parents[2] / "cutenv"
+FOLDER = "reference/api"
+MODULES = ("cutenv.cores", "cutenv.envs.vector", "cutenv.rig.drivers", "cutenv.rig.supervisor", "cutenv.trace")
+"""Public modules that belong to no package with a list of names."""
+INTERNAL = ("cutenv.bench", "cutenv.rig.canopen", "cutenv.viewer.solid")
+"""Packages whose names are for their neighbours only."""
+
+
+def modules() -> list[str]:
+    """Return the names of all modules that have a page.
+
+    Raises
+    ------
+    FileNotFoundError
+        If one of :data:`MODULES` or :data:`INTERNAL` is gone: correct the list.
+    """
+    for name in (*MODULES, *INTERNAL):
+        _source(name)
+    packages = [path.parent for path in PACKAGE.rglob("__init__.py") if path.parent != PACKAGE]
+    loose = [path.with_suffix("") for path in PACKAGE.glob("*.py")]
+    dotted = {".".join(("cutenv", *path.relative_to(PACKAGE).parts)) for path in (*packages, *loose)}
+    return sorted({name for name in dotted if name not in INTERNAL and _public_names(name)} | set(MODULES))
+
+
+def pages() -> Iterator[tuple[str, str, str]]:
+    """Yield path below ``docs``, title in the navigation and Markdown of every page."""
+    yield f"{FOLDER}/index.md", "All modules", _index()
+    for name in modules():
+        yield f"{FOLDER}/{_file(name)}", name, f"# {name}\n\n::: {name}\n    options:\n      show_root_heading: false\n"
+
+
+def _index() -> str:
+    intro = "Everything public, by module. Lengths are in metres, angles in radians unless a name carries a unit."
+    rows = [f"| [`{name}`]({_file(name)}) | {_summary(name)} |" for name in modules()]
+    return "\n".join(["# Python API", "", intro, "", "| module | what it holds |", "| --- | --- |", *rows, ""])
+
+
+def _file(module: str) -> str:
+    return f"{module.removeprefix('cutenv.')}.md"
+
+
+def _source(module: str) -> Path:
+    path = PACKAGE.parent.joinpath(*module.split("."))
+    source = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    if not source.is_file():
+        raise FileNotFoundError(f"{module} has no source {source}: correct the lists in {Path(__file__).name}.")
+    return source
+
+
+def _summary(module: str) -> str:
+    docstring = ast.get_docstring(ast.parse(_source(module).read_text(encoding="utf-8"))) or ""
+    return docstring.partition("\n")[0].replace("|", r"\|")
+
+
+def _public_names(module: str) -> bool:
+    """Whether a module lists its public names in ``__all__``."""
+    tree = ast.parse(_source(module).read_text(encoding="utf-8"))
+    targets = [target for node in tree.body if isinstance(node, ast.Assign) for target in node.targets]
+    return any(isinstance(target, ast.Name) and target.id == "__all__" for target in targets)

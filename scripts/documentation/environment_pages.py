@@ -1,0 +1,36 @@
+"""Pages of the environments, made of the docstrings that specify them."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from collections.abc import Iterator
+
+import gymnasium
+from restructured import markdown
+
+import cutenv  # noqa: F401  registers the environments
+
+IDS = {"gentle-cut": "cutenv/GentleCut-v1", "rig-cut": "cutenv/RigCut-v1"}
+"""Name of the page and id of the environment."""
+
+
+def environment_class(environment_id: str) -> type:
+    """Return the class that ``gymnasium.make`` of this id makes."""
+    entry_point = str(gymnasium.spec(environment_id).entry_point)
+    module, _, name = entry_point.partition(":")
+    found: type = getattr(importlib.import_module(module), name)
+    return found
+
+
+def pages() -> Iterator[tuple[str, str]]:
+    """Yield path below ``docs`` and Markdown of every page."""
+    for page, environment_id in IDS.items():
+        made = environment_class(environment_id)
+        summary, _, rest = markdown(inspect.getdoc(made) or "", level=2).partition("\n\n")
+        title = environment_id.removeprefix("cutenv/")
+        yield f"environments/{page}.md", f"# {title}\n\n{summary}\n\n{_call(environment_id)}\n\n{rest}\n"
+
+
+def _call(environment_id: str) -> str:
+    return f'```python\nimport gymnasium\nimport cutenv\n\nenv = gymnasium.make("{environment_id}")\n```'

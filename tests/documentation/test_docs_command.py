@@ -1,0 +1,87 @@
+"""``cutenv docs`` opens the pages that come with a wheel, and says how to build them where there are none."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from cutenv import resources
+from cutenv.cli import main
+from cutenv.commands import docs
+
+ROOT = Path(__file__).parents[2]
+IGNORED = shutil.ignore_patterns("__pycache__", "site")
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    """Copy what a distribution is made of, without built pages."""
+    folder = tmp_path / "checkout"
+    folder.mkdir()
+    for name in ("cutenv", "assets"):
+        shutil.copytree(ROOT / name, folder / name, ignore=IGNORED)
+    for name in ("pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", ".gitignore"):
+        shutil.copy(ROOT / name, folder)
+    return folder
+
+
+def run(*command: str | Path, cwd: Path) -> str:
+    done = subprocess.run([sys.executable, *map(str, command)], cwd=cwd, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("options", [["--wheel"], []], ids=["checkout", "sdist"])
+def test_a_wheel_holds_the_built_pages_and_finds_them(checkout: Path, tmp_path: Path, options: list[str]) -> None:
+    (checkout / "assets" / "site").mkdir()
+    (checkout / "assets" / "site" / "index.html").write_text("<h1>cutenv</h1>")
+    run("-m", "build", "--no-isolation", *options, "--outdir", tmp_path / "dist", checkout, cwd=tmp_path)
+    (wheel,) = (tmp_path / "dist").glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(tmp_path / "installed")
+    code = "import sys; sys.path.insert(0, 'installed'); from cutenv.cli import main; main(['docs', '--print-path'])"
+    printed = Path(run("-c", code, cwd=tmp_path).strip())
+    assert printed == tmp_path / "installed" / "cutenv" / "assets" / "site" / "index.html"
+    assert printed.read_text() == "<h1>cutenv</h1>"
+
+
+def test_without_pages_it_says_how_to_build_them(
+    checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(resources, "_CHECKOUT", checkout / "assets")
+    assert main(["docs"]) == 1
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert len(printed.err.splitlines()) == 1
+    assert docs.BUILD in printed.err
+
+
+def test_the_browser_gets_the_first_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "site" / "index.html"
+    page.parent.mkdir()
+    page.touch()
+    opened: list[str] = []
+    monkeypatch.setattr(resources, "_CHECKOUT", tmp_path)
+    monkeypatch.setattr(docs.webbrowser, "open", lambda address: opened.append(address) is None)
+    assert main(["docs"]) == 0
+    assert opened == [page.as_uri()]
+    assert capsys.readouterr().out == ""
+
+
+def test_without_a_browser_it_prints_the_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "site" / "index.html"
+    page.parent.mkdir()
+    page.touch()
+    monkeypatch.setattr(resources, "_CHECKOUT", tmp_path)
+    monkeypatch.setattr(docs.webbrowser, "open", lambda address: False)
+    assert main(["docs"]) == 0
+    assert capsys.readouterr().out.strip() == str(page)

@@ -1,0 +1,139 @@
+"""The site builds without a warning, loads nothing from elsewhere, and its links lead somewhere."""
+
+from __future__ import annotations
+
+import html
+import inspect
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+pytest.importorskip("mkdocs", reason="the site needs an extra: pip install 'cutenv[docs]'")
+
+import environment_pages
+
+from cutenv.cli import COMMANDS
+from cutenv.commands.rig import RIG_COMMANDS
+from cutenv.scoring import METRICS
+
+LOADING = {"audio", "embed", "iframe", "img", "link", "object", "script", "source", "track", "video"}
+
+
+class Page(HTMLParser):
+    """What a page loads, where it links, and its anchors."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.loads: list[str] = []
+        self.links: list[str] = []
+        self.anchors: set[str] = set()
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        named = {name: value or "" for name, value in attrs}
+        self.anchors |= {named[name] for name in ("id", "name") if name in named}
+        if tag in LOADING:
+            self.loads += [named[name] for name in ("href", "src", "data", "srcset", "poster") if name in named]
+        if tag == "a" and "href" in named:
+            self.links.append(named["href"])
+
+
+def pages(site: Path) -> dict[Path, Page]:
+    return {path: Page(path.read_text(encoding="utf-8")) for path in sorted(site.rglob("*.html"))}
+
+
+def loaded_from_elsewhere(text: str) -> list[str]:
+    """Return every address in a page or style sheet that a browser would fetch from another machine."""
+    in_styles = re.findall(r"(?:url\(\s*|@import\s+)[\"']?([^\"')\s;]+)", text)
+    found = [*Page(text).loads, *in_styles]
+    return [each for each in found if re.match(r"(?:[a-z]+:)?//", each) and not each.startswith(("data:", "file:"))]
+
+
+def broken_links(path: Path, page: Page, all_pages: dict[Path, Page]) -> list[str]:
+    """Return the internal links of a page whose file or anchor is missing."""
+    broken = []
+    for link in page.links:
+        parts = urlsplit(link)
+        if parts.scheme or parts.netloc:
+            continue
+        target = (path.parent / unquote(parts.path)).resolve() if parts.path else path.resolve()
+        if target.is_dir():
+            target /= "index.html"
+        anchor = unquote(parts.fragment)
+        known = all_pages.get(target)
+        if not target.is_file() or (anchor and known is not None and anchor not in known.anchors):
+            broken.append(link)
+    return broken
+
+
+def test_no_page_loads_anything_from_elsewhere(site: Path) -> None:
+    files = [path for pattern in ("*.html", "*.css") for path in site.rglob(pattern)]
+    assert len(files) > 60
+    found = {str(path): loaded_from_elsewhere(path.read_text(encoding="utf-8")) for path in files}
+    assert {path: addresses for path, addresses in found.items() if addresses} == {}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<script src="https://unpkg.com/x.js"></script>',
+        '<link rel="stylesheet" href="//fonts.googleapis.com/css">',
+        "<style>@import 'https://x.org/a.css';</style>",
+        "body { background: url(https://x.org/a.png) }",
+    ],
+)
+def test_something_from_elsewhere_is_noticed(text: str) -> None:
+    assert len(loaded_from_elsewhere(text)) == 1
+
+
+def test_links_and_anchors_lead_somewhere(site: Path) -> None:
+    all_pages = pages(site)
+    shown = {path: page for path, page in all_pages.items() if path.name != "404.html"}  # its links begin at the server
+    broken = {str(path.relative_to(site)): broken_links(path, page, all_pages) for path, page in shown.items()}
+    assert {path: links for path, links in broken.items() if links} == {}
+
+
+@pytest.mark.parametrize("link", ["nowhere.html", "index.html#nowhere", "#nowhere"])
+def test_a_broken_link_is_noticed(link: str, tmp_path: Path) -> None:
+    path = tmp_path / "index.html"
+    path.write_text(f'<a id="here" href="#here">fine</a> <a href="{link}">broken</a>')
+    page = Page(path.read_text())
+    assert broken_links(path, page, {path: page}) == [link]
+
+
+def test_every_equation_is_mathml(site: Path) -> None:
+    texts = {path: path.read_text(encoding="utf-8") for path in site.rglob("*.html")}
+    assert not [path for path, text in texts.items() if 'class="arithmatex"' in text]
+    equations = [each for text in texts.values() for each in re.findall(r"<math\b.*?</math>", text, re.DOTALL)]
+    assert len(equations) > 10
+    assert not [each for each in equations if "\\" in each], "a command that the converter does not know"
+
+
+def test_every_command_has_its_page(site: Path) -> None:
+    names = [*COMMANDS, *(f"rig {name}" for name in RIG_COMMANDS)]
+    for name in names:
+        text = (site / "reference" / "commands" / f"{name.replace(' ', '-')}.html").read_text(encoding="utf-8")
+        assert f"usage: cutenv {name}" in text
+
+
+@pytest.mark.parametrize("page", environment_pages.IDS)
+def test_an_environments_page_lists_every_argument(site: Path, page: str) -> None:
+    environment_id = environment_pages.IDS[page]
+    text = (site / "environments" / f"{page}.html").read_text(encoding="utf-8")
+    assert f'gymnasium.make("{environment_id}")' in html.unescape(re.sub(r"<[^>]+>", "", text))
+    arguments = inspect.signature(environment_pages.environment_class(environment_id)).parameters.values()
+    named = {each.name for each in arguments if each.kind is inspect.Parameter.KEYWORD_ONLY}
+    assert len(named) > 8
+    assert named - {"render_mode"} <= set(re.findall(r"<td>([^<]*)</td>", text))
+    assert not re.search(r"={3,} ={3,}", text), "a table that was not turned into one"
+
+
+def test_the_python_api_shows_functions_with_their_arguments(site: Path) -> None:
+    text = (site / "reference" / "api" / "scoring.html").read_text(encoding="utf-8")
+    assert 'id="cutenv.scoring.score"' in text
+    assert ":class:`" not in text
+    for name in METRICS:
+        assert name in (site / "reference" / "metrics.html").read_text(encoding="utf-8")
