@@ -6,9 +6,8 @@ import numpy as np
 
 try:
     import torch
-    from stable_baselines3 import PPO
-
     from cutenv.sb3 import NativeVecEnv
+    from stable_baselines3 import PPO
 except ModuleNotFoundError as error:
     sys.exit(f"{error.name} is not installed: pip install 'cutenv[rl]'")
 
