@@ -68,14 +68,15 @@ def test_agent_and_script_meet_the_same_specimens() -> None:
         (["--policy", "ppo-fre"], "neither shipped"),
         (["--specimens", "0"], "--specimens = 0 is outside 1"),
         (["--seed", "-1"], "--seed = -1 is outside 0"),
-        (["--out", "gone/cut.png"], "no such folder"),
-        (["--page", "gone/cut.html"], "no such folder"),
+        (["--out", "a_file/cut.png"], "is a file; give a folder"),
+        (["--page", "a_file/cut.html"], "is a file; give a folder"),
     ],
 )
 def test_bad_options_are_refused_before_anything_is_cut(
     options: list[str], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "a_file").touch()
     assert cli.main(["demo", *options]) == 2
     captured = capsys.readouterr()
     assert told in captured.err
