@@ -39,8 +39,11 @@ def _play(arguments: argparse.Namespace) -> None:
     from cutenv.play.devices import MouseDevice
     from cutenv.play.session import COUNTDOWN, Session
     from cutenv.play.window import PlayWindow
+    from cutenv.viewer.window import open_display
 
     length = target_length(arguments)
+    open_display()  # before what takes half a minute where it has to be compiled
+    print("preparing the first specimen ...", file=sys.stderr, flush=True)
     if arguments.picture is not None:
         made_folder("--picture", arguments.picture.parent)
     session = Session(

@@ -351,7 +351,10 @@ def test_the_command_plays_a_script_records_it_and_saves_a_picture(
     assert str(out) in said
 
 
-def test_a_name_for_an_operator_is_refused_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_name_for_an_operator_is_refused_in_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     assert cli.main(["play", "--operator", "Anna", "--out", str(tmp_path / "cuts")]) == 2
     assert "may tell who it is" in capsys.readouterr().err
     assert not (tmp_path / "cuts").exists()
