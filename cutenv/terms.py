@@ -23,6 +23,10 @@ ANGLE_TOLERANCE = math.radians(10.0)
 """From upright, of a success [rad]."""
 FORCE_LIMIT_PER_DEPTH = 1000.0
 """Where a task ends for safety by default, and what a score calls too much [N/m]."""
+SHALLOWEST = 0.001
+"""Floor of the depth that a force is divided by, in reward, score and policies: the least that was measured [m]."""
+MEASURABLE_DEPTH = 0.5 * SHALLOWEST
+"""Least depth that a measured profile shows, and below which a measurement takes no force per depth [m]."""
 SMALLEST_RUN = 0.3e-3
 """Advance of an estimated tip beyond the blade's own, below which it is noise and not an unstable run [m]."""
 RUN_WINDOW = 0.020

@@ -17,9 +17,6 @@ from cutenv.trace import Trace
 
 Array = NDArray[np.float64]
 
-SHALLOWEST = 0.5e-3
-"""Shallower than this a force per depth says nothing [m]: half the least depth measured."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthProfile:

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from cutenv.rig.settings import RigSettings
 from cutenv.task.beginning import SHORTEST
+from cutenv.terms import SHALLOWEST
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.validation import array_in_range
 
-SHALLOWEST, DEEPEST = 0.001, 0.060
-"""Depths of cut that a profile may hold [m]."""
+DEEPEST = 0.060
+"""Depth of cut that a profile may hold at most, :data:`~cutenv.terms.SHALLOWEST` at least [m]."""
 _FIRST = 0.001  # [m] from the clamp, within which a profile begins
 _CURE = "Measure the specimen by caliper: depth_profile = [[position_mm, depth_mm], ...], from the clamp on."
 

@@ -11,6 +11,7 @@ from cutenv.portions import Portions, claim, finish
 from cutenv.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, Integer, uniform_at
 from cutenv.task.cuts import Cuts
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, fill
+from cutenv.terms import MEASURABLE_DEPTH
 from cutenv.tissue.drawing import draw_along, is_vascular, smooth_field
 from cutenv.tissue.grid import N_POINTS
 from cutenv.tissue.nominal import nominal_stiffness
@@ -18,8 +19,6 @@ from cutenv.tissue.slab import fill_stiffness
 
 SHORTEST, LONGEST = 0.060, 0.100
 """Range from which the target length is drawn [m]."""
-SHALLOWEST = 0.5e-3
-"""Depth that a measured profile can show [m]."""
 
 _FIRST = np.int64(0)  # for a literal Numba would compile once more
 
@@ -40,7 +39,7 @@ def measure_depth(seed: Integer, episode: Integer, noise: float, modes: Array, d
     """Fill ``measured``, shape (301,), with the depth of cut [m] as the lab finds it: the true one, a smooth error."""
     smooth_field(seed, episode, DEPTH_ERROR, _FIRST, modes, measured)
     for i in range(len(depth)):
-        measured[i] = max(depth[i] + noise * measured[i], SHALLOWEST)
+        measured[i] = max(depth[i] + noise * measured[i], MEASURABLE_DEPTH)
 
 
 @for_kernels
