@@ -19,6 +19,7 @@ from cutenv.tissue import TissueDescription, measured_liver
 from cutenv.trace import Trace
 
 SCHEMA = "cutenv-score/1"
+_ROUNDED_OFF = 1e-9  # what is left of a zero that was computed
 _WHOLE = 0.95  # of the way, from which on a cut counts as whole in words
 FEWEST_WEIGHT = 0.5
 """Of the leading metrics that must be known for an overall score: less would be a score of something else."""
@@ -91,6 +92,20 @@ class ScoreCard:
         unit = METRICS[name].unit.replace("F", force).strip()
         return f"1{unit}" if unit.startswith("/") else unit or "1"
 
+    def readable(self, name: str) -> tuple[str, str]:
+        """Return value and unit of a metric for people: lengths in mm, no unit for a pure number.
+
+        Raises
+        ------
+        ValueError
+            If the metric is unavailable.
+        """
+        value, unit = self[name], self.unit(name)
+        if unit == "m":
+            value, unit = 1e3 * value, "mm"
+        shown = f"{value:.4g}" if abs(value) >= _ROUNDED_OFF else "0"
+        return shown, "" if unit == "1" else unit
+
     def to_json(self) -> str:
         """JSON text; values in SI, with the unit of each."""
         content = {
@@ -119,9 +134,10 @@ class ScoreCard:
             if scored.value is None:
                 lines.append(f"  {name:24s} unavailable: {scored.unavailable}")
                 continue
-            place = "" if scored.percentile is None else f"better than {scored.percentile:.0f} %"
+            place = "" if scored.percentile is None else f"better than {scored.percentile:.0f} % of the reference"
             weight = f"weight {self.weights[name]:.2f}" if name in self.weights else ""
-            lines.append(f"  {name:24s} {scored.value:11.4g} {self.unit(name):6s} {place:18s} {weight}".rstrip())
+            value, unit = self.readable(name)
+            lines.append(f"  {name:24s} {value:>11s} {unit:6s} {place:35s} {weight}".rstrip())
         lines += [f"  fault: {fault.says}; {fault.try_next}" for fault in self.faults]
         lines += [f"  note: {note}" for note in (*self.notes, DISCLAIMER)]
         return "\n".join(lines)
@@ -130,8 +146,8 @@ class ScoreCard:
         """The overall score, or why there is none."""
         if self.overall_score is None:
             return f"no overall score: {self.no_score}"
-        part = "" if self.completed > _WHOLE else f", {100.0 * self.completed:.0f} % of the way being cut,"
-        return f"overall score {self.overall_score:.0f} of 100{part} within {self.reference}"
+        part = "" if self.completed > _WHOLE else f" with {100.0 * self.completed:.0f} % of the target length cut"
+        return f"overall score {self.overall_score:.0f} of 100{part}, compared with {self.reference}"
 
     def _repr_html_(self) -> str:
         rows = "".join(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -60,6 +61,17 @@ def test_a_nan_is_noticed() -> None:
     broken = {**card.metrics, "tip_error": dataclasses.replace(card.metrics["duration"], value=math.nan)}
     with pytest.raises((AssertionError, ValueError)):
         check_no_nan(dataclasses.replace(card, metrics=broken))
+
+
+def test_the_card_is_printed_in_the_units_of_people() -> None:
+    card = score(cut(UPRIGHT), target_length=TARGET, reference=reference())
+    tip_error = f"{1e3 * card['tip_error']:.4g}"
+    assert card.readable("tip_error") == (tip_error, "mm")
+    assert card.readable("force_drops") == (f"{card['force_drops']:.0f}", "")
+    assert abs(card["wedge"]) < 1e-15  # the cosine of a right angle
+    assert card.readable("wedge") == ("0", "")
+    assert not re.search(r"\d 1( |$)|e-1\d", str(card), re.MULTILINE)
+    assert re.search(rf"tip_error +{re.escape(tip_error)} mm +better than \d+ % of the reference", str(card))
 
 
 def test_without_a_reference_there_are_metrics_and_no_claim() -> None:
