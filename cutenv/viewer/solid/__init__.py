@@ -1,4 +1,4 @@
-"""A recorded cut in three dimensions, as one page that opens from disk; needs meshcat, of ``cutenv[view]``."""
+"""A recorded cut in three dimensions, as one page that opens from disk; needs meshcat, of ``cutenv[view3d]``."""
 
 from __future__ import annotations
 
