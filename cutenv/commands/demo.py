@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,6 +69,8 @@ def _demo(arguments: argparse.Namespace) -> None:
 
     count = int(in_range("--specimens", arguments.specimens, 1, 1000, "1", "A handful is enough to look at."))
     seed = UNSEEN + int(in_range("--seed", arguments.seed, 0, 10**9, "1", "Give a whole number from 0."))
+    if arguments.page is not None and find_spec("meshcat") is None:  # before anything is cut
+        raise ModuleNotFoundError("the page in 3-D needs meshcat", name="meshcat")
     length = target_length(arguments)
     for option, path in (("--out", arguments.out), ("--page", arguments.page)):
         if path is not None:

@@ -39,7 +39,7 @@ def test_the_means_are_those_of_the_specimens_and_a_picture_is_written(
 
 
 def test_the_page_shows_the_first_specimen(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view]'")
+    pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view3d]'")
     page = tmp_path / "cut.html"
     assert cli.main(["demo", "--specimens", "1", "--out", str(tmp_path / "cut.png"), "--page", str(page)]) == 0
     assert "ppo-free, specimen 1" in page.read_text(encoding="utf-8")

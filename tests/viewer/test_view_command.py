@@ -11,7 +11,7 @@ import pytest
 from recorded_cut import recorded_cut
 from view_pages import told
 
-pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view]'")
+pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view3d]'")
 pytest.importorskip("tqdm", reason="an extra: pip install 'cutenv[data]'")
 
 from cutenv import cli
