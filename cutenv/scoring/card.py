@@ -6,8 +6,10 @@ import dataclasses
 import html
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from cutenv.scoring.cut import ScoredCut, Truth
 from cutenv.scoring.doubts import remarks, spoiled
@@ -19,6 +21,7 @@ from cutenv.tissue import TissueDescription, measured_liver
 from cutenv.trace import Trace
 
 SCHEMA = "cutenv-score/1"
+_SAME_DEPTH = 1e-6  # [m]
 _ROUNDED_OFF = 1e-9  # what is left of a zero that was computed
 _WHOLE = 0.95  # of the way, from which on a cut counts as whole in words
 FEWEST_WEIGHT = 0.5
@@ -215,6 +218,7 @@ def score(
     no_score = _no_score(trace, cut, reference, sum(known.values()))
     known = {} if no_score else {metric: w / sum(known.values()) for metric, w in known.items()}
     mean = sum(w * float(metrics[metric].percentile or 0.0) for metric, w in known.items())
+    faults = () if cut.twofold else tuple(faults_of(cut))
     return ScoreCard(
         name=name or str(trace.metadata.get("name", "cut")),
         force_unit=trace.force_unit,
@@ -225,8 +229,8 @@ def score(
         no_score=no_score,
         weights=known,
         reference="" if reference is None else f"{reference.name} ({len(reference)} cuts: {reference.about})",
-        faults=() if cut.twofold else tuple(faults_of(cut)),
-        notes=tuple(_notes(cut, chosen, known)),
+        faults=faults,
+        notes=(*_notes(cut, chosen, known), *_doubted_depth(cut, faults)),
     )
 
 
@@ -281,6 +285,18 @@ def _notes(cut: ScoredCut, chosen: Mapping[str, float], known: Mapping[str, floa
     if left:
         notes.append(f"not counted, for want of a value or of a reference: {', '.join(left)}")
     return notes + remarks(cut.trace)
+
+
+def _doubted_depth(cut: ScoredCut, faults: Sequence[Fault]) -> list[str]:
+    """A note where lurches were found with one depth for the whole cut, which bulging tissue does not have."""
+    depth = cut.trace.depth
+    lurched = any(fault.kind == "lurch" for fault in faults)
+    if not lurched or cut.tip_source == "truth" or depth is None or np.ptp(depth) > _SAME_DEPTH:
+        return []
+    return [
+        f"record: the depth of cut is {1e3 * float(depth[0]):.3g} mm all along. If the tissue bulges, tip and lurches "
+        "are estimated wrong: measure the depth by place"
+    ]
 
 
 def _shown(scored: Scored) -> str:
