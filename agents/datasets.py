@@ -51,14 +51,14 @@ _NOT_TOLD = "`(author|author_email|code_permalink|eval_env)` is set to None"  # 
 class Arguments:
     """What a data set depends on; every field is an option of the command line."""
 
-    dataset: str = option("", "its id, such as cutenv/probe-and-creep-v0")
+    dataset: str = option("", "id of the data set, such as cutenv/probe-and-creep-v0")
     policy: str = option("", "baseline, shipped policy, or folder of a trained one that cuts")
     records: tuple[str, ...] = option((), "records of cuts instead: CSV, Parquet or HDF5")
-    cuts: int = option(100, "that the policy makes, each of another specimen")
-    seed: int = option(TRAINING_SEEDS.stop // 2, "of the first specimen; below a million, which nothing is tested on")
+    cuts: int = option(100, "number of cuts that the policy makes, each of another specimen")
+    seed: int = option(TRAINING_SEEDS.stop // 2, "seed of the first specimen, below a million, where nothing is tested")
     specimen_class: str = option("mixed", "tissue that the policy cuts", CLASSES)
     angle_mode: str = option("free", "whether the blade may be turned", ("free", "fixed"))
-    control_hz: int = option(10, "decisions a second; a trained policy has its own")
+    control_hz: int = option(10, "decisions per second; a trained policy has its own")
     target_length: str = option("", "length of the cut where records do not give it, such as 80mm")
 
     def __post_init__(self) -> None:

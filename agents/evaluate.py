@@ -290,13 +290,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("policies", nargs="*", metavar="POLICY", help="baseline, folder of a trained policy, or all")
     parser.add_argument("--list", action="store_true", help="print the names of the baselines")
-    parser.add_argument("--specimen-class", choices=CLASSES, default="mixed", help="default mixed")
-    parser.add_argument("--specimens", type=int, default=200, help="held-out specimens (default 200)")
-    parser.add_argument("--validation", action="store_true", help="validation instead of test specimens")
+    parser.add_argument("--specimen-class", choices=CLASSES, default="mixed", help="class; default mixed")
+    parser.add_argument("--specimens", type=int, default=200, metavar="N", help="held-out specimens; default 200")
+    parser.add_argument("--validation", action="store_true", help="take validation specimens instead of test specimens")
     parser.add_argument(
         "--out", type=Path, metavar="FOLDER", help="write scores.csv, summary.csv and differences.csv here"
     )
-    parser.add_argument("--processes", type=int, help="side by side; default one per core")
+    parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
     arguments = parser.parse_args()
     if arguments.list or not arguments.policies:
         print("\n".join(BASELINES))
