@@ -26,29 +26,29 @@ MAX_ENVIRONMENTS = 1000  # seeds of TRAINING_SEEDS that one training run may use
 class AgentArguments:
     """Arguments common to every agent's runs; every field is an option of the command line."""
 
-    name: str = option("", "folder below runs/; default: date and time")
-    seed: int = option(0, "of networks, exploration and training specimens")
+    name: str = option("", "name of the run's folder below runs/; default date and time")
+    seed: int = option(0, "seed of networks, exploration and training specimens")
     minutes: float = option(
-        0.0, "of wall clock, demonstrations among them, after which training ends; 0: no limit", resumable=True
+        0.0, "wall-clock minutes after which training ends, demonstrations included; 0: no limit", resumable=True
     )
     specimen_class: str = option("mixed", "tissue to train and test on", CLASSES)
     angle_mode: str = option("free", "whether the agent turns the blade", ("free", "fixed"))
-    fixed_angle_deg: float = option(90.0, "of the blade, if the agent does not turn it")
+    fixed_angle_deg: float = option(90.0, "angle of a blade that the agent does not turn [deg]")
     control_hz: int = option(10, "decisions per second")
-    history: int = option(6, "past decisions among the features")
+    history: int = option(6, "number of past decisions among the features")
     force: str = option("felt", "whether the agent feels the force", ("felt", "unfelt"))
     dead_zone: float = option(0.25, "share of the speed's action that means rest")
-    environments: int = option(64, "side by side")
-    hidden: int = option(64, "units in each layer")
-    demonstrations: int = option(200_000, "decisions of a script that the actor is taught first; 0: none")
-    script: str = option("probe and creep", "that is demonstrated", tuple(SCRIPTS))
-    demonstration_noise: float = option(0.15, "standard deviation of what is added to half of them")
-    validation_specimens: int = option(200, "on which checkpoints are compared")
-    validations: int = option(16, "times that this is done", resumable=True)
+    environments: int = option(64, "number of environments that run side by side")
+    hidden: int = option(64, "number of units in each layer")
+    demonstrations: int = option(200_000, "number of decisions of a script to clone first; 0: none")
+    script: str = option("probe and creep", "script to clone", tuple(SCRIPTS))
+    demonstration_noise: float = option(0.15, "standard deviation of the noise added to half of the demonstrations")
+    validation_specimens: int = option(200, "number of specimens that checkpoints are compared on")
+    validations: int = option(16, "number of times that checkpoints are compared", resumable=True)
     specimens: int = option(
-        200, "held-out specimens of the evaluation; 0: none, the policy is written all the same", resumable=True
+        200, "number of held-out specimens to evaluate on; 0: none, the policy is written all the same", resumable=True
     )
-    checkpoint_seconds: float = option(20.0, "between checkpoints", resumable=True)
+    checkpoint_seconds: float = option(20.0, "seconds between checkpoints", resumable=True)
     tensorboard: bool = option(False, "write events for TensorBoard into the run's folder", resumable=True)
 
     def __post_init__(self) -> None:
@@ -134,7 +134,7 @@ def parse(kind: type[Given], about: str | None, prefix: str, quick: Mapping[str,
         of = {"str": str, "int": int, "float": float}[str(field.type)]
         choices = field.metadata["choices"]
         default = f" (default {field.default})" if field.default != "" else ""
-        shown = None if choices else of.__name__.upper()
+        shown = None if choices else {str: "TEXT", int: "N", float: "X"}[of]
         parser.add_argument(flag, type=of, choices=choices, metavar=shown, help=meaning + default)
     replaced = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in quick.items())
     parser.add_argument("--quick", action="store_true", help=f"some two minutes in all: {replaced}")

@@ -50,11 +50,11 @@ _MOMENTS = ("exp_avg", "exp_avg_sq", "step")  # Adam's state for each parameter
 class Arguments(AgentArguments):
     """Arguments of a run; every field is an option of the command line."""
 
-    dataset: str = option("", "id of a Minari data set that teaches, not a script; it brings rate and angle mode along")
-    demonstrations: int = option(400_000, "decisions of the script")
-    epochs: int = option(60, "passes over them")
-    batch_size: int = option(1024, "decisions of a gradient step")
-    learning_rate: float = option(2e-3, "at the start; falls along half a cosine to zero")
+    dataset: str = option("", "id of a Minari data set to clone instead of a script; rate and angle mode are its own")
+    demonstrations: int = option(400_000, "number of decisions of the script")
+    epochs: int = option(60, "number of passes over the demonstrations")
+    batch_size: int = option(1024, "number of decisions in a gradient step")
+    learning_rate: float = option(2e-3, "learning rate at the start; falls along half a cosine to zero")
 
     @classmethod
     def limits(cls) -> dict[str, tuple[float, float]]:

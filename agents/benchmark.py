@@ -242,7 +242,9 @@ def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, help="folder; default runs/benchmark, with --quick runs/benchmark-quick")
-    parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help=f"of {', '.join((*ENTRIES, *SCRIPTED))}")
+    parser.add_argument(
+        "--only", nargs="+", default=[], metavar="NAME", help=f"take these alone: {', '.join((*ENTRIES, *SCRIPTED))}"
+    )
     parser.add_argument("--quick", action="store_true", help="few specimens and half a minute of training each")
     parser.add_argument("--plan", action="store_true", help="say what is left to do, and stop")
     parser.add_argument("--table", action="store_true", help="write the table from what is on disk, and stop")

@@ -35,6 +35,7 @@ from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.policy import Features
 from cutenv.policy.trained import observation_scaling
 from cutenv.recording import load
+from cutenv.recording.columns import parse_length
 from cutenv.task.observation import COMPONENTS
 from cutenv.tissue.specimen import CLASSES
 
@@ -50,15 +51,15 @@ _NOT_TOLD = "`(author|author_email|code_permalink|eval_env)` is set to None"  # 
 class Arguments:
     """Arguments for a data set; every field is an option of the command line."""
 
-    dataset: str = option("", "its id, such as cutenv/probe-and-creep-v0")
+    dataset: str = option("", "id of the data set, such as cutenv/probe-and-creep-v0")
     policy: str = option("", "baseline, shipped policy, or folder of a trained one that cuts")
     records: tuple[str, ...] = option((), "records of cuts instead: CSV, Parquet or HDF5")
-    cuts: int = option(100, "that the policy makes, each of another specimen")
-    seed: int = option(TRAINING_SEEDS.stop // 2, "of the first specimen; below a million, which nothing is tested on")
+    cuts: int = option(100, "number of cuts that the policy makes, each of another specimen")
+    seed: int = option(TRAINING_SEEDS.stop // 2, "seed of the first specimen, below a million, where nothing is tested")
     specimen_class: str = option("mixed", "tissue that the policy cuts", CLASSES)
     angle_mode: str = option("free", "whether the blade may be turned", ("free", "fixed"))
-    control_hz: int = option(10, "decisions a second; a trained policy has its own")
-    target_mm: float = option(0.0, "length of the cut that records aim at, where they do not tell")
+    control_hz: int = option(10, "decisions per second; a trained policy has its own")
+    target_length: str = option("", "length of the cut where records do not give it, such as 80mm")
 
     def __post_init__(self) -> None:
         if not _ID.fullmatch(self.dataset):
@@ -96,7 +97,8 @@ def of_records(arguments: Arguments) -> tuple[dict[str, Any], list[Demonstration
     ValueError
         If a record lacks what is needed; the message names file, cut and field.
     """
-    target = arguments.target_mm / 1e3 if arguments.target_mm else None
+    given = arguments.target_length
+    target = parse_length("--target-length", given) if given else None
     found = []
     for path in tqdm(arguments.records, desc="reading", unit="file"):
         for number, trace in enumerate(load(Path(path)), 1):

@@ -153,7 +153,9 @@ def recorded(
 def _task(plant: ReplayPlant, target_length: float | None, deadline: float, ticks: int) -> GentleCutting:
     """Make the environment's task with ``reward_from="estimate"`` for a record."""
     if target_length is None:
-        raise ValueError("the record tells no target_length_m, which observation and reward need. Give --target-mm.")
+        raise ValueError(
+            "the record tells no target_length_m, which observation and reward need. Give --target-length 80mm."
+        )
     tissue = measured_liver()
     return GentleCutting(
         plant,

@@ -16,6 +16,8 @@ import csv
 import math
 import multiprocessing
 import os
+import signal
+import sys
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
@@ -102,7 +104,8 @@ def _end_with_parent() -> None:
 
 
 def _begin_worker() -> None:
-    """Limit a worker to one core: there are as many processes as cores."""
+    """Limit a worker to one core, since there are as many as cores; Ctrl-C is left to the parent, which ends them."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     set_cores(1)
     _end_with_parent()
 
@@ -116,8 +119,24 @@ def workers(processes: int | None = None) -> Iterator[Executor]:
         try:
             yield pool
         except BaseException:
+            started = list(pool._processes.values())
             pool.shutdown(wait=False, cancel_futures=True)
+            for process in started:  # in the middle of their cuts, for which nobody waits any more
+                process.terminate()
             raise
+
+
+@contextlib.contextmanager
+def _without_ctrl_c() -> Iterator[None]:
+    """Hold Ctrl-C back from this thread, and for good from the processes that it starts, from their first import on."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows, where workers hear it until they have begun
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _rows(
@@ -158,7 +177,8 @@ def evaluate(
         for name, one in contestants.items():
             size = _SIDE_BY_SIDE if isinstance(one.policy, TrainedPolicy) else _CHUNK
             for k in range(0, len(seeds), size):
-                futures[pool.submit(_rows, one, arguments, seeds[k : k + size], metrics)] = name
+                with _without_ctrl_c():
+                    futures[pool.submit(_rows, one, arguments, seeds[k : k + size], metrics)] = name
         for future in as_completed(futures):
             bar.update(len(future.result()))
     return [{"policy": name, **row} for future, name in futures.items() for row in future.result()]
@@ -270,13 +290,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("policies", nargs="*", metavar="POLICY", help="baseline, folder of a trained policy, or all")
     parser.add_argument("--list", action="store_true", help="print the names of the baselines")
-    parser.add_argument("--specimen-class", choices=CLASSES, default="mixed", help="default mixed")
-    parser.add_argument("--specimens", type=int, default=200, help="held-out specimens (default 200)")
-    parser.add_argument("--validation", action="store_true", help="validation instead of test specimens")
+    parser.add_argument("--specimen-class", choices=CLASSES, default="mixed", help="class; default mixed")
+    parser.add_argument("--specimens", type=int, default=200, metavar="N", help="held-out specimens; default 200")
+    parser.add_argument("--validation", action="store_true", help="take validation specimens instead of test specimens")
     parser.add_argument(
         "--out", type=Path, metavar="FOLDER", help="write scores.csv, summary.csv and differences.csv here"
     )
-    parser.add_argument("--processes", type=int, help="side by side; default one per core")
+    parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
     arguments = parser.parse_args()
     if arguments.list or not arguments.policies:
         print("\n".join(BASELINES))
@@ -288,12 +308,16 @@ def main() -> None:
     chosen = {name: contestant(name) for name in dict.fromkeys(names)}
     if arguments.out:
         arguments.out.mkdir(parents=True, exist_ok=True)
-    rows = evaluate(
-        chosen,
-        seeds[: arguments.specimens],
-        {"specimen_class": arguments.specimen_class},
-        processes=arguments.processes,
-    )
+    try:
+        rows = evaluate(
+            chosen,
+            seeds[: arguments.specimens],
+            {"specimen_class": arguments.specimen_class},
+            processes=arguments.processes,
+        )
+    except KeyboardInterrupt:
+        print("\nevaluate: interrupted; nothing was written", file=sys.stderr)
+        raise SystemExit(130) from None
     summary, paired = summarise(rows), differences(rows, next(iter(chosen)))
     if arguments.out:
         write_csv(arguments.out / "scores.csv", rows)

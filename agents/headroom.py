@@ -140,10 +140,10 @@ def kept(folder: Path, specimen_class: str) -> list[dict[str, Any]]:
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--specimens", type=int, default=500, help="of each class (default 500)")
-    parser.add_argument("--classes", nargs="+", choices=CLASSES, default=list(CLASSES), help="default all")
-    parser.add_argument("--out", type=Path, default=FOLDER, help=f"default {FOLDER}")
-    parser.add_argument("--processes", type=int, help="side by side; default one per core")
+    parser.add_argument("--specimens", type=int, default=500, metavar="N", help="specimens of each class; default 500")
+    parser.add_argument("--classes", nargs="+", choices=CLASSES, default=list(CLASSES), help="classes; default all")
+    parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=f"folder; default {FOLDER}")
+    parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
     parser.add_argument("--print", action="store_true", help="print what has been measured before")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)

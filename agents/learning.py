@@ -32,19 +32,19 @@ QUICK = {"timesteps": 400_000, "validations": 4, "validation_specimens": 50, "sp
 class TrialArguments(AgentArguments):
     """Arguments of a reinforcement learning run; every field is an option of the command line."""
 
-    timesteps: int = option(8_000_000, "decisions to train for", resumable=True)
-    history: int = option(0, "past decisions among the features")
-    rollout: int = option(128, "decisions of each environment between updates")
-    batch_size: int = option(1024, "decisions of a gradient step")
-    epochs: int = option(8, "passes over a rollout")
-    learning_rate: float = option(3e-4, "at the start; falls linearly to a twentieth")
-    gamma: float = option(1.0, "discount of a decision")
-    gae_lambda: float = option(0.95, "of the generalised advantage estimate")
+    timesteps: int = option(8_000_000, "number of decisions to train for", resumable=True)
+    history: int = option(0, "number of past decisions among the features")
+    rollout: int = option(128, "number of decisions of each environment between updates")
+    batch_size: int = option(1024, "number of decisions in a gradient step")
+    epochs: int = option(8, "number of passes over a rollout")
+    learning_rate: float = option(3e-4, "learning rate at the start; falls linearly to a twentieth")
+    gamma: float = option(1.0, "discount per decision")
+    gae_lambda: float = option(0.95, "lambda of the generalised advantage estimate")
     averaging: float = option(0.03, "share of the actor that its running average takes over at every update")
     critic: str = option("truth", "what the critic sees besides the features", ("truth", "features"))
     critic_first: float = option(0.03, "share of the training in which only the critic learns, after a demonstration")
     exploration: float = option(0.15, "standard deviation of the actions at the start")
-    last_exploration: float = option(0.05, "and at the end; falls by the same factor in equal times")
+    last_exploration: float = option(0.05, "standard deviation of the actions at the end of training")
 
     @classmethod
     def limits(cls) -> dict[str, tuple[float, float]]:

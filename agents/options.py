@@ -31,7 +31,7 @@ def parse(kind: type[T], about: str | None) -> T:
         else:
             of = _KINDS[str(field.type)]
             default = f" (default {field.default})" if field.default != "" else ""
-            shown = None if choices else of.__name__.upper()
+            shown = None if choices else {str: "TEXT", int: "N", float: "X"}[of]
             parser.add_argument(
                 flag, type=of, choices=choices, metavar=shown, default=field.default, help=meaning + default
             )

@@ -104,15 +104,18 @@ _FIXED = ("--angle-mode", "fixed")
 _BY_CLOCK = ("--timesteps", "1000000000")  # no limit but the clock
 _ENTRIES = (
     Entry(REFERENCE, "ppo.py", _BY_CLOCK),
-    Entry("PPO, fixed angle", "ppo.py", (*_BY_CLOCK, *_FIXED), "the blade stays upright"),
+    Entry("PPO (fixed angle)", "ppo.py", (*_BY_CLOCK, *_FIXED), "the blade stays upright"),
     Entry("recurrent PPO", "recurrent_ppo.py", _BY_CLOCK),
-    Entry("recurrent PPO, fixed angle", "recurrent_ppo.py", (*_BY_CLOCK, *_FIXED)),
+    Entry("recurrent PPO (fixed angle)", "recurrent_ppo.py", (*_BY_CLOCK, *_FIXED)),
     Entry("behaviour cloning", "bc.py"),
-    Entry("behaviour cloning, fixed angle", "bc.py", _FIXED),
+    Entry("behaviour cloning (fixed angle)", "bc.py", _FIXED),
     Entry("PPO without force", "ppo.py", (*_BY_CLOCK, "--force", "unfelt"), "the force is not felt"),
     Entry("PPO with history", "ppo.py", (*_BY_CLOCK, "--history", "6"), "the six past decisions are seen besides"),
     Entry(
-        "PPO, critic without truth", "ppo.py", (*_BY_CLOCK, "--critic", "features"), "the critic does not see the truth"
+        "PPO (critic without truth)",
+        "ppo.py",
+        (*_BY_CLOCK, "--critic", "features"),
+        "the critic does not see the truth",
     ),
 )
 ENTRIES = {entry.name: entry for entry in _ENTRIES}

@@ -27,10 +27,10 @@ from cutenv.policy import BASELINES, RecurrentNetwork
 class Arguments(TrialArguments):
     """Arguments of a run; every field is an option of the command line."""
 
-    timesteps: int = option(4_000_000, "decisions to train for", resumable=True)
-    epochs: int = option(4, "passes over a rollout")
+    timesteps: int = option(4_000_000, "number of decisions to train for", resumable=True)
+    epochs: int = option(4, "number of passes over a rollout")
     critic_first: float = option(0.15, "share of the training in which only the critic learns, after a demonstration")
-    cloning_epochs: int = option(15, "passes over the demonstrations")
+    cloning_epochs: int = option(15, "number of passes over the demonstrations")
 
     @classmethod
     def limits(cls) -> dict[str, tuple[float, float]]:

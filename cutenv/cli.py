@@ -19,7 +19,7 @@ _EXTRA_OF_MODULE = {
     "canopen": "rig",
     "h5py": "data",
     "matplotlib": "view",
-    "meshcat": "view",
+    "meshcat": "view3d",
     "minari": "data",
     "pyarrow": "data",
     "pygame": "view",
@@ -31,8 +31,8 @@ _EXTRA_OF_MODULE = {
     "stable_baselines3": "rl",
     "tomlkit": "rig",
     "torch": "rl",
-    "tqdm": "data",
-    "umsgpack": "view",
+    "tqdm": "view",
+    "umsgpack": "view3d",
 }
 
 
@@ -44,15 +44,24 @@ class Command:
     summary: str
 
 
+INTERRUPTED = 130
+"""Exit status after Ctrl-C: 128 and the number of the signal, as shells have it."""
+
 COMMANDS = {
-    "demo": Command(module="cutenv.commands.demo", summary="a trained agent beside the best script, in half a minute"),
+    "demo": Command(
+        module="cutenv.commands.demo", summary="watch a trained agent cut beside the best script, in half a minute"
+    ),
     "docs": Command(module="cutenv.commands.docs", summary="open the documentation in a browser, without a network"),
-    "calibrate": Command(module="cutenv.commands.calibrate", summary="make a tissue of your own records of cuts"),
+    "calibrate": Command(module="cutenv.commands.calibrate", summary="fit a tissue to your own records of cuts"),
     "play": Command(module="cutenv.commands.play", summary="cut by mouse or gamepad in a window"),
-    "rig": Command(module="cutenv.commands.rig", summary="the real rig: a motor and a force sensor; or their emulator"),
-    "score": Command(module="cutenv.commands.score", summary="score cuts by their force: a card and a page"),
-    "study": Command(module="cutenv.commands.study", summary="reliability, separation and learning of several people"),
-    "view": Command(module="cutenv.commands.view", summary="show a recorded cut in 3-D: a page that opens from disk"),
+    "rig": Command(module="cutenv.commands.rig", summary="run a real rig, a motor and a force sensor, or its emulator"),
+    "score": Command(module="cutenv.commands.score", summary="score recorded cuts: a card and a page"),
+    "study": Command(
+        module="cutenv.commands.study", summary="study several people: reliability of the metrics, groups, learning"
+    ),
+    "view": Command(
+        module="cutenv.commands.view", summary="show a recorded cut in 3-D, in a page that opens from disk"
+    ),
     "bench": Command(module="cutenv.bench", summary="measure the speed of the environment on this machine"),
 }
 
@@ -71,9 +80,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit status: 0 if all went well.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    name, rest = _parser().parse_args(arguments[:1]).command, arguments[1:]
+    parser = _parser()
+    if not arguments:
+        parser.print_help()
+        return 0
+    name, rest = parser.parse_args(arguments[:1]).command, arguments[1:]
     try:
         return _run(COMMANDS[name], rest)
+    except KeyboardInterrupt:
+        print(f"\ncutenv {name}: interrupted; files written before are kept", file=sys.stderr)
+        return INTERRUPTED
     except ModuleNotFoundError as error:
         cure = missing_extra(error)
         if cure is None:
@@ -99,7 +115,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="cutenv",
         description=cutenv.__doc__.partition("\n")[0] if cutenv.__doc__ else None,
-        epilog=f"commands:\n{listed}\n\n'cutenv COMMAND --help' prints its options.",
+        epilog=f"commands:\n{listed}\n\n'cutenv COMMAND --help' lists its options.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         usage="cutenv [-h] [--version] COMMAND ...",
     )

@@ -138,7 +138,11 @@ def announce(*kernels: Callable[..., Any]) -> None:
     if all(hasattr(k, "py_func") and any(_FOLDER.rglob(f"*.{k.__name__}-*.nbi")) for k in kernels):
         return
     _announced = True
-    print(f"{_PACKAGE.name}: compiling for this machine; takes some seconds, once.", file=sys.stderr, flush=True)
+    notice = f"{_PACKAGE.name}: compiling for this machine; takes about half a minute, once."
+    if (progress := sys.modules.get("tqdm")) is not None:  # a bar of it may stand on the line
+        progress.tqdm.write(notice, file=sys.stderr)
+    else:
+        print(notice, file=sys.stderr, flush=True)
 
 
 def _for_kernels(function: Function, **options: bool) -> Function:

@@ -19,8 +19,12 @@ def parameter(
     provenance: Provenance,
     why: str,
     sweep: tuple[float, float] | None = None,
+    title: str = "",
 ) -> Any:
-    """Declare a dataclass field for one physical constant; ``why`` names the table, the derivation or the reason."""
+    """Declare a dataclass field for one physical constant; ``why`` names the table, the derivation or the reason.
+
+    ``title`` is its name on report pages.
+    """
     metadata = {
         "unit": unit,
         "low": low,
@@ -28,6 +32,7 @@ def parameter(
         "provenance": provenance,
         "why": why,
         "sweep": sweep,
+        "title": title,
     }
     return dataclasses.field(default=default, metadata=metadata)
 

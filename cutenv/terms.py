@@ -23,6 +23,10 @@ ANGLE_TOLERANCE = math.radians(10.0)
 """Deviation from upright up to which a cut is a success [rad]."""
 FORCE_LIMIT_PER_DEPTH = 1000.0
 """Force per depth at which a task ends for safety by default, and which a score counts as too much [N/m]."""
+SHALLOWEST = 0.001
+"""Smallest depth by which a force is divided in reward, score and policies: the smallest that was measured [m]."""
+MEASURABLE_DEPTH = 0.5 * SHALLOWEST
+"""Smallest depth of a measured profile; below it, no force per depth is computed [m]."""
 SMALLEST_RUN = 0.3e-3
 """Advance of the estimated tip beyond the blade's own below which it is noise, not an unstable run [m]."""
 RUN_WINDOW = 0.020

@@ -34,13 +34,19 @@ BENCHMARKS = {
 
 def main(argv: Sequence[str]) -> int:
     """Print the benchmarks named in ``argv``, all by default; write and compare their numbers if asked to."""
-    parser = argparse.ArgumentParser(prog="cutenv bench", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="cutenv bench",
+        description=__doc__,
+        epilog="examples:\n  cutenv bench step batch\n  cutenv bench --json before.json",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
     parser.add_argument(
         "only",
         nargs="*",
         choices=[*BENCHMARKS, []],
         metavar="BENCHMARK",
-        help=f"{', '.join(BENCHMARKS)}; default all",
+        help=f"benchmark to run: {', '.join(BENCHMARKS)}; default all",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every number, with the machine's description")
     parser.add_argument("--compare", type=Path, metavar="OLD.json", help="print ratios new/old to an earlier --json")

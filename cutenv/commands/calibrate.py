@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 from cutenv.atomic import replacing
-from cutenv.commands.records import add_record_options, read_records
+from cutenv.commands.options import add_record_options, command_parser, made_folder, watched
+from cutenv.commands.records import read_records
 from cutenv.measurement.calibration import RESAMPLES, check_resamples, measure_cuts, tissue_of
 from cutenv.tissue import CutModel, TissueDescription
 
@@ -29,14 +29,11 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _calibrate(arguments: argparse.Namespace) -> None:
-    from tqdm import tqdm  # an extra
-
     model = CutModel(element=arguments.element, formulation=arguments.formulation, poisson=arguments.poisson)
     records = read_records(arguments)
     for note in records.notes:
         print(f"note: {note}", file=sys.stderr)
-    watch = partial(tqdm, desc="measuring", unit="cut", file=sys.stderr, leave=False)
-    cuts, unmeasured = measure_cuts(records.traces, model, progress=watch)
+    cuts, unmeasured = measure_cuts(records.traces, model, progress=lambda cuts: watched(cuts, "measuring", "cut"))
     if unmeasured and not arguments.skip_bad:
         listed = "\n".join(f"  {each.name}: {each.reason}" for each in unmeasured)
         raise ValueError(f"{len(unmeasured)} records cannot be measured; --skip-bad goes on without them:\n{listed}")
@@ -82,25 +79,40 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
     if arguments.report is not None and arguments.report.with_suffix(".json") == arguments.out:
         raise ValueError(f"--report {arguments.report} would write its data over --out; give it another name.")
     for path in (arguments.out, arguments.report):
-        if path is not None and not path.parent.is_dir():
-            raise FileNotFoundError(f"no such folder: {path.parent}; make it first.")
+        if path is not None:
+            made_folder("folder", path.parent)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="cutenv calibrate",
-        description=__doc__,
-        epilog="Records need position, angle and depth of cut beside force; return strokes past the crack tip tell "
-        "friction, several speeds and both 90 and 45 degrees tell how the modulus depends on them. What the records "
-        "do not tell is pig liver's, and the result says so.",
+    parser = command_parser(
+        "calibrate",
+        __doc__,
+        examples=(
+            "cuts/*.csv --out tissue.json --report tissue.html",
+            'rig/*.txt --map "time=t[ms]" "force=Fx" "position=x[mm]" angle=90deg depth=20mm --out tissue.json',
+        ),
+        note="Records need position, angle and depth of cut beside force. Return strokes past the crack tip give the\n"
+        "friction; several speeds, and both 90 and 45 degrees, give the modulus's dependence on them. What the\n"
+        "records do not give is taken from pig liver, and the result marks it so.",
     )
     add_record_options(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE.json", help="the tissue")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE.json", help="tissue file to write")
     parser.add_argument("--report", type=Path, metavar="FILE.html", help="validation card; its data beside it as .json")
-    parser.add_argument("--name", help="of the tissue; default the file's")
-    parser.add_argument("--resamples", type=int, default=RESAMPLES, help=f"of the bootstrap, default {RESAMPLES}")
-    model = parser.add_argument_group("finite-element model to which the moduli shall belong")
-    model.add_argument("--element", default="quad8", choices=["quad4", "quad8"])
-    model.add_argument("--formulation", default="plane_stress", choices=["plane_stress", "plane_strain"])
-    model.add_argument("--poisson", type=float, default=0.3)
+    parser.add_argument("--name", metavar="NAME", help="name of the tissue; default the file's")
+    parser.add_argument(
+        "--resamples",
+        type=int,
+        default=RESAMPLES,
+        metavar="N",
+        help=f"bootstrap resamples for the intervals; default {RESAMPLES}",
+    )
+    model = parser.add_argument_group("finite-element model that the moduli belong to")
+    model.add_argument("--element", default="quad8", choices=["quad4", "quad8"], help="element; default quad8")
+    model.add_argument(
+        "--formulation",
+        default="plane_stress",
+        choices=["plane_stress", "plane_strain"],
+        help="plane model; default plane_stress",
+    )
+    model.add_argument("--poisson", type=float, default=0.3, metavar="NU", help="Poisson's ratio; default 0.3")
     return parser

@@ -7,12 +7,20 @@ import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cutenv.tissue.specimen import CLASSES
+from cutenv.commands.options import (
+    add_specimen_class,
+    add_target_length,
+    command_parser,
+    made_folder,
+    target_length,
+    watched,
+)
 from cutenv.validation import in_range
 
 if TYPE_CHECKING:
@@ -61,28 +69,37 @@ def _demo(arguments: argparse.Namespace) -> None:
 
     count = int(in_range("--specimens", arguments.specimens, 1, 1000, "1", "A handful is enough to look at."))
     seed = UNSEEN + int(in_range("--seed", arguments.seed, 0, 10**9, "1", "Give a whole number from 0."))
-    for path in (arguments.out, arguments.page):
-        if path is not None and not path.absolute().parent.is_dir():
-            raise FileNotFoundError(f"{path}: no such folder; make it first.")
+    if arguments.page is not None and find_spec("meshcat") is None:  # before anything is cut
+        raise ModuleNotFoundError("the page in 3-D needs meshcat", name="meshcat")
+    length = target_length(arguments)
+    for option, path in (("--out", arguments.out), ("--page", arguments.page)):
+        if path is not None:
+            made_folder(option, path.parent)
     policy = named_policy(arguments.policy)
     name = Path(arguments.policy).name
     print(f"{count} specimens of class {arguments.specimen_class} on which nothing was trained or chosen\n")
-    agent = cuts(policy, policy.environment_arguments, arguments.specimen_class, seed, count)
+    agent = cuts(policy, policy.environment_arguments, arguments.specimen_class, seed, count, length)
     # Fixed or free, the script gets the angle that the agent has; it decides as often as it was tuned for.
     angles = {key: policy.environment_arguments[key] for key in _ANGLES if key in policy.environment_arguments}
-    script = cuts(BASELINES[SCRIPT](), angles, arguments.specimen_class, seed, count)
+    script = cuts(BASELINES[SCRIPT](), angles, arguments.specimen_class, seed, count, length)
     _print_table({name: agent, SCRIPT: script})
     _write(agent[0], script[0], name, arguments)
 
 
 def cuts(
-    policy: Policy, environment_arguments: Mapping[str, Any], specimen_class: str, seed: int, count: int
+    policy: Policy,
+    environment_arguments: Mapping[str, Any],
+    specimen_class: str,
+    seed: int,
+    count: int,
+    target_length: float | None = None,
 ) -> list[DemoCut]:
     """Cut ``count`` specimens, the episodes of ``seed`` from 0 on, each to its end."""
     from cutenv.envs.gentle_cut import GentleCutEnv
 
-    env = GentleCutEnv(specimen_class=specimen_class, **environment_arguments)
-    return [_cut(env, policy, seed, episode) for episode in range(count)]
+    env = GentleCutEnv(specimen_class=specimen_class, target_length=target_length, **environment_arguments)
+    title = getattr(policy, "name", type(policy).__name__)
+    return [_cut(env, policy, seed, episode) for episode in watched(range(count), title, "cut")]
 
 
 def _cut(env: Any, policy: Policy, seed: int, episode: int) -> DemoCut:
@@ -159,21 +176,24 @@ def _write(agent: DemoCut, script: DemoCut, name: str, arguments: argparse.Names
 def _parser() -> argparse.ArgumentParser:
     from cutenv.policy import SHIPPED, SHOWN
 
-    parser = argparse.ArgumentParser(
-        prog="cutenv demo",
-        description=__doc__,
-        epilog="Nothing is trained and nothing is downloaded. A few cuts show how an agent cuts, not how good it is: "
-        "agents/evaluate.py compares on hundreds.",
+    parser = command_parser(
+        "demo",
+        __doc__,
+        examples=("", "--page cut.html", "--specimens 10 --specimen-class vascular --target-length 80mm"),
+        note="Nothing is trained and nothing is downloaded. A few cuts show how an agent cuts, not how good it is.",
     )
     parser.add_argument(
         "--policy",
         default=SHOWN,
-        metavar="NAME",
-        help=f"shipped ({', '.join(SHIPPED)}), or the folder of a trained policy; default {SHOWN}",
+        metavar="POLICY",
+        help=f"shipped policy ({', '.join(SHIPPED)}), or folder of a trained one; default {SHOWN}",
     )
-    parser.add_argument("--specimens", type=int, default=5, metavar="N", help="default 5")
-    parser.add_argument("--seed", type=int, default=0, help="draws other specimens; default 0")
-    parser.add_argument("--class", dest="specimen_class", choices=CLASSES, default="mixed", help="default mixed")
-    parser.add_argument("--out", type=Path, default=Path("demo.png"), metavar="FILE", help="default demo.png")
-    parser.add_argument("--page", type=Path, metavar="FILE", help="also the cut in 3-D, a page that opens from disk")
+    parser.add_argument("--specimens", type=int, default=5, metavar="N", help="number of specimens; default 5")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the specimens; default 0")
+    add_specimen_class(parser, "mixed")
+    add_target_length(parser, "drawn from 60mm to 100mm")
+    parser.add_argument(
+        "--out", type=Path, default=Path("demo.png"), metavar="FILE", help="picture to write; default demo.png"
+    )
+    parser.add_argument("--page", type=Path, metavar="FILE", help="3-D page to write, which opens from disk")
     return parser

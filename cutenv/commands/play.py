@@ -9,7 +9,13 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
-from cutenv.tissue.specimen import CLASSES
+from cutenv.commands.options import (
+    add_specimen_class,
+    add_target_length,
+    command_parser,
+    made_folder,
+    target_length,
+)
 
 _EXTRA = ("pygame", "pymunk")
 
@@ -33,12 +39,17 @@ def _play(arguments: argparse.Namespace) -> None:
     from cutenv.play.devices import MouseDevice
     from cutenv.play.session import COUNTDOWN, Session
     from cutenv.play.window import PlayWindow
+    from cutenv.viewer.window import open_display
 
-    if arguments.picture is not None and not arguments.picture.absolute().parent.is_dir():
-        raise FileNotFoundError(f"--picture {arguments.picture}: no such folder; make it first.")
+    length = target_length(arguments)
+    open_display()  # before what takes half a minute where it has to be compiled
+    print("preparing the first specimen ...", file=sys.stderr, flush=True)
+    if arguments.picture is not None:
+        made_folder("--picture", arguments.picture.parent)
     session = Session(
         MouseDevice(),
         specimen_class=arguments.specimen_class,
+        target_length=length,
         seed=secrets.randbelow(2**31) if arguments.seed is None else arguments.seed,
         folder=arguments.out,
         operator=arguments.operator,
@@ -62,23 +73,29 @@ def _play(arguments: argparse.Namespace) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="cutenv play",
-        description=__doc__,
-        epilog="Space begins and goes on, r repeats, c chooses the class, p shows what is hidden, esc ends. "
+    parser = command_parser(
+        "play",
+        __doc__,
+        examples=("--operator P07", "--specimen-class uniform --practice", "--cuts 10 --target-length 80mm --out cuts"),
+        note="Space begins and goes on, r repeats, c chooses the class, p shows what is hidden, esc ends.\n"
         "Training feedback for research; not validated for assessment or credentialing of people.",
     )
-    parser.add_argument("--class", dest="specimen_class", choices=CLASSES, default="liver", help="default liver")
-    parser.add_argument("--operator", metavar="CODE", help="anonymous code for the records, such as P07")
-    parser.add_argument("--seed", type=int, help="of the specimens; default: another every time, and recorded")
-    parser.add_argument("--practice", action="store_true", help="show what is hidden; the records say so")
-    parser.add_argument("--cuts", type=int, metavar="N", help="end after so many; default when you like")
-    parser.add_argument("--out", type=Path, default=Path("cuts"), metavar="FOLDER", help="for records; default cuts/")
+    add_specimen_class(parser, "liver")
+    add_target_length(parser, "drawn from 60mm to 100mm")
+    parser.add_argument("--operator", metavar="CODE", help="anonymous code in the records, such as P07")
+    parser.add_argument(
+        "--seed", type=int, metavar="N", help="seed of the specimens, for the same ones again; default a new one"
+    )
+    parser.add_argument("--practice", action="store_true", help="show what is hidden; the records are marked so")
+    parser.add_argument("--cuts", type=int, metavar="N", help="number of cuts after which to end; default no end")
+    parser.add_argument(
+        "--out", type=Path, default=Path("cuts"), metavar="FOLDER", help="folder of the records; default cuts"
+    )
     parser.add_argument(
         "--scripted",
         action="store_true",
-        help="a simple hand cuts (one cut unless --cuts), as fast as it can be drawn: for demonstrations and tests; "
-        "with SDL_VIDEODRIVER=dummy it needs no display",
+        help="let a simple script move the hand (one cut unless --cuts), as fast as it can be drawn; with "
+        "SDL_VIDEODRIVER=dummy it needs no display",
     )
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="PNG of the last picture")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="PNG of the last picture to write")
     return parser

@@ -5,11 +5,10 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import re
-import sys
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
+from cutenv.commands.options import made_folder, watched
 from cutenv.measurement.calibration import Refused
 from cutenv.measurement.cut import SPECIMEN
 from cutenv.recording import ColumnMap, Imported, RecordError, read_record
@@ -33,38 +32,6 @@ class Records(NamedTuple):
     sources: list[Source]
 
 
-def add_record_options(
-    parser: argparse.ArgumentParser, *, files: int | Literal["+"] = "+", metavar: str = "FILE", about: str = ""
-) -> None:
-    """Add the options of every sub-command that reads records; ``files`` is argparse's ``nargs``."""
-    parser.add_argument(
-        "records", nargs=files, type=Path, metavar=metavar, help=about or "CSV, Parquet or HDF5, one cut or several"
-    )
-    foreign = parser.add_argument_group("files of other programs")
-    foreign.add_argument(
-        "--map",
-        nargs="+",
-        metavar="FIELD=COLUMN",
-        help="time=t force=Fx, force=norm(Fx,Fy,Fz), position=x[mm], angle=90deg, depth=20mm, rate=1000Hz, "
-        f"split_by=trial,cut; kept beside the files as {MAP_FILE} for the next time",
-    )
-    foreign.add_argument("--unit", help="of the force: N, mN, kN, gf, kgf, lbf, or 1 if it is normalised")
-    parser.add_argument(
-        "--specimen",
-        metavar="PATTERN",
-        help="regular expression for the file's path; what it matches (its first group) names the specimen, where "
-        "the record does not",
-    )
-    foreign.add_argument(
-        "--confirm",
-        type=Path,
-        metavar="FOLDER",
-        help="draw every record there: what was taken off, cuts and flaws found",
-    )
-    parser.add_argument("--verbose", action="store_true", help="say of every file how it was read")
-    parser.add_argument("--skip-bad", action="store_true", help="leave bad records out instead of stopping, and say so")
-
-
 def read_records(arguments: argparse.Namespace) -> Records:
     """Read all files; the cuts are named after their file.
 
@@ -77,8 +44,8 @@ def read_records(arguments: argparse.Namespace) -> Records:
     """
     mapping = _mapping(arguments)
     pattern = _pattern(arguments.specimen)
-    if arguments.confirm is not None and not arguments.confirm.is_dir():
-        raise FileNotFoundError(f"--confirm {arguments.confirm}: no such folder; make it first.")
+    if arguments.confirm is not None:
+        made_folder("--confirm", arguments.confirm)
     missing = [str(path) for path in arguments.records if not path.is_file()]
     if missing:
         raise FileNotFoundError(f"no such file: {', '.join(missing)}.")
@@ -87,7 +54,7 @@ def read_records(arguments: argparse.Namespace) -> Records:
     notes: list[str] = []
     remembered: set[str] = set()
     sources: list[Source] = []
-    for path in _watched(arguments.records):
+    for path in watched(arguments.records, "reading", "file"):
         try:
             imported = read_record(path, mapping)
         except RecordError as error:
@@ -158,10 +125,3 @@ def _named(trace: Trace, path: Path, number: int | None, pattern: re.Pattern[str
             raise ValueError(f"--specimen {pattern.pattern!r} does not match {path}; it must match every file.")
         metadata[SPECIMEN] = match[1] if match.groups() else match[0]
     return dataclasses.replace(trace, metadata=metadata)
-
-
-def _watched(paths: Sequence[Path]) -> Sequence[Path]:
-    from tqdm import tqdm  # an extra
-
-    watched: Sequence[Path] = tqdm(paths, desc="reading", unit="file", file=sys.stderr, leave=False)
-    return watched

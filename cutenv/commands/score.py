@@ -7,16 +7,14 @@ import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from cutenv.commands.records import add_record_options, read_records
-from cutenv.recording import read_record
-from cutenv.scoring import ReferenceSet, score
-from cutenv.scoring.reference import FEWEST, SHIPPED
-from cutenv.trace import Trace
-from cutenv.validation import in_range
+from cutenv.commands.options import add_record_options, add_target_length, command_parser, made_folder, target_length
 
-_LENGTH = re.compile(r"([\d.]+)\s*(mm|cm|m)")
-_TO_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
+    from cutenv.scoring import ReferenceSet
+    from cutenv.trace import Trace
+
 _SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
 
 
@@ -32,11 +30,12 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _score(arguments: argparse.Namespace) -> None:
+    from cutenv.commands.records import read_records
     from cutenv.report.score_page import ScoredRecord, write_score_page, write_summary
+    from cutenv.scoring import score
 
-    if not arguments.out.is_dir():
-        raise FileNotFoundError(f"--out {arguments.out}: no such folder; make it first.")
-    target = None if arguments.target is None else parse_length(arguments.target)
+    made_folder("--out", arguments.out)
+    target = target_length(arguments)
     reference = reference_set(arguments.reference)
     records = read_records(arguments)
     for note in records.notes:
@@ -61,20 +60,6 @@ def _score(arguments: argparse.Namespace) -> None:
         print(f"page: {arguments.out / written[0][1]}")
 
 
-def parse_length(text: str) -> float:
-    """Return a length with its unit, such as ``80mm`` or ``8cm``, in metres.
-
-    Raises
-    ------
-    ValueError
-        If it has no unit, or is not a length.
-    """
-    match = _LENGTH.fullmatch(text.strip())
-    if match is None:
-        raise ValueError(f"--target {text!r} is no length with a unit; write 80mm or 8cm.")
-    return in_range("--target", float(match[1]) * _TO_METRES[match[2]], 0.005, 0.15, "m", "Write 80mm or 8cm.")
-
-
 def reference_set(given: str) -> ReferenceSet | None:
     """Return the reference set of a name, a file, or a folder of a lab's own records; None for ``none``.
 
@@ -83,6 +68,10 @@ def reference_set(given: str) -> ReferenceSet | None:
     ValueError
         If it is none of these, or the folder holds too few cuts.
     """
+    from cutenv.recording import read_record
+    from cutenv.scoring import ReferenceSet, score
+    from cutenv.scoring.reference import FEWEST, SHIPPED
+
     if given == "none":
         return None
     if given in SHIPPED:
@@ -112,23 +101,34 @@ def _fitting(reference: ReferenceSet | None, trace: Trace) -> ReferenceSet | Non
 
     A record of force alone is compared with the set for such records.
     """
+    from cutenv.scoring import ReferenceSet
+
     if reference is not None and reference.name == "baselines" and trace.position is None:
         reference = ReferenceSet.shipped("force-alone")
     return reference if reference is not None and reference.force_unit == trace.force_unit else None
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="cutenv score",
-        description=__doc__,
-        epilog="Training feedback for research; not validated for assessment or credentialing of people.",
+    parser = command_parser(
+        "score",
+        __doc__,
+        examples=(
+            "cut.csv",
+            "cuts/*.csv --target-length 80mm --out scored",
+            'forces.txt --map "time=Zeit" "force=Kraft" --unit mN',
+        ),
+        note="Training feedback for research; not validated for assessment or credentialing of people.",
     )
     add_record_options(parser)
-    parser.add_argument("--target", metavar="LENGTH", help="aimed at, from the clamp: 80mm; default the record's own")
+    add_target_length(parser, "the record's own")
     parser.add_argument(
         "--reference",
         default="baselines",
-        help=f"{', '.join(SHIPPED)} (default), none, a file of ReferenceSet.save, or a folder of your people's records",
+        metavar="SET",
+        help="cuts that percentiles compare with: baselines (default), force-alone, none, a file of ReferenceSet.save, "
+        "or a folder of your people's records",
     )
-    parser.add_argument("--out", type=Path, default=Path(), metavar="FOLDER", help="for pages and tables; default here")
+    parser.add_argument(
+        "--out", type=Path, default=Path(), metavar="FOLDER", help="folder of pages and tables; default here"
+    )
     return parser

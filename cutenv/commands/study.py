@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv.commands.records import Records, Source, add_record_options, read_records
+from cutenv.commands.options import add_record_options, add_target_length, command_parser, made_folder, target_length
+from cutenv.commands.records import Records, Source, read_records
 from cutenv.recording import OperatorRow, load_operators
 from cutenv.scoring import METRICS, score
 from cutenv.scoring.card import DISCLAIMER
@@ -40,7 +42,7 @@ def _study(arguments: argparse.Namespace) -> None:
     records = read_records(arguments)
     for note in records.notes:
         print(f"note: {note}", file=sys.stderr)
-    length = None if arguments.target_length_cm is None else 0.01 * arguments.target_length_cm
+    length = target_length(arguments)
     cuts = [
         StudiedCut(
             card=score(records.traces[i], target_length=length),
@@ -55,8 +57,8 @@ def _study(arguments: argparse.Namespace) -> None:
         cuts=cuts,
         metrics=tuple(arguments.metric or ()),
         groups=None if arguments.groups is None else tuple(arguments.groups),
-        target_group=arguments.target_group,
-        target=arguments.target,
+        target_group=arguments.criterion_group,
+        target=arguments.criterion,
     )
     print("\n".join(table_lines(study)))
     for each in records.refused:
@@ -131,33 +133,48 @@ def _check_out(out: Path | None) -> None:
         return
     if out.suffix != ".html":
         raise ValueError(f"--out {out} must end in .html; the cards go beside it as .csv.")
-    if not out.parent.is_dir():
-        raise FileNotFoundError(f"no such folder: {out.parent}; make it first.")
+    made_folder("--out", out.parent)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="cutenv study",
-        description=__doc__,
-        epilog=f"Metrics: {', '.join(METRICS)}. {DISCLAIMER}",
+    parser = command_parser(
+        "study",
+        __doc__,
+        examples=(
+            "records/ --operators operators.csv --out study.html",
+            "records/ --operators operators.csv --metric tip_error --criterion 0.003",
+            "records/ --operators operators.csv --criterion-group expert --target-length 80mm",
+        ),
+        note=textwrap.fill(f"Metrics: {', '.join(METRICS)}. {DISCLAIMER}", 100),
     )
-    add_record_options(parser, metavar="FOLDER", about="of records (CSV, Parquet or HDF5), or the records themselves")
+    add_record_options(
+        parser, metavar="FOLDER", about="folder of records (CSV, Parquet or HDF5), or the records themselves"
+    )
     parser.add_argument(
         "--operators",
         type=Path,
         required=True,
         metavar="TABLE.csv",
-        help="columns record, operator (an anonymous code, P07), and where there are group, session, order",
+        help="table with columns record, operator (an anonymous code, P07), and where known group, session, order",
     )
-    parser.add_argument("--out", type=Path, metavar="FILE.html", help="page; every card beside it as .csv")
+    parser.add_argument("--out", type=Path, metavar="FILE.html", help="page to write; every card beside it as .csv")
     parser.add_argument(
-        "--metric", action="append", choices=list(METRICS), metavar="NAME", help="again for more; default the leading"
+        "--metric",
+        action="append",
+        choices=list(METRICS),
+        metavar="NAME",
+        help="metric to study; give it again for more; default the leading ones",
+    )
+    parser.add_argument("--groups", nargs=2, metavar="NAME", help="two groups to compare, if there are more than two")
+    parser.add_argument(
+        "--criterion-group", metavar="NAME", help="group whose mean is the target value of the learning curves"
     )
     parser.add_argument(
-        "--groups", nargs=2, metavar="NAME", help="whose separation is told, if there are more than two"
+        "--criterion",
+        type=float,
+        metavar="VALUE",
+        help="target value of the learning curves itself, in the SI unit of the one --metric",
     )
-    parser.add_argument("--target-group", metavar="NAME", help="whose mean is the target of the cumulative sums")
-    parser.add_argument("--target", type=float, metavar="VALUE", help="the target itself, in SI, of the one --metric")
-    parser.add_argument("--target-length-cm", type=float, metavar="CM", help="aimed at, where records do not say")
-    parser.add_argument("--name", help="of the study; default the table's")
+    add_target_length(parser, "the records' own")
+    parser.add_argument("--name", metavar="NAME", help="title of the study; default the table's name")
     return parser

@@ -8,8 +8,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv.commands.records import Records, add_record_options, read_records
-from cutenv.commands.score import parse_length
+from cutenv.commands.options import add_record_options, add_target_length, command_parser, made_folder, target_length
+from cutenv.commands.records import Records, read_records
 from cutenv.trace import Trace
 from cutenv.viewer.solid import COLOURS, ShownCut, write_view
 
@@ -26,9 +26,9 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _view(arguments: argparse.Namespace) -> None:
-    target = None if arguments.target is None else parse_length(arguments.target)
-    if arguments.out is not None and not arguments.out.parent.is_dir():
-        raise FileNotFoundError(f"--out {arguments.out}: no such folder; make it first.")
+    target = target_length(arguments)
+    if arguments.out is not None:
+        made_folder("--out", arguments.out.parent)
     records = read_records(arguments)
     for note in records.notes:
         print(f"note: {note}", file=sys.stderr)
@@ -60,17 +60,18 @@ def _chosen(records: Records, number: int | None) -> Trace:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="cutenv view",
-        description=__doc__,
-        epilog="A record needs position and depth of cut beside force in newtons; without angle the blade is upright.",
+    parser = command_parser(
+        "view",
+        __doc__,
+        examples=("cut.csv --open", "cuts.csv --cut 2 --target-length 80mm --out second.html"),
+        note="A record needs position and depth of cut beside force in newtons; without angle the blade is upright.",
     )
-    add_record_options(parser, files=1)
+    add_record_options(parser, files=1, about="record of cuts: CSV, Parquet or HDF5")
+    parser.add_argument("--cut", type=int, metavar="N", help="number of the cut in the file, from 1; default the first")
+    add_target_length(parser, "the record's own")
     parser.add_argument(
-        "--cut", type=int, metavar="N", help="which one of several in the file, from 1; default the first"
+        "--colour", choices=COLOURS, default=COLOURS[0], help=f"what the tissue's colour shows; default {COLOURS[0]}"
     )
-    parser.add_argument("--target", metavar="LENGTH", help="aimed at, from the clamp: 80mm; default the record's own")
-    parser.add_argument("--colour", choices=COLOURS, default=COLOURS[0], help="of the tissue; default displacement")
-    parser.add_argument("--out", type=Path, metavar="PAGE", help="the page to write; default NAME_view.html, here")
+    parser.add_argument("--out", type=Path, metavar="PAGE", help="page to write; default NAME_view.html, here")
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     return parser

@@ -13,6 +13,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from cutenv.compiled import announce
+from cutenv.cutting.records import Records
 from cutenv.cutting.simulate import hold
 from cutenv.envs.constants import Constants, identified_constants
 from cutenv.envs.tissue_source import TissueSource
@@ -175,9 +176,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         one_of("reward_from", reward_from, ("truth", "estimate"))
         one_of("drive", drive, ("rig", "hand"))
         one_of("render_mode", render_mode, (None, *self.metadata["render_modes"]))
-        in_range("control_hz", control_hz, 1, _UPDATES_HZ, "Hz", "Give decisions per second, 50 by default.")
-        if _UPDATES_HZ % control_hz or control_hz % 1:
-            raise ValueError(f"control_hz = {control_hz:g} does not divide {_UPDATES_HZ}; take 50, 100 or 200.")
+        check_rate(control_hz)
         in_range("fixed_angle_deg", fixed_angle_deg, 45.0, 90.0, "deg", "Measured are 45 to 90 degrees.")
         if angle_mode == "free" and fixed_angle_deg != 90.0:
             raise ValueError(f'fixed_angle_deg = {fixed_angle_deg:g} needs angle_mode="fixed"; it is "free".')
@@ -201,6 +200,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._episode = 0
         self._ended = True
         self._viewer: Any = None
+        self._undrawn: list[Records] = []  # readings since the last picture
         self.plant: SimulatedPlant
         self.cutting: GentleCutting
         self.specimen: Specimen
@@ -258,6 +258,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Put the blade to a specimen's clamp, with target ``length`` [m] and the ``depth`` [m] known to the lab."""
         constants, tissue = self.constants, specimen.tissue
         self.specimen = specimen
+        self._undrawn.clear()
         self.plant = SimulatedPlant(
             specimen,
             drive=constants.drive,
@@ -297,6 +298,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         observation, reward = cutting.step(command)
         if cutting.updates < self.ticks:
             self.plant.take_back(cutting.updates, *cutting.command)
+        if self.render_mode is not None and cutting.readings is not None:
+            self._undrawn.append(cutting.readings.copy())
         info = self._info()
         if cutting.end:
             self._ended = True
@@ -334,7 +337,9 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             from cutenv.viewer import CutViewer  # drawing is an extra
 
             self._viewer = CutViewer(window=self.render_mode == "human", fps=self.metadata["render_fps"])
-        picture: NDArray[np.uint8] = self._viewer.draw(self.plant, self.cutting)
+        readings = np.concatenate(self._undrawn) if self._undrawn else None
+        self._undrawn.clear()
+        picture: NDArray[np.uint8] = self._viewer.draw(self.plant, self.cutting, readings)
         return picture if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
@@ -342,6 +347,14 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._viewer is not None:
             self._viewer.close()
             self._viewer = None
+
+
+def check_rate(control_hz: float) -> None:
+    """Refuse a rate of decisions [Hz] that does not divide that of the physics; names all that do."""
+    in_range("control_hz", control_hz, 1, _UPDATES_HZ, "Hz", "Give decisions per second, 50 by default.")
+    if _UPDATES_HZ % control_hz or control_hz % 1:
+        rates = ", ".join(str(rate) for rate in range(1, _UPDATES_HZ + 1) if _UPDATES_HZ % rate == 0)
+        raise ValueError(f"control_hz = {control_hz:g} does not divide {_UPDATES_HZ}. Take one of {rates}.")
 
 
 _ARGUMENTS = [

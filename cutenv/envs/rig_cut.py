@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cutenv.compiled import announce
 from cutenv.cutting.simulate import hold
 from cutenv.envs.constants import Constants
-from cutenv.envs.gentle_cut import checked_episode, checked_length
+from cutenv.envs.gentle_cut import check_rate, checked_episode, checked_length
 from cutenv.envs.rig_source import RigSource
 from cutenv.envs.rig_work import Work, numbers, shown
 from cutenv.envs.tissue_source import TissueSource
@@ -131,8 +131,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> None:
         self._arguments = {name: value for name, value in locals().items() if name in _ARGUMENTS} | constants
         one_of("specimen_class", specimen_class, CLASSES)
-        if in_range("control_hz", control_hz, 1, _UPDATES_HZ, "Hz") % 1 or _UPDATES_HZ % control_hz:
-            raise ValueError(f"control_hz = {control_hz} must divide {_UPDATES_HZ}: 10, 20, 25, 50 and 100 do.")
+        check_rate(control_hz)
         if render_mode is not None:
             raise ValueError(f"render_mode = {render_mode!r}: a rig is not drawn; record the cut and score it.")
         self.ticks = round(_UPDATES_HZ / control_hz)

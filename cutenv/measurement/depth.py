@@ -17,9 +17,6 @@ from cutenv.trace import Trace
 
 Array = NDArray[np.float64]
 
-SHALLOWEST = 0.5e-3
-"""Depth below which a force per depth is meaningless [m]: half the least depth measured."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthProfile:

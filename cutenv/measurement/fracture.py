@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
-from cutenv.measurement.depth import SHALLOWEST, DepthProfile
+from cutenv.measurement.depth import DepthProfile
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio_of
 from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
 from cutenv.measurement.segments import Segment, loading_segments
 from cutenv.measurement.stiffness import carried, unit_stiffness
 from cutenv.measurement.strokes import STANDSTILL, Stroke, strokes
 from cutenv.measurement.zero import SensorZero, zeroed
+from cutenv.terms import MEASURABLE_DEPTH
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import measured_liver
 from cutenv.trace import Trace
@@ -145,7 +146,7 @@ def estimate_fracture_resistance(
     )
 
     flags = list(zero.flags)
-    if float(depth.depth.min()) < SHALLOWEST:
+    if float(depth.depth.min()) < MEASURABLE_DEPTH:
         flags.append("depth below 0.5 mm counts as 0.5 mm in the apparent value")
     apparent = _work_per_depth(trace, position, depth) / travel  # (6.4)
     way_back = fit_return_stroke(trace, depth)
@@ -195,7 +196,7 @@ def _check_speed(trace: Trace, position: Array, travel: float) -> None:
 def _work_per_depth(trace: Trace, position: Array, depth: DepthProfile) -> float:
     """Return W* [J/m]: integral of F/B dU (equation 6.2) over ground that the blade had not reached before."""
     reached = np.maximum.accumulate(position)
-    F_per_B = trace.force / np.maximum(depth.at(position), SHALLOWEST)
+    F_per_B = trace.force / np.maximum(depth.at(position), MEASURABLE_DEPTH)
     return float(trapezoid(F_per_B, reached))
 
 

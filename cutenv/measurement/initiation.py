@@ -16,13 +16,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.measurement.depth import SHALLOWEST, DepthProfile
+from cutenv.measurement.depth import DepthProfile
 from cutenv.measurement.fracture import estimate_fracture_resistance
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio_of
 from cutenv.measurement.modulus import elastic_part, telling
 from cutenv.measurement.segments import Segment, loading_segments, smoothing_readings_of
 from cutenv.measurement.stiffness import carried
 from cutenv.measurement.zero import zeroed
+from cutenv.terms import MEASURABLE_DEPTH
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
 
@@ -215,7 +216,7 @@ def initiation_at(
         a = np.maximum(x - F / there, 0.0)
     B = depth.at(a)
     for n, (i, top) in enumerate(found):
-        if B[n] >= SHALLOWEST and F[n] > 0.0:
+        if B[n] >= MEASURABLE_DEPTH and F[n] > 0.0:
             points[i] = float(a[n]), float(F[n] / B[n]), float(0.5 * F[n] ** 2 / there[n]), top
     units = []
     for first, second in itertools.pairwise(points):

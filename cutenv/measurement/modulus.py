@@ -10,12 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.measurement.depth import SHALLOWEST, DepthProfile
+from cutenv.measurement.depth import DepthProfile
 from cutenv.measurement.fracture import FRICTION_SHARE, estimate_fracture_resistance
 from cutenv.measurement.loading_ratio import LoadingRatio, in_measured_range, loading_ratio_of
 from cutenv.measurement.return_stroke import fit_return_stroke
 from cutenv.measurement.segments import SMALLEST_DROP, Segment, loading_segments
 from cutenv.measurement.zero import zeroed
+from cutenv.terms import MEASURABLE_DEPTH
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
 from cutenv.validation import in_range
@@ -291,7 +292,7 @@ def moduli_of(
         x, slope, speed = s.require("position", "slope", "speed", by="moduli_of")
         tip = max(x - ratio(speed, s.angle) * s.force / slope, 0.0)
         B = float(depth.at(tip))
-        if B >= SHALLOWEST:
+        if B >= MEASURABLE_DEPTH:
             segments.append(s)
             tips.append(tip)
             moduli.append(slope / (model.stiffness(tip) * B))

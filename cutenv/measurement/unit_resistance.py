@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.measurement.depth import SHALLOWEST, DepthProfile
+from cutenv.measurement.depth import DepthProfile
 from cutenv.measurement.return_stroke import fit_return_stroke
 from cutenv.measurement.segments import SMALLEST_DROP
 from cutenv.measurement.strokes import Stroke, bin_means, bins_of_travel, strokes
 from cutenv.measurement.zero import zeroed
+from cutenv.terms import MEASURABLE_DEPTH
 from cutenv.trace import Trace
 from cutenv.validation import in_range
 
@@ -139,7 +140,7 @@ def estimate_unit_resistances(trace: Trace, *, friction_per_depth: float | None 
     units = []
     for first, last in itertools.pairwise(states):
         area = depth.area(first.tip, last.tip) if last.tip > first.tip else 0.0
-        if area < SHALLOWEST * SHALLOWEST:
+        if area < MEASURABLE_DEPTH * MEASURABLE_DEPTH:
             continue  # nothing was cut between them
         spent = work[last.turn] - work[first.again] - phi * (rubbed[last.turn] - rubbed[first.again])
         units.append((first.tip, last.tip, area, (spent + first.stored - last.stored) / area + phi))

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from cutenv.compiled import compiled, for_kernels
 from cutenv.cutting.records import Record, Records
 from cutenv.elementary import log, tanh
-from cutenv.policy.tip_estimate import SHALLOWEST, remember_depth, tip_behind
+from cutenv.policy.tip_estimate import remember_depth, tip_behind
 from cutenv.task.estimate import PRESLIDING, dragged
 from cutenv.task.observation import BOUND, COMPONENTS, SCALES, checked_observation
+from cutenv.terms import SHALLOWEST
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
 from cutenv.tissue.specimen import N_POINTS, SPACING

@@ -9,6 +9,7 @@ from cutenv.policy.scripted import INCLINED, Script, checked_approach, checked_m
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.policy.unloading import UPRIGHT, StopAndUnload, coasting
 from cutenv.task.observation import COMPONENTS, SCALES, to_action
+from cutenv.terms import SHALLOWEST
 from cutenv.validation import in_range
 
 Array32 = NDArray[np.float32]
@@ -48,7 +49,7 @@ class ForceFeedback(Script):
 
     def command(self, observation: Array32) -> Array32:
         """Return the action while cutting."""
-        depth = max(float(observation[_DEPTH]) * SCALES[_DEPTH], 1e-3)
+        depth = max(float(observation[_DEPTH]) * SCALES[_DEPTH], SHALLOWEST)
         force_per_depth = float(observation[_FORCE]) * SCALES[_FORCE] / depth
         load = min(max(force_per_depth / self._full_load, 0.0), 1.0)
         return to_action(self._unloaded + (self._loaded - self._unloaded) * load, self._angle)

@@ -9,14 +9,13 @@ from cutenv.compiled import compiled, for_kernels
 from cutenv.cutting.records import Record, Records
 from cutenv.task.estimate import PRESLIDING, dragged
 from cutenv.task.observation import OFFSETS, SCALES, checked_observation
+from cutenv.terms import SHALLOWEST
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
 
 _FORCE, _POSITION, _DEPTH = 0, 4, 7  # components of the observation
 _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
-SHALLOWEST = 0.001
-"""Smallest depth of cut that the estimate uses [m]."""
 
 
 class TipEstimate:

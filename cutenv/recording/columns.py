@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from cutenv.trace import FORCE_UNITS
 
+_LENGTH = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d]+)")
 _LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 
 UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
@@ -120,6 +122,30 @@ def parse_header(name: str) -> Column:
         hint = f" Did you mean {stem}_{nearest}?" if nearest else ""
         raise ValueError(f"column {name!r} has the unit {unit!r}, which is not known. Write one of {listed}.{hint}")
     return Column(field=field, axis=axis or None, unit=unit, factor=known_units[unit])
+
+
+def parse_length(name: str, text: str) -> float:
+    """Return a length such as ``80mm``, ``8 cm`` or ``3.15in`` in metres.
+
+    Parameters
+    ----------
+    name : str
+        Option or argument that it was given to, for the message.
+    text : str
+        Number and unit, one of ``UNITS["position"]``.
+
+    Raises
+    ------
+    ValueError
+        If there is no number or no known unit.
+    """
+    found = _LENGTH.fullmatch(text.strip())
+    if found is None:
+        raise ValueError(f"{name} {text!r} is no length with a unit; write 80mm or 8cm.")
+    if found[2] not in _LENGTHS:
+        raise ValueError(f"{name} {text!r} has an unknown unit of length; write one of {', '.join(_LENGTHS)}.")
+    column = Column(field="position", axis=None, unit=found[2], factor=_LENGTHS[found[2]])
+    return float(column.to_si(np.array(float(found[1]))))
 
 
 def header_of(field: str, force_unit: str = "N") -> str:

@@ -104,6 +104,23 @@ def read(path: Path) -> list[Table]:
     ]
 
 
+def is_own(path: Path) -> bool:
+    """Return whether the file begins like a record of this package: with its schema, or headers that have units."""
+    with path.open(encoding="latin-1") as file:  # any bytes will do: only the beginning counts
+        for line in file:
+            text = line.removeprefix("\xef\xbb\xbf").strip()
+            if text.startswith("#"):
+                if _SCHEMA_LINE.fullmatch(text):
+                    return True
+            elif text:
+                try:
+                    parsed_headers([name.strip() for name in text.split(",")])
+                except ValueError:
+                    return False
+                return True
+    return False
+
+
 def _head(file: TextIO) -> _Head:
     """Read up to the headers, and check them."""
     head = _Head()

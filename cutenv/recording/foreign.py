@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -144,16 +146,42 @@ def load_foreign(
     )
 
 
+def how_to_map(table: TextTable) -> str:
+    """Return a sentence with the ``--map`` of a table, its own columns as the example."""
+    columns = range(table.n_columns)
+    force = next((k for k in columns if _unit(table, k, "force")), None)
+    time = next((k for k in columns if k != force and _unit(table, k, "time")), None)
+    if time is None and table.n_columns > 1:
+        time = next(k for k in columns if k != force)
+    if force is None:
+        force = next(k for k in columns if k != time)
+    first = "rate=1000Hz" if time is None else f"time={_name(table, time)}"
+    unit = "" if _unit(table, force, "force") else " --unit N"
+    options = f"{shlex.quote(first)} {shlex.quote(f'force={_name(table, force)}')}{unit}"
+    names = f" Its columns: {', '.join(table.headers)}." if table.headers else ""
+    return f"--map {options}, for example; it is kept beside the files for the next time.{names}"
+
+
+def _unit(table: TextTable, column: int, field: str) -> str | None:
+    """The unit in which a column's header gives a field; None if it gives none, or that of another field."""
+    try:
+        return table.unit(column, field)
+    except RecordError:
+        return None
+
+
+def _name(table: TextTable, column: int) -> str:
+    """A column as ``--map`` takes it: its bare name, or its place where that is not plain."""
+    names = [bare_name(header) for header in table.headers]
+    plain = column < len(names) and re.fullmatch(r"[^\W\d][\w .]*", names[column]) and names.count(names[column]) == 1
+    return names[column] if plain else f"#{column + 1}"
+
+
 def _saved_mapping(path: Path, table: TextTable) -> ColumnMap:
     try:
         return ColumnMap.load(path.parent)
     except FileNotFoundError:
-        names = ", ".join(table.headers) or f"#1 to #{table.n_columns}"
-        raise RecordError(
-            path,
-            f"which of its columns is what? It has {names}. Say it: --map time=... force=... --unit N; "
-            "saved once beside the files, the mapping serves them all.",
-        ) from None
+        raise RecordError(path, f"which of its columns is what? Name them: {how_to_map(table)}") from None
 
 
 def _records_of(table: TextTable, mapping: ColumnMap) -> list[tuple[dict[str, str], NDArray[np.intp]]]:

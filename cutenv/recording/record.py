@@ -6,10 +6,12 @@ import os
 from pathlib import Path
 
 from cutenv.measurement import flaws
+from cutenv.recording.csv_file import is_own
 from cutenv.recording.cuts import STANDARD, CutSearch, FoundCut
+from cutenv.recording.dialect import read_table
 from cutenv.recording.errors import RecordError
 from cutenv.recording.files import load
-from cutenv.recording.foreign import Imported, load_foreign
+from cutenv.recording.foreign import Imported, how_to_map, load_foreign
 from cutenv.recording.mapping import MAP_FILE, ColumnMap
 
 _NAMED_INSIDE = (".parquet", ".h5", ".hdf5")  # formats that need no mapping
@@ -48,21 +50,23 @@ def read_record(
         If the format's library is not installed; the message gives the pip command.
     """
     path = Path(path)
-    named_inside = path.suffix.lower() in _NAMED_INSIDE
-    if mapping is not None and named_inside:
+    is_text = path.suffix.lower() not in _NAMED_INSIDE
+    if mapping is not None and not is_text:
         raise RecordError(path, "a mapping is for text files; here the columns' names say what they are. Leave it out.")
     if mapping is not None:
         return load_foreign(path, mapping, search=search)
     try:
         traces = tuple(load(path))
     except RecordError as error:
-        if named_inside:
+        if not is_text or is_own(path):
             raise
         if (path.parent / MAP_FILE).is_file():
             return load_foreign(path, search=search)
-        if "no quantity" not in error.reason and "no header" not in error.reason:
-            raise  # its headers are ours: it is a damaged record of this package
-        cure = "If another program wrote it, say what its columns are: --map time=... force=... --unit N."
+        try:
+            table = read_table(path)
+        except RecordError:  # no table of numbers either
+            raise error from None
+        cure = f"Or, if another program wrote it, leave it as it is and name its columns: {how_to_map(table)}"
         raise RecordError(path, f"{error.reason} {cure}") from None
     return Imported(
         path=path,

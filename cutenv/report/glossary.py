@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
+
+from cutenv.task.assessment import FORCE_ALLOWED, LAG_ALLOWED, TIP_ERROR_CAP
+from cutenv.task.weights import RewardWeights
+from cutenv.terms import ANGLE_TOLERANCE, TIP_TOLERANCE
+
+_WEIGHTS = RewardWeights()
+_IDLE_COST = _WEIGHTS.time + TIP_ERROR_CAP * _WEIGHTS.tip_error  # the whole time, and the largest tip error
+
 TERMS = {
-    "uncontrolled": "uncontrolled advance",
-    "jump": "large jumps",
-    "force": "force per depth",
-    "lag": "lag",
-    "backward": "backing up",
-    "time": "time",
-    "tip_error": "tip error",
-    "wedge": "wedge left",
-    "stored": "left loaded",
+    "progress": "progress",
+    **{weight.name: weight.metadata["title"] for weight in dataclasses.fields(RewardWeights)},
     "safety": "ended for safety",
 }
-"""Short names for the costs of :data:`cutenv.task.records.TERMS`."""
+"""Title of each of :data:`cutenv.task.records.TERMS`."""
 
 MEANINGS = (
     (
         "Return",
         "The rewards of one cut added up: progress toward the target, which comes to 1 for a whole cut, less what "
-        "was not gentle or not exact. Doing nothing gets about \u22121.",
+        f"was not gentle or not exact. Doing nothing gets \u2212{_IDLE_COST:.2f}.",
     ),
     (
         "Success",
-        "The share of cuts that ended at rest and unloaded, with the crack tip within 3 mm of the target and the blade "
-        "within 10 degrees of upright.",
+        "The share of cuts that ended at rest and unloaded, with the crack tip within "
+        f"{1e3 * TIP_TOLERANCE:g} mm of the target and the blade within {math.degrees(ANGLE_TOLERANCE):g} degrees of "
+        "upright.",
     ),
     ("Tip error", "How far the crack tip is from the target at the end. The tip counts, not the blade, and is hidden."),
     (
@@ -36,9 +40,10 @@ MEANINGS = (
     (
         "Force per depth",
         "The force on the blade divided by how deep the tissue is there. Thick tissue needs more force, so the force "
-        "alone would blame the tissue. Above 400 N/m it costs; at the force limit the cut is ended for safety.",
+        f"alone would blame the tissue. Above {FORCE_ALLOWED:g} N/m it costs; at the force limit the cut is ended for "
+        "safety.",
     ),
-    ("Lag", "How far the blade leads the crack tip, dragging tissue along; it costs above 10 mm."),
+    ("Lag", f"How far the blade leads the crack tip, dragging tissue along; it costs above {1e3 * LAG_ALLOWED:g} mm."),
     ("Wedge", "What stays uncut below a blade that ends inclined: its edge leans ahead of its foot."),
     (
         "Held-out specimen",

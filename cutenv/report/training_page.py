@@ -215,8 +215,8 @@ def _costs(result: TrainingResult) -> Html:
     if not shown:
         return paragraph("No term of the reward was recorded, or none cost anything.")
     bars = [[result.bar(policy, f"reward_{term}", -1.0) for term in shown] for policy in policies]
-    names = [TERMS.get(term, term) for term in shown]
-    unpaid = [TERMS.get(term, term) for term in costs if term not in shown]
+    names = [TERMS[term] for term in shown]
+    unpaid = [TERMS[term] for term in costs if term not in shown]
     caption = "Mean cost of a cut by what it was paid for, with 95 % intervals; less is better."
     if unpaid:
         caption += f" Nobody paid for: {', '.join(unpaid)}."
@@ -237,7 +237,7 @@ def _cost_table(result: TrainingResult, policies: Sequence[str], costs: Sequence
     earned = [term for term in result.terms() if term == "progress"]
     column = Score("", "", "", 1.0, 3)
     rows = [
-        Row([escaped(TERMS.get(term, term)), *(_shown(result.score(p, f"reward_{term}"), column) for p in policies)])
+        Row([escaped(TERMS[term]), *(_shown(result.score(p, f"reward_{term}"), column) for p in policies)])
         for term in (*earned, *costs)
     ]
     rows.append(Row([Html("return"), *(_shown(result.score(p, "return"), column) for p in policies)], "total"))

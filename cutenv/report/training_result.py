@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cutenv.cutting.records import READING, Records
 from cutenv.report.training_figures import Bar
+from cutenv.task.records import TERMS
 from cutenv.validation import array_in_range, in_range, one_of
 
 Rows = Sequence[Mapping[str, Any]]
@@ -185,6 +186,7 @@ class TrainingResult:
             in_range(f"success of {policy!r}", self.score(policy, "success")["mean"], 0.0, 1.0, "1", _SHARE)
         for policy in self.compared():
             for term in self.terms():
+                one_of("summary: term of the reward", term, TERMS)
                 self.score(policy, f"reward_{term}")
 
     def _check_differences(self) -> None:

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from cutenv.rig.settings import RigSettings
 from cutenv.task.beginning import SHORTEST
+from cutenv.terms import SHALLOWEST
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.validation import array_in_range
 
-SHALLOWEST, DEEPEST = 0.001, 0.060
-"""Range of depths of cut allowed in a profile [m]."""
+DEEPEST = 0.060
+"""Largest depth of cut allowed in a profile; the smallest is :data:`~cutenv.terms.SHALLOWEST` [m]."""
 _FIRST = 0.001  # [m] from the clamp, within which a profile has to begin
 _CURE = "Measure the specimen by caliper: depth_profile = [[position_mm, depth_mm], ...], from the clamp on."
 

@@ -6,8 +6,10 @@ import dataclasses
 import html
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from cutenv.scoring.cut import ScoredCut, Truth
 from cutenv.scoring.doubts import remarks, spoiled
@@ -19,6 +21,8 @@ from cutenv.tissue import TissueDescription, measured_liver
 from cutenv.trace import Trace
 
 SCHEMA = "cutenv-score/1"
+_SAME_DEPTH = 1e-6  # [m]
+_ROUNDED_OFF = 1e-9  # rounding residue of a computed zero
 _WHOLE = 0.95  # fraction of the target length from which the headline does not mention it
 FEWEST_WEIGHT = 0.5
 """Weight of the leading metrics that must be known for an overall score: with less it would be another score."""
@@ -91,6 +95,20 @@ class ScoreCard:
         unit = METRICS[name].unit.replace("F", force).strip()
         return f"1{unit}" if unit.startswith("/") else unit or "1"
 
+    def readable(self, name: str) -> tuple[str, str]:
+        """Return value and unit of a metric for people: lengths in mm, no unit for a pure number.
+
+        Raises
+        ------
+        ValueError
+            If the metric is unavailable.
+        """
+        value, unit = self[name], self.unit(name)
+        if unit == "m":
+            value, unit = 1e3 * value, "mm"
+        shown = f"{value:.4g}" if abs(value) >= _ROUNDED_OFF else "0"
+        return shown, "" if unit == "1" else unit
+
     def to_json(self) -> str:
         """Return JSON text; values in SI, with the unit of each."""
         content = {
@@ -119,9 +137,10 @@ class ScoreCard:
             if scored.value is None:
                 lines.append(f"  {name:24s} unavailable: {scored.unavailable}")
                 continue
-            place = "" if scored.percentile is None else f"better than {scored.percentile:.0f} %"
+            place = "" if scored.percentile is None else f"better than {scored.percentile:.0f} % of the reference"
             weight = f"weight {self.weights[name]:.2f}" if name in self.weights else ""
-            lines.append(f"  {name:24s} {scored.value:11.4g} {self.unit(name):6s} {place:18s} {weight}".rstrip())
+            value, unit = self.readable(name)
+            lines.append(f"  {name:24s} {value:>11s} {unit:6s} {place:35s} {weight}".rstrip())
         lines += [f"  fault: {fault.says}; {fault.try_next}" for fault in self.faults]
         lines += [f"  note: {note}" for note in (*self.notes, DISCLAIMER)]
         return "\n".join(lines)
@@ -130,8 +149,8 @@ class ScoreCard:
         """Return the overall score as a line of text, or the reason why there is none."""
         if self.overall_score is None:
             return f"no overall score: {self.no_score}"
-        part = "" if self.completed > _WHOLE else f", {100.0 * self.completed:.0f} % of the way being cut,"
-        return f"overall score {self.overall_score:.0f} of 100{part} within {self.reference}"
+        part = "" if self.completed > _WHOLE else f" with {100.0 * self.completed:.0f} % of the target length cut"
+        return f"overall score {self.overall_score:.0f} of 100{part}, compared with {self.reference}"
 
     def _repr_html_(self) -> str:
         rows = "".join(
@@ -199,6 +218,7 @@ def score(
     no_score = _no_score(trace, cut, reference, sum(known.values()))
     known = {} if no_score else {metric: w / sum(known.values()) for metric, w in known.items()}
     mean = sum(w * float(metrics[metric].percentile or 0.0) for metric, w in known.items())
+    faults = () if cut.twofold else tuple(faults_of(cut))
     return ScoreCard(
         name=name or str(trace.metadata.get("name", "cut")),
         force_unit=trace.force_unit,
@@ -209,8 +229,8 @@ def score(
         no_score=no_score,
         weights=known,
         reference="" if reference is None else f"{reference.name} ({len(reference)} cuts: {reference.about})",
-        faults=() if cut.twofold else tuple(faults_of(cut)),
-        notes=tuple(_notes(cut, chosen, known)),
+        faults=faults,
+        notes=(*_notes(cut, chosen, known), *_doubted_depth(cut, faults)),
     )
 
 
@@ -265,6 +285,18 @@ def _notes(cut: ScoredCut, chosen: Mapping[str, float], known: Mapping[str, floa
     if left:
         notes.append(f"not counted, without a value or a reference: {', '.join(left)}")
     return notes + remarks(cut.trace)
+
+
+def _doubted_depth(cut: ScoredCut, faults: Sequence[Fault]) -> list[str]:
+    """A note where lurches were found with one depth for the whole cut, which bulging tissue does not have."""
+    depth = cut.trace.depth
+    lurched = any(fault.kind == "lurch" for fault in faults)
+    if not lurched or cut.tip_source == "truth" or depth is None or np.ptp(depth) > _SAME_DEPTH:
+        return []
+    return [
+        f"record: the depth of cut is {1e3 * float(depth[0]):.3g} mm all along. If the tissue bulges, tip and lurches "
+        "are estimated wrong: measure the depth by place"
+    ]
 
 
 def _shown(scored: Scored) -> str:

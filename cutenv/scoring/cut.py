@@ -11,12 +11,11 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.signal import butter, sosfiltfilt
 
 from cutenv.measurement import DepthProfile, ReturnStroke, estimate_local_effective_moduli, fit_return_stroke
-from cutenv.measurement.depth import SHALLOWEST
 from cutenv.measurement.loading_ratio import loading_ratio
 from cutenv.measurement.strokes import STANDSTILL, blade_speed
 from cutenv.scoring.doubts import LONGEST, cut_off, spoiled, two_cuts
 from cutenv.scoring.metric import Unavailable
-from cutenv.terms import RUN_WINDOW, SMALLEST_RUN
+from cutenv.terms import RUN_WINDOW, SHALLOWEST, SMALLEST_RUN
 from cutenv.tissue import CutModel, TissueDescription, measured_liver
 from cutenv.tissue.slab import effective_depth
 from cutenv.trace import Trace
@@ -107,7 +106,7 @@ class ScoredCut:
 
     @property
     def depth(self) -> Array:
-        """Depth of the cut at the blade, at least 0.5 mm [m], shape (n,)."""
+        """Depth of the cut at the blade, at least 1 mm [m], shape (n,)."""
         return np.maximum(self._field("depth"), SHALLOWEST)
 
     @property

@@ -69,8 +69,8 @@ def two_cuts(trace: Trace) -> str:
         return ""
     place = float(places[np.flatnonzero(loaded)[0]])
     return (
-        f"the blade cuts again at {100 * place:.1f} cm, where it had cut before: two cuts in one record. Split it; "
-        "cutenv.recording.load does where the blade rests between them"
+        f"the blade cuts again at {100 * place:.1f} cm, where it had cut before: two cuts in one record. Save each in "
+        "a file of its own, or number their rows in a column 'cut'"
     )
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from cutenv.compiled import compiled, for_kernels, inlined
 from cutenv.cutting.law import depth_at, stiffness_at, toughness_at
 from cutenv.cutting.records import TICK, Record, Records
-from cutenv.terms import ANGLE_TOLERANCE, TIP_TOLERANCE, force_per_depth, lag, overshoot, tip_error, wedge
+from cutenv.terms import ANGLE_TOLERANCE, SHALLOWEST, TIP_TOLERANCE, force_per_depth, lag, overshoot, tip_error, wedge
 
 FORCE_ALLOWED = 400.0
 """Force per depth of cut up to which no force cost is charged [N/m]."""
@@ -49,7 +49,6 @@ WORST_STORED = 2.0
 
 _PROGRESS, _UNCONTROLLED, _JUMP, _FORCE, _LAG, _BACKWARD, _HASTE, _TIME, _TIP, _WEDGE, _STORED, _SAFETY = range(12)
 _FINISHED, _FORCE_LIMIT, _OVERSHOOT, _DEADLINE = range(1, 5)
-_SHALLOWEST = 0.001  # [m]; below it force per depth would be noise divided by nothing
 
 
 class Tally(NamedTuple):
@@ -129,7 +128,7 @@ def counted(
     """
     moved = x - tally.position
     speed, size = abs(velocity), abs(force)
-    depth = max(depth, _SHALLOWEST)
+    depth = max(depth, SHALLOWEST)
     force_limit = task.force_limit_per_depth * depth
 
     over_force = force_per_depth(size, depth) - FORCE_ALLOWED if size > FORCE_ALLOWED * depth else 0.0

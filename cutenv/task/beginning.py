@@ -11,6 +11,7 @@ from cutenv.portions import Portions, claim, finish
 from cutenv.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, Integer, uniform_at
 from cutenv.task.cuts import Cuts
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, fill
+from cutenv.terms import MEASURABLE_DEPTH
 from cutenv.tissue.drawing import draw_along, is_vascular, smooth_field
 from cutenv.tissue.grid import N_POINTS
 from cutenv.tissue.nominal import nominal_stiffness
@@ -18,8 +19,6 @@ from cutenv.tissue.slab import fill_stiffness
 
 SHORTEST, LONGEST = 0.060, 0.100
 """Range from which the target length is sampled [m]."""
-SHALLOWEST = 0.5e-3
-"""Smallest depth that a measured profile can have [m]."""
 
 _FIRST = np.int64(0)  # not a literal, for which Numba would compile the function again
 
@@ -40,7 +39,7 @@ def measure_depth(seed: Integer, episode: Integer, noise: float, modes: Array, d
     """Fill ``measured``, shape (301,), with the measured depth of cut [m]: true depth plus a smooth error."""
     smooth_field(seed, episode, DEPTH_ERROR, _FIRST, modes, measured)
     for i in range(len(depth)):
-        measured[i] = max(depth[i] + noise * measured[i], SHALLOWEST)
+        measured[i] = max(depth[i] + noise * measured[i], MEASURABLE_DEPTH)
 
 
 @for_kernels

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -17,42 +18,24 @@ from cutenv.task.records import TASK, Records
 from cutenv.terms import FORCE_LIMIT_PER_DEPTH
 
 
+def _weight(default: float, title: str, why: str) -> Any:
+    return parameter(default, unit="1", low=0.0, high=100.0, provenance="choice", why=why, title=title)
+
+
 @dataclass(frozen=True, kw_only=True)
 class RewardWeights:
     """Weights of the costs; each cost is charged as it occurs, so that ending early saves nothing."""
 
-    uncontrolled: float = parameter(
-        0.15, unit="1", low=0.0, high=100.0, provenance="choice", why="per target length of unstable growth"
-    )
-    jump: float = parameter(0.05, unit="1", low=0.0, high=100.0, provenance="choice", why="per (run of 10 mm) squared")
-    force: float = parameter(
-        0.02, unit="1", low=0.0, high=100.0, provenance="choice", why="per 100 N/m s of force per depth above 400 N/m"
-    )
-    lag: float = parameter(
-        0.03, unit="1", low=0.0, high=100.0, provenance="choice", why="per 10 mm s of lag above 10 mm, up to 20 mm"
-    )
-    backward: float = parameter(
-        0.15, unit="1", low=0.0, high=100.0, provenance="choice", why="per target length of backward travel"
-    )
-    haste: float = parameter(
-        0.1, unit="1", low=0.0, high=100.0, provenance="choice",
-        why="per target length travelled at a speed that takes 3 mm to stop from",
-    )  # fmt: skip
-    time: float = parameter(0.15, unit="1", low=0.0, high=100.0, provenance="choice", why="per 30 s")
-    tip_error: float = parameter(
-        0.2, unit="1", low=0.0, high=100.0, provenance="choice", why="at the end, per 3 mm, up to 9 mm"
-    )
-    wedge: float = parameter(
-        0.2, unit="1", low=0.0, high=100.0, provenance="choice", why="at the end, per wedge as wide as deep"
-    )
-    stored: float = parameter(
-        0.1,
-        unit="1",
-        low=0.0,
-        high=100.0,
-        provenance="choice",
-        why="at the end, per fracture energy of 3 mm, up to 6 mm",
-    )
+    uncontrolled: float = _weight(0.15, "uncontrolled advance", "per target length of unstable growth")
+    jump: float = _weight(0.05, "large jumps", "per (run of 10 mm) squared")
+    force: float = _weight(0.02, "force per depth", "per 100 N/m s of force per depth above 400 N/m")
+    lag: float = _weight(0.03, "lag", "per 10 mm s of lag above 10 mm, up to 20 mm")
+    backward: float = _weight(0.15, "backing up", "per target length of backward travel")
+    haste: float = _weight(0.1, "too fast to stop", "per target length at a speed that takes 3 mm to stop from")
+    time: float = _weight(0.15, "time", "per 30 s")
+    tip_error: float = _weight(0.2, "tip error", "at the end, per 3 mm, up to 9 mm")
+    wedge: float = _weight(0.2, "wedge left", "at the end, per wedge as wide as deep")
+    stored: float = _weight(0.1, "left loaded", "at the end, per fracture energy of 3 mm, up to 6 mm")
 
     def __post_init__(self) -> None:
         check_parameters(self)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv.cutting.records import Records
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.viewer import chart, palette, readout, views
@@ -48,10 +49,15 @@ class CutViewer:
         """True while there is a window that nobody has closed."""
         return self._window is not None and self._window.open
 
-    def draw(self, plant: SimulatedPlant, cutting: GentleCutting) -> NDArray[np.uint8]:
+    def draw(self, plant: SimulatedPlant, cutting: GentleCutting, readings: Records | None = None) -> NDArray[np.uint8]:
         """Draw the present moment.
 
-        The force is from the steps that were drawn; a line bridges those in between.
+        Parameters
+        ----------
+        plant, cutting : SimulatedPlant, GentleCutting
+            The cut.
+        readings : Records, optional
+            Every reading since the last picture, shape (n,), whose force is drawn; default those of the last step.
 
         Returns
         -------
@@ -65,7 +71,7 @@ class CutViewer:
             self._trace = ForceTrace()
             self._slab = slab_of(plant.specimen.cut_model())
         scale = self._trace.low, self._trace.high
-        felt = self._trace.add(cutting.readings)
+        felt = self._trace.add(cutting.readings if readings is None else readings)
         if fresh or (self._trace.low, self._trace.high) != scale:
             self._standing = self._draw_standing(moment)
             chart.draw_force(self._standing, self.layout, self._trace, self._trace.whole())

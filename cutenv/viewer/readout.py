@@ -14,6 +14,7 @@ from cutenv.viewer.views import LARGEST_DISPLACEMENT, draw_band, draw_tip
 _SMALL, _NORMAL = 16, 19
 _MARGIN = 16  # [px]
 _NUMBERS, _REWARD, _LEGEND = 72, 298, 600  # [px] from the top to the parts of the column
+_TERM_HEIGHT = 22  # [px] height of a row of the reward
 _REWARD_REACH = 62  # [px] length of a bar for a term of 1
 
 
@@ -56,10 +57,10 @@ def draw_reward(canvas: Canvas, layout: Layout, moment: Moment) -> None:
     left, right, top = layout.column, layout.width - _MARGIN, _REWARD
     canvas.text("return so far", (left, top), size=_NORMAL, colour=palette.QUIET)
     canvas.text(f"{_rounded(sum(moment.totals.values()), 3):.3f}", (right, top), size=30, anchor="midright")
-    zero, bottom = left + 150, top + 24 + 23 * len(moment.totals)
+    zero, bottom = left + 150, top + 24 + _TERM_HEIGHT * len(moment.totals)
     canvas.line(np.array([[zero, top + 22], [zero, bottom]]), palette.QUIET)
     for k, (name, value) in enumerate(moment.totals.items()):
-        y = top + 36 + 23 * k
+        y = top + 36 + _TERM_HEIGHT * k
         end = zero + _REWARD_REACH * min(max(value, -1.0), 1.0)
         colour = palette.GAIN if value > 0.0 else palette.LOSS
         canvas.text(name.replace("_", " "), (left, y), size=_SMALL, colour=palette.QUIET)

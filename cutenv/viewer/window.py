@@ -2,9 +2,35 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 from cutenv.viewer.canvas import Canvas, import_pygame
+
+_CURE = "Run it on a desktop, or over ssh -X; SDL_VIDEODRIVER=dummy draws without a window."
+
+
+_UNSEEN = ("dummy", "offscreen")  # video drivers of SDL that show nothing
+
+
+def open_display() -> None:
+    """Open the display; a second time does nothing.
+
+    Raises
+    ------
+    OSError
+        If there is none. Without one SDL draws where nobody sees it and waits for keys for ever, unless the variable
+        SDL_VIDEODRIVER asks for that.
+    """
+    pygame: Any = import_pygame()
+    try:
+        pygame.display.init()
+    except pygame.error as error:
+        raise OSError(f"no window can be opened: {error}. {_CURE}") from None
+    driver = pygame.display.get_driver()
+    if driver in _UNSEEN and driver != os.environ.get("SDL_VIDEODRIVER"):
+        pygame.display.quit()
+        raise OSError(f"no window can be opened: there is no display. {_CURE}")
 
 
 class Window:
@@ -25,7 +51,7 @@ class Window:
 
     def __init__(self, width: int, height: int, fps: float) -> None:
         self._pygame: Any = import_pygame()
-        self._pygame.display.init()
+        open_display()
         self._screen = self._pygame.display.set_mode((width, height))
         self._pygame.display.set_caption("cutenv")
         self._clock = self._pygame.time.Clock()

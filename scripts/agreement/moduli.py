@@ -8,23 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from agreement.drawn_tables import CUTS
+from agreement.printed_equations import LINEAR, POWER
 from agreement.rows import Comparison, Row, hits, near, printed_as, unclaimed
 from cutenv.tissue import local_effective_modulus, measured_fracture_resistance, measured_liver, quasi_static_modulus
 from cutenv.tissue.modulus import linear_fit, power_fit
 from cutenv.tissue.tables import table
 
-# equation (by the erratum), table, angle [deg], formulation, slope [kPa/(cm/s)], intercept [kPa], last printed digit
-LINEAR = [
-    ("5.1", "5.5", 90, "plane_stress", -9.21, 63.26, 0.01),
-    ("5.2", "5.5", 90, "plane_strain", -8.70, 59.18, 0.01),
-    ("5.5", "5.6", 90, "plane_stress", -11.6, 48.4, 0.1),
-    ("5.6, printed as 5.7", "5.6", 90, "plane_strain", -10.6, 44.5, 0.1),
-    ("5.7, printed as 5.6", "5.6", 45, "plane_stress", -7.2, 30.9, 0.1),
-    ("5.8", "5.6", 45, "plane_strain", -6.4, 28.2, 0.1),
-    ("5.9", "5.7", 90, "plane_stress", -18.22, 79.12, 0.01),
-    ("5.10", "5.7", 45, "plane_stress", -11.59, 49.59, 0.01),
-]
-POWER = [("5.3", "plane_stress", 24.21, -0.42), ("5.4", "plane_strain", 22.17, -0.43)]
 MISPRINTED = ("5.3 coefficient", "5.10 intercept")  # see the errata of Tables 5.5 and 5.7
 DEPTH_NORMALISED = {"5.5": False, "5.6": True}  # Table 5.7 is an erratum
 

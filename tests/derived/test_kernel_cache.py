@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -147,6 +148,18 @@ def test_the_first_use_says_that_it_compiles_and_the_second_says_nothing(tmp_pat
     ]
     assert "cutenv: compiling for this machine" in said[0]
     assert "compiling" not in said[1]
+
+
+def test_the_notice_of_compiling_stands_on_a_line_of_its_own_beside_a_progress_bar(tmp_path):
+    pytest.importorskip("tqdm", reason="progress bars are an extra: pip install 'cutenv[view]'")
+    use = (
+        "from tqdm import tqdm; from cutenv.compiled import announce; from cutenv.cutting.simulate import hold\n"
+        "with tqdm(total=5, desc='cutting') as bar: announce(hold)"
+    )
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    ran = subprocess.run([sys.executable, "-c", use], capture_output=True, check=True, env=environment)
+    lines = re.split(r"[\r\n]+", ran.stderr.decode())
+    assert "cutenv: compiling for this machine; takes about half a minute, once." in lines
 
 
 def test_importing_compiles_nothing(tmp_path):

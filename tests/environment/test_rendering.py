@@ -127,6 +127,36 @@ def test_a_blade_that_stays_upright_looks_the_same_so_the_check_can_fail(env: Ge
         check_differs(upright, picture_of(env), VIEW_FROM_THE_SIDE, least=1000)
 
 
+def test_the_force_of_every_step_is_drawn_however_rarely_a_picture_is_asked_for(env: GentleCutEnv) -> None:
+    felt = []
+    for _ in range(150):
+        advance(env, 1, speed=0.8)
+        felt.append(env.cutting.readings["force"].copy())
+    picture_of(env)
+    drawn = env._viewer._trace.whole()[:, 1]
+    assert {force.min() for force in felt} | {force.max() for force in felt} <= set(drawn)
+
+
+def test_pictures_between_do_not_change_the_last_trace() -> None:
+    traces = []
+    for every in (1, 150):
+        env = GentleCutEnv(render_mode="rgb_array", specimen_class="uniform", target_length=0.08)
+        env.reset(seed=3)
+        for step in range(150):
+            advance(env, 1)
+            if (step + 1) % every == 0:
+                env.render()
+        traces.append(env._viewer._trace.whole())
+    often, rarely = traces
+    assert np.allclose(np.interp(rarely[:, 0], *often.T), rarely[:, 1], atol=0.2)
+    assert (often[:, 1].max(), often[:, 1].min()) == (rarely[:, 1].max(), rarely[:, 1].min())
+
+
+def test_the_last_term_of_the_reward_stands_clear_of_the_legend(env: GentleCutEnv) -> None:
+    advance(env, 20)
+    assert np.all(picture_of(env)[588:592, 665:950] == palette.PAPER)
+
+
 def test_a_new_cut_starts_with_an_empty_chart(env: GentleCutEnv) -> None:
     fresh = picture_of(env)
     advance(env, 100)

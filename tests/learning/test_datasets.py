@@ -160,7 +160,7 @@ def test_records_become_a_data_set_in_an_environment_that_assesses_by_estimates(
     [
         ({"angle": None}, r"mine\.csv, cut 1: a replay needs angle"),
         ({"depth": None}, r"mine\.csv, cut 1: a replay needs depth"),
-        ({"metadata": {}}, r"mine\.csv, cut 1: the record tells no target_length_m.*--target-mm"),
+        ({"metadata": {}}, r"mine\.csv, cut 1: the record tells no target_length_m.*--target-length 80mm"),
     ],
 )
 def test_a_record_that_lacks_something_is_named_with_it(
@@ -173,7 +173,7 @@ def test_a_record_that_lacks_something_is_named_with_it(
 
 def test_a_target_that_the_record_does_not_tell_can_be_given(trace: Trace, tmp_path: Path) -> None:
     save(dataclasses.replace(trace, metadata={}), tmp_path / "mine.csv")
-    _, (cut,) = of_records(Arguments(dataset=ID, records=(str(tmp_path / "mine.csv"),), target_mm=72.0))
+    _, (cut,) = of_records(Arguments(dataset=ID, records=(str(tmp_path / "mine.csv"),), target_length="72mm"))
     assert cut.about["target_length_m"] == pytest.approx(0.072)
 
 

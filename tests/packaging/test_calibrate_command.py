@@ -105,8 +105,8 @@ BAD_OPTIONS = [
     (["--out", "tissue.txt"], "must end in .json"),
     (["--out", "tissue.json", "--report", "card.pdf"], "must end in .html"),
     (["--out", "card.json", "--report", "card.html"], "would write its data over --out"),
-    (["--out", "nowhere/tissue.json"], "no such folder: {folder}/nowhere; make it first"),
-    (["--out", "tissue.json", "--report", "nowhere/card.html"], "no such folder"),
+    (["--out", "a_file/tissue.json"], "a_file is a file; give a folder"),
+    (["--out", "tissue.json", "--report", "a_file/card.html"], "a_file is a file; give a folder"),
     (["--out", "tissue.json", "--resamples", "-1"], "resamples = -1 is outside 0 to 100000"),
     (["--out", "tissue.json", "--resamples", "1000000"], "resamples = 1e+06 is outside 0 to 100000"),
     (["--out", "tissue.json", "--resamples", "many"], "invalid int value: 'many'"),
@@ -133,6 +133,7 @@ def test_a_bad_option_is_refused_before_any_work(
     placed = [
         str(tmp_path / text) if before in paths else text for before, text in zip(["", *options], options, strict=False)
     ]
+    (tmp_path / "a_file").touch()
     bare = [dataclasses.replace(trace, metadata={}) for trace in records()[:1]] if "--specimen" in options else []
     for number, trace in enumerate(bare):
         save(trace, tmp_path / f"pig {number}.csv")

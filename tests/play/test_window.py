@@ -329,7 +329,18 @@ def test_the_command_plays_a_script_records_it_and_saves_a_picture(
 ) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     out, picture = tmp_path / "cuts", tmp_path / "end.png"
-    options = ["--scripted", "--cuts", "2", "--seed", "6", "--operator", "P07", "--class", "uniform", "--practice"]
+    options = [
+        "--scripted",
+        "--cuts",
+        "2",
+        "--seed",
+        "6",
+        "--operator",
+        "P07",
+        "--specimen-class",
+        "uniform",
+        "--practice",
+    ]
     assert cli.main(["play", *options, "--out", str(out), "--picture", str(picture)]) == 0
     traces = [load_one(path) for path in sorted(out.iterdir())]
     assert [trace.metadata["specimen_episode"] for trace in traces] == [0, 1]
@@ -340,7 +351,10 @@ def test_the_command_plays_a_script_records_it_and_saves_a_picture(
     assert str(out) in said
 
 
-def test_a_name_for_an_operator_is_refused_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_name_for_an_operator_is_refused_in_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     assert cli.main(["play", "--operator", "Anna", "--out", str(tmp_path / "cuts")]) == 2
     assert "may tell who it is" in capsys.readouterr().err
     assert not (tmp_path / "cuts").exists()

@@ -39,7 +39,7 @@ def test_the_means_are_those_of_the_specimens_and_a_picture_is_written(
 
 
 def test_the_page_shows_the_first_specimen(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view]'")
+    pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view3d]'")
     page = tmp_path / "cut.html"
     assert cli.main(["demo", "--specimens", "1", "--out", str(tmp_path / "cut.png"), "--page", str(page)]) == 0
     assert "ppo-free, specimen 1" in page.read_text(encoding="utf-8")
@@ -68,14 +68,15 @@ def test_agent_and_script_meet_the_same_specimens() -> None:
         (["--policy", "ppo-fre"], "neither shipped"),
         (["--specimens", "0"], "--specimens = 0 is outside 1"),
         (["--seed", "-1"], "--seed = -1 is outside 0"),
-        (["--out", "gone/cut.png"], "no such folder"),
-        (["--page", "gone/cut.html"], "no such folder"),
+        (["--out", "a_file/cut.png"], "is a file; give a folder"),
+        (["--page", "a_file/cut.html"], "is a file; give a folder"),
     ],
 )
 def test_bad_options_are_refused_before_anything_is_cut(
     options: list[str], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "a_file").touch()
     assert cli.main(["demo", *options]) == 2
     captured = capsys.readouterr()
     assert told in captured.err

@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from printed_digits import check_printed
 
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+from agreement.printed_equations import LINEAR, POWER
+
 from cutenv.tissue.modulus import linear_fit, power_fit
 from cutenv.tissue.tables import table
-
-# equation (by the erratum), table, angle [deg], formulation, slope [kPa/(cm/s)], intercept [kPa], rounding
-LINEAR = [
-    ("5.1", "5.5", 90, "plane_stress", -9.21, 63.26, 0.01),
-    ("5.2", "5.5", 90, "plane_strain", -8.70, 59.18, 0.01),
-    ("5.5", "5.6", 90, "plane_stress", -11.6, 48.4, 0.1),
-    ("5.7", "5.6", 90, "plane_strain", -10.6, 44.5, 0.1),
-    ("5.6", "5.6", 45, "plane_stress", -7.2, 30.9, 0.1),
-    ("5.8", "5.6", 45, "plane_strain", -6.4, 28.2, 0.1),
-    ("5.9", "5.7", 90, "plane_stress", -18.22, 79.12, 0.01),
-    ("5.10", "5.7", 45, "plane_stress", -11.59, 49.59, 0.01),
-]
-POWER = [("5.3", "plane_stress", -0.42), ("5.4", "plane_strain", -0.43)]
 
 
 def check_slope(number, angle_deg, formulation, slope, digit):
@@ -35,7 +28,7 @@ def check_intercept(number, angle_deg, formulation, intercept, digit):
 
 @pytest.mark.parametrize(
     ("number", "angle_deg", "formulation", "slope", "digit"),
-    [pytest.param(*case[1:5], case[6], id=case[0]) for case in LINEAR],
+    [pytest.param(*case[1:5], case.digit, id=case.equation) for case in LINEAR],
 )
 def test_slope_is_the_printed_one(number, angle_deg, formulation, slope, digit):
     check_slope(number, angle_deg, formulation, slope, digit)
@@ -43,7 +36,7 @@ def test_slope_is_the_printed_one(number, angle_deg, formulation, slope, digit):
 
 @pytest.mark.parametrize(
     ("number", "angle_deg", "formulation", "intercept", "digit"),
-    [pytest.param(*case[1:4], *case[5:7], id=case[0]) for case in LINEAR if case[0] != "5.10"],
+    [pytest.param(*case[1:4], *case[5:], id=case.equation) for case in LINEAR if case.equation != "5.10"],
 )
 def test_intercept_is_the_printed_one(number, angle_deg, formulation, intercept, digit):
     check_intercept(number, angle_deg, formulation, intercept, digit)
@@ -62,7 +55,9 @@ def test_coefficient_of_the_power_law_is_not_the_printed_one_in_plane_stress():
         check_coefficient("plane_stress", 24.21)
 
 
-@pytest.mark.parametrize(("formulation", "exponent"), [pytest.param(case[1], case[2], id=case[0]) for case in POWER])
+@pytest.mark.parametrize(
+    ("formulation", "exponent"), [pytest.param(case.formulation, case.exponent, id=case.equation) for case in POWER]
+)
 def test_exponent_of_the_power_law_is_the_printed_one(formulation, exponent):
     check_printed(power_fit(formulation=formulation).exponent, exponent, 0.01)
 
@@ -78,7 +73,7 @@ def test_equation_5_10_is_cut_off_instead_of_rounded():
 @pytest.mark.parametrize(
     ("printed_label", "slope", "intercept"),
     [((90, "plane_strain"), -7.2, 30.9), ((45, "plane_stress"), -10.6, 44.5)],
-    ids=["5.6", "5.7"],
+    ids=["printed as 5.6", "printed as 5.7"],
 )
 def test_equations_5_6_and_5_7_contradict_table_5_6_under_their_printed_labels(printed_label, slope, intercept):
     assert any("5.6 and 5.7" in erratum for erratum in table("5.6").errata)
@@ -98,3 +93,14 @@ def test_equation_5_3_follows_from_the_63_of_the_text():
     exponent, log_coefficient = np.polyfit(np.log(data["speed_cm_s"][present]), np.log(kPa), 1)
     check_printed(np.exp(log_coefficient), 24.21, 0.01)
     check_printed(exponent, -0.42, 0.01)
+
+
+def test_the_equations_have_the_numbers_that_the_text_gives_their_tissue_and_model():
+    """ "(5.5) and (5.7) correspond to plane stress ... for 90 and 45 ... while (5.6) and (5.8) ... to plane strain"."""
+    numbers = {(case.angle_deg, case.formulation): case.equation for case in LINEAR if case.table == "5.6"}
+    assert {number.partition(",")[0]: of for of, number in numbers.items()} == {
+        "5.5": (90, "plane_stress"),
+        "5.6": (90, "plane_strain"),
+        "5.7": (45, "plane_stress"),
+        "5.8": (45, "plane_strain"),
+    }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -53,11 +54,60 @@ def test_a_foreign_record_is_read_by_a_mapping_given_or_saved(tmp_path: Path) ->
     assert read_record(tmp_path / "native.csv").mapping is None  # its header says more than a mapping beside it
 
 
-def test_a_foreign_record_without_a_mapping_is_refused_with_the_cure(tmp_path: Path) -> None:
-    path = tmp_path / "record.csv"
-    path.write_text(FOREIGN)
-    with pytest.raises(RecordError, match=r"If another program wrote it, .*--map time=... force=... --unit N"):
+ROWS = [(i / 100, 1.0 + math.sin(i / 9.0)) for i in range(200)]
+
+
+def table(separator: str, header: str = "", decimal: str = ".") -> str:
+    return header + "".join(f"{t!r}{separator}{f!r}\n".replace(".", decimal) for t, f in ROWS)
+
+
+ORDINARY = {
+    "comma.csv": table(",", "t,F\n").encode(),
+    "semicolon.csv": table(";", "t;F\n", ",").encode(),
+    "tab.csv": table("\t", "t\tF\n").encode(),
+    "no_header.csv": table(",").encode(),
+    "no_units.csv": table(",", "time,force\n").encode(),
+    "no_time.csv": table(",", "position_mm,force_N\n").encode(),
+    "latin.csv": table(";", "Zeit [s];Kr\xe4fte [mN]\n", ",").encode("latin-1"),
+    "plain.txt": table("\t", "t\tF\n").encode(),
+    "blanks.dat": table(" ").encode(),
+    "labview.lvm": (
+        "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n\nX_Value\tForce\n" + table("\t")
+    ).encode(),
+    "utf16.csv": table(",", "t,F\n").encode("utf-16"),
+}
+
+
+@pytest.mark.parametrize("name", ORDINARY)
+def test_an_ordinary_foreign_file_is_refused_with_a_mapping_that_reads_it(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes(ORDINARY[name])
+    with pytest.raises(RecordError, match=r"if another program wrote it.* --map ") as caught:
         read_record(path)
+    example = caught.value.reason.partition("--map ")[2].partition(", for example")[0]
+    items, _, unit = example.partition(" --unit ")
+    mapping = ColumnMap.parse(shlex.split(items), unit=unit or None)
+    (record,) = read_record(path, mapping, search=None).records
+    assert len(record) == len(ROWS)
+    force = np.array([f for _, f in ROWS])
+    assert record.force == pytest.approx(force / 1000 if "mN" in caught.value.reason else force)
+
+
+DAMAGED = {
+    "row.csv": b"# cutenv-record/1\ntime_s,force_N\n0,1\n0.01,x\n",
+    "header.csv": b"# cutenv-record/1\ntime_s,farce_N\n0,1\n0.01,2\n",
+    "by_hand.csv": b"time_s,force_N\n0,1\n0.01,x\n",
+    "no_table.csv": b"a letter,\nnot a table\n",
+}
+
+
+@pytest.mark.parametrize("name", DAMAGED)
+def test_a_damaged_record_of_ours_and_what_is_no_table_are_not_sent_to_the_mapping(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes(DAMAGED[name])
+    with pytest.raises(RecordError) as caught:
+        read_record(path)
+    assert "--map" not in caught.value.reason
 
 
 def test_a_mapping_is_for_text_files(tmp_path: Path) -> None:

@@ -106,7 +106,7 @@ def test_limits_may_only_be_lower(tmp_path, capsys):
 
 
 def test_a_lower_speed_slows_every_command_down(tmp_path, capsys):
-    arguments = ("--policy", "fast then slow", "--rig", "fake", "--out", str(tmp_path), "--target-mm", "60")
+    arguments = ("--policy", "fast then slow", "--rig", "fake", "--out", str(tmp_path), "--target-length", "60mm")
     assert run(*arguments, "--speed-limit-cm-s", "1") == 0
     (record,) = tmp_path.glob("*.csv")
     assert load_one(record).speed.max() < 0.01
@@ -139,7 +139,7 @@ def test_a_policy_of_ones_own_cuts_too(tmp_path, monkeypatch, capsys):
         "        return np.array([0.4 if observation[8] > 0 else 0.0, 1.0], np.float32)\n"
     )
     monkeypatch.chdir(tmp_path)
-    assert run("--policy", "my_policy:Steady", "--rig", "fake", "--out", str(tmp_path), "--target-mm", "60") == 0
+    assert run("--policy", "my_policy:Steady", "--rig", "fake", "--out", str(tmp_path), "--target-length", "60mm") == 0
     assert "cut 1:" in capsys.readouterr().out
     assert run("--policy", "my_policy:Stedy", "--rig", "fake", "--out", str(tmp_path)) == 2
     assert "MODULE:CLASS" in capsys.readouterr().err

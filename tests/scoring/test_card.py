@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -62,6 +63,26 @@ def test_a_nan_is_noticed() -> None:
         check_no_nan(dataclasses.replace(card, metrics=broken))
 
 
+def test_the_card_is_printed_in_the_units_of_people() -> None:
+    card = score(cut(UPRIGHT), target_length=TARGET, reference=reference())
+    tip_error = f"{1e3 * card['tip_error']:.4g}"
+    assert card.readable("tip_error") == (tip_error, "mm")
+    assert card.readable("force_drops") == (f"{card['force_drops']:.0f}", "")
+    assert abs(card["wedge"]) < 1e-15  # the cosine of a right angle
+    assert card.readable("wedge") == ("0", "")
+    assert not re.search(r"\d 1( |$)|e-1\d", str(card), re.MULTILINE)
+    assert re.search(rf"tip_error +{re.escape(tip_error)} mm +better than \d+ % of the reference", str(card))
+
+
+def test_a_lurch_that_rests_on_one_depth_for_the_whole_cut_is_doubted() -> None:
+    trace = dataclasses.replace(cut(UPRIGHT), metadata={})
+    false = changed(trace, depth=np.full(len(trace), float(trace.depth.max())))
+    doubt = "mm all along. If the tissue bulges, tip and lurches are estimated wrong"
+    assert any(fault.kind == "lurch" for fault in score(false, target_length=TARGET).faults)
+    assert any(doubt in note for note in score(false, target_length=TARGET).notes)
+    assert not any(doubt in note for note in score(trace, target_length=TARGET).notes)
+
+
 def test_without_a_reference_there_are_metrics_and_no_claim() -> None:
     card = score(cut(UPRIGHT), target_length=TARGET)
     assert card.overall_score is None
@@ -90,7 +111,7 @@ def test_a_blade_that_hardly_cuts_is_steady_and_scores_little() -> None:
     assert half.overall_score is not None
     assert half.completed == pytest.approx(TARGET / FAR, abs=0.1)
     assert half.overall_score < 0.75 * whole.overall_score
-    assert "% of the way being cut" in half.headline()
+    assert "% of the target length cut" in half.headline()
 
 
 @pytest.mark.parametrize("weights", [Weights(), ForceOnlyWeights()])

@@ -37,7 +37,7 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, st
 def test_one_cut_gives_a_card_a_page_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     trace = named(UPRIGHT, "my cut")
     save(trace, tmp_path / "cut.csv")
-    status, out, err = run(capsys, tmp_path / "cut.csv", "--target", "75mm", "--out", tmp_path)
+    status, out, err = run(capsys, tmp_path / "cut.csv", "--target-length", "75mm", "--out", tmp_path)
     assert status == 0, err
     card = score(trace, target_length=TARGET, reference=ReferenceSet.shipped())
     assert card.headline() in out
@@ -77,7 +77,7 @@ def test_the_target_of_the_record_is_taken_where_none_is_given(
 
 def test_many_cuts_give_a_table_and_a_summary(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     save([named(UPRIGHT, "first"), named(SLICING, "second")], tmp_path / "cuts.csv")
-    status, out, _ = run(capsys, tmp_path / "cuts.csv", "--target", "7.5cm", "--out", tmp_path)
+    status, out, _ = run(capsys, tmp_path / "cuts.csv", "--target-length", "7.5cm", "--out", tmp_path)
     assert status == 0
     assert "summary:" in out
     rows = list(csv.DictReader((tmp_path / "scores.csv").open()))
@@ -122,9 +122,11 @@ def test_a_folder_of_ones_own_people_is_a_reference(tmp_path: Path, capsys: pyte
         )
         save(noisy, people / f"{number}.csv")
     save(named(UPRIGHT, "mine"), tmp_path / "mine.csv")
-    status, out, err = run(capsys, tmp_path / "mine.csv", "--target", "75mm", "--reference", people, "--out", tmp_path)
+    status, out, err = run(
+        capsys, tmp_path / "mine.csv", "--target-length", "75mm", "--reference", people, "--out", tmp_path
+    )
     assert status == 0, err
-    assert f"within people ({FEWEST} cuts" in out
+    assert f"compared with people ({FEWEST} cuts" in out
     percentile = json.loads((tmp_path / "mine_score.json").read_text())["metrics"]["peak_force"]["percentile"]
     assert 30.0 < percentile < 70.0  # the middle one of those forces
 
@@ -132,13 +134,13 @@ def test_a_folder_of_ones_own_people_is_a_reference(tmp_path: Path, capsys: pyte
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["cut.csv", "--target", "75"], "is no length with a unit; write 80mm or 8cm"),
-        (["cut.csv", "--target", "2m"], "Write 80mm or 8cm"),
-        (["cut.csv", "--out", "nowhere"], "no such folder; make it first"),
+        (["cut.csv", "--target-length", "75"], "is no length with a unit; write 80mm or 8cm"),
+        (["cut.csv", "--target-length", "2m"], "Write 80mm or 8cm"),
+        (["cut.csv", "--out", "cut.csv"], "is a file; give a folder"),
         (["cut.csv", "--reference", "experts"], "'experts' is neither baselines, force-alone nor none"),
         (["cut.csv", "--reference", "."], "a percentile takes 20 or more"),
         (["missing.csv"], "no such file: missing.csv"),
-        (["bad.csv"], "--map time=... force=... --unit N"),
+        (["bad.csv"], "--map time=a force=b --unit N"),
         (["cut.csv", "--unit", "N"], "--unit goes with --map"),
     ],
 )

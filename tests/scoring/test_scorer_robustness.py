@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scored_cuts import TARGET, changed, cut, force_alone
 
+from cutenv.recording import load
 from cutenv.scoring import METRICS, ForceOnlyWeights, ReferenceSet, ScoreCard, Truth, score
 from cutenv.scoring.weights import as_mapping
 from cutenv.trace import Trace
@@ -119,8 +120,18 @@ def test_a_reversed_force_says_so() -> None:
 def test_two_cuts_in_one_record_say_so() -> None:
     for first, second in ((GOOD, GOOD), (ONE_WAY, GOOD)):
         both = joined(cut(first), cut(second))
-        check_refused(both, "two cuts in one record. Split it", *METRICS)
+        check_refused(both, "two cuts in one record. Save each in a file of its own, or number their rows", *METRICS)
         assert not scored(both).faults
+
+
+def test_two_cuts_whose_rows_are_numbered_are_two_records(tmp_path: Path) -> None:
+    both, path = joined(cut(ONE_WAY), cut(GOOD)), tmp_path / "both.csv"
+    rows = zip(np.arange(len(both)) >= len(cut(ONE_WAY)), both.time, both.force, both.position, strict=True)
+    path.write_text(
+        "cut,time_s,force_N,position_m\n" + "".join(f"{n:d},{t:.17g},{F:.17g},{x:.17g}\n" for n, t, F, x in rows)
+    )
+    assert [len(trace) for trace in load(path)] == [len(cut(ONE_WAY)), len(cut(GOOD))]
+    assert not any("two cuts" in scored(trace).no_score for trace in load(path))
 
 
 @pytest.mark.parametrize("kind", [GOOD, ONE_WAY, "two cycles", "slicing, and back"])

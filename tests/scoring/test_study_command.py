@@ -111,16 +111,18 @@ def test_a_file_of_several_cuts_is_one_row_or_a_row_for_each(
         (["a,P1", "b,P1", "c,P1", "d,P1"], [], "do not fit: no record for d"),
         (["a,P1", "d,P1"], [], "no row for b.csv, c.csv; no record for d"),
         (["a,P1", "b,P1", "c,P1"], ["--out", "page.pdf"], "must end in .html"),
-        (["a,P1", "b,P1", "c,P1"], ["--out", "/no/such/page.html"], "no such folder"),
-        (["a,P1", "b,P1", "c,P1"], ["--target", "1"], "needs exactly one metric"),
+        (["a,P1", "b,P1", "c,P1"], ["--out", "a_file/page.html"], "is a file; give a folder"),
+        (["a,P1", "b,P1", "c,P1"], ["--criterion", "1"], "needs exactly one metric"),
         (["a,P1", "b,P1", "c,P1"], ["--groups", "x", "y"], "group must be one of"),
         (["a,P1", "b,P1", "c,P1"], ["--metric", "tip_error"], "tip_error is missing in 3 of 3 cuts"),
-        (["a,P1", "b,P1", "c,P1"], ["--target-length-cm", "800"], "target_length = 8 m is outside"),
+        (["a,P1", "b,P1", "c,P1"], ["--target-length", "8m"], "--target-length = 8 m is outside"),
     ],
 )
 def test_what_does_not_fit_is_exit_code_2_and_named(
     tmp_path: Path, rows: list[str], options: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    (tmp_path / "a_file").touch()
+    options = [str(tmp_path / text) if text.startswith("a_file") else text for text in options]
     assert run(tmp_path, few(tmp_path, "record,operator", *rows), *options) == 2
     assert message in capsys.readouterr().err
 

@@ -16,6 +16,7 @@ from cutenv.policy import BASELINES
 from cutenv.scoring import ScoreCard, Truth, score
 from cutenv.scoring.faults import FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
 from cutenv.task.weights import Limits, RewardWeights
+from cutenv.trace import Trace
 
 
 @functools.cache
@@ -49,6 +50,18 @@ def test_what_is_charged_is_what_is_scored(seed: int) -> None:
 def _advance(card: ScoreCard, target: float) -> float:
     """How far the tip came [m], from how far it was from the target at last."""
     return target + (card["tip_error"] if card["overshoot"] > 0.0 else -card["tip_error"])
+
+
+def test_a_cut_near_the_clamp_is_scored_with_the_depth_that_the_reward_divides_by() -> None:
+    time = np.arange(2000) / 1e3
+    depth = np.linspace(0.2e-3, 3e-3, 2000)  # thinner than the floor at first
+    force = 0.3 * np.sin(np.pi * time / 2.0)
+    trace = Trace(time=time, force=force, position=0.01 * time, depth=depth)
+    card = score(trace, target_length=0.02)
+    floored = np.maximum(depth, terms.SHALLOWEST)
+    assert terms.SHALLOWEST == 0.001
+    assert card["peak_force_per_depth"] == pytest.approx((force / floored).max(), rel=1e-12)
+    assert card["peak_force_per_depth"] < 0.75 * (force / np.maximum(depth, 0.5 * terms.SHALLOWEST)).max()
 
 
 def test_limits_are_stated_once() -> None:

@@ -11,7 +11,7 @@ import pytest
 from recorded_cut import recorded_cut
 from view_pages import told
 
-pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view]'")
+pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view3d]'")
 pytest.importorskip("tqdm", reason="an extra: pip install 'cutenv[data]'")
 
 from cutenv import cli
@@ -45,7 +45,7 @@ def test_options_arrive(here: Path) -> None:
     assert "second in 3-D" in page
     assert "strain energy density" in page
     assert told(page)["target_m"] == 0.05
-    assert cli.main(["view", "two.csv", "--cut", "2", "--target", "62mm", "--out", "page.html"]) == 0
+    assert cli.main(["view", "two.csv", "--cut", "2", "--target-length", "62mm", "--out", "page.html"]) == 0
     assert told((here / "page.html").read_text(encoding="utf-8"))["target_m"] == pytest.approx(0.062)
 
 
@@ -79,8 +79,8 @@ def test_a_foreign_table_is_mapped(here: Path) -> None:
     ("arguments", "words"),
     [
         (["cut.csv", "--cut", "3"], "the file holds cuts 1;"),
-        (["cut.csv", "--target", "80"], "no length with a unit"),
-        (["cut.csv", "--out", "nowhere/page.html"], "no such folder"),
+        (["cut.csv", "--target-length", "80"], "no length with a unit"),
+        (["cut.csv", "--out", "cut.csv/page.html"], "is a file; give a folder"),
         (["none.csv"], "no such file"),
         (["force.csv"], "depth=20mm"),
     ],

@@ -15,7 +15,7 @@ import pytest
 from chromium import LEAST_CONTRAST, Browser
 from view_pages import INSTANTS, document, shown, told, with_told
 
-pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view]'")
+pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view3d]'")
 
 from cutenv.viewer.solid import ShownCut
 from cutenv.viewer.solid.page import view_page

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from view_pages import INSTANTS, array, block, document, shown, told
 
-pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view]'")
+pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view3d]'")
 
 from cutenv.viewer.solid import write_view
 from cutenv.viewer.solid.page import view_page

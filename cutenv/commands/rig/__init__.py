@@ -17,14 +17,20 @@ class RigCommand:
 
 
 RIG_COMMANDS = {
-    "check": RigCommand(module="cutenv.commands.rig.check", summary="look at a rig without moving it"),
+    "check": RigCommand(
+        module="cutenv.commands.rig.check", summary="check a rig's connections, limits and noise without moving it"
+    ),
     "emulate": RigCommand(
         module="cutenv.commands.rig.emulate",
         summary="run an emulated rig: drive, tissue and force sensor on real wires",
     ),
-    "evaluate": RigCommand(module="cutenv.commands.rig.evaluate", summary="a policy on a rig beside the simulator"),
-    "identify": RigCommand(module="cutenv.commands.rig.identify", summary="measure a rig's constants, blade in air"),
-    "init": RigCommand(module="cutenv.commands.rig.init", summary="write the file of a new rig, to be filled in"),
+    "evaluate": RigCommand(
+        module="cutenv.commands.rig.evaluate", summary="compare a policy on a rig with the simulator"
+    ),
+    "identify": RigCommand(
+        module="cutenv.commands.rig.identify", summary="measure a rig's constants with the blade in air"
+    ),
+    "init": RigCommand(module="cutenv.commands.rig.init", summary="write the file of a new rig for you to fill in"),
     "jog": RigCommand(module="cutenv.commands.rig.jog", summary="move the blade while a key is held"),
     "run": RigCommand(module="cutenv.commands.rig.run", summary="cut with a policy from simulation, unchanged"),
 }
@@ -33,7 +39,11 @@ RIG_COMMANDS = {
 def main(argv: Sequence[str]) -> int:
     """Run the sub-command named first in ``argv``; return its exit status."""
     arguments = list(argv)
-    name = _parser().parse_args(arguments[:1]).command
+    parser = _parser()
+    if not arguments:
+        parser.print_help()
+        return 0
+    name = parser.parse_args(arguments[:1]).command
     status: int | None = import_module(RIG_COMMANDS[name].module).main(arguments[1:])
     return status or 0
 
@@ -43,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="cutenv rig",
         description="A motor and a force sensor that a policy meets through the simulator's interface.",
-        epilog=f"commands:\n{listed}\n\n'cutenv rig COMMAND --help' tells its options.",
+        epilog=f"commands:\n{listed}\n\n'cutenv rig COMMAND --help' lists its options.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         usage="cutenv rig [-h] COMMAND ...",
     )

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from datetime import date
 from typing import Any
 
+from cutenv.commands.options import RIG, command_parser
 from cutenv.rig.connection import connected, settings_of
 from cutenv.rig.drivers import RigError
 from cutenv.rig.inspection import Inspection, inspect
@@ -68,7 +69,7 @@ def _shown(value: float | str) -> str:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="cutenv rig check", description=__doc__)
-    parser.add_argument("rig", metavar="RIG", help='a rig\'s TOML file, "emulator" or "fake"')
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser = command_parser("rig check", __doc__, examples=("emulator", "my_rig.toml --json"))
+    parser.add_argument("rig", metavar="RIG", help=RIG)
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
     return parser

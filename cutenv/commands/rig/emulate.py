@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.tissue.specimen import CLASSES
+from cutenv.commands.options import add_specimen_class, command_parser
 
 if TYPE_CHECKING:
     from cutenv.rig.emulator.assembly import Options
@@ -85,41 +85,55 @@ def _given(values: dict[str, float | None]) -> dict[str, float]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="cutenv rig emulate",
-        description=__doc__,
-        epilog="Drivers meet it by python-can's interface socketcand, channel vcan0, and by UDP. It ends on Ctrl-C.",
+    parser = command_parser(
+        "rig emulate",
+        __doc__,
+        examples=("--write emulated.toml", "--seed 3 --fault disconnect@5", "--list-faults"),
+        note="Drivers meet it by python-can's interface socketcand, channel vcan0, and by UDP. Ctrl-C ends it.",
     )
     add = parser.add_argument
-    add("--seed", type=int, default=0, help="of the specimen; default 0")
-    add("--episode", type=int, default=0, help="of the specimen; default 0")
-    add("--class", dest="specimen_class", choices=CLASSES, default="liver", help="default liver")
-    add("--tissue", type=Path, metavar="FILE", help="description that the specimen is drawn from; default pig liver")
-    add("--free-air", action="store_true", help="no specimen: the blade feels nothing")
+    add("--seed", type=int, default=0, metavar="N", help="seed of the specimen; default 0")
+    add("--episode", type=int, default=0, metavar="N", help="number of the specimen under its seed; default 0")
+    add_specimen_class(parser, "liver")
+    add("--tissue", type=Path, metavar="FILE", help="tissue that the specimen is drawn from; default pig liver")
+    add("--free-air", action="store_true", help="no specimen: the blade moves in air")
     add(
         "--angle", choices=("free", "fixed"), default="free", help="whether a second axis turns the blade; default free"
     )
-    add("--angle-deg", type=float, default=90.0, help="of the blade at the start; default 90")
-    add("--fault", action="append", default=[], metavar="NAME@SECONDS", help="let something go wrong; "
+    add(
+        "--angle-deg", type=float, default=90.0, metavar="DEG", help="angle of the blade at the start [deg]; default 90"
+    )
+    add("--fault", action="append", default=[], metavar="NAME@SECONDS", help="fault to raise at this time; "
         "NAME:KEY=VALUE,KEY=VALUE@SECONDS with parameters; may be given again")  # fmt: skip
-    add("--list-faults", action="store_true", help="tell the faults and their parameters, and end")
-    add("--force-limit-N", type=float, default=15.0, metavar="N", help="true force whose crossing is noted; default 15")
-    add("--lag-ms", type=float, default=40.0, metavar="MS", help="of the blade's speed behind its target; default 40")
-    add("--dead-time-ms", type=float, default=0.0, metavar="MS", help="between target and motion; default 0")
-    add("--backlash-mm", type=float, metavar="MM", help="play of the screw; default 0.02")
-    add("--friction-N", type=float, metavar="N", help="of motor, gear and screw, at the carriage; default 20")
-    add("--force-delay-ms", type=float, metavar="MS", help="of the force sensor; default as the simulator's")
-    add("--force-noise-N", type=float, metavar="N", help="of the force sensor; default as the simulator's")
-    add("--force-resolution-N", type=float, metavar="N", help="of the force sensor; default as the simulator's")
-    add("--force-drift-N", type=float, metavar="N", help="standard deviation of the random walk of its zero after one "
-        "second, from when the specimen is laid; default none")  # fmt: skip
-    add("--debt-length-mm", type=float, metavar="MM", help="of the cutting law; default as the simulator's")
-    add("--blade-friction-Ns-m2", type=float, metavar="F", help="of the blade in tissue, for each metre of depth and "
-        "metre a second; default none, as the simulator's")  # fmt: skip
-    add("--host", default="127.0.0.1", help="where it listens; default 127.0.0.1, this computer alone")
-    for name in ("can", "sensor", "page", "control"):
-        add(f"--{name}-port", type=int, default=0, metavar="PORT", help="default: a free one")
+    add("--list-faults", action="store_true", help="print the faults and their parameters, and end")
+    add("--force-limit-N", type=float, default=15.0, metavar="N", help="true force whose crossing is noted [N]; "
+        "default 15")  # fmt: skip
+    add("--lag-ms", type=float, default=40.0, metavar="MS", help="lag of the blade's speed [ms]; default 40")
+    add("--dead-time-ms", type=float, default=0.0, metavar="MS", help="dead time from target to motion [ms]; default 0")
+    add("--backlash-mm", type=float, metavar="MM", help="backlash of the screw [mm]; default 0.02")
+    add(
+        "--friction-N",
+        type=float,
+        metavar="N",
+        help="friction of motor, gear and screw at the carriage [N]; default 20",
+    )
+    add("--force-delay-ms", type=float, metavar="MS", help="delay of the force sensor [ms]; default the simulator's")
+    add("--force-noise-N", type=float, metavar="N", help="noise of the force sensor [N]; default the simulator's")
+    add("--force-resolution-N", type=float, metavar="N", help="resolution of the force sensor [N]; default the "
+        "simulator's")  # fmt: skip
+    add("--force-drift-N", type=float, metavar="N", help="drift of the force sensor's zero: standard deviation of its "
+        "random walk one second after the specimen was laid [N]; default 0")  # fmt: skip
+    add("--debt-length-mm", type=float, metavar="MM", help="debt length of the cutting law [mm]; default the "
+        "simulator's")  # fmt: skip
+    add("--blade-friction-Ns-m2", type=float, metavar="F", help="viscous friction of the blade in tissue, per depth "
+        "and speed [N s/m2]; default 0")  # fmt: skip
+    add("--host", default="127.0.0.1", metavar="ADDRESS", help="address to listen on; default 127.0.0.1, this computer "
+        "alone")  # fmt: skip
+    for name, used in (("can", "the CAN bus"), ("sensor", "the force sensor"), ("page", "the sensor's page"),
+                       ("control", "controlling the emulator")):  # fmt: skip
+        add(f"--{name}-port", type=int, default=0, metavar="PORT", help=f"port of {used}; default a free one")
     add("--real-time", action="store_true", help="take priority over other processes, if the system allows")
-    add("--write", type=Path, metavar="FILE", help="a rig's file that reaches it, for 'cutenv rig run --rig FILE'")
-    add("--with-parent", type=int, nargs="?", const=0, metavar="PID", help="end when the process that started it ends")
+    add("--write", type=Path, metavar="FILE", help="rig file to write, for 'cutenv rig run --rig FILE'")
+    add("--with-parent", type=int, nargs="?", const=0, metavar="PID", help="end when the process PID ends; default "
+        "the one that started this")  # fmt: skip
     return parser

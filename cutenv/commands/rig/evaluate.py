@@ -1,4 +1,4 @@
-"""Run the same policy on the same specimens in the simulator and on a rig, and tell whether they agree."""
+"""Run the same policy on the same specimens in the simulator and on a rig, and print whether they agree."""
 
 from __future__ import annotations
 
@@ -9,7 +9,14 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cutenv.tissue.specimen import CLASSES
+from cutenv.commands.options import (
+    RIG,
+    add_specimen_class,
+    add_target_length,
+    command_parser,
+    made_folder,
+    target_length,
+)
 
 if TYPE_CHECKING:
     from cutenv.envs.rig_cut import RigCutEnv
@@ -51,6 +58,7 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
     changed: dict[str, Any] = dict(_constant(text) for text in arguments.change)
     out: Path | None = arguments.out
     shared: dict[str, Any] = {"specimen_class": arguments.specimen_class, "tissue": arguments.tissue}
+    shared["target_length"] = target_length(arguments)
     shared |= {name: wanted[name] for name in _OF_BOTH if name in wanted}
     with ExitStack() as stack:
         records = None if out is None else out / _RECORDS / "rig"
@@ -106,8 +114,8 @@ def _check_out(arguments: argparse.Namespace) -> None:
     out: Path | None = arguments.out
     if out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise FileExistsError(f"--out {out} is there already and not empty; give another folder.")
-    if arguments.json is not None and not arguments.json.parent.is_dir():
-        raise FileNotFoundError(f"--json {arguments.json}: no such folder: {arguments.json.parent}; make it first.")
+    if arguments.json is not None:
+        made_folder("--json", arguments.json.parent)
 
 
 def _write(arguments: argparse.Namespace, evaluation: Evaluation) -> None:
@@ -132,8 +140,10 @@ class _Progress:
         self._bars: dict[str, Any] = {}
 
     def __call__(self, side: str, done: int) -> None:
-        from tqdm import tqdm  # an extra
-
+        try:
+            from tqdm import tqdm
+        except ModuleNotFoundError:  # an extra that only shows progress
+            return
         if side not in self._bars:
             self._bars[side] = tqdm(total=self._specimens, desc=side, unit="specimen", file=sys.stderr)
         self._bars[side].update(done - self._bars[side].n)
@@ -149,23 +159,30 @@ class _Progress:
 def _parser() -> argparse.ArgumentParser:
     from cutenv.envs.side_by_side import DRAWS
 
-    parser = argparse.ArgumentParser(
-        prog="cutenv rig evaluate",
-        description=__doc__,
-        epilog="Exit status: 0 where both agree or more specimens are needed, 1 where they differ, 2 for an error.",
+    parser = command_parser(
+        "rig evaluate",
+        __doc__,
+        examples=(
+            '--policy "probe and creep" --rig fake --specimens 6',
+            "--policy ppo-free --rig emulator --out evaluation",
+        ),
+        note="Exit status: 0 where both agree or more specimens are needed, 1 where they differ, 2 for an error.",
     )
     add = parser.add_argument
-    add("--policy", required=True, metavar="P", help="a baseline, a shipped policy, or a policy's folder")
-    add("--rig", required=True, metavar="R", help='"emulator", "fake" (in memory), or a rig\'s TOML file')
-    add("--specimens", type=int, default=20, metavar="N", help="6 or more; default 20")
-    add("--class", dest="specimen_class", choices=CLASSES, default="mixed", help="of drawn specimens; default mixed")
-    add("--tissue", type=Path, metavar="FILE", help="description that they are drawn from; default pig liver")
-    add("--seed", type=int, default=0, help="of the specimens; default 0")
-    add("--draws", type=int, default=DRAWS, metavar="N", help=f"of noise, for each simulated specimen; default {DRAWS}")
+    add("--policy", required=True, metavar="POLICY", help="name of a script or of a shipped policy, or folder of a "
+        "trained policy")  # fmt: skip
+    add("--rig", required=True, metavar="RIG", help=RIG)
+    add("--specimens", type=int, default=20, metavar="N", help="number of specimens, 6 or more; default 20")
+    add_specimen_class(parser, "mixed")
+    add_target_length(parser, "drawn from 60mm to 100mm")
+    add("--tissue", type=Path, metavar="FILE", help="tissue that specimens are drawn from; default measured pig liver")
+    add("--seed", type=int, default=0, metavar="N", help="seed of the specimens; default 0")
+    add("--draws", type=int, default=DRAWS, metavar="N",
+        help=f"simulated cuts of every specimen, each with other noise; default {DRAWS}")  # fmt: skip
     add(
         "--change", action="append", default=[], metavar="NAME=NUMBER",
-        help="a constant of an emulated or fake rig, in SI, to see whether it shows: force_delay=0.04",
+        help="replace a constant of an emulated or fake rig, in SI, to see whether it shows: force_delay=0.04",
     )  # fmt: skip
-    add("--out", type=Path, metavar="FOLDER", help=f"for {_PAGE} and the records of all cuts; made here")
-    add("--json", type=Path, metavar="FILE", help="everything that was found")
+    add("--out", type=Path, metavar="FOLDER", help=f"folder of {_PAGE} and the records of all cuts")
+    add("--json", type=Path, metavar="FILE", help="file for every number that was found")
     return parser

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
+from cutenv.commands.options import RIG, command_parser
 from cutenv.rig.causes import RigStopped
 from cutenv.rig.connection import EMULATOR, FAKE, connected, operator_of
 from cutenv.rig.drivers import RigError
@@ -73,8 +74,10 @@ def _report(found: Identification, settings: RigSettings, arguments: argparse.Na
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="cutenv rig identify", description=__doc__)
-    parser.add_argument("rig", metavar="RIG", help='a rig\'s TOML file, "emulator" or "fake"')
-    parser.add_argument("--write", action="store_true", help="let the file's section [identified] say what was found")
-    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the answers over the fitted model")
+    parser = command_parser("rig identify", __doc__, examples=("emulator", "my_rig.toml --write --picture answers.png"))
+    parser.add_argument("rig", metavar="RIG", help=RIG)
+    parser.add_argument("--write", action="store_true", help="write the constants found into the file's [identified]")
+    parser.add_argument(
+        "--picture", type=Path, metavar="FILE.png", help="picture of the measured answers over the fitted model"
+    )
     return parser

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from cutenv.commands.options import command_parser
 from cutenv.rig.toml_file import template
 
 
@@ -30,7 +31,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="cutenv rig init", description=__doc__)
-    parser.add_argument("file", type=Path, metavar="FILE.toml", help="to write; must not be there yet")
-    parser.add_argument("--name", help="of the rig; default the file's")
+    parser = command_parser("rig init", __doc__, examples=("my_rig.toml",))
+    parser.add_argument("file", type=Path, metavar="FILE.toml", help="file to write, which must not exist yet")
+    parser.add_argument("--name", metavar="NAME", help="name of the rig; default the file's")
     return parser

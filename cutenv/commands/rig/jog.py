@@ -12,6 +12,7 @@ import sys
 from collections.abc import Sequence
 from datetime import date
 
+from cutenv.commands.options import RIG, command_parser
 from cutenv.commands.rig.terminal_keys import check_terminal, terminal_keys
 from cutenv.rig.causes import RigStopped
 from cutenv.rig.clock import PacedClock
@@ -55,13 +56,13 @@ def _show(line: str) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="cutenv rig jog", description=__doc__)
-    parser.add_argument("rig", metavar="RIG", help='a rig\'s TOML file, "emulator" or "fake"')
+    parser = command_parser("rig jog", __doc__, examples=("my_rig.toml", "my_rig.toml --speed 1"))
+    parser.add_argument("rig", metavar="RIG", help=RIG)
     parser.add_argument(
         "--speed",
         type=float,
         default=1e3 * SPEED,
         metavar="MM_S",
-        help=f"while a key is held [mm/s], up to {1e3 * TOP_SPEED:g}; default {1e3 * SPEED:g}",
+        help=f"speed while a key is held [mm/s], up to {1e3 * TOP_SPEED:g}; default {1e3 * SPEED:g}",
     )
     return parser

@@ -15,7 +15,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cutenv.tissue.specimen import CLASSES
+from cutenv.commands.options import RIG, add_specimen_class, add_target_length, command_parser, target_length
 
 if TYPE_CHECKING:
     from cutenv.envs.rig_cut import RigCutEnv
@@ -33,7 +33,7 @@ def main(argv: Sequence[str]) -> int:
     try:
         return _dry_run(arguments) if arguments.dry_run is not None else _run(arguments)
     except KeyboardInterrupt:
-        print("cutenv rig run: interrupted; nothing moves", file=sys.stderr)
+        print("\ncutenv rig run: interrupted; nothing moves", file=sys.stderr)
         return _INTERRUPTED
     except (OSError, ValueError, RigError) as error:
         print(f"cutenv rig run: {error}", file=sys.stderr)
@@ -77,10 +77,6 @@ def chosen_policy(name: str) -> tuple[Policy, dict[str, Any]]:
     return learned, learned.environment_arguments
 
 
-def _target(arguments: argparse.Namespace) -> float | None:
-    return None if arguments.target_mm is None else 1e-3 * arguments.target_mm
-
-
 def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more: Any) -> RigCutEnv:
     from cutenv.envs.rig_cut import RigCutEnv
 
@@ -92,7 +88,7 @@ def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more
     return RigCutEnv(
         rig=arguments.rig,
         specimen_class=arguments.specimen_class,
-        target_length=_target(arguments),
+        target_length=target_length(arguments),
         tissue=arguments.tissue,
         lower_limits={name: value for name, value in lower.items() if value is not None},
         **keywords,
@@ -186,8 +182,9 @@ def cut(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -> dict[str,
 
 def _line(number: int, told: dict[str, Any], env: RigCutEnv) -> str:
     line = (
-        f"cut {number + 1}: {told['end']} after {told['time_s']:.1f} s, {told['overruns']} overruns; estimated are "
-        f"return {told['return_estimated']:.3f} and tip error {told['tip_error_estimated_mm']:.1f} mm"
+        f"cut {number + 1}: {told['end']} after {told['time_s']:.1f} s, estimated return "
+        f"{told['return_estimated']:.3f}, estimated tip error {told['tip_error_estimated_mm']:.1f} mm; "
+        f"{told['overruns']} commands more than 2 ms late"
     )
     if told["stop"] is not None:
         stop = told["stop"]
@@ -203,26 +200,31 @@ def _line(number: int, told: dict[str, Any], env: RigCutEnv) -> str:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="cutenv rig run",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="Limits given here may only be lower than those of the rig's file. A rig that moves needs the file's "
+    parser = command_parser(
+        "rig run",
+        __doc__,
+        examples=(
+            "--policy ppo-free --rig emulator --cuts 2",
+            '--policy "probe and creep" --rig my_rig.toml --dry-run',
+            '--policy "probe and creep" --rig my_rig.toml --target-length 80mm --out cuts',
+        ),
+        note="Limits given here may only be lower than those of the rig's file. A rig that moves needs the file's\n"
         "armed_by, a valid calibration, and the operator's typed word.",
     )
     add = parser.add_argument
-    add("--policy", required=True, help="folder of a trained policy, shipped one's or script's name, or MODULE:CLASS")
-    add("--rig", required=True, help='the rig\'s TOML file, "emulator" or "fake"')
-    add("--cuts", type=int, default=1, metavar="N", help="one after the other; default 1")
-    add("--seed", type=int, default=0, help="of target lengths, and of specimens that are drawn; default 0")
-    add("--target-mm", type=float, metavar="MM", help="length of every cut; default drawn from 60 to 100")
-    add("--class", dest="specimen_class", choices=CLASSES, default="mixed", help="of drawn specimens; default mixed")
-    add("--tissue", type=Path, metavar="FILE", help="tissue that the rig believes to cut; default measured pig liver")
-    add("--out", type=Path, default=Path("cuts"), metavar="FOLDER", help="for records; default cuts/")
-    add("--json", type=Path, metavar="FILE", help="append a line of JSON for every cut")
-    add("--force-limit-N", type=float, metavar="N", help="of each axis of the force; lower than the file's")
-    add("--speed-limit-cm-s", type=float, metavar="V", help="lower than the file's")
-    add("--travel-limit-mm", type=float, metavar="MM", help="lower than the file's")
+    add("--policy", required=True, metavar="POLICY", help="name of a script or of a shipped policy, folder of a "
+        "trained policy, or MODULE:CLASS of your own")  # fmt: skip
+    add("--rig", required=True, metavar="RIG", help=RIG)
+    add("--cuts", type=int, default=1, metavar="N", help="number of cuts, one after the other; default 1")
+    add("--seed", type=int, default=0, metavar="N", help="seed of target lengths and of drawn specimens; default 0")
+    add_target_length(parser, "drawn from 60mm to 100mm")
+    add_specimen_class(parser, "mixed")
+    add("--tissue", type=Path, metavar="FILE", help="tissue that the rig expects to cut; default measured pig liver")
+    add("--out", type=Path, default=Path("cuts"), metavar="FOLDER", help="folder of the records; default cuts")
+    add("--json", type=Path, metavar="FILE", help="file that gets a line of JSON for every cut, at its end")
+    add("--force-limit-N", type=float, metavar="N", help="limit of each axis of the force [N]")
+    add("--speed-limit-cm-s", type=float, metavar="CM_S", help="limit of the blade's speed [cm/s]")
+    add("--travel-limit-mm", type=float, metavar="MM", help="limit of the blade's travel from the clamp [mm]")
     add(
         "--dry-run", type=float, nargs="?", const=2.0, metavar="SECONDS",
         help="connect to nothing; print every frame that would command a drive in the first seconds (default 2)",

@@ -268,7 +268,7 @@ def start(
     RigError
         If it is not ready in time, or ends before that.
     """
-    given = ["--seed", str(seed), "--episode", str(episode), "--class", specimen_class]
+    given = ["--seed", str(seed), "--episode", str(episode), "--specimen-class", specimen_class]
     given += ["--free-air"] if free_air else []
     given += ["--real-time"] if real_time else []
     given += [] if angle_deg is None else ["--angle", "fixed", "--angle-deg", str(angle_deg)]

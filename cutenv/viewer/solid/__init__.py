@@ -1,4 +1,4 @@
-"""View of a recorded cut in 3-D, as one page that opens from disk; needs meshcat, of ``cutenv[view]``."""
+"""View of a recorded cut in 3-D, as one page that opens from disk; needs meshcat, of ``cutenv[view3d]``."""
 
 from __future__ import annotations
 

@@ -146,7 +146,11 @@ def _target(trace: Trace, given: float | None) -> float | None:
     if given is not None:
         return given
     own = trace.metadata.get("target_length_m")
-    return None if own is None else in_range("target_length_m", own, 0.005, 0.15, "m", "Give --target 80mm instead.")
+    return (
+        None
+        if own is None
+        else in_range("target_length_m", own, 0.005, 0.15, "m", "Give --target-length 80mm instead.")
+    )
 
 
 def _check_angle(angle: Array) -> None:

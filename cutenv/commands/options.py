@@ -1,0 +1,127 @@
+"""Options that several sub-commands share, under one name each; loaded for ``--help``, so nothing heavy is imported."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Literal, TypeVar
+
+T = TypeVar("T")
+
+RIG = 'a rig\'s TOML file, "emulator" or "fake"'
+"""Help of every argument that names a rig."""
+
+
+def command_parser(
+    name: str, description: str | None, *, examples: Sequence[str] = (), note: str = ""
+) -> argparse.ArgumentParser:
+    """Return the parser of ``cutenv NAME``; its help ends with examples, without the word cutenv, and a note."""
+    listed = "".join(f"  cutenv {name} {example}".rstrip() + "\n" for example in examples)
+    parts = [f"examples:\n{listed}".rstrip()] * bool(examples) + [note] * bool(note)
+    return argparse.ArgumentParser(
+        prog=f"cutenv {name}",
+        description=description,
+        epilog="\n\n".join(parts),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,  # an option has one spelling
+    )
+
+
+def add_target_length(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add ``--target-length``, read by :func:`target_length`; ``default`` describes what holds without it."""
+    parser.add_argument(
+        "--target-length",
+        metavar="LENGTH",
+        help=f"length of the cut from the clamp, with its unit: 80mm, 8cm, 3.15in; default {default}",
+    )
+
+
+def target_length(arguments: argparse.Namespace) -> float | None:
+    """Return ``--target-length`` in metres, None if it is not given.
+
+    Raises
+    ------
+    ValueError
+        If it is not a length with a unit, or no specimen is so long.
+    """
+    from cutenv.recording.columns import parse_length
+    from cutenv.validation import in_range
+
+    if arguments.target_length is None:
+        return None
+    length = parse_length("--target-length", arguments.target_length)
+    return in_range("--target-length", length, 0.005, 0.15, "m", "Write 80mm or 8cm.")
+
+
+def add_specimen_class(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add ``--specimen-class``."""
+    from cutenv.tissue.specimen import CLASSES
+
+    parser.add_argument(
+        "--specimen-class", choices=CLASSES, default=default, help=f"class of drawn specimens; default {default}"
+    )
+
+
+def add_record_options(
+    parser: argparse.ArgumentParser,
+    *,
+    files: int | Literal["+"] = "+",
+    metavar: str = "FILE",
+    about: str = "records of cuts: CSV, Parquet or HDF5, one cut or several in a file",
+) -> None:
+    """Add the options of every sub-command that reads records; ``files`` is argparse's ``nargs``."""
+    parser.add_argument("records", nargs=files, type=Path, metavar=metavar, help=about)
+    parser.add_argument(
+        "--specimen",
+        metavar="PATTERN",
+        help="regular expression for the file's path; what it matches (its first group) names the specimen, where "
+        "the record does not",
+    )
+    parser.add_argument("--verbose", action="store_true", help="print how each file was read")
+    parser.add_argument("--skip-bad", action="store_true", help="leave bad records out, with a note, and go on")
+    foreign = parser.add_argument_group("files of other programs")
+    foreign.add_argument(
+        "--map",
+        nargs="+",
+        metavar="FIELD=COLUMN",
+        help="which column is what: time=t force=Fx, force=norm(Fx,Fy,Fz), position=x[mm], angle=90deg, depth=20mm, "
+        "rate=1000Hz, split_by=trial,cut; kept beside the files as cutenv-columns.json for the next time",
+    )
+    foreign.add_argument(
+        "--unit", metavar="UNIT", help="unit of the force: N, mN, kN, gf, kgf, lbf, or 1 if it is normalised"
+    )
+    foreign.add_argument(
+        "--confirm",
+        type=Path,
+        metavar="FOLDER",
+        help="draw every record into this folder: offset taken off, cuts and flaws found",
+    )
+
+
+def made_folder(option: str, folder: Path) -> Path:
+    """Return the folder, made with its parents if it is missing.
+
+    Raises
+    ------
+    ValueError
+        If a file has its name.
+    OSError
+        If it cannot be made.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"{option} {folder} is a file; give a folder.")
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def watched(items: Iterable[T], description: str, unit: str, *, total: int | None = None) -> Iterable[T]:
+    """Return the items with a progress bar on standard error, or without one where tqdm is not installed."""
+    import sys
+
+    try:
+        from tqdm import tqdm
+    except ModuleNotFoundError:
+        return items
+    bar: Iterable[T] = tqdm(items, desc=description, unit=unit, total=total, file=sys.stderr, leave=False)
+    return bar

@@ -1,0 +1,74 @@
+"""An extra holds what its commands need, and nothing that a hospital would ask about."""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from importlib.metadata import PackageNotFoundError, requires
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+from cutenv import cli
+from cutenv.commands.options import watched
+
+PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EXTRAS = {name: {Requirement(line).name for line in lines} for name, lines in PROJECT["optional-dependencies"].items()}
+CALLED = {
+    "can": "python-can",
+    "pygame": "pygame-ce",
+    "sb3_contrib": "sb3-contrib",
+    "serial": "pyserial",
+    "stable_baselines3": "stable-baselines3",
+    "umsgpack": "meshcat",  # comes with it
+}
+SERVERS = {"ipython", "pyngrok", "pyzmq", "tornado"}
+
+
+def brought(packages: set[str]) -> set[str]:
+    """Everything that pip installs for these packages, as far as it is installed here."""
+    found: set[str] = set()
+    waiting = list(packages)
+    while waiting:
+        name = waiting.pop().lower()
+        if name in found:
+            continue
+        found.add(name)
+        try:
+            lines = requires(name) or []
+        except PackageNotFoundError:
+            continue
+        needed = map(Requirement, lines)
+        waiting += [each.name for each in needed if each.marker is None or each.marker.evaluate({"extra": ""})]
+    return found
+
+
+@pytest.mark.parametrize("module", cli._EXTRA_OF_MODULE)
+def test_the_extra_that_an_error_names_brings_the_module(module: str) -> None:
+    assert CALLED.get(module, module) in EXTRAS[cli._EXTRA_OF_MODULE[module]]
+
+
+@pytest.mark.parametrize("extra", ["view", "play", "rig"])
+def test_pictures_play_and_rig_bring_no_server_and_no_tunnel(extra: str) -> None:
+    assert not brought(EXTRAS[extra]) & SERVERS
+
+
+def test_the_page_in_3_d_does_bring_them_so_the_check_can_fail() -> None:
+    pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view3d]'")
+    assert brought(EXTRAS["view3d"]) & SERVERS
+
+
+def test_a_progress_bar_that_is_not_installed_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "tqdm", None)
+    assert list(watched([1, 2, 3], "counting", "number")) == [1, 2, 3]
+
+
+def test_the_demo_misses_the_library_of_its_page_before_it_cuts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("cutenv.commands.demo.find_spec", lambda name: None)
+    assert cli.main(["demo", "--page", str(tmp_path / "cut.html"), "--out", str(tmp_path / "cut.png")]) == 1
+    printed = capsys.readouterr()
+    assert "pip install 'cutenv[view3d]'" in printed.err
+    assert printed.out == ""

@@ -1,0 +1,156 @@
+"""Every sub-command's help: plain words, one spelling of each option, examples that its parser takes."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from cutenv import cli
+from cutenv.commands.options import made_folder, target_length
+from cutenv.commands.rig import RIG_COMMANDS
+from cutenv.recording.columns import parse_length
+
+MODULES = {name: command.module for name, command in cli.COMMANDS.items() if name not in ("rig", "bench")}
+MODULES |= {f"rig {name}": command.module for name, command in RIG_COMMANDS.items()}
+FRAGMENT = re.compile(r"(of|for|whose|that|which|after|to|in|from|aimed|by|where|begins?)\b(?! column)", re.IGNORECASE)
+
+
+def parser_of(name: str) -> argparse.ArgumentParser:
+    return importlib.import_module(MODULES[name])._parser()
+
+
+def options_of(parser: argparse.ArgumentParser) -> list[argparse.Action]:
+    return [action for action in parser._actions if action.dest != "help"]
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_every_option_has_help_with_a_noun_or_a_verb_first_and_a_plain_placeholder(name: str) -> None:
+    for action in options_of(parser_of(name)):
+        assert action.help, action.dest
+        assert not FRAGMENT.match(action.help), (action.dest, action.help)
+        assert not action.help.startswith("default"), (action.dest, action.help)
+        takes_value = action.nargs != 0 and action.choices is None
+        assert not takes_value or action.metavar, action.dest
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_the_examples_of_a_command_are_taken_by_its_parser(name: str) -> None:
+    parser = parser_of(name)
+    examples = re.findall(rf"^  cutenv {name}(.*)$", parser.epilog or "", re.MULTILINE)
+    assert examples
+    for example in examples:
+        parser.parse_args(shlex.split(example))
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_an_option_has_one_spelling(name: str) -> None:
+    parser = parser_of(name)
+    spellings = {spelling for action in options_of(parser) for spelling in action.option_strings}
+    assert not spellings & {"--class", "--target", "--target-mm", "--target-length-cm"}
+    assert not parser.allow_abbrev
+
+
+def test_the_length_of_a_cut_and_the_class_of_its_specimen_can_be_given_to_every_command_that_cuts() -> None:
+    for name in ("demo", "play", "rig run", "rig evaluate"):
+        spellings = {spelling for action in parser_of(name)._actions for spelling in action.option_strings}
+        assert {"--target-length", "--specimen-class"} <= spellings, name
+
+
+@pytest.mark.parametrize(
+    ("text", "metres"),
+    [
+        ("80mm", 0.08),
+        ("8 cm", 0.08),
+        ("0.08m", 0.08),
+        ("80000um", 0.08),
+        ("3in", 0.0762),
+        (".5in", 0.0127),
+        ("8e1mm", 0.08),
+    ],
+)
+def test_a_length_is_read_in_any_unit(text: str, metres: float) -> None:
+    assert parse_length("--x", text) == pytest.approx(metres, rel=1e-15)
+    assert target_length(argparse.Namespace(target_length=None)) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("80", "no length with a unit"),
+        ("mm", "no length"),
+        ("80 furlongs", "write one of m, cm, mm, um, in"),
+        ("", "no length"),
+    ],
+)
+def test_what_is_no_length_is_refused_with_the_cure(text: str, reason: str) -> None:
+    with pytest.raises(ValueError, match=f"--x.*{reason}"):
+        parse_length("--x", text)
+    with pytest.raises(ValueError, match=r"--target-length = 0\.2 m is outside 0\.005 to 0\.15 m"):
+        target_length(argparse.Namespace(target_length="20cm"))
+
+
+def test_a_folder_is_made_and_a_file_in_its_place_refused(tmp_path: Path) -> None:
+    assert made_folder("--out", tmp_path / "a" / "b").is_dir()
+    (tmp_path / "file").touch()
+    with pytest.raises(ValueError, match=r"--out .*file is a file; give a folder"):
+        made_folder("--out", tmp_path / "file")
+
+
+@pytest.mark.parametrize(("arguments", "first"), [([], "usage: cutenv [-h]"), (["rig"], "usage: cutenv rig [-h]")])
+def test_without_a_command_the_help_is_printed(
+    arguments: list[str], first: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(arguments) == 0
+    assert capsys.readouterr().out.startswith(first)
+
+
+def test_the_help_of_score_loads_nothing_that_scores() -> None:
+    code = (
+        "import sys, time\n"
+        "from cutenv import cli\n"
+        "try:\n    cli.main(['score', '--help'])\n"
+        "except SystemExit: pass\n"
+        "print([name for name in ('scipy', 'numba', 'matplotlib', 'cutenv.scoring') if name in sys.modules])\n"
+        "print(time.process_time())"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    *_, loaded, seconds = ran.stdout.splitlines()
+    assert loaded == "[]"
+    assert float(seconds) < 0.5
+
+
+def test_the_help_of_score_names_every_shipped_reference() -> None:
+    from cutenv.scoring.reference import SHIPPED
+
+    reference = next(action for action in parser_of("score")._actions if action.dest == "reference")
+    assert all(name in (reference.help or "") for name in SHIPPED)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signal that stands for Ctrl-C to one process")
+@pytest.mark.parametrize("arguments", [["demo", "--specimens", "1000"], ["score", "cuts.csv"]])
+def test_ctrl_c_ends_in_one_line(arguments: list[str], tmp_path: Path) -> None:
+    table = "time_s,force_N\n" + "".join(f"{k / 1000},{1.0 + k % 7}\n" for k in range(200_000))
+    (tmp_path / "cuts.csv").write_text(table)
+    command = [
+        sys.executable,
+        "-c",
+        f"print('ready', flush=True)\nfrom cutenv import cli\nraise SystemExit(cli.main({arguments}))",
+    ]
+    ran = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    assert ran.stdout is not None
+    assert ran.stdout.readline() == "ready\n"
+    time.sleep(1.5)  # into the command, wherever it is then
+    ran.send_signal(signal.SIGINT)
+    _, printed = ran.communicate(timeout=60)
+    assert ran.returncode == cli.INTERRUPTED, printed
+    assert "Traceback" not in printed
+    assert printed.rstrip().splitlines()[-1] == f"cutenv {arguments[0]}: interrupted; files written before are kept"
