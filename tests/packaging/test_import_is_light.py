@@ -28,7 +28,11 @@ def test_help_of_training_needs_no_learner() -> None:
     """Such help is for those, too, who have not installed the extra."""
     code = (
         "import sys\n"
-        "for name in ('torch', 'stable_baselines3', 'sb3_contrib', 'tqdm', 'matplotlib'): sys.modules[name] = None\n"
+        "class Absent:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name in ('torch', 'stable_baselines3', 'sb3_contrib', 'tqdm', 'matplotlib'):\n"
+        "            raise ModuleNotFoundError(name, name=name)\n"
+        "sys.meta_path.insert(0, Absent())\n"
         "from cutenv.cli import main\n"
         "for command in ('train', 'evaluate', 'datasets'):\n"
         "    try: main([command, '--help'])\n"
