@@ -163,7 +163,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="cutenv demo",
         description=__doc__,
         epilog="Nothing is trained and nothing is downloaded. A few cuts show how an agent cuts, not how good it is: "
-        "agents/evaluate.py compares on hundreds.",
+        "'cutenv evaluate' compares on hundreds.",
     )
     parser.add_argument(
         "--policy",

@@ -21,7 +21,7 @@ from cutenv.tissue.specimen import CLASSES
 
 
 def main(argv: Sequence[str]) -> int:
-    """Evaluate and print; 2 if an option is bad."""
+    """Evaluate and print; 2 if an option is bad, 130 after Ctrl-C."""
     arguments = _parser().parse_args(argv)
     try:
         if arguments.report is not None:
@@ -31,6 +31,9 @@ def main(argv: Sequence[str]) -> int:
     except (OSError, ValueError) as error:
         print(f"cutenv evaluate: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("\ncutenv evaluate: interrupted; nothing was written", file=sys.stderr)
+        return 130
     return 0
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
+import signal
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
@@ -80,7 +81,8 @@ def _end_with_parent() -> None:
 
 
 def _begin_worker() -> None:
-    """Use one core: there are as many processes as cores."""
+    """Use one core, as there are as many processes as cores, and leave Ctrl-C to the parent, which ends its workers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     set_cores(1)
     _end_with_parent()
 
@@ -94,8 +96,24 @@ def workers(processes: int | None = None) -> Iterator[Executor]:
         try:
             yield pool
         except BaseException:
+            started = list(pool._processes.values())
             pool.shutdown(wait=False, cancel_futures=True)
+            for process in started:  # in the middle of their cuts, for which nobody waits any more
+                process.terminate()
             raise
+
+
+@contextlib.contextmanager
+def _without_ctrl_c() -> Iterator[None]:
+    """Hold Ctrl-C back from this thread, and from the processes that it starts until they ignore it themselves."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows, where workers hear it until they have begun
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _rows(
@@ -150,7 +168,8 @@ def evaluate(
         for name, one in contestants.items():
             size = _BATCH if isinstance(one.policy, TrainedPolicy) else _CHUNK
             for k in range(0, len(seeds), size):
-                futures[pool.submit(_rows, one, arguments, seeds[k : k + size], metrics)] = name
+                with _without_ctrl_c():
+                    futures[pool.submit(_rows, one, arguments, seeds[k : k + size], metrics)] = name
         for future in as_completed(futures):
             bar.update(len(future.result()))
     return [{"policy": name, **row} for future, name in futures.items() for row in future.result()]

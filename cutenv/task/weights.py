@@ -2,7 +2,7 @@
 
 They were corrected once, before any agent was compared, because with the weights first drafted (:data:`DRAFT`) a cut at
 the greatest speed and inclination, held throughout, was the best constant feed, and slow cuts of tough tissue were paid
-less than none.  ``python agents/headroom.py`` prints what follows from either.
+less than none.  ``python scripts/baseline_table.py`` prints what follows from either.
 """
 
 from __future__ import annotations
