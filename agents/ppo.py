@@ -1,60 +1,89 @@
-"""Train an agent to cut gently with PPO (Stable-Baselines3), compare it with every baseline, report.
+"""PPO over what the package gives, written out from environments to exported policy: change what you like.
 
-    python agents/ppo.py                     about 10 minutes on 2 cores; writes runs/<name>/
-    python agents/ppo.py --quick             about two minutes
-    python agents/ppo.py --resume runs/NAME  continues from the checkpoint of an interrupted run
+    python agents/ppo.py                            some ten minutes; writes runs/<name>/policy/
+    python agents/ppo.py --timesteps 400000 --name mine
+    cutenv evaluate runs/mine/policy "probe and creep"
 
-The agent decides 10 times a second: a cut takes some 80 decisions, 300 at most.  We use gamma = 1, because episodes end
-by themselves and the score is the plain sum of rewards; gamma = 0.995 would reward speed that the task does not ask
-for.  The agent's inputs are features that an engineer would compute; its critic also sees the hidden state (asymmetric
-actor-critic), which training needs and cutting does not.
-
-It starts as a clone of the best script and continues by reinforcement learning; at first only the critic learns,
-because an untrained one would spoil the clone.  Exploration is scheduled and falls: a policy that may keep its noise
-comes to depend on it.  The running average of the actor is validated, and the best one is kept.
-
-Options worth changing to see their effect: ``--angle-mode fixed``, ``--force unfelt``, ``--history 6``,
-``--critic features``.
+``cutenv train`` does the same, with --resume, --quick, an evaluation beside every baseline and a report; with the same
+options both make the same policy, bit for bit.  The options and what they mean are in ``cutenv/learning/arguments.py``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from pathlib import Path
 
-from cloning import clone, demonstrations
-from learning import Learner, TrialArguments, common_keywords, main
-from seeing_critic import SeeingCritic
+import torch
 from stable_baselines3 import PPO
-from vectorised import CutVecEnv
 
+from cutenv.learning.arguments import PPOArguments
+from cutenv.learning.asymmetric_actor_critic import AsymmetricActorCritic
+from cutenv.learning.cloning import clone, demonstrations
+from cutenv.learning.on_policy import FallingRate
+from cutenv.learning.options import parse
+from cutenv.learning.progress import Progress
+from cutenv.learning.run_folder import export, record_run
 from cutenv.policy import BASELINES, Network
+from cutenv.sb3 import FeatureVecEnv
 
 
-@dataclass(frozen=True, kw_only=True)
-class Arguments(TrialArguments):
-    """Arguments of a run; every field is an option of the command line."""
+def train(arguments: PPOArguments, run: Path) -> None:
+    """Train an agent, and write its actor into ``run``/policy."""
+    torch.set_num_threads(1)
+    facts = record_run(arguments, run, "PPO")
 
-
-def new_model(arguments: Arguments, environments: CutVecEnv) -> PPO:
-    """Make an untrained agent."""
-    return PPO(SeeingCritic, environments, **common_keywords(arguments))
-
-
-def taught(model: PPO, arguments: Arguments) -> None:
-    """Train the actor to imitate the demonstrated script."""
-    shown = demonstrations(
-        model.get_env(),
-        BASELINES[arguments.script],
-        decisions=arguments.demonstrations,
-        noise=arguments.demonstration_noise,
-        seed=arguments.seed,
+    # Sixty-four cuts at once.  The actor sees features; the hidden state after them is for the critic alone.
+    environments = FeatureVecEnv(
+        arguments.training_seeds,
+        dead_zone=arguments.dead_zone,
+        hidden_state=True,
+        **arguments.features,
+        **arguments.environment,
     )
-    policy = model.policy
-    error = clone(policy.action_for, policy.actor_parameters(), shown.decisions(), seed=arguments.seed)
-    print(f"the clone's actions differ from those of {arguments.script!r} by {error:.3f} (root of the mean square)")
+    model = PPO(
+        AsymmetricActorCritic,
+        environments,
+        learning_rate=FallingRate(arguments.learning_rate),
+        n_steps=arguments.rollout,
+        batch_size=arguments.batch_size,
+        n_epochs=arguments.epochs,
+        gamma=arguments.gamma,
+        gae_lambda=arguments.gae_lambda,
+        policy_kwargs=arguments.sizes,
+        seed=arguments.seed,
+        device="cpu",
+    )
+
+    # The actor first imitates a script.
+    if arguments.demonstrations:
+        shown = demonstrations(
+            environments,
+            BASELINES[arguments.script],
+            decisions=arguments.demonstrations,
+            noise=arguments.demonstration_noise,
+            seed=arguments.seed,
+        )
+        clone(model.policy.action_for, model.policy.actor_parameters(), shown.by_decision(), seed=arguments.seed)
+
+    # Then it learns by trial.  Progress sets the exploration, lets the critic learn alone at first, averages the actor,
+    # and keeps in policy.zip the average that does best on validation specimens.
+    progress = Progress(run, arguments, curve=[])
+    model.learn(arguments.timesteps, callback=progress)
+    progress.validate()
+
+    # What cuts needs no torch: the actor's weights in safetensors, and a card.
+    best = PPO.load(run / "policy.zip", device="cpu").policy.state_dict()
+    weights = {name: values.numpy() for name, values in best.items()}
+    export(arguments, run / "policy", Network.from_state_dict(weights, "tanh"), facts)
 
 
-LEARNER = Learner("PPO", PPO, new_model, taught, Network.from_state_dict)
+def main() -> None:
+    """Read the options, and train."""
+    arguments = parse(PPOArguments, __doc__)
+    run = Path("runs") / (arguments.name or time.strftime("ppo-%Y%m%d-%H%M%S"))
+    train(arguments, run)
+    print(f"policy: {run / 'policy'}")
+
 
 if __name__ == "__main__":
-    main(LEARNER, Arguments, __doc__, "ppo.py")
+    main()

@@ -1,71 +1,72 @@
-"""Train a recurrent agent with recurrent PPO (sb3-contrib), compare it with every baseline, report.
+"""Recurrent PPO over what the package gives, written out: the actor has a memory (LSTM) instead of a history.
 
-    python agents/recurrent_ppo.py                     about 20 minutes on 2 cores; writes runs/<name>/
-    python agents/recurrent_ppo.py --quick             some three minutes
-    python agents/recurrent_ppo.py --resume runs/NAME  continues from the checkpoint of an interrupted run
+    python agents/recurrent_ppo.py                  some twenty minutes; writes runs/<name>/policy/
+    python agents/recurrent_ppo.py --timesteps 400000 --name mine
 
-As in ppo.py, but the actor is an LSTM (one layer), so its features contain no history of decisions; its gradients
-go through whole cuts, so an update costs four times as much and fewer are made; the critic has a larger share of the
-updates to itself at the start.  ``--history 6`` gives both memory and history.
+``cutenv train --learner recurrent-ppo`` makes the same policy, with --resume, an evaluation and a report; ppo.py has
+the comments on what both do.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from pathlib import Path
 
-from cloning import clone, demonstrations
-from learning import Learner, TrialArguments, common_keywords, main
-from options import option
-from remembering_actor import RememberingActor
+import torch
 from sb3_contrib import RecurrentPPO
-from vectorised import CutVecEnv
 
+from cutenv.learning.arguments import RecurrentPPOArguments
+from cutenv.learning.cloning import clone, demonstrations
+from cutenv.learning.on_policy import sb3_keywords
+from cutenv.learning.options import parse
+from cutenv.learning.progress import Progress
+from cutenv.learning.recurrent_actor_critic import RecurrentAsymmetricActorCritic
+from cutenv.learning.run_folder import export, record_run
 from cutenv.policy import BASELINES, RecurrentNetwork
 
 
-@dataclass(frozen=True, kw_only=True)
-class Arguments(TrialArguments):
-    """Arguments of a run; every field is an option of the command line."""
+def train(arguments: RecurrentPPOArguments, run: Path) -> None:
+    """Train an agent, and write its actor into ``run``/policy."""
+    torch.set_num_threads(1)
+    facts = record_run(arguments, run, "recurrent PPO")
+    environments = arguments.environments_at(arguments.training_seeds)
+    model = RecurrentPPO(RecurrentAsymmetricActorCritic, environments, **sb3_keywords(arguments))
 
-    timesteps: int = option(4_000_000, "number of decisions to train for", resumable=True)
-    epochs: int = option(4, "number of passes over a rollout")
-    critic_first: float = option(0.15, "share of the training in which only the critic learns, after a demonstration")
-    cloning_epochs: int = option(15, "number of passes over the demonstrations")
+    # A network with memory is cloned along whole cuts.
+    if arguments.demonstrations:
+        shown = demonstrations(
+            environments,
+            BASELINES[arguments.script],
+            decisions=arguments.demonstrations,
+            noise=arguments.demonstration_noise,
+            seed=arguments.seed,
+        )
+        clone(
+            model.policy.actions_along,
+            model.policy.actor_parameters(),
+            shown.by_cut(),
+            epochs=arguments.cloning_epochs,
+            batch_size=4096,
+            learning_rate=4e-3,
+            seed=arguments.seed,
+        )
 
-    @classmethod
-    def limits(cls) -> dict[str, tuple[float, float]]:
-        """Return the admissible ranges of the numbers."""
-        return super().limits() | {"cloning_epochs": (1, 10**6)}
+    progress = Progress(run, arguments, curve=[])
+    model.learn(arguments.timesteps, callback=progress)
+    progress.validate()
 
-
-def new_model(arguments: Arguments, environments: CutVecEnv) -> RecurrentPPO:
-    """Make an untrained agent."""
-    return RecurrentPPO(RememberingActor, environments, **common_keywords(arguments))
-
-
-def taught(model: RecurrentPPO, arguments: Arguments) -> None:
-    """Train the actor to imitate the demonstrated script, cut by cut."""
-    shown = demonstrations(
-        model.get_env(),
-        BASELINES[arguments.script],
-        decisions=arguments.demonstrations,
-        noise=arguments.demonstration_noise,
-        seed=arguments.seed,
-    )
-    policy = model.policy
-    error = clone(
-        policy.actions_along,
-        policy.actor_parameters(),
-        shown.cuts(),
-        epochs=arguments.cloning_epochs,
-        batch_size=4096,
-        learning_rate=4e-3,
-        seed=arguments.seed,
-    )
-    print(f"the clone's actions differ from those of {arguments.script!r} by {error:.3f} (root of the mean square)")
+    best = RecurrentPPO.load(run / "policy.zip", device="cpu").policy.state_dict()
+    weights = {name: values.numpy() for name, values in best.items()}
+    export(arguments, run / "policy", RecurrentNetwork.from_state_dict(weights, "tanh"), facts)
 
 
-LEARNER = Learner("recurrent PPO", RecurrentPPO, new_model, taught, RecurrentNetwork.from_state_dict)
+def main() -> None:
+    """Read the options, and train."""
+    arguments = parse(RecurrentPPOArguments, __doc__)
+    run = Path("runs") / (arguments.name or time.strftime("recurrent-ppo-%Y%m%d-%H%M%S"))
+    train(arguments, run)
+    print(f"policy: {run / 'policy'}")
+
 
 if __name__ == "__main__":
-    main(LEARNER, Arguments, __doc__, "recurrent_ppo.py")
+    main()

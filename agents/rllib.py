@@ -4,13 +4,14 @@
     python agents/rllib.py --address auto --workers 64      on the cluster to which this machine belongs
     python agents/rllib.py --resume runs/NAME         continues from the checkpoint of an interrupted run
 
-Ray requires a specific version of Gymnasium, and so a separate virtual environment, with
-``pip install '.[distributed]'``, on every machine of the cluster.  Each runner steps the native vector environment;
-only this folder of programs is sent to it, and nothing else of this machine.  Ray's usage reports are off; a local
-cluster has no dashboard and listens on loopback.
+Ray wants a Gymnasium of its own choice, and so a virtual environment of its own, with ``pip install
+'cutenv[distributed]'``, on every machine of the cluster.  Each runner steps the native vector environment of the
+installed cutenv; the folder of this program is sent to it, and nothing else of this machine.  Ray's usage reports are
+off; a local cluster has no dashboard and listens on loopback.
 
-It writes runs/<name>/: learning_curve.csv, checkpoint/ and policy/, which agents/evaluate.py compares and ``cutenv demo
---policy`` shows, without Ray and torch.  A checkpoint is in RLlib's format, with pickles in it: resume only your own.
+It writes runs/<name>/: learning_curve.csv, checkpoint/ and policy/, which ``cutenv evaluate`` compares and
+``cutenv demo --policy`` shows, without Ray and torch.  A checkpoint is RLlib's own kind, with pickles in it: resume
+only your own.
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evaluate import ENVIRONMENT, TRAINING_SEEDS, write_csv
-from options import option, parse
-from provenance import origin, write_facts
-from runner_env import RunnerEnv
-
+from cutenv.learning.options import option, parse
+from cutenv.learning.provenance import origin, write_facts
+from cutenv.learning.rllib_env import RunnerEnv
+from cutenv.learning.seeds import ENVIRONMENT, TRAINING_SEEDS
+from cutenv.learning.tables import write_csv
 from cutenv.policy import Network, save_policy
 from cutenv.tissue.specimen import CLASSES
 

@@ -14,26 +14,27 @@ from importlib import import_module
 
 import cutenv
 
-_EXTRA_OF_MODULE = {
-    "can": "rig",
-    "canopen": "rig",
-    "h5py": "data",
-    "matplotlib": "view",
-    "meshcat": "view3d",
-    "minari": "data",
-    "pyarrow": "data",
-    "pygame": "view",
-    "pymunk": "play",
-    "rich": "rl",
-    "safetensors": "view",
-    "sb3_contrib": "rl",
-    "serial": "rig",
-    "stable_baselines3": "rl",
-    "tomlkit": "rig",
-    "torch": "rl",
-    "tqdm": "view",
-    "umsgpack": "view3d",
+_EXTRAS_OF_MODULE = {
+    "can": ("rig",),
+    "canopen": ("rig",),
+    "h5py": ("data",),
+    "matplotlib": ("view", "rl"),
+    "meshcat": ("view3d",),
+    "minari": ("data",),
+    "pyarrow": ("data",),
+    "pygame": ("view",),
+    "pymunk": ("play",),
+    "rich": ("rl",),
+    "safetensors": ("view", "data", "play", "rig", "rl"),
+    "sb3_contrib": ("rl",),
+    "serial": ("rig",),
+    "stable_baselines3": ("rl",),
+    "tomlkit": ("rig",),
+    "torch": ("rl",),
+    "tqdm": ("view", "data", "rl"),
+    "umsgpack": ("view3d",),
 }
+"""Extras that bring a module; the first is named unless the command has one of the others."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +43,8 @@ class Command:
 
     module: str
     summary: str
+    extra: str = ""
+    """The extra that brings all that the command needs, if there is one."""
 
 
 INTERRUPTED = 130
@@ -52,6 +55,13 @@ COMMANDS = {
         module="cutenv.commands.demo", summary="watch a trained agent cut beside the best script, in half a minute"
     ),
     "docs": Command(module="cutenv.commands.docs", summary="open the documentation in a browser, without a network"),
+    "train": Command(module="cutenv.commands.train", summary="train an agent and report how well it cuts", extra="rl"),
+    "evaluate": Command(
+        module="cutenv.commands.evaluate", summary="compare policies on the same held-out specimens", extra="rl"
+    ),
+    "datasets": Command(
+        module="cutenv.commands.datasets", summary="record cuts as a Minari data set, force included", extra="data"
+    ),
     "calibrate": Command(module="cutenv.commands.calibrate", summary="fit a tissue to your own records of cuts"),
     "play": Command(module="cutenv.commands.play", summary="cut by mouse or gamepad in a window"),
     "rig": Command(module="cutenv.commands.rig", summary="run a real rig, a motor and a force sensor, or its emulator"),
@@ -62,7 +72,6 @@ COMMANDS = {
     "view": Command(
         module="cutenv.commands.view", summary="show a recorded cut in 3-D, in a page that opens from disk"
     ),
-    "bench": Command(module="cutenv.bench", summary="measure the speed of the environment on this machine"),
 }
 
 
@@ -91,18 +100,24 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"\ncutenv {name}: interrupted; files written before are kept", file=sys.stderr)
         return INTERRUPTED
     except ModuleNotFoundError as error:
-        cure = missing_extra(error)
+        cure = missing_extra(error, COMMANDS[name].extra)
         if cure is None:
             raise
         print(f"cutenv {name}: {cure}", file=sys.stderr)
         return 1
 
 
-def missing_extra(error: ModuleNotFoundError) -> str | None:
-    """Return the pip command that brings the missing module, or None if it belongs to no extra."""
+def missing_extra(error: ModuleNotFoundError, preferred: str = "") -> str | None:
+    """Return the pip command that brings the missing module, or None if it belongs to no extra.
+
+    ``preferred`` is the extra that is named if it is one of several that bring the module.
+    """
     package = (error.name or "").partition(".")[0]
-    extra = _EXTRA_OF_MODULE.get(package)
-    return extra and f"{package} is not installed: pip install 'cutenv[{extra}]'"
+    extras = _EXTRAS_OF_MODULE.get(package)
+    if extras is None:
+        return None
+    extra = preferred if preferred in extras else extras[0]
+    return f"{package} is not installed: pip install 'cutenv[{extra}]'"
 
 
 def _run(command: Command, argv: list[str]) -> int:

@@ -23,8 +23,8 @@ import measure_recovery
 import numpy as np
 from adversarial_motions import INCLINED, MOTIONS, UPRIGHT
 from numpy.typing import NDArray
+from speed.batch import MANY, RESETS_IN_STEPS, rates
 
-from cutenv.bench.batch import MANY, RESETS_IN_STEPS, rates
 from cutenv.compiled import compiled
 from cutenv.cutting.parameters import law_records, profile_records
 from cutenv.cutting.records import READING, TICK, new_state

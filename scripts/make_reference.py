@@ -11,7 +11,6 @@ Every cut is scored from what a rig can measure, with an estimated tip, as a per
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 import gymnasium
@@ -19,14 +18,12 @@ import numpy as np
 from tqdm import tqdm
 
 import cutenv  # noqa: F401  registers the environment
+from cutenv.learning.evaluation import contestant, run_cut
 from cutenv.plant import to_trace
 from cutenv.policy import BASELINES, SCRIPTS
 from cutenv.scoring import METRICS, ReferenceSet, score
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "agents"))
-from evaluate import contestant, run_cut  # noqa: E402  a program, not a package
-
 TARGET = ROOT / "assets" / "reference" / "baselines.csv"
 FEEDS = [f"constant {speed} cm/s {angle} deg" for speed in ("0.38", "0.89", "1.65", "2.54") for angle in (45, 90)]
 FIRST_SEED = 7_000_000  # far from those of training, validation and test

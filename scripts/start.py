@@ -3,9 +3,9 @@
 
 usage: python3 scripts/start.py COMMAND [--torch-index URL] [--accept-cuda] [ARGUMENT ...]
 
-  train   set up, then run agents/ppo.py with the arguments (--quick: about two minutes)
-  test    set up, then run pytest with the arguments
-  setup   set up only
+  train   set up what training needs, then run "cutenv train" with the arguments (--quick: about two minutes)
+  test    set up everything, then run pytest with the arguments
+  setup   set up everything, and stop
 
   --torch-index URL   at the first set-up, take torch from this package index (of CPU builds, for instance)
   --accept-cuda       let pip download CUDA packages on a machine without an NVIDIA driver
@@ -28,7 +28,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-PROGRAMS = {"train": ["agents/ppo.py"], "test": ["-m", "pytest", "-n", "2", "--dist", "worksteal"], "setup": []}
+PROGRAMS = {"train": ["-m", "cutenv", "train"], "test": ["-m", "pytest", "-n", "2", "--dist", "worksteal"], "setup": []}
+EXTRAS = {"train": "rl", "test": "dev", "setup": "dev"}
+"""Extra of pyproject.toml that a command needs; dev holds the others."""
 PYTHON = f"{sys.version_info[0]}.{sys.version_info[1]}"
 # Measured with a CPU build of torch: 1.7 GB of .venv, 0.4 GB of downloads that pip holds twice while it works.
 DISK_BYTES = 3_000_000_000
@@ -101,8 +103,8 @@ def python_of(venv: Path) -> str:
     return str(venv / ("Scripts/python.exe" if os.name == "nt" else "bin/python"))
 
 
-def state_of(venv: Path, wanted: str) -> str:
-    """Tell whether ``venv`` is "ready", "stale" (install over it) or "broken" (make it anew; so is none)."""
+def state_of(venv: Path, wanted: str, extra: str) -> str:
+    """Return whether ``venv`` is "ready", "stale" (install over it) or "broken" (make it anew; so is none)."""
     stamp = venv / "cutenv-setup.txt"
     stamped = stamp.read_text() if stamp.is_file() else ""
     probe = [python_of(venv), "-c", "import pip, sys; print(sys.version)"]
@@ -112,7 +114,8 @@ def state_of(venv: Path, wanted: str) -> str:
         return "broken"
     if answer.returncode != 0 or answer.stdout.strip() != sys.version.strip() or stamped == INTERRUPTED:
         return "broken"
-    return "ready" if stamped == wanted else "stale"
+    found, _, installed = stamped.partition(" ")
+    return "ready" if found == wanted and installed in (extra, "dev") else "stale"
 
 
 def cure_for(errors: str) -> str:
@@ -192,10 +195,10 @@ def make_venv(venv: Path) -> None:
         raise Refusal(f"{made.stdout}{made.stderr}\n{cure_for(made.stdout + made.stderr)}")
 
 
-def set_up(venv: Path, torch_index: str | None, accept_cuda: bool) -> None:
-    """Bring ``venv`` to what pyproject.toml and constraints.txt ask for; at once if it is there already."""
+def set_up(venv: Path, extra: str, torch_index: str | None, accept_cuda: bool) -> None:
+    """Install cutenv with an extra into ``venv``, as pyproject.toml and constraints.txt ask; nothing if it is there."""
     wanted = fingerprint(ROOT, sys.version)
-    state = state_of(venv, wanted)
+    state = state_of(venv, wanted, extra)
     if state == "ready":
         return
     check_venv_module()
@@ -204,20 +207,20 @@ def set_up(venv: Path, torch_index: str | None, accept_cuda: bool) -> None:
         make_venv(venv)
     stamp, plan = venv / "cutenv-setup.txt", venv / "cutenv-plan.json"
     install = ["install", "-c", "constraints.txt"]
-    everything = ["--only-binary", ":all:", "-e", ".[dev]"]
+    chosen = ["--only-binary", ":all:", "-e", f".[{extra}]"]
     print("cutenv: asking the package index what is needed", flush=True)
     pip(venv, *install, "--quiet", "pip")  # a Python's own pip may be too old to plan without downloading
     if torch_index:
         stamp.write_text(INTERRUPTED)
         pip(venv, *install, "--no-deps", "--index-url", torch_index, "torch")
     dry_run = ["--quiet", "--dry-run", "--use-feature", "fast-deps", "--report", str(plan)]
-    pip(venv, *install, *dry_run, *everything)
+    pip(venv, *install, *dry_run, *chosen)
     report = json.loads(plan.read_text(encoding="utf-8"))
     check_cuda(report, accept_cuda)
     print(f"cutenv: installing {len(report['install'])} packages", flush=True)
     stamp.write_text(INTERRUPTED)
-    pip(venv, *install, *everything)
-    stamp.write_text(wanted)
+    pip(venv, *install, *chosen)
+    stamp.write_text(f"{wanted} {extra}")
 
 
 def main(argv: list[str]) -> int:
@@ -237,7 +240,7 @@ def main(argv: list[str]) -> int:
     try:
         supported = supported_pythons((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
         check_python(PYTHON, sys.implementation.name, supported)
-        set_up(venv, options.torch_index, options.accept_cuda)
+        set_up(venv, EXTRAS[options.command], options.torch_index, options.accept_cuda)
     except Refusal as refusal:
         print(f"\ncutenv: {refusal}", file=sys.stderr)
         return 1

@@ -2,7 +2,7 @@
 
     python scripts/update_docs.py parameters agreement specimens calibration speed headroom
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
-    python scripts/update_docs.py benchmark                 what agents/leaderboard.py --publish has kept
+    python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
     python scripts/update_docs.py errata tissue-file rig-file metrics
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
@@ -26,7 +26,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import baseline_table as headroom
 import gymnasium
+import leaderboard
 import numpy as np
 import rig_faults
 import rig_soak
@@ -35,6 +37,7 @@ from cutenv.cutting.drive import Rig
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.envs.constants import Knowledge
+from cutenv.learning.statistics import mean_with_interval
 from cutenv.parameter import parameter_table
 from cutenv.policy import BOUND, GRID, SCRIPTS, ConstantFeed
 from cutenv.report import draw_cut
@@ -47,11 +50,6 @@ from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.specimen import CLASSES
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "agents"))
-import headroom  # noqa: E402  a program, not a package
-import leaderboard  # noqa: E402
-from evaluate import mean_with_interval  # noqa: E402
-
 SCORES = ("return", "success", "tip_error_mm", "peak_force_N", "time_s")
 
 
@@ -102,8 +100,8 @@ def agreement(_: argparse.Namespace) -> str:
 
 
 def speed(_: argparse.Namespace) -> str:
-    """Return the output of ``cutenv bench`` on this machine."""
-    program = [sys.executable, "-m", "cutenv", "bench"]  # a fresh process: no threads yet, nothing loaded
+    """Return the output of ``scripts/bench.py`` on this machine."""
+    program = [sys.executable, str(ROOT / "scripts" / "bench.py")]  # a fresh process: no threads yet, nothing loaded
     done = subprocess.run(program, check=True, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     return "```\n" + done.stdout.rstrip() + "\n```"
 
@@ -203,7 +201,7 @@ def together(runs: list[Path], agent: str, script: str) -> dict[str, str]:
 
 
 def headroom_block(_: argparse.Namespace) -> str:
-    """Return what ``agents/headroom.py`` has measured."""
+    """Return what ``scripts/baseline_table.py`` has measured."""
     printed = []
     measured = [name for name in reversed(CLASSES) if (ROOT / headroom.FOLDER / f"{name}.csv").is_file()]
     for specimen_class in measured or CLASSES:

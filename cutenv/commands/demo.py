@@ -180,7 +180,8 @@ def _parser() -> argparse.ArgumentParser:
         "demo",
         __doc__,
         examples=("", "--page cut.html", "--specimens 10 --specimen-class vascular --target-length 80mm"),
-        note="Nothing is trained and nothing is downloaded. A few cuts show how an agent cuts, not how good it is.",
+        note="Nothing is trained and nothing is downloaded. A few cuts show how an agent cuts, not how good it is: "
+        "'cutenv evaluate' compares on hundreds.",
     )
     parser.add_argument(
         "--policy",

@@ -22,7 +22,7 @@ def shipped(name: str) -> TrainedPolicy:
     Parameters
     ----------
     name : str
-        One of :data:`SHIPPED`, such as ``"ppo-free"``: PPO of ``agents/ppo.py``, free angle, ten decisions a second.
+        One of :data:`SHIPPED`, such as ``"ppo-free"``: PPO of ``cutenv train``, free angle, ten decisions a second.
 
     Raises
     ------

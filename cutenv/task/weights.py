@@ -2,7 +2,7 @@
 
 They were corrected once, before any agent was compared: with the weights first drafted (:data:`DRAFT`) the best
 constant feed was the greatest speed and inclination, held throughout, and slow cuts of tough tissue had a negative
-return.  ``python agents/headroom.py`` prints the baseline table for both.
+return.  ``python scripts/baseline_table.py`` prints the baseline table for both.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """How fast things are beside each other: bounds so wide that only a real loss breaks them, never a busy machine.
 
-Beside each bound stands what was measured on 2 cores; what is required of a quiet machine, ``cutenv bench`` says.
+Beside each bound stands what was measured on 2 cores; what is required of a quiet machine, ``scripts/bench.py`` prints.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import VectorEnv
+from speed.factorisation import factorising_per_tip
 
 import cutenv  # noqa: F401  registers the environment
-from cutenv.bench.factorisation import factorising_per_tip
 from cutenv.cutting.abreast import hold_some
 from cutenv.cutting.records import READING, TICK
 from cutenv.cutting.simulate import simulate_some

@@ -1,4 +1,4 @@
-"""The programs in agents/ are no package: they import each other, and tests import them, from their folder."""
+"""The programs in agents/ are no package: tests import them from their folder."""
 
 from __future__ import annotations
 

@@ -8,11 +8,11 @@ import subprocess
 import sys
 from types import ModuleType
 
+import bench
 import numpy as np
 import pytest
-
-from cutenv import bench
-from cutenv.bench import (
+from speed import (
+    BENCHMARKS,
     batch,
     calibration,
     environment,
@@ -26,7 +26,8 @@ from cutenv.bench import (
     reading,
     tick,
 )
-from cutenv.bench.measured import Measured, Number
+from speed.measured import Measured, Number
+
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue import Specimen
 
@@ -198,32 +199,22 @@ def test_each_prints_a_verdict_by_its_own_numbers(name, missed, said, capsys):
 
 
 @pytest.mark.usefixtures("made_up")
-@pytest.mark.parametrize("name", bench.BENCHMARKS)
+@pytest.mark.parametrize("name", BENCHMARKS)
 def test_each_has_finite_numbers_with_units_beside_its_lines(name):
     measured = MODULES[name].measure()
     assert measured.numbers
     assert all(math.isfinite(number.value) and number.unit for number in measured.numbers.values())
 
 
-def test_without_a_checkout_ppo_says_so(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(ppo, "CHECKOUT", tmp_path)
-    assert bench.main(["ppo"]) == 0
-    assert f"PPO is not measured: needs a checkout of cutenv: there is no agents/speed.py in {tmp_path}" in (
-        capsys.readouterr().out
-    )
-
-
 def test_without_the_learner_ppo_names_the_pip_command(monkeypatch):
     monkeypatch.setattr(ppo, "find_spec", lambda name: None if name == "torch" else object())
-    assert ppo.missing(ppo.CHECKOUT) == "torch not installed: pip install 'cutenv[rl]'"
+    assert ppo.missing() == "torch not installed: pip install 'cutenv[rl]'"
 
 
 def test_a_program_that_fails_is_quoted(tmp_path, monkeypatch):
-    (tmp_path / "pyproject.toml").touch()
-    (tmp_path / "agents").mkdir()
-    (tmp_path / "agents" / "speed.py").write_text("raise SystemExit('no more memory')\n")
-    monkeypatch.setattr(ppo, "CHECKOUT", tmp_path)
+    (tmp_path / "broken.py").write_text("raise SystemExit('no more memory')\n")
+    monkeypatch.setattr(ppo, "PROGRAM", tmp_path / "broken.py")
     monkeypatch.setattr(ppo, "LEARNERS", ())
     measured = ppo.measure()
     assert measured.numbers == {}
-    assert measured.lines == ["PPO is not measured: agents/speed.py failed with status 1: no more memory"]
+    assert measured.lines == ["PPO is not measured: broken.py failed with status 1: no more memory"]

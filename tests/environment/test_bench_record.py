@@ -1,4 +1,4 @@
-"""``cutenv bench --json`` and ``--compare``: what was measured can be kept, and a later run held against it."""
+"""``scripts/bench.py --json`` and ``--compare``: what was measured can be kept, and a later run held against it."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import re
 from datetime import UTC, datetime
 from pathlib import Path
 
+import bench
 import pytest
+from speed import environment, machine, record
+from speed.comparison import compared
+from speed.measured import Number
+from speed.record import Record
 
 import cutenv
-from cutenv import bench
-from cutenv.bench import environment, machine, record
-from cutenv.bench.comparison import compared
-from cutenv.bench.measured import Number
-from cutenv.bench.record import Record
 
 NAMES = ("cutenv/GentleCut-v1", "Pendulum-v1", "CartPole-v1")
 DATE = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
@@ -137,7 +137,7 @@ def test_a_file_that_is_no_record_is_refused_before_anything_is_measured(content
         bench.main(["step", "--compare", str(path)])
     said = capsys.readouterr().err
     assert re.search(f"argument --compare: {re.escape(str(path))} .*{why}", said)
-    assert "Make one with: cutenv bench --json FILE" in said
+    assert "Make one with: python scripts/bench.py --json FILE" in said
 
 
 @pytest.mark.parametrize(("name", "why"), [("", "is a folder"), ("none/a.json", "there is no folder")])

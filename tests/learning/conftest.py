@@ -1,8 +1,9 @@
-"""The programs in agents/ are no package: they import each other, and tests import them, from their folder."""
+"""The programs in agents/ and scripts/ are no package: tests import them from their folders."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "agents"))
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "agents")]

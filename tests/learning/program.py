@@ -1,4 +1,4 @@
-"""An agent's program as a user runs it, small."""
+"""A command of cutenv, or a program of the checkout, as a user runs it."""
 
 from __future__ import annotations
 
@@ -12,19 +12,25 @@ import time
 from pathlib import Path
 from typing import Any
 
-AGENTS = Path(__file__).parents[2] / "agents"
+ROOT = Path(__file__).parents[2]
+
+
+def command(program: str) -> list[str]:
+    """``train --learner bc`` is a command of cutenv; ``scripts/bench.py`` a program of the checkout."""
+    called = [str(ROOT / program)] if program.endswith(".py") else ["-m", "cutenv", *program.split()]
+    return [sys.executable, *called]
 
 
 def run(program: str, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run to its end."""
-    command = [sys.executable, str(AGENTS / program), *arguments]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=300)
+    line = [*command(program), *arguments]
+    return subprocess.run(line, cwd=folder, capture_output=True, text=True, check=False, timeout=300)
 
 
 def interrupted(program: str, folder: Path, checkpoint: str, *arguments: str) -> tuple[int, str]:
     """Run until there is a checkpoint, press Ctrl-C; its status and what it printed."""
     process = subprocess.Popen(
-        [sys.executable, str(AGENTS / program), *arguments],
+        [*command(program), *arguments],
         cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
         env=os.environ | {"PYTHONUNBUFFERED": "1"},
     )  # fmt: skip
@@ -38,7 +44,7 @@ def interrupted(program: str, folder: Path, checkpoint: str, *arguments: str) ->
 def interrupted_at(program: str, folder: Path, pattern: str, *arguments: str) -> tuple[int, str, str]:
     """Run until its progress bar shows a pattern, press Ctrl-C; its status, what it printed, and its errors."""
     process = subprocess.Popen(
-        [sys.executable, str(AGENTS / program), *arguments],
+        [*command(program), *arguments],
         cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env=os.environ | {"PYTHONUNBUFFERED": "1"},
     )  # fmt: skip
@@ -89,7 +95,7 @@ def assert_training_goes_on(program: str, folder: Path, algorithm: Any, rollout:
         values = [point[name] for point in longer]
         assert values == sorted(values), name
     assert longer[len(kept)]["decisions"] > before.num_timesteps
-    assert longer[len(kept)]["seconds"] >= before.standing["seconds"] - 0.1  # rounded
+    assert longer[len(kept)]["seconds"] >= before.checkpoint_extras["seconds"] - 0.1  # rounded
 
 
 def _points(run_folder: Path) -> list[dict[str, float]]:

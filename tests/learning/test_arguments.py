@@ -7,19 +7,13 @@ import json
 
 import pytest
 
-pytest.importorskip("sb3_contrib", reason="the learners are an extra: pip install 'cutenv[rl]'")
-
-import bc
-import ppo
-import recurrent_ppo
-from arguments import parse
-
-QUICK = {"specimens": 30}
+from cutenv.learning.arguments import BadArguments, BCArguments, PPOArguments, RecurrentPPOArguments
+from cutenv.learning.command_line import parse_run
 
 
-def parsed(monkeypatch, *given, kind=ppo.Arguments):
-    monkeypatch.setattr("sys.argv", ["program.py", *given])
-    return parse(kind, "About it.", "ppo", QUICK)
+def parsed(*given, kind=PPOArguments):
+    request = parse_run(kind, "About it.", "ppo", given, "cutenv train")
+    return request.arguments, request.run, request.resume
 
 
 @pytest.fixture
@@ -28,16 +22,16 @@ def interrupted(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run = tmp_path / "runs" / "mine"
     run.mkdir(parents=True)
-    kept = ppo.Arguments(name="mine", gamma=0.99, timesteps=1000)
+    kept = PPOArguments(name="mine", gamma=0.99, timesteps=1000)
     (run / "run.json").write_text(json.dumps({"arguments": dataclasses.asdict(kept)}))
     (run / "checkpoint.zip").touch()
     return kept
 
 
-def test_what_still_has_an_effect_is_taken_over_and_the_rest_is_kept(interrupted, monkeypatch):
+def test_what_still_has_an_effect_is_taken_over_and_the_rest_is_kept(interrupted):
     changed = {"timesteps": 5000, "minutes": 3.0, "specimens": 0, "checkpoint_seconds": 5.0, "validations": 3}
     given = [text for name, value in changed.items() for text in ("--" + name.replace("_", "-"), str(value))]
-    arguments, run, resume = parsed(monkeypatch, "--resume", "runs/mine", *given, "--tensorboard")
+    arguments, run, resume = parsed("--resume", "runs/mine", *given, "--tensorboard")
     assert resume
     assert str(run) == "runs/mine"
     assert arguments == dataclasses.replace(interrupted, **changed, tensorboard=True)
@@ -59,71 +53,77 @@ def test_what_still_has_an_effect_is_taken_over_and_the_rest_is_kept(interrupted
         ("--name", "other", "'mine'"),
     ],
 )
-def test_what_has_no_effect_any_more_is_refused_with_what_has(interrupted, monkeypatch, option, value, kept):
+def test_what_has_no_effect_any_more_is_refused_with_what_has(interrupted, option, value, kept):
     with pytest.raises(
-        SystemExit, match=f"{option} .* would have no effect: runs/mine goes on with {kept}.*--timesteps"
+        BadArguments, match=f"{option} .* would have no effect: runs/mine goes on with {kept}.*--timesteps"
     ):
-        parsed(monkeypatch, "--resume", "runs/mine", option, value)
+        parsed("--resume", "runs/mine", option, value)
 
 
-def test_what_is_given_as_it_was_may_be_given(interrupted, monkeypatch):
-    assert parsed(monkeypatch, "--resume", "runs/mine", "--gamma", "0.99")[0] == interrupted
+def test_what_is_given_as_it_was_may_be_given(interrupted):
+    assert parsed("--resume", "runs/mine", "--gamma", "0.99")[0] == interrupted
 
 
-@pytest.mark.parametrize("kind", [bc.Arguments, recurrent_ppo.Arguments])
-def test_a_run_of_another_program_is_not_gone_on_with(interrupted, monkeypatch, kind):
-    with pytest.raises(SystemExit, match="runs/mine is of another program"):
-        parsed(monkeypatch, "--resume", "runs/mine", kind=kind)
+@pytest.mark.parametrize("kind", [BCArguments, RecurrentPPOArguments])
+def test_a_run_of_another_program_is_not_gone_on_with(interrupted, kind):
+    with pytest.raises(BadArguments, match="runs/mine was made by another learner"):
+        parsed("--resume", "runs/mine", kind=kind)
 
 
-def test_an_angle_of_ones_own_is_trained_for_and_told(monkeypatch):
-    arguments, _, _ = parsed(monkeypatch, "--angle-mode", "fixed", "--fixed-angle-deg", "75")
+def test_an_angle_of_ones_own_is_trained_for_and_told():
+    arguments, _, _ = parsed("--angle-mode", "fixed", "--fixed-angle-deg", "75")
     assert arguments.environment["fixed_angle_deg"] == arguments.angle["fixed_angle_deg"] == 75.0
-    assert "fixed_angle_deg" not in parsed(monkeypatch)[0].environment
-    with pytest.raises(SystemExit, match="--fixed-angle-deg 75 has no effect without --angle-mode fixed"):
-        parsed(monkeypatch, "--fixed-angle-deg", "75")
-    with pytest.raises(SystemExit, match=r"outside 45\.0 to 90\.0"):
-        parsed(monkeypatch, "--angle-mode", "fixed", "--fixed-angle-deg", "30")
+    assert "fixed_angle_deg" not in parsed()[0].environment
+    with pytest.raises(BadArguments, match="--fixed-angle-deg 75 has no effect without --angle-mode fixed"):
+        parsed("--fixed-angle-deg", "75")
+    with pytest.raises(BadArguments, match=r"outside 45\.0 to 90\.0"):
+        parsed("--angle-mode", "fixed", "--fixed-angle-deg", "30")
 
 
-def test_a_run_that_goes_on_is_not_made_quick(interrupted, monkeypatch):
-    with pytest.raises(SystemExit, match="--quick is for a new run"):
-        parsed(monkeypatch, "--resume", "runs/mine", "--quick")
+def test_a_run_that_goes_on_is_not_made_quick(interrupted):
+    with pytest.raises(BadArguments, match="--quick is for a new run"):
+        parsed("--resume", "runs/mine", "--quick")
 
 
 @pytest.mark.parametrize("suffix", ["zip", "safetensors"])
-def test_an_unfinished_checkpoint_is_nothing_to_go_on_from(interrupted, tmp_path, monkeypatch, suffix):
+def test_an_unfinished_checkpoint_is_nothing_to_go_on_from(interrupted, tmp_path, suffix):
     whole = tmp_path / "runs" / "mine" / "checkpoint.zip"
     whole.rename(whole.with_name(f"checkpoint.1a2b3c4d.part.{suffix}"))  # as a kill leaves it
-    with pytest.raises(SystemExit, match=r"runs/mine holds no checkpoint\.zip or checkpoint\.safetensors"):
-        parsed(monkeypatch, "--resume", "runs/mine")
+    with pytest.raises(BadArguments, match=r"runs/mine holds no checkpoint\.zip or checkpoint\.safetensors"):
+        parsed("--resume", "runs/mine")
 
 
 @pytest.mark.parametrize(
     ("kind", "name", "value"),
     [
-        (ppo.Arguments, "exploration", 0.0),  # both once ended in a division or a logarithm, after the teaching
-        (ppo.Arguments, "last_exploration", 0.0),
-        (ppo.Arguments, "rollout", 0),
-        (ppo.Arguments, "batch_size", 1),
-        (ppo.Arguments, "epochs", 0),
-        (ppo.Arguments, "learning_rate", 0.0),
-        (ppo.Arguments, "learning_rate", float("nan")),
-        (ppo.Arguments, "averaging", 0.0),
-        (ppo.Arguments, "critic_first", 1.5),
-        (ppo.Arguments, "checkpoint_seconds", -1.0),
-        (recurrent_ppo.Arguments, "cloning_epochs", 0),
-        (bc.Arguments, "batch_size", 0),
-        (bc.Arguments, "learning_rate", -1e-3),
+        (PPOArguments, "exploration", 0.0),  # both once ended in a division or a logarithm, after the teaching
+        (PPOArguments, "last_exploration", 0.0),
+        (PPOArguments, "rollout", 0),
+        (PPOArguments, "batch_size", 1),
+        (PPOArguments, "epochs", 0),
+        (PPOArguments, "learning_rate", 0.0),
+        (PPOArguments, "learning_rate", float("nan")),
+        (PPOArguments, "averaging", 0.0),
+        (PPOArguments, "critic_first", 1.5),
+        (PPOArguments, "checkpoint_seconds", -1.0),
+        (RecurrentPPOArguments, "cloning_epochs", 0),
+        (BCArguments, "batch_size", 0),
+        (BCArguments, "learning_rate", -1e-3),
     ],
 )
 def test_a_number_beyond_its_limits_is_refused(kind, name, value):
-    with pytest.raises(SystemExit, match=f"--{name.replace('_', '-')} {value} is outside "):
+    with pytest.raises(BadArguments, match=f"--{name.replace('_', '-')} {value} is outside "):
         kind(**{name: value})
 
 
 def test_the_least_of_every_number_is_taken():
-    for kind in (ppo.Arguments, recurrent_ppo.Arguments, bc.Arguments):
+    for kind in (PPOArguments, RecurrentPPOArguments, BCArguments):
         least = {name: type(getattr(kind(), name))(low) for name, (low, _) in kind.limits().items()}
         taken = kind(angle_mode="fixed", **least)
         assert {name: getattr(taken, name) for name in least} == least
+
+
+def test_quick_sets_what_is_not_given():
+    arguments, _, _ = parsed("--quick", "--specimens", "7")
+    assert arguments.specimens == 7
+    assert {name: getattr(arguments, name) for name in PPOArguments.quick} == {**PPOArguments.quick, "specimens": 7}

@@ -12,15 +12,16 @@ from program import run
 torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
 pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
-import bc  # noqa: E402
 import safetensors.torch  # noqa: E402
-from arguments import parse  # noqa: E402
 
+from cutenv.learning import bc  # noqa: E402
+from cutenv.learning.arguments import BadArguments, BCArguments  # noqa: E402
+from cutenv.learning.command_line import parse_run  # noqa: E402
 from cutenv.policy import TrainedPolicy  # noqa: E402
 
 ID = "cutenv/test/fixed-v0"
 SOURCE = "fast then slow"
-SMALL = bc.Arguments(
+SMALL = BCArguments(
     environments=2, demonstrations=200, epochs=4, validations=1, validation_specimens=2, hidden=8, checkpoint_seconds=0
 )
 
@@ -73,14 +74,14 @@ def recorded(tmp_path_factory: pytest.TempPathFactory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MINARI_DATASETS_PATH", str(folder / "kept"))
         about = ("--cuts", "3", "--specimen-class", "liver", "--control-hz", "20", "--angle-mode", "fixed")
-        done = run("datasets.py", folder, "--dataset", ID, "--policy", SOURCE, *about)
+        done = run("datasets", folder, "--dataset", ID, "--policy", SOURCE, *about)
         assert done.returncode == 0, done.stderr
         yield folder
 
 
 def test_a_data_set_teaches_a_run_like_any_other(recorded: Path):
     small = ("--epochs", "20", "--validations", "2", "--validation-specimens", "4", "--specimens", "2")
-    done = run("bc.py", recorded, "--name", "taught", "--dataset", ID, "--force", "unfelt", *small)
+    done = run("train --learner bc", recorded, "--name", "taught", "--dataset", ID, "--force", "unfelt", *small)
     assert done.returncode == 0, done.stderr
     assert f"differ from those of data set '{ID}'" in done.stdout
     folder = recorded / "runs" / "taught"
@@ -100,17 +101,16 @@ def test_a_data_set_teaches_a_run_like_any_other(recorded: Path):
     assert last["error"] < first["error"] < 0.7
 
 
-def parsed(monkeypatch: pytest.MonkeyPatch, *given: str) -> bc.Arguments:
-    monkeypatch.setattr("sys.argv", ["bc.py", "--dataset", ID, *given])
-    return parse(bc.Arguments, None, "bc", bc.QUICK)[0]
+def parsed(*given: str) -> BCArguments:
+    return parse_run(BCArguments, None, "bc", ["--dataset", ID, *given], "cutenv train").arguments
 
 
-def test_rate_and_angle_mode_are_those_of_the_data_set(recorded: Path, monkeypatch):
+def test_rate_and_angle_mode_are_those_of_the_data_set(recorded: Path):
     for given in ((), ("--quick",), ("--control-hz", "20", "--angle-mode", "fixed")):
-        arguments = parsed(monkeypatch, *given)
+        arguments = parsed(*given)
         assert (arguments.control_hz, arguments.angle_mode, arguments.script) == (20, "fixed", "")
-        lessons, told = bc.taught_by(arguments)
-        assert len(lessons.shown) == told["decisions"] == arguments.demonstrations
+        data, told = bc.training_data(arguments)
+        assert len(data.observations) == told["decisions"] == arguments.demonstrations
 
 
 @pytest.mark.parametrize(
@@ -118,16 +118,16 @@ def test_rate_and_angle_mode_are_those_of_the_data_set(recorded: Path, monkeypat
     [
         (("--control-hz", "10"), "--control-hz 10 contradicts .* were made with 20; leave it out"),
         (("--angle-mode", "free"), "--angle-mode free contradicts .* were made with fixed; leave it out"),
-        (("--script", "force feedback"), "--script is of a script; leave it out"),
-        (("--demonstrations", "100"), "--demonstrations is of a script; leave it out"),
+        (("--script", "force feedback"), "--script belongs to a script; leave it out"),
+        (("--demonstrations", "100"), "--demonstrations belongs to a script; leave it out"),
         (("--dataset", "cutenv/none-v0"), "there is no data set 'cutenv/none-v0' .*; record one"),
     ],
 )
-def test_what_contradicts_the_data_set_is_refused_before_any_work(recorded: Path, monkeypatch, given, said):
-    with pytest.raises(SystemExit, match=said):
-        parsed(monkeypatch, *given)
+def test_what_contradicts_the_data_set_is_refused_before_any_work(recorded: Path, given, said):
+    with pytest.raises(BadArguments, match=said):
+        parsed(*given)
 
 
 def test_a_data_set_that_has_changed_is_not_gone_on_with(recorded: Path):
-    with pytest.raises(SystemExit, match="not the 7 that this run began with; begin another run"):
-        bc.taught_by(bc.Arguments(dataset=ID, demonstrations=7))
+    with pytest.raises(BadArguments, match="not the 7 that this run began with; begin another run"):
+        bc.training_data(BCArguments(dataset=ID, demonstrations=7))

@@ -13,16 +13,17 @@ from program import run
 pytest.importorskip("sb3_contrib", reason="the learners are an extra: pip install 'cutenv[rl]'")
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
 
-import benchmark as program
-from benchmark import Benchmark, Part, differs
-from evaluate import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, workers
-from intervals import Interval
-from leaderboard import markdown, origin_of, publish, read_table, write_leaderboard, write_tables
-from ppo import Arguments
-from protocol import BEST_FEED, ENTRIES, SCRIPTED, Protocol, keep_protocol, kept_protocol, slug
-from robustness import settings
-from standings import Line, disagreements, read_summary, rows_of, verdict
+from benchmark import runs as program
+from benchmark.aggregate import Line, disagreements, read_summary, rows_of, verdict
+from benchmark.intervals import Interval
+from benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, Protocol, keep_protocol, kept_protocol, slug
+from benchmark.robustness import settings
+from benchmark.runs import Benchmark, Part, differs
+from benchmark.table import markdown, origin_of, publish, read_table, write_leaderboard, write_tables
 
+from cutenv.learning.arguments import PPOArguments
+from cutenv.learning.evaluation import workers
+from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.parameter import parameter_table
 from cutenv.policy import Features, Network, save_policy
 from cutenv.tissue.description import TissueDescription
@@ -273,12 +274,12 @@ def test_everything_that_is_asked_for_takes_part():
 
 
 def test_seeds_of_training_runs_validation_and_test_are_disjoint():
-    of_runs = [set(Arguments(seed=seed).training_seeds) for seed in Protocol().training_seeds]
+    of_runs = [set(PPOArguments(seed=seed).training_seeds) for seed in Protocol().training_seeds]
     assert len(set.union(*of_runs)) == sum(map(len, of_runs))
     assert all(seeds <= set(TRAINING_SEEDS) for seeds in of_runs)
     assert max(TRAINING_SEEDS) < min(VALIDATION_SEEDS)
     assert set(Protocol().test_seeds) <= set(TEST_SEEDS)
-    assert not set(Protocol().test_seeds) & set(TEST_SEEDS[: Arguments().specimens])  # those that every run prints
+    assert not set(Protocol().test_seeds) & set(TEST_SEEDS[: PPOArguments().specimens])  # those that every run prints
     assert len(Protocol().test_seeds) == Protocol().specimens
 
 
@@ -296,7 +297,7 @@ def test_every_constant_of_the_parameter_table_that_has_a_range_is_swept(tmp_pat
 
 
 def test_who_takes_no_part_is_refused_with_those_who_do(tmp_path):
-    done = run("benchmark.py", tmp_path, "--only", "PPPO")
+    done = run("scripts/benchmark_agents.py", tmp_path, "--only", "PPPO")
     assert done.returncode == 2
     assert "'PPPO' takes no part" in done.stderr
     assert "recurrent PPO" in done.stderr

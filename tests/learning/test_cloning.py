@@ -7,22 +7,21 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
-from cloning import CutLessons, Demonstrations, Lessons, before_dead_zone, clone, demonstrations  # noqa: E402
-from vectorised import CutVecEnv  # noqa: E402
-
+from cutenv.learning.cloning import CutDataset, DecisionDataset, Demonstrations, clone, demonstrations, invert_dead_zone  # noqa: E402
 from cutenv.policy import ConstantFeed, past_dead_zone  # noqa: E402
+from cutenv.sb3 import FeatureVecEnv  # noqa: E402
 
 
 def test_what_stands_before_the_dead_zone_comes_out_of_it_again():
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 2)).astype(np.float32)
     actions[0, 0] = 0.0
-    assert past_dead_zone(before_dead_zone(actions, 0.25), 0.25) == pytest.approx(actions, abs=1e-6)
-    assert before_dead_zone(actions, 0.25)[0, 0] == 0.0
+    assert past_dead_zone(invert_dead_zone(actions, 0.25), 0.25) == pytest.approx(actions, abs=1e-6)
+    assert invert_dead_zone(actions, 0.25)[0, 0] == 0.0
 
 
 def test_demonstrations_are_what_the_script_does_whatever_noise_is_added():
-    environments = CutVecEnv(range(4), history=0, dead_zone=0.25, control_hz=10)
-    taught = demonstrations(environments, lambda: ConstantFeed(speed=0.0127), decisions=40, noise=0.3, seed=1).taught
+    environments = FeatureVecEnv(range(4), history=0, dead_zone=0.25, control_hz=10)
+    taught = demonstrations(environments, lambda: ConstantFeed(speed=0.0127), decisions=40, noise=0.3, seed=1).actions
     speed, angle = past_dead_zone(taught.reshape(-1, 2), 0.25).T
     assert taught.shape == (10, 4, 2)
     assert speed == pytest.approx(0.5, abs=1e-6)
@@ -35,7 +34,7 @@ def test_a_clone_comes_near_its_teacher_and_without_lessons_it_does_not():
     shown = rng.uniform(-1.0, 1.0, (2000, 5)).astype(np.float32)
     taught = np.stack((np.sin(2.0 * shown[:, 0]), shown[:, 1] * shown[:, 2]), axis=1)
     network = torch.nn.Sequential(torch.nn.Linear(5, 32), torch.nn.Tanh(), torch.nn.Linear(32, 2))
-    lessons, parameters = Lessons(shown, taught.astype(np.float32)), list(network.parameters())
+    lessons, parameters = DecisionDataset(shown, taught.astype(np.float32)), list(network.parameters())
     untaught = clone(network, parameters, lessons, epochs=1, learning_rate=0.0)
     assert clone(network, parameters, lessons, batch_size=64) < 0.4 * untaught
 
@@ -44,16 +43,16 @@ def test_demonstrations_are_parted_where_cuts_begin_and_none_is_lost():
     shown = np.arange(24, dtype=np.float32).reshape(6, 2, 2)
     begun = np.zeros((6, 2), bool)
     begun[0] = begun[2, 1] = begun[5, 0] = True
-    lessons = Demonstrations(shown, -shown, begun).cuts()
-    assert [len(cut) for cut in lessons.shown] == [5, 1, 2, 4]
-    assert lessons.shown[2].tolist() == shown[:2, 1].tolist()
-    assert sorted(torch.cat(lessons.shown).flatten().tolist()) == list(range(24))
-    assert all(torch.equal(one, -other) for one, other in zip(lessons.shown, lessons.taught, strict=True))
+    lessons = Demonstrations(shown, -shown, begun).by_cut()
+    assert [len(cut) for cut in lessons.observations] == [5, 1, 2, 4]
+    assert lessons.observations[2].tolist() == shown[:2, 1].tolist()
+    assert sorted(torch.cat(lessons.observations).flatten().tolist()) == list(range(24))
+    assert all(torch.equal(one, -other) for one, other in zip(lessons.observations, lessons.actions, strict=True))
 
 
 def test_what_pads_a_batch_of_cuts_counts_for_nothing():
     cuts = [torch.full((length, 1), float(length)) for length in (2, 5, 9)]
-    lessons = CutLessons(cuts, [torch.cat((cut, cut), dim=1) for cut in cuts])
+    lessons = CutDataset(cuts, [torch.cat((cut, cut), dim=1) for cut in cuts])
     assert lessons.count(batch_size=1000) == 1
     (shown, taught, counts) = next(lessons.batches(1000, torch.Generator()))
     assert shown.shape == (9, 3, 1)

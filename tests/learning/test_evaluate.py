@@ -9,26 +9,15 @@ import subprocess
 import sys
 from pathlib import Path
 
-import evaluate
 import gymnasium
 import numpy as np
 import pytest
-from evaluate import (
-    ENVIRONMENT,
-    TEST_SEEDS,
-    TRAINING_SEEDS,
-    VALIDATION_SEEDS,
-    Contestant,
-    best_script,
-    by_policy,
-    contestant,
-    differences,
-    mean_with_interval,
-    run_cut,
-    summarise,
-    write_csv,
-)
 
+from cutenv.commands.evaluate import main
+from cutenv.learning.evaluation import Contestant, contestant, evaluate, run_cut
+from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
+from cutenv.learning.statistics import best_script, by_policy, differences, mean_with_interval, summarise
+from cutenv.learning.tables import write_csv
 from cutenv.policy import (
     BASELINES,
     ConstantFeed,
@@ -40,8 +29,6 @@ from cutenv.policy import (
     save_policy,
 )
 from cutenv.task.records import TERMS
-
-PROGRAM = Path(evaluate.__file__)
 
 # Two policies on three specimens: differences of return 0.2, 0.1 and 0.3; of success 1, 0 and 0.
 ROWS = [
@@ -113,11 +100,11 @@ SHORT = {"deadline_s": 1.0, "specimen_class": "mixed"}
 
 @pytest.fixture(scope="module")
 def rows() -> list[dict]:
-    return evaluate.evaluate(CONTESTANTS, TEST_SEEDS[:12], SHORT, processes=1)
+    return evaluate(CONTESTANTS, TEST_SEEDS[:12], SHORT, processes=1)
 
 
 def test_two_processes_give_the_rows_that_one_gives(rows):
-    assert evaluate.evaluate(CONTESTANTS, TEST_SEEDS[:12], SHORT, processes=2) == rows
+    assert evaluate(CONTESTANTS, TEST_SEEDS[:12], SHORT, processes=2) == rows
 
 
 def test_rows_come_in_order_and_all_meet_the_same_specimens(rows):
@@ -201,32 +188,27 @@ def test_a_baseline_is_known_by_name_and_what_is_neither_is_refused_with_a_list(
     assert "probe and creep" in str(refusal.value)
 
 
-def run_here(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> None:
-    monkeypatch.setattr(sys, "argv", ["evaluate.py", *arguments])
-    evaluate.main()
-
-
-def test_the_list_names_every_baseline(monkeypatch, capsys):
-    run_here(monkeypatch, "--list")
+def test_the_list_names_every_baseline(capsys):
+    assert main(["--list"]) == 0
     assert capsys.readouterr().out.splitlines() == list(BASELINES)
 
 
 @pytest.mark.parametrize("number", ["1", "0", "-3", "1000001"])
-def test_a_number_of_specimens_that_makes_no_sense_is_refused(monkeypatch, number):
-    with pytest.raises(SystemExit, match=f"--specimens {number} is outside 2 to 1000000"):
-        run_here(monkeypatch, "nothing", "--specimens", number)
+def test_a_number_of_specimens_that_makes_no_sense_is_refused(capsys, number):
+    assert main(["nothing", "--specimens", number]) == 2
+    assert f"cutenv evaluate: --specimens {number} is outside 2 to 1000000" in capsys.readouterr().err
 
 
-def test_a_class_that_is_none_is_refused(monkeypatch, capsys):
+def test_a_class_that_is_none_is_refused(capsys):
     with pytest.raises(SystemExit):
-        run_here(monkeypatch, "nothing", "--specimen-class", "livr")
+        main(["nothing", "--specimen-class", "livr"])
     assert "livr" in capsys.readouterr().err
 
 
 def test_the_program_compares_a_trained_policy_with_a_baseline(folder, tmp_path):
     arguments = (str(folder), "nothing", "--specimens", "2", "--processes", "1", "--out", "scores")
     done = subprocess.run(
-        [sys.executable, str(PROGRAM), *arguments],
+        [sys.executable, "-m", "cutenv", "evaluate", *arguments],
         cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

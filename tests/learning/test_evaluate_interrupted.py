@@ -11,24 +11,16 @@ import time
 from pathlib import Path
 
 import pytest
-from program import AGENTS
+from program import command
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no process group to press Ctrl-C for")
 
 
 @pytest.mark.parametrize("shown", [r" 0/", r" [1-9]\d*/"], ids=["workers import", "workers cut"])
 def test_ctrl_c_ends_an_evaluation_and_its_workers_in_one_line(shown: str, tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        str(AGENTS / "evaluate.py"),
-        "probe and creep",
-        "--specimens",
-        "5000",
-        "--processes",
-        "2",
-    ]
+    line = [*command("evaluate"), "probe and creep", "--specimens", "5000", "--processes", "2"]
     process = subprocess.Popen(
-        command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
+        line, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
     assert process.stderr is not None
     printed, deadline = "", time.monotonic() + 240.0
@@ -40,7 +32,7 @@ def test_ctrl_c_ends_an_evaluation_and_its_workers_in_one_line(shown: str, tmp_p
         printed += process.communicate(timeout=20)[1]
         assert process.returncode == 130, printed
         assert "Traceback" not in printed
-        assert printed.rstrip().splitlines()[-1] == "evaluate: interrupted; nothing was written"
+        assert printed.rstrip().splitlines()[-1] == "cutenv evaluate: interrupted; nothing was written"
         end = time.monotonic() + 5.0
         while _alive(process.pid) and time.monotonic() < end:
             time.sleep(0.1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from intervals import Interval, interquartile_mean, mean, stratified
+from benchmark.intervals import Interval, interquartile_mean, mean, stratified
 from scipy import stats
 
 

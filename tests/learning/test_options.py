@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import pytest
-from options import option, parse
+
+from cutenv.learning.options import option, parse
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,31 +19,35 @@ class Arguments:
     quiet: bool = option(False, "say nothing")
 
 
-def parsed(monkeypatch: pytest.MonkeyPatch, *given: str) -> Arguments:
-    monkeypatch.setattr("sys.argv", ["program", *given])
-    return parse(Arguments, "About it.")
+def parsed(*given: str) -> Arguments:
+    return parse(Arguments, "About it.", given, "program")
 
 
-def test_without_options_the_defaults_hold(monkeypatch):
-    assert parsed(monkeypatch) == Arguments()
+def test_without_options_the_defaults_hold():
+    assert parsed() == Arguments()
 
 
-def test_options_arrive_with_their_kinds(monkeypatch):
+def test_without_a_command_line_that_of_the_process_is_read(monkeypatch):
+    monkeypatch.setattr("sys.argv", ["program", "--cuts", "7"])
+    assert parse(Arguments, None).cuts == 7
+
+
+def test_options_arrive_with_their_kinds():
     given = ["--name", "7", "--cuts", "7", "--noise-mm", "7", "--tissue", "uniform", "--files", "a", "b", "--quiet"]
     expected = Arguments(name="7", cuts=7, noise_mm=7.0, tissue="uniform", files=("a", "b"), quiet=True)
-    assert parsed(monkeypatch, *given) == expected
-    assert isinstance(parsed(monkeypatch, *given).noise_mm, float)
+    assert parsed(*given) == expected
+    assert isinstance(parsed(*given).noise_mm, float)
 
 
 @pytest.mark.parametrize("given", [("--cuts", "x"), ("--tissue", "bone"), ("--cust", "3")])
-def test_nonsense_is_refused(monkeypatch, given):
+def test_nonsense_is_refused(given):
     with pytest.raises(SystemExit, match="2"):
-        parsed(monkeypatch, *given)
+        parsed(*given)
 
 
-def test_help_tells_meanings_and_defaults(monkeypatch, capsys):
+def test_help_tells_meanings_and_defaults(capsys):
     with pytest.raises(SystemExit, match="0"):
-        parsed(monkeypatch, "--help")
+        parsed("--help")
     shown = capsys.readouterr().out
     assert "that are made (default 100)" in shown
     assert "About it." in shown

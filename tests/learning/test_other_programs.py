@@ -1,4 +1,4 @@
-"""Behaviour cloning and recurrent PPO as a user runs them, small: they write what ppo.py writes, and go on."""
+"""Behaviour cloning and recurrent PPO as a user runs them, small: they write what PPO writes, and go on."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ COMMON = (
 )  # fmt: skip
 TRIAL = ("--rollout", "64", "--batch-size", "64", "--timesteps", "2048", "--epochs", "2")
 PROGRAMS = {
-    "bc.py": (*COMMON, "--epochs", "4"),
-    "recurrent_ppo.py": (*COMMON, *TRIAL, "--cloning-epochs", "1", "--critic", "features"),
+    "train --learner bc": (*COMMON, "--epochs", "4"),
+    "train --learner recurrent-ppo": (*COMMON, *TRIAL, "--cloning-epochs", "1", "--critic", "features"),
 }
 
 
@@ -68,7 +68,7 @@ def test_a_run_is_never_overwritten(finished):
     assert "--resume" in again.stderr
 
 
-@pytest.mark.parametrize("finished", ["recurrent_ppo.py"], indirect=True)
+@pytest.mark.parametrize("finished", ["train --learner recurrent-ppo"], indirect=True)
 def test_the_exported_memory_acts_as_the_trained_one(finished):
     _, folder = finished
     from sb3_contrib import RecurrentPPO
@@ -92,15 +92,15 @@ def test_the_exported_memory_acts_as_the_trained_one(finished):
 
 def test_an_interrupted_cloning_goes_on_as_if_it_had_not_been(tmp_path):
     small = ("--name", "small", *COMMON[2:], "--checkpoint-seconds", "0")
-    status, printed = interrupted("bc.py", tmp_path, "checkpoint.safetensors", *small, "--epochs", "200")
+    status, printed = interrupted("train --learner bc", tmp_path, "checkpoint.safetensors", *small, "--epochs", "200")
     assert status == 130
     assert "--resume runs/small" in printed
-    done = run("bc.py", tmp_path, "--resume", "runs/small")
+    done = run("train", tmp_path, "--resume", "runs/small")  # the run knows its learner
     assert done.returncode == 0, done.stderr
     assert "resuming after" in done.stdout
     other = tmp_path / "straight"
     other.mkdir()
-    straight = run("bc.py", other, *small, "--epochs", "200")
+    straight = run("train --learner bc", other, *small, "--epochs", "200")
     assert straight.returncode == 0, straight.stderr
     from safetensors.numpy import load_file
 
@@ -113,15 +113,15 @@ def test_an_interrupted_cloning_goes_on_as_if_it_had_not_been(tmp_path):
 def test_an_interrupted_recurrent_run_goes_on_training_from_its_checkpoint(tmp_path):
     from sb3_contrib import RecurrentPPO
 
-    endless = (*PROGRAMS["recurrent_ppo.py"], "--timesteps", "100000000", "--checkpoint-seconds", "0")
-    status, printed = interrupted("recurrent_ppo.py", tmp_path, "checkpoint.zip", *endless)
+    endless = (*PROGRAMS["train --learner recurrent-ppo"], "--timesteps", "100000000", "--checkpoint-seconds", "0")
+    status, printed = interrupted("train --learner recurrent-ppo", tmp_path, "checkpoint.zip", *endless)
     assert status == 130
     assert "checkpoint.zip is usable" in printed
-    assert_training_goes_on("recurrent_ppo.py", tmp_path, RecurrentPPO, rollout=4 * 64)
+    assert_training_goes_on("train --learner recurrent-ppo", tmp_path, RecurrentPPO, rollout=4 * 64)
     assert (tmp_path / "runs" / "small" / "policy" / "card.json").is_file()
 
 
-@pytest.mark.parametrize("program", ["ppo.py", "recurrent_ppo.py", "bc.py"])
+@pytest.mark.parametrize("program", ["train", "train --learner recurrent-ppo", "train --learner bc"])
 def test_interrupted_before_the_first_checkpoint_it_says_that_there_is_nothing_to_go_on_from(tmp_path, program):
     long = ("--name", "small", "--demonstrations", "100000000")
     # Once the bar moves: a press just as it came up was lost before, perhaps in code called back from C.
@@ -133,7 +133,7 @@ def test_interrupted_before_the_first_checkpoint_it_says_that_there_is_nothing_t
 
 
 def test_the_clock_ends_training(tmp_path):
-    endless = (*PROGRAMS["recurrent_ppo.py"], "--timesteps", "100000000", "--minutes", "0.05")
-    done = run("recurrent_ppo.py", tmp_path, *endless)
+    endless = (*PROGRAMS["train --learner recurrent-ppo"], "--timesteps", "100000000", "--minutes", "0.05")
+    done = run("train --learner recurrent-ppo", tmp_path, *endless)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "runs" / "small" / "policy" / "card.json").is_file()

@@ -20,7 +20,7 @@ NOTHING = -0.75  # return of a blade that never moves
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_from_less_than_doing_nothing_to_cuts_that_mostly_succeed(tmp_path, seed):
-    done = run("ppo.py", tmp_path, "--name", "learns", "--seed", str(seed), *ONE_MINUTE)
+    done = run("train", tmp_path, "--name", "learns", "--seed", str(seed), *ONE_MINUTE)
     assert done.returncode == 0, done.stderr
     with (tmp_path / "runs" / "learns" / "learning_curve.csv").open() as file:
         validated = [row for row in csv.DictReader(file) if row["validation_return"]]

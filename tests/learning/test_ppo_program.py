@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import gymnasium
 import numpy as np
 import pytest
-from program import assert_training_goes_on, interrupted_at
+from program import assert_training_goes_on, interrupted_at, run
 
 from cutenv.policy import BASELINES, Features, TrainedPolicy, past_dead_zone
 from cutenv.policy.features import feature_count
@@ -19,10 +19,9 @@ from cutenv.policy.features import feature_count
 stable_baselines3 = pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
-from learning import level_after  # noqa: E402
-from ppo import Arguments  # noqa: E402
+from cutenv.learning.arguments import PPOArguments  # noqa: E402
+from cutenv.learning.on_policy import time_to_threshold  # noqa: E402
 
-PROGRAM = str(Path(__file__).parents[2] / "agents" / "ppo.py")
 SMALL = (
     "--name", "small", "--environments", "4", "--rollout", "64", "--batch-size", "64", "--specimens", "2",
     "--demonstrations", "2000", "--validations", "2", "--validation-specimens", "4",
@@ -34,9 +33,7 @@ FILES = (
 
 
 def train(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, PROGRAM, *arguments], cwd=folder, capture_output=True, text=True, check=False, timeout=300
-    )
+    return run("train", folder, *arguments)
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -71,26 +68,25 @@ def test_it_is_told_when_the_agent_was_level_with_its_teacher_or_that_it_never_w
     run, printed = finished
     told = json.loads((run / "run.json").read_text())["level_with_script_after_s"]
     assert told is None or told > 0.0
-    assert "level with 'probe and creep' on the validation specimens: " in printed
+    assert "as good as 'probe and creep' on the validation specimens: " in printed
 
 
 def test_it_can_be_asked_again_of_a_finished_run(finished):
-    run = finished[0]
-    told = json.loads((run / "run.json").read_text())["level_with_script_after_s"]
-    program = str(Path(PROGRAM).parent / "level.py")
-    done = subprocess.run([sys.executable, program, run], capture_output=True, text=True, check=False, timeout=300)
+    folder = finished[0]
+    told = json.loads((folder / "run.json").read_text())["level_with_script_after_s"]
+    done = run("scripts/time_to_threshold.py", folder, str(folder))
     assert done.returncode == 0, done.stderr
     after = "never" if told is None else f"after {told:.0f} s"
-    assert done.stdout.startswith(f"small: level with 'probe and creep' {after}, of ")
+    assert done.stdout.startswith(f"small: as good as 'probe and creep' {after}, of ")
 
 
 def test_level_is_when_validation_first_reaches_what_the_script_gets():
-    easy = Arguments(validation_specimens=4, script="force feedback")
+    easy = PPOArguments(validation_specimens=4, script="force feedback")
     curve = [{"seconds": 1.0, "return": 9.0}] + [
         {"seconds": 10.0 * n, "return": 0.0, "validation_return": value} for n, value in enumerate((-2.0, 0.99, 1.0), 1)
     ]
-    assert level_after(easy, curve) == 20.0
-    assert level_after(easy, curve[:2]) is None
+    assert time_to_threshold(easy, curve) == 20.0
+    assert time_to_threshold(easy, curve[:2]) is None
 
 
 def test_intervals_hold_their_means(finished):
@@ -125,7 +121,7 @@ def test_the_actor_never_sees_what_the_critic_sees(finished):
     model = stable_baselines3.PPO.load(finished[0] / "policy.zip", device="cpu")
     size = model.observation_space.shape[0]
     shown, other = np.zeros((2, size), np.float32)
-    other[feature_count(Arguments().history) :] = 3.0
+    other[feature_count(PPOArguments().history) :] = 3.0
     assert other.any(), "nothing hidden is shown"
     assert (model.predict(shown, deterministic=True)[0] == model.predict(other, deterministic=True)[0]).all()
     with torch.no_grad():
@@ -139,6 +135,36 @@ def test_a_run_is_never_overwritten(finished):
     assert "--resume" in again.stderr
 
 
+@pytest.mark.parametrize("learner", ["ppo", "recurrent_ppo", "bc"])
+def test_the_program_that_is_written_out_makes_the_same_policy(tmp_path, learner):
+    small = [
+        "--environments", "4", "--demonstrations", "1000", "--validations", "2", "--validation-specimens", "4",
+        "--specimens", "0", "--seed", "5",
+    ]  # fmt: skip
+    if learner == "bc":
+        small += ["--epochs", "4"]
+    else:
+        small += ["--rollout", "64", "--batch-size", "64", "--timesteps", "1024", "--epochs", "2"]
+    name = learner.replace("_", "-")
+    for program, given in ((f"agents/{learner}.py", "out"), (f"train --learner {name}", "command")):
+        done = run(program, tmp_path, *small, "--name", given)
+        assert done.returncode == 0, done.stderr
+    one, two = (tmp_path / "runs" / given / "policy" / "policy.safetensors" for given in ("out", "command"))
+    assert one.read_bytes() == two.read_bytes()
+
+
+def test_the_report_of_a_finished_run_can_be_made_again(finished, tmp_path):
+    again = shutil.copytree(finished[0], tmp_path / "again")
+    (again / "report.html").unlink()
+    done = run("evaluate", tmp_path, "--report", str(again), "--baselines-of", str(finished[0]))
+    assert done.returncode == 0, done.stderr
+    assert (again / "report.html").is_file()
+    assert rows(again / "scores.csv") == rows(finished[0] / "scores.csv")
+    nothing = run("evaluate", tmp_path, "--report", "runs/none")
+    assert nothing.returncode == 2
+    assert "runs/none holds no policy/card.json" in nothing.stderr
+
+
 def test_a_number_that_makes_no_sense_is_refused_before_any_work(tmp_path):
     done = train(tmp_path, "--name", "bad", "--gamma", "1.5")
     assert "--gamma 1.5 is outside 0.0 to 1.0" in done.stderr
@@ -147,12 +173,12 @@ def test_a_number_that_makes_no_sense_is_refused_before_any_work(tmp_path):
 
 def test_an_interrupted_run_goes_on_training_from_its_checkpoint(tmp_path):
     status, printed, _ = interrupted_at(
-        "ppo.py", tmp_path, "return", *SMALL, "--timesteps", "100000000"
+        "train", tmp_path, "return", *SMALL, "--timesteps", "100000000"
     )  # the bar shows a return after the first rollout in which a cut ended
     assert status == 130
     assert "checkpoint.zip is usable" in printed
     assert "--resume runs/small" in printed
-    assert_training_goes_on("ppo.py", tmp_path, stable_baselines3.PPO, rollout=4 * 64)
+    assert_training_goes_on("train", tmp_path, stable_baselines3.PPO, rollout=4 * 64)
     assert (tmp_path / "runs" / "small" / "policy.zip").is_file()
 
 

@@ -9,15 +9,15 @@ import pytest
 torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
 pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
-import learning  # noqa: E402
-import progress  # noqa: E402
-from arguments import AgentArguments  # noqa: E402
-from ppo import LEARNER, Arguments, new_model  # noqa: E402
 from stable_baselines3 import PPO  # noqa: E402
 from stable_baselines3.common.logger import Logger  # noqa: E402
 from tqdm import tqdm  # noqa: E402
 
-SMALL = Arguments(
+from cutenv.learning import on_policy, progress  # noqa: E402
+from cutenv.learning.arguments import LearnerArguments, PPOArguments  # noqa: E402
+from cutenv.learning.ppo import LEARNER, new_model  # noqa: E402
+
+SMALL = PPOArguments(
     environments=2, rollout=8, batch_size=16, demonstrations=0, averaging=0.25, timesteps=64, validations=2,
     validation_specimens=2,
 )  # fmt: skip
@@ -81,7 +81,7 @@ def test_exploration_falls_and_is_not_learned(watching):
 
 
 def test_while_only_the_critic_learns_the_actor_does_not(tmp_path):
-    taught = Arguments(environments=2, rollout=8, batch_size=16, demonstrations=100, critic_first=0.5, timesteps=64)
+    taught = PPOArguments(environments=2, rollout=8, batch_size=16, demonstrations=100, critic_first=0.5, timesteps=64)
     watching = progress.Progress(tmp_path, taught, [])
     watching.init_callback(untrained(taught))
     for decisions, learns in ((0, False), (31, False), (32, True)):
@@ -95,7 +95,7 @@ def test_with_minutes_the_share_goes_by_the_clock_from_the_end_of_teaching_to_th
 ):
     now = [1000.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
-    arguments = Arguments(environments=2, rollout=8, batch_size=16, minutes=1.0, timesteps=10**9)
+    arguments = PPOArguments(environments=2, rollout=8, batch_size=16, minutes=1.0, timesteps=10**9)
     watching = progress.Progress(tmp_path, arguments, [], begun=980.0)  # 20 s were spent on demonstrations
     watching.init_callback(untrained(arguments))
     for seconds, share, goes_on in ((0.0, 0.0, True), (10.0, 0.25, True), (30.0, 0.75, True), (40.0, 1.0, False)):
@@ -122,7 +122,7 @@ def test_the_rate_of_learning_falls_to_a_twentieth_by_that_share(watching):
 def trained(tmp_path, monkeypatch):
     """Train in a run's folder, or go on; gives environments, progress, and its averages and seconds at first."""
     made = []
-    make = AgentArguments.environments_at
+    make = LearnerArguments.environments_at
 
     def environments_at(self, seeds):
         made.append(make(self, seeds))
@@ -133,12 +133,12 @@ def trained(tmp_path, monkeypatch):
             super().__init__(*given)
             made.append((self, [values.clone() for values in self.averages], self.seconds))
 
-    monkeypatch.setattr(AgentArguments, "environments_at", environments_at)
-    monkeypatch.setattr(learning, "Progress", Watched)
+    monkeypatch.setattr(LearnerArguments, "environments_at", environments_at)
+    monkeypatch.setattr(on_policy, "Progress", Watched)
 
     def train(timesteps, resume):
         made.clear()
-        learning.train(LEARNER, dataclasses.replace(SMALL, timesteps=timesteps), tmp_path, resume)
+        on_policy.train(LEARNER, dataclasses.replace(SMALL, timesteps=timesteps), tmp_path, resume)
         environments, watched, *_ = made
         return environments, *watched
 
@@ -167,11 +167,11 @@ def test_a_resumed_training_cuts_no_specimen_again(trained):
 def test_its_clock_goes_on_from_the_checkpoint_even_where_no_cut_has_ended(trained, tmp_path):
     _, first, _, begun = trained(64, resume=False)
     assert first.curve == []
-    kept = progress.Standing.of(PPO.load(tmp_path / "checkpoint.zip"))
+    kept = progress.CheckpointExtras.of(PPO.load(tmp_path / "checkpoint.zip"))
     assert begun < kept.seconds
     _, again, _, begun = trained(128, resume=True)
     assert begun >= kept.seconds
-    assert again._taught == first._taught
+    assert again._pretraining == first._pretraining
 
 
 def test_a_curve_that_is_ahead_of_its_checkpoint_is_cut_off(trained, tmp_path):
@@ -186,9 +186,9 @@ def test_a_curve_that_is_ahead_of_its_checkpoint_is_cut_off(trained, tmp_path):
 def test_a_checkpoint_of_an_earlier_version_loads_and_says_what_it_lacks(trained, tmp_path, capsys):
     trained(64, resume=False)
     model = PPO.load(tmp_path / "checkpoint.zip")
-    del model.standing
+    del model.checkpoint_extras
     progress.save(model, tmp_path / "checkpoint.zip")
     _, _, begins_with, _ = trained(128, resume=True)
     assert begins_with == []
-    assert "holds no running average: that begins anew" in capsys.readouterr().out
+    assert "holds no running average of the actor: the average begins anew" in capsys.readouterr().out
     assert PPO.load(tmp_path / "checkpoint.zip").num_timesteps == 128

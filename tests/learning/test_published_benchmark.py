@@ -8,8 +8,8 @@ import pytest
 
 pytest.importorskip("tqdm", reason="the comparison needs an extra: pip install 'cutenv[rl]'")
 
-from leaderboard import PUBLISHED, Table, about, earlier, origin_of, read_table
-from protocol import BEST_FEED, ENTRIES, SCRIPTED, Protocol, content_of
+from benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, Protocol, content_of
+from benchmark.table import PUBLISHED, Table, about, earlier, origin_of, read_table
 
 from cutenv.policy import BOUND, IDLE, SCRIPTS
 

@@ -62,14 +62,15 @@ def learner():
     """An agent of sb3-contrib whose actions fill the range."""
     pytest.importorskip("sb3_contrib", reason="the learner is an extra: pip install 'cutenv[rl]'")
     import torch
-    from remembering_actor import RememberingActor
     from sb3_contrib import RecurrentPPO
+
+    from cutenv.learning.recurrent_actor_critic import RecurrentAsymmetricActorCritic
 
     env = gymnasium.Env()
     env.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (SIZE + 10,), np.float32)
     env.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
     sizes = {"features": SIZE, "critic": SIZE + 10, "hidden": 16}
-    model = RecurrentPPO(RememberingActor, env, policy_kwargs=sizes, seed=0, device="cpu")
+    model = RecurrentPPO(RecurrentAsymmetricActorCritic, env, policy_kwargs=sizes, seed=0, device="cpu")
     with torch.no_grad():
         for name, values in model.policy.named_parameters():
             if name.endswith("bias"):

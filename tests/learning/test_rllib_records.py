@@ -9,8 +9,9 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
-import provenance
 import pytest
+
+from cutenv.learning import provenance
 
 pytest.importorskip("tqdm", reason="learners need an extra: pip install 'cutenv[distributed]'")
 

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import json
 import platform
+import subprocess
+from pathlib import Path
 
 import numpy as np
-import provenance
 import pytest
+
+import cutenv
+from cutenv.learning import provenance
 
 
 @pytest.fixture
@@ -59,3 +63,19 @@ def test_a_run_json_of_an_earlier_version_is_filled_up(tmp_path, at):
     (tmp_path / "run.json").write_text(json.dumps({"arguments": {}}))
     at("a" * 40)
     assert provenance.marked(recorded(tmp_path)) == "a" * 40
+
+
+def test_an_installed_package_is_of_no_commit_though_a_repository_may_be_around_it(tmp_path, monkeypatch):
+    """A virtual environment often lies in somebody's own repository."""
+    assert provenance._CHECKOUT == Path(cutenv.__file__).parents[1]
+    for command in (
+        ["git", "init", "-q"],
+        ["git", "-c", "user.name=a", "-c", "user.email=a@b", "commit", "-q", "--allow-empty", "-m", "theirs"],
+    ):
+        subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    site = tmp_path / "site-packages"
+    site.mkdir()
+    monkeypatch.setattr(provenance, "_CHECKOUT", site)
+    assert provenance.git("rev-parse", "HEAD") is None
+    (site / "pyproject.toml").touch()
+    assert len(provenance.git("rev-parse", "HEAD")) == 40

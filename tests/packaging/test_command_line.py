@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+import tomllib
 import types
+from pathlib import Path
 
 import pytest
 
 import cutenv
 from cutenv import cli
 
+ROOT = Path(__file__).parents[2]
+
 
 def install(monkeypatch: pytest.MonkeyPatch, main: object) -> None:
-    """Stand in for the module behind ``cutenv bench``."""
-    module = types.ModuleType("cutenv.bench")
+    """Stand in for the module behind ``cutenv demo``."""
+    module = types.ModuleType("cutenv.commands.demo")
     module.main = main  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "cutenv.bench", module)
+    monkeypatch.setitem(sys.modules, "cutenv.commands.demo", module)
 
 
 def test_version_is_that_of_the_package() -> None:
@@ -34,8 +39,8 @@ def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_an_unknown_command_is_refused_and_the_known_are_named(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
-        cli.main(["behcn"])
-    assert "bench" in capsys.readouterr().err
+        cli.main(["dmeo"])
+    assert "demo" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("returned", "status"), [(None, 0), (0, 0), (3, 3)])
@@ -49,7 +54,7 @@ def test_arguments_are_passed_on_and_the_status_comes_back(
         return returned
 
     install(monkeypatch, main)
-    assert cli.main(["bench", "--help", "--n", "3"]) == status
+    assert cli.main(["demo", "--help", "--n", "3"]) == status
     assert seen == [["--help", "--n", "3"]]
 
 
@@ -62,7 +67,7 @@ def test_a_missing_extra_is_answered_with_the_pip_command(
         import stable_baselines3.common  # noqa: F401
 
     install(monkeypatch, main)
-    assert cli.main(["bench"]) == 1
+    assert cli.main(["demo"]) == 1
     assert "pip install 'cutenv[rl]'" in capsys.readouterr().err
 
 
@@ -72,4 +77,33 @@ def test_a_missing_module_of_no_extra_is_not_explained_away(monkeypatch: pytest.
 
     install(monkeypatch, main)
     with pytest.raises(ModuleNotFoundError, match="gone"):
-        cli.main(["bench"])
+        cli.main(["demo"])
+
+
+COMMANDS_OF_EXTRAS = {"train": ("torch", "rl"), "evaluate": ("tqdm", "rl"), "datasets": ("tqdm", "data")}
+
+
+@pytest.mark.parametrize("name", COMMANDS_OF_EXTRAS)
+def test_a_missing_extra_of_a_command_is_one_line(name: str, tmp_path: Path) -> None:
+    module, extra = COMMANDS_OF_EXTRAS[name]
+    given = {"train": [], "evaluate": ["nothing"], "datasets": ["--dataset", "a-v0", "--policy", "nothing"]}[name]
+    block = f"import sys; sys.modules[{module!r}] = None; "
+    code = block + f"import cutenv.cli as cli; raise SystemExit(cli.main({[name, *given]!r}))"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert ran.returncode == 1
+    assert ran.stderr == f"cutenv {name}: {module} is not installed: pip install 'cutenv[{extra}]'\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_every_extra_that_is_named_brings_the_module() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    packages = {
+        "can": "python-can",
+        "pygame": "pygame-ce",
+        "serial": "pyserial",
+        "umsgpack": "meshcat",
+        "sb3_contrib": "sb3-contrib",
+    }
+    for module, named in cli._EXTRAS_OF_MODULE.items():
+        package = packages.get(module, module.replace("_", "-"))
+        assert [extra for extra in named if not any(re.match(rf"{package}\b", entry) for entry in extras[extra])] == []

@@ -87,6 +87,46 @@ def test_wheel_loads_the_policies_that_it_ships(wheel: Path, tmp_path: Path) -> 
     assert hashlib.sha256(shipped.read_bytes()).hexdigest() == digest
 
 
+TEN_LINES = """
+from stable_baselines3 import PPO
+from cutenv.sb3 import FeatureVecEnv, NativeVecEnv
+for kind in (NativeVecEnv, FeatureVecEnv):
+    environments = kind(4, control_hz=10)
+    model = PPO("MlpPolicy", environments, n_steps=32, batch_size=32, n_epochs=1, gamma=1.0, device="cpu")
+    model.learn(256)
+    print(kind.__name__, model.num_timesteps)
+import cutenv.learning.ppo
+print(cutenv.__file__)
+"""
+
+
+@pytest.fixture(scope="module")
+def site(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Install the wheel beside this environment's packages."""
+    folder = tmp_path_factory.mktemp("site")
+    run("-m", "pip", "install", "--no-deps", "--no-index", "--quiet", "--target", folder, wheel, cwd=folder)
+    return folder
+
+
+def test_wheel_trains_with_stable_baselines3(site: Path, tmp_path: Path) -> None:
+    pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
+    code = f"import sys; sys.path.insert(0, {str(site)!r}){TEN_LINES}"
+    native, features, module = run("-c", code, cwd=tmp_path).splitlines()
+    assert (native, features) == ("NativeVecEnv 256", "FeatureVecEnv 256")
+    assert Path(module) == site / "cutenv" / "__init__.py"
+
+
+@pytest.mark.parametrize("command", ["train", "evaluate", "datasets"])
+def test_wheel_has_the_commands_of_training(site: Path, tmp_path: Path, command: str) -> None:
+    code = (
+        f"import sys; sys.path.insert(0, {str(site)!r})\n"
+        f"import cutenv.cli; print(cutenv.__file__, flush=True); cutenv.cli.main([{command!r}, '--help'])"
+    )
+    module, usage, *_ = run("-c", code, cwd=tmp_path).splitlines()
+    assert Path(module) == site / "cutenv" / "__init__.py"
+    assert usage.startswith(f"usage: cutenv {command}")
+
+
 def test_wheel_declares_version_licence_and_command(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         names = [name for name in archive.namelist() if ".dist-info/" in name]

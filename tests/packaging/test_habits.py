@@ -47,8 +47,10 @@ def test_layers_import_downwards() -> None:
     ("module", "line", "contract"),
     [
         ("validation", "from cutenv.tissue import tables", "a layer imports downwards only"),
-        ("tissue/elasticity", "import gymnasium", "gymnasium lives in the environments"),
-        ("validation", "import torch", "learners stay outside the package"),
+        ("tissue/elasticity", "import gymnasium", "gymnasium is imported by environments and learners alone"),
+        ("validation", "import torch", "learning libraries are imported by"),
+        ("commands/train", "import stable_baselines3", "learning libraries are imported by"),
+        ("envs/vector", "import cutenv.sb3", "a layer imports downwards only"),
         ("play/hand", "import pymunk", "the drawn handle alone is moved by pymunk"),
         ("validation", "import matplotlib.pyplot", "drawing is done by the viewer and the report"),
         ("measurement/simulating", "import cutenv.cutting.law", "measurement and scoring never see"),

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import shutil
 import subprocess
 import sys
+import tomllib
 import types
 from pathlib import Path
 
@@ -217,34 +219,65 @@ def test_help_is_given_before_anything_is_installed(
 
 def test_a_finished_set_up_is_ready_and_is_left_alone(venv: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = start.fingerprint(ROOT, sys.version)
-    stamp(venv, wanted)
-    assert start.state_of(venv, wanted) == "ready"
+    stamp(venv, f"{wanted} dev")
+    assert start.state_of(venv, wanted, "dev") == "ready"
     monkeypatch.setattr(start, "pip", lambda *arguments: pytest.fail("pip was called"))
-    start.set_up(venv, torch_index=None, accept_cuda=False)
+    for extra in ("dev", "rl"):
+        start.set_up(venv, extra, torch_index=None, accept_cuda=False)
 
 
 def test_other_requirements_are_installed_over_it(venv: Path) -> None:
-    stamp(venv, "an older one")
-    assert start.state_of(venv, "a newer one") == "stale"
+    stamp(venv, "an-older-one dev")
+    assert start.state_of(venv, "a-newer-one", "dev") == "stale"
+
+
+def test_training_installs_what_it_needs_and_the_tests_the_rest(venv: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[object, ...]] = []
+
+    def pip(venv: Path, *arguments: str) -> None:
+        asked.append(arguments)
+        if "--report" in arguments:
+            (venv / "cutenv-plan.json").write_text('{"install": []}')
+
+    monkeypatch.setattr(start, "pip", pip)
+    stamp(venv, "an-older-one dev")
+    wanted = start.fingerprint(ROOT, sys.version)
+    for command, extra in (("train", "rl"), ("test", "dev")):
+        start.set_up(venv, start.EXTRAS[command], torch_index=None, accept_cuda=False)
+        assert asked[-1][-2:] == ("-e", f".[{extra}]")
+        assert start.state_of(venv, wanted, extra) == "ready"
+        assert start.state_of(venv, wanted, "dev") == ("ready" if extra == "dev" else "stale")
+    count = len(asked)
+    start.set_up(venv, start.EXTRAS["train"], torch_index=None, accept_cuda=False)
+    assert len(asked) == count
+
+
+def test_every_command_names_an_extra_that_there_is() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert set(start.EXTRAS) == set(start.PROGRAMS)
+    assert set(start.EXTRAS.values()) <= set(extras)
+    names = {re.split(r"[<>=\[]", entry)[0] for entry in extras["rl"]}
+    assert {"torch", "stable-baselines3", "matplotlib", "safetensors", "tqdm"} <= names
+    assert "pytest" not in names
 
 
 def test_an_interrupted_set_up_is_made_anew(venv: Path) -> None:
     stamp(venv, start.INTERRUPTED)
-    assert start.state_of(venv, start.INTERRUPTED) == "broken"
+    assert start.state_of(venv, start.INTERRUPTED, "dev") == "broken"
 
 
 def test_another_python_is_made_anew(venv: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    stamp(venv, "wanted")
+    stamp(venv, "wanted dev")
     monkeypatch.setattr(start.sys, "version", "3.12.0 (another one)")
-    assert start.state_of(venv, "wanted") == "broken"
+    assert start.state_of(venv, "wanted", "dev") == "broken"
 
 
 def test_no_or_half_a_virtual_environment_is_made_anew(tmp_path: Path) -> None:
-    assert start.state_of(tmp_path / ".venv", "wanted") == "broken"
+    assert start.state_of(tmp_path / ".venv", "wanted", "rl") == "broken"
     half = tmp_path / "half"
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", half], check=True)
-    stamp(half, "wanted")
-    assert start.state_of(half, "wanted") == "broken"
+    stamp(half, "wanted rl")
+    assert start.state_of(half, "wanted", "rl") == "broken"
 
 
 def test_the_fingerprint_follows_requirements_folder_and_python(project: Path, tmp_path: Path) -> None:
@@ -275,7 +308,7 @@ def test_arguments_are_passed_on_in_order(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.chdir(ROOT)
     start.main(["train", "--quick", "--torch-index", "elsewhere", "--seed", "3"])
     start.main(["test", "-k", "packaging", "tests/packaging"])
-    assert became[0][1:] == ["agents/ppo.py", "--quick", "--seed", "3"]
+    assert became[0][1:] == ["-m", "cutenv", "train", "--quick", "--seed", "3"]
     assert became[1][1:] == ["-m", "pytest", "-n", "2", "--dist", "worksteal", "-k", "packaging", "tests/packaging"]
 
 

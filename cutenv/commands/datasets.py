@@ -1,0 +1,104 @@
+"""Record cuts as a Minari data set with the force in newtons: of a script, a trained agent or a person.
+
+    cutenv datasets --dataset cutenv/probe-v0 --policy "probe and creep" --cuts 100
+    cutenv datasets --dataset cutenv/agent-v0 --policy ppo-free
+    cutenv datasets --dataset cutenv/people-v0 --records cuts/*.csv
+
+A policy is named as for 'cutenv evaluate'; records are those of 'cutenv play' or of a rig.  The data set is written
+where Minari keeps them, MINARI_DATASETS_PATH or ~/.minari/datasets; nothing is downloaded.  'cutenv train --learner bc
+--dataset ID' clones what it shows.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cutenv.learning.options import option, parse
+from cutenv.learning.seeds import TRAINING_SEEDS
+from cutenv.recording.columns import parse_length
+from cutenv.tissue.specimen import CLASSES
+
+if TYPE_CHECKING:
+    from cutenv.learning.demonstration import Demonstration
+
+_ID = re.compile(r"([-\w]+/)*[-\w]+-v\d+")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """Options of the command."""
+
+    dataset: str = option("", "id of the new data set, such as cutenv/probe-and-creep-v0")
+    policy: str = option("", "baseline, shipped policy, or folder of a trained one, which makes the cuts")
+    records: tuple[str, ...] = option((), "records of cuts instead: CSV, Parquet or HDF5")
+    cuts: int = option(100, "number of cuts that the policy makes, each of another specimen")
+    seed: int = option(TRAINING_SEEDS.stop // 2, "seed of the first specimen, below a million: no test specimen")
+    specimen_class: str = option("mixed", "class of the specimens that the policy cuts", CLASSES)
+    angle_mode: str = option("free", "whether the blade may be turned", ("free", "fixed"))
+    control_hz: int = option(10, "decisions per second; a trained policy has its own")
+    target_length: str = option(
+        "", "length of cut that records aim at, such as 80mm, where they have none of their own"
+    )
+
+    def __post_init__(self) -> None:
+        if not _ID.fullmatch(self.dataset):
+            raise ValueError(f"--dataset {self.dataset!r} must be an id with a version, such as cutenv/mine-v0.")
+        if bool(self.policy) == bool(self.records):
+            raise ValueError("give either --policy, which cuts in the simulator, or --records of cuts that were made.")
+        if not (0 < self.cuts and 0 <= self.seed and self.seed + self.cuts <= TRAINING_SEEDS.stop):
+            raise ValueError(
+                f"--seed {self.seed} and --cuts {self.cuts}: give one cut or more with seeds from 0 to "
+                f"{TRAINING_SEEDS.stop}; from there on specimens are kept for validation and test."
+            )
+        if not (0 < self.control_hz <= 1000 and 1000 % self.control_hz == 0):
+            raise ValueError(f"--control-hz {self.control_hz} does not divide 1000; take 10, 20 or 50.")
+
+    @property
+    def environment(self) -> dict[str, Any]:
+        """Keywords of the environment."""
+        return {name: getattr(self, name) for name in ("specimen_class", "angle_mode", "control_hz")}
+
+
+def main(argv: Sequence[str]) -> int:
+    """Write a data set and print its size; 2 if an option or a record is bad."""
+    try:
+        _record(parse(Arguments, __doc__, argv, "cutenv datasets"))
+    except (OSError, ValueError) as error:
+        print(f"cutenv datasets: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def cuts_of(arguments: Arguments) -> tuple[dict[str, Any], list[Demonstration]]:
+    """Return the keywords of the environment, and the cuts: a policy's or those of records.
+
+    Raises
+    ------
+    ValueError
+        If there is no such policy, or a record lacks what is needed.
+    """
+    from cutenv.learning.minari_datasets import recorded_cuts, simulated_cuts
+
+    if arguments.policy:
+        seeds = range(arguments.seed, arguments.seed + arguments.cuts)
+        return simulated_cuts(arguments.policy, arguments.environment, seeds)
+    given = arguments.target_length
+    target = parse_length("--target-length", given) if given else None
+    return recorded_cuts(arguments.records, arguments.environment, target)
+
+
+def _record(arguments: Arguments) -> None:
+    from cutenv.learning.minari_datasets import free_folder, write
+
+    folder = free_folder(arguments.dataset)
+    keywords, cuts = cuts_of(arguments)
+    dataset = write(arguments.dataset, arguments.policy or "recorded cuts", keywords, cuts)
+    returns, ended = [cut.rewards.sum() for cut in cuts], [cut.infos["is_success"][-1] for cut in cuts]
+    print(f"{dataset.total_episodes} cuts, {dataset.total_steps} decisions in {folder}")
+    print(f"mean return {np.mean(returns):.3f}, success {np.mean(ended):.2f}")

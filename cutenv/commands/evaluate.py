@@ -1,0 +1,107 @@
+"""Compare policies on the same held-out specimens: every score of every cut, means and paired differences.
+
+    cutenv evaluate "probe and creep" runs/NAME/policy     these two, on 200 test specimens of class mixed
+    cutenv evaluate all --specimens 500 --out runs/all     every baseline; CSV files into a folder
+    cutenv evaluate --list                                 names of the baselines
+    cutenv evaluate --report runs/NAME                     the report of a finished training run once more
+
+A policy is the name of a baseline or of a shipped policy (ppo-free), or the folder of a trained one, which holds
+policy.safetensors and card.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cutenv.tissue.specimen import CLASSES
+
+
+def main(argv: Sequence[str]) -> int:
+    """Evaluate and print; 2 if an option is bad, 130 after Ctrl-C."""
+    arguments = _parser().parse_args(argv)
+    try:
+        if arguments.report is not None:
+            _report(arguments)
+        else:
+            _evaluate(arguments)
+    except (OSError, ValueError) as error:
+        print(f"cutenv evaluate: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("\ncutenv evaluate: interrupted; nothing was written", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _evaluate(arguments: argparse.Namespace) -> None:
+    from cutenv.policy import BASELINES
+
+    if arguments.list or not arguments.policies:
+        print("\n".join(BASELINES))
+        return
+    from cutenv.learning.evaluation import contestant, evaluate
+    from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
+    from cutenv.learning.statistics import differences, summarise
+    from cutenv.learning.tables import print_differences, print_table, write_csv
+
+    seeds = VALIDATION_SEEDS if arguments.validation else TEST_SEEDS
+    if not 2 <= arguments.specimens <= len(seeds):
+        raise ValueError(f"--specimens {arguments.specimens} is outside 2 to {len(seeds)}")
+    names = [name for given in arguments.policies for name in (BASELINES if given == "all" else [given])]
+    chosen = {name: contestant(name) for name in dict.fromkeys(names)}
+    if arguments.out:
+        arguments.out.mkdir(parents=True, exist_ok=True)
+    rows = evaluate(
+        chosen,
+        seeds[: arguments.specimens],
+        {"specimen_class": arguments.specimen_class},
+        processes=arguments.processes,
+    )
+    summary, paired = summarise(rows), differences(rows, next(iter(chosen)))
+    if arguments.out:
+        write_csv(arguments.out / "scores.csv", rows)
+        write_csv(arguments.out / "summary.csv", summary)
+        if paired:
+            write_csv(arguments.out / "differences.csv", paired)
+    kind = "validation" if arguments.validation else "held-out"
+    print(f"\n{arguments.specimens} {kind} specimens of class {arguments.specimen_class}, mean [95 % interval]\n")
+    print_table(summary)
+    if paired and len(chosen) <= 12:
+        print_differences(paired)
+
+
+def _report(arguments: argparse.Namespace) -> None:
+    """Evaluate the agent of a finished run beside all baselines again, and write its report."""
+    from cutenv.learning.training_report import compare
+
+    run = arguments.report
+    if not (run / "policy" / "card.json").is_file():
+        raise ValueError(f"{run} holds no policy/card.json; give the folder of a finished run.")
+    facts = json.loads((run / "run.json").read_text())
+    compare(run, facts, processes=arguments.processes, baselines_of=arguments.baselines_of)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="cutenv evaluate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "policies", nargs="*", metavar="POLICY", help="baseline, shipped policy, folder of a trained policy, or all"
+    )
+    parser.add_argument("--list", action="store_true", help="print the names of the baselines")
+    parser.add_argument("--specimen-class", choices=CLASSES, default="mixed", help="default mixed")
+    parser.add_argument("--specimens", type=int, default=200, metavar="N", help="number of specimens; default 200")
+    parser.add_argument("--validation", action="store_true", help="validation instead of test specimens")
+    parser.add_argument(
+        "--out", type=Path, metavar="FOLDER", help="write scores.csv, summary.csv and differences.csv here"
+    )
+    parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
+    parser.add_argument("--report", type=Path, metavar="RUN", help="evaluate a finished training run again, and report")
+    parser.add_argument(
+        "--baselines-of", type=Path, metavar="RUN", help="with --report: take over the baselines of another run"
+    )
+    return parser

@@ -1,0 +1,264 @@
+"""Options of the learners, a frozen dataclass each: the command line of ``cutenv train``, kept in run.json.
+
+Nothing here loads torch, so that ``cutenv train --help`` answers at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from cutenv.learning.options import flag_of, option
+from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
+from cutenv.policy import SCRIPTS
+from cutenv.policy.features import feature_count
+from cutenv.task.hidden import HIDDEN
+from cutenv.tissue.specimen import CLASSES
+
+if TYPE_CHECKING:
+    from cutenv.sb3 import FeatureVecEnv
+
+MAX_ENVIRONMENTS = 1000
+"""Number of training seeds that belong to one run: that with seed k has those from 1000 k on."""
+
+
+class BadArguments(ValueError):
+    """Options that contradict each other, are out of range or do not fit a data set; the message names the cure."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnerArguments:
+    """Options that every learner has.
+
+    Raises
+    ------
+    BadArguments
+        For a number out of its range, and for an option without effect.
+    """
+
+    quick: ClassVar[Mapping[str, Any]] = {}
+    """Values that ``--quick`` sets."""
+
+    name: str = option("", "folder below runs/; default: date and time")
+    seed: int = option(0, "seed of networks, exploration and training specimens")
+    minutes: float = option(
+        0.0, "minutes of wall clock after which training ends, demonstrations included; 0: no limit", resumable=True
+    )
+    specimen_class: str = option("mixed", "class of the specimens to train and test on", CLASSES)
+    angle_mode: str = option("free", "whether the agent turns the blade", ("free", "fixed"))
+    fixed_angle_deg: float = option(90.0, "angle of the blade [deg] if the agent does not turn it")
+    control_hz: int = option(10, "decisions per second")
+    history: int = option(6, "number of past decisions among the features")
+    force: str = option("felt", "whether the agent feels the force", ("felt", "unfelt"))
+    dead_zone: float = option(0.25, "share of the speed's action around 0 that means rest")
+    environments: int = option(64, "number of environments that step together")
+    hidden: int = option(64, "units in each layer")
+    demonstrations: int = option(200_000, "decisions of a script that the actor is first trained to imitate; 0: none")
+    script: str = option("probe and creep", "script that is imitated", tuple(SCRIPTS))
+    demonstration_noise: float = option(0.15, "standard deviation of the noise on every other demonstration")
+    validation_specimens: int = option(200, "number of specimens on which checkpoints are compared")
+    validations: int = option(16, "number of these comparisons", resumable=True)
+    specimens: int = option(
+        200, "number of held-out specimens of the evaluation; 0: write the policy without one", resumable=True
+    )
+    checkpoint_seconds: float = option(20.0, "seconds between checkpoints", resumable=True)
+    tensorboard: bool = option(False, "write events for TensorBoard into the run's folder", resumable=True)
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in self.limits().items():
+            if not low <= getattr(self, name) <= high:
+                raise BadArguments(f"{flag_of(name)} {getattr(self, name)} is outside {low} to {high}")
+        if self.angle_mode == "free" and self.fixed_angle_deg != 90.0:
+            raise BadArguments(f"--fixed-angle-deg {self.fixed_angle_deg:g} has no effect without --angle-mode fixed")
+        if self.specimens == 1:
+            raise BadArguments("--specimens 1 gives no interval; give 2 or more, or 0 for no evaluation")
+
+    @classmethod
+    def limits(cls) -> dict[str, tuple[float, float]]:
+        """Return the range of every number."""
+        return {
+            "seed": (0, len(TRAINING_SEEDS) // MAX_ENVIRONMENTS - 1),
+            "minutes": (0.0, 1e6),
+            "fixed_angle_deg": (45.0, 90.0),
+            "history": (0, 100),
+            "dead_zone": (0.0, 0.9),
+            "environments": (1, MAX_ENVIRONMENTS),
+            "hidden": (1, 4096),
+            "demonstrations": (0, 10**9),
+            "demonstration_noise": (0.0, 1.0),
+            "validation_specimens": (2, len(VALIDATION_SEEDS)),
+            "validations": (1, 10**6),
+            "specimens": (0, len(TEST_SEEDS)),
+            "checkpoint_seconds": (0.0, 1e6),
+        }
+
+    @classmethod
+    def completed(cls, chosen: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the options chosen for a new run and those that follow from them.
+
+        Raises
+        ------
+        BadArguments
+            For options that contradict each other.
+        """
+        return dict(chosen)
+
+    @property
+    def environment(self) -> dict[str, Any]:
+        """Keywords of the environment that the agent is trained and tested in."""
+        return {"specimen_class": self.specimen_class, "control_hz": self.control_hz, **self.angle}
+
+    @property
+    def angle(self) -> dict[str, Any]:
+        """Keywords of the environment about the blade's angle."""
+        return {"angle_mode": self.angle_mode} | (
+            {"fixed_angle_deg": self.fixed_angle_deg} if self.angle_mode == "fixed" else {}
+        )
+
+    @property
+    def features(self) -> dict[str, Any]:
+        """Keywords of :class:`cutenv.policy.Features`; ``force`` is there only if it is not felt."""
+        return {"history": self.history} | ({} if self.force == "felt" else {"force": False})
+
+    @property
+    def training_seeds(self) -> range:
+        """Seeds of the training environments."""
+        first = self.seed * MAX_ENVIRONMENTS
+        return range(first, first + self.environments)
+
+    @property
+    def validation_seeds(self) -> range:
+        """Seeds of the specimens on which checkpoints are compared."""
+        return VALIDATION_SEEDS[: self.validation_specimens]
+
+    def environments_at(self, seeds: range) -> FeatureVecEnv:
+        """Make environments with these seeds, which show the hidden state after the features."""
+        from cutenv.sb3 import FeatureVecEnv
+
+        return FeatureVecEnv(seeds, dead_zone=self.dead_zone, hidden_state=True, **self.features, **self.environment)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PPOArguments(LearnerArguments):
+    """Options of PPO."""
+
+    quick: ClassVar[Mapping[str, Any]] = {
+        "timesteps": 400_000,
+        "validations": 4,
+        "validation_specimens": 50,
+        "specimens": 30,
+    }
+
+    timesteps: int = option(8_000_000, "decisions to train for", resumable=True)
+    history: int = option(0, "number of past decisions among the features")
+    rollout: int = option(128, "decisions of each environment between updates")
+    batch_size: int = option(1024, "decisions of a gradient step")
+    epochs: int = option(8, "passes over a rollout")
+    learning_rate: float = option(3e-4, "learning rate at the start; falls linearly to a twentieth")
+    gamma: float = option(1.0, "discount of a decision")
+    gae_lambda: float = option(0.95, "lambda of the generalised advantage estimate")
+    averaging: float = option(0.03, "share of the actor that its running average takes over at every update")
+    critic: str = option("truth", "what the critic sees besides the features", ("truth", "features"))
+    critic_first: float = option(0.03, "share of training, after demonstrations, in which only the critic learns")
+    exploration: float = option(0.15, "standard deviation of the actions at the start")
+    last_exploration: float = option(0.05, "and at the end; falls by the same factor in equal times")
+
+    @classmethod
+    def limits(cls) -> dict[str, tuple[float, float]]:
+        """Return the range of every number."""
+        return super().limits() | {
+            "timesteps": (1, 10**12),
+            "rollout": (2, 10**6),
+            "batch_size": (2, 10**9),  # advantages are divided by their spread within it
+            "epochs": (1, 10**6),
+            "learning_rate": (1e-9, 1.0),
+            "gamma": (0.0, 1.0),
+            "gae_lambda": (0.0, 1.0),
+            "averaging": (1e-6, 1.0),
+            "critic_first": (0.0, 1.0),
+            "exploration": (1e-6, 10.0),  # its logarithm is what the policy holds
+            "last_exploration": (1e-6, 10.0),
+        }
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Numbers that actor and critic see, and units of a layer: keywords of the actor-critic networks."""
+        features = feature_count(self.history)
+        critic = features + (len(HIDDEN) if self.critic == "truth" else 0)
+        return {"features": features, "critic": critic, "hidden": self.hidden}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecurrentPPOArguments(PPOArguments):
+    """Options of recurrent PPO."""
+
+    timesteps: int = option(4_000_000, "decisions to train for", resumable=True)
+    epochs: int = option(4, "passes over a rollout")
+    critic_first: float = option(0.15, "share of training, after demonstrations, in which only the critic learns")
+    cloning_epochs: int = option(15, "passes over the demonstrations")
+
+    @classmethod
+    def limits(cls) -> dict[str, tuple[float, float]]:
+        """Return the range of every number."""
+        return super().limits() | {"cloning_epochs": (1, 10**6)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class BCArguments(LearnerArguments):
+    """Options of behaviour cloning."""
+
+    quick: ClassVar[Mapping[str, Any]] = {
+        "demonstrations": 50_000,
+        "epochs": 20,
+        "validations": 4,
+        "validation_specimens": 50,
+        "specimens": 30,
+    }
+
+    dataset: str = option("", "id of a Minari data set to imitate, not a script; it sets decision rate and angle mode")
+    demonstrations: int = option(400_000, "decisions of the script")
+    epochs: int = option(60, "passes over them")
+    batch_size: int = option(1024, "decisions of a gradient step")
+    learning_rate: float = option(2e-3, "learning rate at the start; falls along half a cosine to zero")
+
+    @classmethod
+    def limits(cls) -> dict[str, tuple[float, float]]:
+        """Return the range of every number."""
+        own = {"demonstrations": (1, 10**9), "epochs": (1, 10**6), "batch_size": (1, 10**9)}
+        return super().limits() | own | {"learning_rate": (1e-9, 1.0)}
+
+    @classmethod
+    def completed(cls, chosen: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the options chosen for a new run, with what a data set determines.
+
+        Raises
+        ------
+        BadArguments
+            If there is no such data set, or an option contradicts it.
+        """
+        if not chosen.get("dataset"):
+            return dict(chosen)
+        for name in ("demonstrations", "script", "demonstration_noise"):
+            if name in chosen:
+                raise BadArguments(f"{flag_of(name)} belongs to a script; leave it out beside --dataset.")
+        from cutenv.learning.minari_datasets import environment_of, opened
+
+        try:
+            dataset = opened(chosen["dataset"])
+            implied = environment_of(dataset)
+        except ValueError as error:
+            raise BadArguments(f"--dataset: {error}") from None
+        for name, value in implied.items():
+            if chosen.get(name, value) != value:
+                raise BadArguments(
+                    f"{flag_of(name)} {chosen[name]} contradicts data set {dataset.id!r}, whose decisions "
+                    f"were made with {value}; leave it out."
+                )
+        decisions = int(dataset.total_steps)
+        return {**chosen, **implied, "script": "", "demonstration_noise": 0.0, "demonstrations": decisions}
+
+    @property
+    def teacher(self) -> str:
+        """Name of what is imitated, for a sentence."""
+        return f"data set {self.dataset!r}" if self.dataset else repr(self.script)

@@ -1,0 +1,211 @@
+"""Behaviour cloning: imitate a script, or the cuts of a Minari data set, without any trial.
+
+The clone sees what the agent of PPO sees, and is a network of the same size; PPO starts from such a clone, trained more
+briefly.  It cannot be better than its teacher but by chance: the difference between the two agents is what trial adds.
+The epoch that does best on validation specimens is kept.  A data set sets decision rate and angle mode; the specimens
+of validation and evaluation are drawn in the simulator as ever.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import safetensors
+import safetensors.torch
+import torch
+from tqdm import tqdm
+
+from cutenv.atomic import replacing
+from cutenv.learning.arguments import BadArguments, BCArguments
+from cutenv.learning.checkpoint import end_interrupted
+from cutenv.learning.cloning import Cloning, DecisionDataset, demonstrations
+from cutenv.learning.command_line import RunRequest
+from cutenv.learning.minari_datasets import cloning_data, opened
+from cutenv.learning.progress import validate
+from cutenv.learning.provenance import write_facts
+from cutenv.learning.run_folder import export, record_run
+from cutenv.learning.tables import read_rows, write_csv
+from cutenv.learning.training_report import compare
+from cutenv.policy import BASELINES, Network
+from cutenv.policy.features import feature_count
+
+if TYPE_CHECKING:
+    from minari import MinariDataset
+
+NAME = "behaviour cloning"
+_MOMENTS = ("exp_avg", "exp_avg_sq", "step")  # Adam's, of each parameter
+
+
+class Clone:
+    """Network of a clone, with the ``predict`` of a model of Stable-Baselines3."""
+
+    def __init__(self, arguments: BCArguments) -> None:
+        torch.manual_seed(arguments.seed)
+        self._inputs, units = feature_count(arguments.history), arguments.hidden
+        self.module = torch.nn.Sequential(
+            torch.nn.Linear(self._inputs, units),
+            torch.nn.Tanh(),
+            torch.nn.Linear(units, units),
+            torch.nn.Tanh(),
+            torch.nn.Linear(units, 2),
+        )
+
+    def __call__(self, observations: torch.Tensor) -> torch.Tensor:
+        """Return the actions for what environments show; the hidden state, which comes last, is ignored."""
+        actions: torch.Tensor = self.module(observations[..., : self._inputs])
+        return actions
+
+    def predict(
+        self, observations: np.ndarray, state: None, episode_start: Any, deterministic: bool
+    ) -> tuple[np.ndarray, None]:
+        """Return the actions, and None for a state."""
+        with torch.no_grad():
+            return self(torch.as_tensor(observations)).numpy(), None
+
+    def network(self) -> Network:
+        """Return the same network in NumPy."""
+        dense = [layer for layer in self.module if isinstance(layer, torch.nn.Linear)]
+        return Network(tuple((layer.weight.detach().numpy(), layer.bias.detach().numpy()) for layer in dense), "tanh")
+
+
+def save_checkpoint(path: Path, clone: Clone, cloning: Cloning, seconds: float) -> None:
+    """Write network, Adam's moments, the number of epochs and the time that they took, atomically."""
+    content = {f"network.{name}": values for name, values in clone.module.state_dict().items()}
+    for n, moments in cloning.optimizer.state_dict()["state"].items():
+        content |= {f"adam.{n}.{name}": moments[name] for name in _MOMENTS}
+    with replacing(path) as part:
+        safetensors.torch.save_file(content, part, {"epoch": str(cloning.epoch), "seconds": f"{seconds:.1f}"})
+
+
+def load_checkpoint(path: Path, clone: Clone, cloning: Cloning) -> float | None:
+    """Restore what :func:`save_checkpoint` wrote; return its seconds, or None if it holds none."""
+    content = safetensors.torch.load_file(path)
+    clone.module.load_state_dict(
+        {name.removeprefix("network."): values for name, values in content.items() if name.startswith("network.")}
+    )
+    with safetensors.safe_open(path, "pt") as file:
+        metadata = file.metadata()
+    cloning.epoch = int(metadata["epoch"])
+    whole = cloning.optimizer.state_dict()
+    count = len(whole["param_groups"][0]["params"])
+    whole["state"] = {n: {name: content[f"adam.{n}.{name}"] for name in _MOMENTS} for n in range(count)}
+    cloning.optimizer.load_state_dict(whole)
+    return float(metadata["seconds"]) if "seconds" in metadata else None
+
+
+def training_data(arguments: BCArguments) -> tuple[DecisionDataset, dict[str, Any]]:
+    """Return what the clone is fitted to, and the facts about it for the policy's card.
+
+    Raises
+    ------
+    BadArguments
+        If the data set does not fit the options.
+    """
+    if not arguments.dataset:
+        shown = demonstrations(  # the same again after an interruption: they hang on seeds alone
+            arguments.environments_at(arguments.training_seeds),
+            BASELINES[arguments.script],
+            decisions=arguments.demonstrations,
+            noise=arguments.demonstration_noise,
+            seed=arguments.seed,
+        )
+        return shown.by_decision(), {"script": arguments.script, "decisions": arguments.demonstrations}
+    try:
+        dataset = opened(arguments.dataset)
+        observations, actions = cloning_data(dataset, dead_zone=arguments.dead_zone, **arguments.features)
+    except ValueError as error:
+        raise BadArguments(f"--dataset: {error}") from None
+    if len(observations) != arguments.demonstrations:
+        raise BadArguments(
+            f"data set {dataset.id!r} holds {len(observations)} decisions, not the {arguments.demonstrations} that "
+            "this run began with; begin another run."
+        )
+    facts = {"dataset": dataset.id, "source": source_of(dataset), "cuts": int(dataset.total_episodes)}
+    return DecisionDataset(observations, actions), facts | {"decisions": len(observations)}
+
+
+def source_of(dataset: MinariDataset) -> str:
+    """Return who cut, as far as the metadata of a data set has it."""
+    metadata = dataset.storage.metadata
+    return str(metadata.get("cutenv", {}).get("source", metadata.get("algorithm_name", "unknown")))
+
+
+def train(arguments: BCArguments, run: Path, facts: dict[str, Any], resume: bool) -> None:
+    """Fit the clone; write ``policy/``, ``learning_curve.csv`` and, meanwhile, ``checkpoint.safetensors``."""
+    begun = time.monotonic()
+    torch.set_num_threads(1)  # as for PPO
+    clone = Clone(arguments)
+    data, facts["taught_by"] = training_data(arguments)
+    cloning = Cloning(
+        clone,
+        list(clone.module.parameters()),
+        data,
+        epochs=arguments.epochs,
+        batch_size=arguments.batch_size,
+        learning_rate=arguments.learning_rate,
+        seed=arguments.seed,
+    )
+    curve: list[dict[str, float]] = []
+    if resume:
+        seconds = load_checkpoint(run / "checkpoint.safetensors", clone, cloning)
+        done = cloning.epoch * arguments.demonstrations
+        curve = [point for point in read_rows(run / "learning_curve.csv") if point["decisions"] <= done]
+        if seconds is None:
+            seconds = curve[-1]["seconds"] if curve else 0.0
+        begun -= seconds
+        print(f"resuming after {cloning.epoch} epochs")
+    every = max(arguments.epochs // arguments.validations, 1)
+    events = event_writer(arguments, run)
+    saved = time.monotonic()
+    for _ in tqdm(range(cloning.epoch, arguments.epochs), desc="cloning", unit="epoch"):
+        cloning.run_epoch()
+        seconds = time.monotonic() - begun
+        last = cloning.epoch == arguments.epochs or bool(arguments.minutes and seconds > 60.0 * arguments.minutes)
+        if last or cloning.epoch % every == 0:
+            best = max((point["validation_return"] for point in curve), default=-np.inf)
+            mean_return, success = validate(clone, arguments)
+            point = {"decisions": float(cloning.epoch * arguments.demonstrations), "seconds": round(seconds, 1)}
+            point |= {"return": mean_return, "success": success, "error": cloning.error()}
+            curve.append(point | {"validation_return": mean_return, "validation_success": success})
+            if mean_return > best:
+                export(arguments, run / "policy", clone.network(), {**facts, "decisions": int(point["decisions"])})
+            for name in ("return", "success", "error"):
+                if events is not None:
+                    events.add_scalar(f"validation/{name}", point[name], cloning.epoch)
+        if last or cloning.epoch % every == 0 or time.monotonic() - saved > arguments.checkpoint_seconds:
+            if curve:  # first: what it is ahead of the checkpoint by is dropped again
+                write_csv(run / "learning_curve.csv", curve)
+            save_checkpoint(run / "checkpoint.safetensors", clone, cloning, time.monotonic() - begun)
+            saved = time.monotonic()
+        if last:
+            break
+    if events is not None:
+        events.close()
+
+
+def event_writer(arguments: BCArguments, run: Path) -> Any:
+    """Return a writer of TensorBoard's events, or None if they are not wanted."""
+    if not arguments.tensorboard:
+        return None
+    from torch.utils.tensorboard import SummaryWriter
+
+    return SummaryWriter(str(run / "tensorboard"))
+
+
+def run_learner(request: RunRequest[BCArguments], resume_command: str) -> None:
+    """Clone, evaluate, report, all into the folder of the run; see :func:`cutenv.learning.on_policy.run_learner`."""
+    arguments, run = request.arguments, request.run
+    facts = record_run(arguments, run, NAME)
+    try:
+        train(arguments, run, facts, request.resume)
+        curve = read_rows(run / "learning_curve.csv")
+        print(f"the clone's actions differ from those of {arguments.teacher} by {curve[-1]['error']:.3f}")
+        facts["training_minutes"] = round(curve[-1]["seconds"] / 60.0, 1)
+        write_facts(run, facts)
+        if arguments.specimens:
+            compare(run, facts)
+    except KeyboardInterrupt:
+        end_interrupted(run, resume_command)

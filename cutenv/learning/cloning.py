@@ -1,0 +1,232 @@
+"""Behaviour cloning: fit a policy network to demonstrations, by itself or before it learns by trial.
+
+The script that demonstrates acts with some noise, so that the clone learns how to come back from small mistakes; the
+target is the action that the script would have taken without it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch.nn.utils.rnn import pad_sequence
+from tqdm import tqdm
+
+from cutenv.policy import Policy
+from cutenv.sb3 import FeatureVecEnv
+from cutenv.task.observation import SPEED_SCALE
+
+_REST = 1e-6 / SPEED_SCALE  # speed of an action below which it means rest
+
+Batch = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
+"""Observations, shape (..., size), actions, shape (..., 2), and weights 1 or 0, shape (...)."""
+
+
+class Demonstrations(NamedTuple):
+    """Consecutive decisions of a script in n environments."""
+
+    observations: np.ndarray
+    """What the environments showed, shape (decisions, n, size)."""
+    actions: np.ndarray
+    """What the script would do, shape (decisions, n, 2)."""
+    starts: np.ndarray
+    """Whether a cut begins there, shape (decisions, n)."""
+
+    def by_decision(self) -> DecisionDataset:
+        """Return single decisions, for a network without memory."""
+        return DecisionDataset(
+            self.observations.reshape(-1, self.observations.shape[-1]), self.actions.reshape(-1, self.actions.shape[-1])
+        )
+
+    def by_cut(self) -> CutDataset:
+        """Return whole cuts, the unfinished ones too, for a network with memory."""
+        result = CutDataset([], [])
+        for n in range(self.starts.shape[1]):
+            starts = np.flatnonzero(self.starts[:, n])
+            for first, last in zip(starts, (*starts[1:], len(self.starts)), strict=True):
+                result.observations.append(torch.as_tensor(self.observations[first:last, n]))
+                result.actions.append(torch.as_tensor(self.actions[first:last, n]))
+        return result
+
+
+class DecisionDataset:
+    """Observations and the actions to take; ``batch_size`` counts decisions."""
+
+    def __init__(self, observations: np.ndarray, actions: np.ndarray) -> None:
+        self.observations, self.actions = torch.as_tensor(observations), torch.as_tensor(actions)
+
+    def count(self, batch_size: int) -> int:
+        """Return the number of batches of an epoch."""
+        return -(-len(self.observations) // batch_size)
+
+    def batches(self, batch_size: int, generator: torch.Generator) -> Iterator[Batch]:
+        """Yield every decision once, in random order."""
+        order = torch.randperm(len(self.observations), generator=generator)
+        for batch in order.split(batch_size):  # type: ignore[no-untyped-call]
+            yield self.observations[batch], self.actions[batch], torch.ones(len(batch))
+
+
+class CutDataset(NamedTuple):
+    """Whole cuts, shapes (decisions, size) and (decisions, 2), padded to the longest of a batch."""
+
+    observations: list[torch.Tensor]
+    actions: list[torch.Tensor]
+
+    def _groups(self, batch_size: int) -> list[list[int]]:
+        """Group cuts of similar length, about ``batch_size`` decisions each, so that little is padded."""
+        groups: list[list[int]] = [[]]
+        for cut in sorted(range(len(self.observations)), key=lambda n: len(self.observations[n])):
+            if groups[-1] and (len(groups[-1]) + 1) * len(self.observations[cut]) > batch_size:
+                groups.append([])
+            groups[-1].append(cut)
+        return groups
+
+    def count(self, batch_size: int) -> int:
+        """Return the number of batches of an epoch."""
+        return len(self._groups(batch_size))
+
+    def batches(self, batch_size: int, generator: torch.Generator) -> Iterator[Batch]:
+        """Yield every cut once, the batches in random order; axes (decision, cut, ...)."""
+        groups = self._groups(batch_size)
+        for k in torch.randperm(len(groups), generator=generator).tolist():
+            weights = [torch.ones(len(self.observations[n])) for n in groups[k]]
+            yield (
+                pad_sequence([self.observations[n] for n in groups[k]]),
+                pad_sequence([self.actions[n] for n in groups[k]]),
+                pad_sequence(weights),
+            )
+
+
+def invert_dead_zone(actions: np.ndarray, width: float) -> np.ndarray:
+    """Return the actions, shape (n, 2), that :func:`cutenv.policy.past_dead_zone` maps to ``actions``."""
+    result = np.array(actions, np.float32)
+    speed = result[:, 0]
+    moved = np.copysign(np.abs(speed) * (1.0 - width) + width, speed)
+    result[:, 0] = np.where(np.abs(speed) < _REST, 0.0, moved)
+    return result
+
+
+def demonstrations(
+    environments: FeatureVecEnv, make_script: Callable[[], Policy], *, decisions: int, noise: float, seed: int
+) -> Demonstrations:
+    """Let a script cut in all environments.
+
+    Parameters
+    ----------
+    environments : FeatureVecEnv
+        Are reset first.
+    make_script : callable
+        Makes a script, one for each environment.
+    decisions : int
+        In all, rounded up to a multiple of the number of environments.
+    noise : float
+        Standard deviation of what is added to the actions in every other environment.
+    seed : int
+        Seed of the noise.
+    """
+    rng = np.random.default_rng(seed)
+    count = environments.num_envs
+    scripts = [make_script() for _ in range(count)]
+    for script in scripts:
+        script.reset(rng)
+    amount = np.where(np.arange(count) % 2, noise, 0.0)[:, None]
+    shown, starts = environments.reset(), np.ones(count, bool)
+    all_shown, all_actions, all_starts = [], [], []
+    for _ in tqdm(range(-(-decisions // count)), desc="demonstrating", unit="decision", unit_scale=count):
+        wanted = np.stack([script(o) for script, o in zip(scripts, environments.observations, strict=True)])
+        actions = invert_dead_zone(wanted, environments.dead_zone)
+        all_shown.append(shown)
+        all_actions.append(actions)
+        all_starts.append(starts)
+        noisy = actions + amount * rng.standard_normal(actions.shape).astype(np.float32)
+        environments.step_async(noisy)
+        shown, _, ended, _ = environments.step_wait()
+        starts = np.array(ended)
+        for n in np.flatnonzero(starts):
+            scripts[n].reset(rng)
+    return Demonstrations(np.stack(all_shown), np.stack(all_actions), np.stack(all_starts))
+
+
+class Cloning:
+    """Least-squares fit of a network to a data set, epoch by epoch.
+
+    The order of an epoch depends on seed and number of the epoch alone, so that an interrupted cloning goes on as if it
+    had not been interrupted.
+
+    Parameters
+    ----------
+    network : callable
+        From observations to actions.
+    parameters : list of torch.nn.Parameter
+        Those of the network that are fitted.
+    dataset : DecisionDataset or CutDataset
+        Observations and the actions to take.
+    epochs, batch_size, learning_rate, seed
+        The rate falls along half a cosine to zero.
+    """
+
+    def __init__(
+        self,
+        network: Callable[[torch.Tensor], torch.Tensor],
+        parameters: list[torch.nn.Parameter],
+        dataset: DecisionDataset | CutDataset,
+        *,
+        epochs: int = 30,
+        batch_size: int = 1024,
+        learning_rate: float = 2e-3,
+        seed: int = 0,
+    ) -> None:
+        self._network, self._dataset = network, dataset
+        self._epochs, self._batch_size, self._rate, self._seed = epochs, batch_size, learning_rate, seed
+        self.optimizer = torch.optim.Adam(parameters, lr=learning_rate)
+        self.epoch = 0
+        """Number of epochs that are done."""
+
+    def run_epoch(self) -> None:
+        """Go through the data set once."""
+        generator = torch.Generator().manual_seed(1000 * self._seed + self.epoch)
+        per_epoch = self._dataset.count(self._batch_size)
+        for k, batch in enumerate(self._dataset.batches(self._batch_size, generator)):
+            share = (self.epoch + k / per_epoch) / self._epochs
+            for group in self.optimizer.param_groups:
+                group["lr"] = 0.5 * self._rate * (1.0 + math.cos(math.pi * share))
+            squares, count = self._squares(batch)
+            self.optimizer.zero_grad()
+            (squares / count).backward()  # type: ignore[no-untyped-call]
+            self.optimizer.step()
+        self.epoch += 1
+
+    def error(self) -> float:
+        """Return the root mean square difference between the network's actions and those of the data set."""
+        total = counted = 0.0
+        with torch.no_grad():
+            for batch in self._dataset.batches(self._batch_size, torch.Generator().manual_seed(0)):
+                squares, count = self._squares(batch)
+                total, counted = total + float(squares), counted + float(count)
+        return math.sqrt(total / counted)
+
+    def _squares(self, batch: Batch) -> tuple[torch.Tensor, torch.Tensor]:
+        observations, actions, weights = batch
+        return (((self._network(observations) - actions) ** 2).mean(-1) * weights).sum(), weights.sum()
+
+
+def clone(
+    network: Callable[[torch.Tensor], torch.Tensor],
+    parameters: list[torch.nn.Parameter],
+    dataset: DecisionDataset | CutDataset,
+    *,
+    epochs: int = 30,
+    batch_size: int = 1024,
+    learning_rate: float = 2e-3,
+    seed: int = 0,
+) -> float:
+    """Run all epochs of :class:`Cloning`; return the root mean square error that is left."""
+    cloning = Cloning(
+        network, parameters, dataset, epochs=epochs, batch_size=batch_size, learning_rate=learning_rate, seed=seed
+    )
+    for _ in tqdm(range(epochs), desc="cloning", unit="epoch"):
+        cloning.run_epoch()
+    return cloning.error()

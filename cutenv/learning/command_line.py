@@ -1,0 +1,104 @@
+"""Command line of a training run: its options, the folder of the run, and the options of a run that is resumed."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from cutenv.learning.arguments import BadArguments, LearnerArguments
+from cutenv.learning.checkpoint import NAMES, checkpoint_of
+from cutenv.learning.options import add_options, flag_of
+
+Chosen = TypeVar("Chosen", bound=LearnerArguments)
+
+
+@dataclasses.dataclass(frozen=True)
+class RunRequest(Generic[Chosen]):
+    """What a command line asks for."""
+
+    arguments: Chosen
+    """Options of the run."""
+    run: Path
+    """Folder of the run."""
+    resume: bool
+    """Whether an interrupted run goes on there."""
+
+
+def parser_of(
+    kind: type[LearnerArguments], about: str | None = None, prog: str | None = None
+) -> argparse.ArgumentParser:
+    """Make the parser of a learner's options."""
+    parser = argparse.ArgumentParser(prog=prog, description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_options(parser, kind)
+    replaced = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in kind.quick.items())
+    parser.add_argument("--quick", action="store_true", help=f"some two minutes in all: {replaced}")
+    parser.add_argument("--resume", type=Path, metavar="RUN", help="folder of an interrupted run to go on with")
+    return parser
+
+
+def parse_run(kind: type[Chosen], about: str | None, prefix: str, argv: Sequence[str], prog: str) -> RunRequest[Chosen]:
+    """Read the options of a run.
+
+    Parameters
+    ----------
+    kind : type
+        Class of the options.
+    about : str
+        First part of the help.
+    prefix : str
+        Begins the name of a run that is given none.
+    argv : sequence of str
+        The command line.
+    prog : str
+        Name of the program in the help.
+
+    Raises
+    ------
+    BadArguments
+        For an option out of range, a folder that exists, or an option without effect on a run that is resumed.
+    """
+    chosen = vars(parser_of(kind, about, prog).parse_args(argv))
+    is_quick, resume = chosen.pop("quick"), chosen.pop("resume")
+    if resume is not None:
+        if is_quick:
+            raise BadArguments(f"--quick is for a new run; leave it out, {resume} keeps its arguments.")
+        return RunRequest(resumed(kind, resume, chosen), resume, resume=True)
+    chosen = kind.completed(chosen)
+    if is_quick:
+        chosen = {**kind.quick, **chosen}
+    arguments = kind(**chosen)
+    name = arguments.name or time.strftime(f"{prefix}-%Y%m%d-%H%M%S")
+    run = Path("runs") / name
+    if run.exists():
+        raise BadArguments(f"{run} exists; give another --name, or --resume {run} to go on with it.")
+    return RunRequest(dataclasses.replace(arguments, name=name), run, resume=False)
+
+
+def resumed(kind: type[Chosen], run: Path, chosen: Mapping[str, Any]) -> Chosen:
+    """Return the options of an interrupted run, with those that are chosen anew.
+
+    Raises
+    ------
+    BadArguments
+        If there is no checkpoint, the run is another learner's, or an option would have no effect.
+    """
+    if checkpoint_of(run) is None:
+        raise BadArguments(f"{run} holds no {' or '.join(NAMES)}; give the folder of an interrupted run.")
+    kept = json.loads((run / "run.json").read_text())["arguments"]
+    if set(kept) != {field.name for field in dataclasses.fields(kind)}:
+        raise BadArguments(
+            f"{run} was made by another learner, or by another version; go on with the one that made it."
+        )
+    free = [field.name for field in dataclasses.fields(kind) if field.metadata["resumable"]]
+    for name, value in chosen.items():
+        if name not in free and value != kept.get(name):
+            raise BadArguments(
+                f"{flag_of(name)} {value} would have no effect: {run} goes on with {kept.get(name)!r}. Leave it out or "
+                f"begin another run; what can be given anew is {', '.join(map(flag_of, free))}."
+            )
+    return kind(**(kept | chosen))

@@ -1,0 +1,215 @@
+"""Demonstration: one cut, decision by decision, of a policy in the simulator or of a person as recorded.
+
+A person commands no speed.  The action is then what the blade did until the next decision, its mean speed and its angle
+at the end, which is what a rig that holds position can be commanded; the reward is that which a rig assesses, from
+estimates of the tip.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from cutenv.cutting.records import TICK
+from cutenv.plant import ReplayPlant
+from cutenv.plant.protocol import depth_along
+from cutenv.policy import Policy, SeesTruth
+from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.task.observation import SPEED_SCALE, to_action
+from cutenv.task.weights import Limits, RewardWeights
+from cutenv.tissue.description import measured_liver
+from cutenv.trace import Trace
+
+FELT = {
+    "time_s": "since the cut began",
+    "force_N": "as measured, at the decision",
+    "force_mean_N": "its mean since the last decision",
+    "force_min_N": "its least since the last decision",
+    "force_max_N": "its greatest since the last decision",
+    "position_m": "of the blade, from the clamp",
+    "speed_m_s": "of the blade",
+    "angle_deg": "of the blade; 90 is upright",
+    "depth_m": "of cut at the blade, as measured beforehand",
+    "is_success": "1 where the cut has ended well",
+}
+"""Infos of every data set, at every observation, the first included."""
+HIDDEN = {
+    "tip_m": "crack tip, which only the simulator knows",
+    "true_force_N": "on the blade at the decision, without noise, resolution and delay of the sensor",
+}
+"""Further infos of a simulated cut."""
+ESTIMATED = {"tip_estimate_m": "crack tip, as a rig estimates it from the force"}
+"""Further infos of a recorded cut."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demonstration:
+    """A cut of n decisions.
+
+    Attributes
+    ----------
+    observations : ndarray of shape (n + 1, 12), float32
+        Observations as the environment returned them, or would have.
+    actions : ndarray of shape (n, 2), float32
+        Actions in [-1, 1].
+    rewards : ndarray of shape (n,)
+    terminated : bool
+        True if the cut reached one of the task's ends; False if the record ended before.
+    infos : dict of ndarray of shape (n + 1,)
+        :data:`FELT` and :data:`HIDDEN` or :data:`ESTIMATED`, the unit in the name.
+    seed : int or None
+        With which the environment's ``reset`` draws the same specimen; None for a recorded cut.
+    about : dict
+        Facts about this cut: target length, and the record's metadata.
+    """
+
+    observations: np.ndarray
+    actions: np.ndarray
+    rewards: np.ndarray
+    terminated: bool
+    infos: dict[str, np.ndarray]
+    seed: int | None
+    about: dict[str, Any]
+
+
+def simulated(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Demonstration:
+    """Let a policy cut the specimen of ``seed``."""
+    observation, info = env.reset(seed=seed)
+    policy.reset(np.random.default_rng(seed))
+    cutting = env.unwrapped.cutting  # type: ignore[attr-defined]
+    if isinstance(policy, SeesTruth):
+        policy.look_into(cutting)
+    tip = {"tip_m": info["truth"]["tip_m"], "true_force_N": 0.0}
+    observations, actions, rewards = [observation], [], []
+    infos = [_at_rest(cutting, env.unwrapped.start_angle) | tip]  # type: ignore[attr-defined]
+    ended = False
+    while not ended:
+        action = policy(observation)
+        observation, reward, ended, _, info = env.step(action)
+        observations.append(observation)
+        actions.append(action)
+        rewards.append(float(reward))
+        tip = {"tip_m": info["truth"]["tip_m"], "true_force_N": cutting.readings["true_force"][-1]}
+        infos.append(_felt(cutting) | tip)
+    target = info["truth"]["target_length_m"]
+    return _joined(observations, actions, rewards, True, infos, seed, {"target_length_m": target})
+
+
+def recorded(
+    trace: Trace, *, control_hz: int, target_length: float | None = None, deadline: float = 30.0
+) -> Demonstration:
+    """Make a demonstration of a recorded cut of a person or a rig.
+
+    Parameters
+    ----------
+    trace : Trace
+        Record with force in newtons, position, angle and depth, from the clamp on.
+    control_hz : int
+        Number of decisions per second; must divide 1000.
+    target_length : float, optional
+        Length of cut that was aimed at [m], where the record has no ``target_length_m`` of its own.
+    deadline : float
+        Deadline of the cut [s].
+
+    Raises
+    ------
+    ValueError
+        If the record lacks a field for the observation (the message names it), has too few readings, or has no target.
+    """
+    plant = ReplayPlant(trace)
+    ticks, readings = round(1.0 / (TICK * control_hz)), plant.readings
+    if trace.sample_rate < control_hz:
+        raise ValueError(
+            f"control_hz = {control_hz} is more than the record's {trace.sample_rate:.0f} readings a second. "
+            "Give fewer decisions."
+        )
+    cutting = _task(plant, trace.metadata.get("target_length_m", target_length), deadline, ticks)
+    start = float(readings["angle"][0])
+    observations = [cutting.rest(start)]
+    actions: list[np.ndarray] = []
+    rewards: list[float] = []
+    infos = [_at_rest(cutting, start) | {"tip_estimate_m": 0.0}]
+    beyond = 0
+    while not cutting.end and plant.left >= ticks:
+        done = len(actions) * ticks
+        last = readings[done + ticks - 1]
+        speed = float(last["position"] - readings["position"][max(done - 1, 0)]) / (ticks * TICK)
+        beyond += abs(speed) > SPEED_SCALE
+        action = to_action(min(max(speed, -SPEED_SCALE), SPEED_SCALE), float(last["angle"]))
+        observation, reward = cutting.step(action.astype(np.float64))
+        observations.append(observation)
+        actions.append(action)
+        rewards.append(reward)
+        infos.append(_felt(cutting) | {"tip_estimate_m": cutting.tip})
+    if not actions:
+        raise ValueError(f"the record lasts {trace.duration:g} s, less than a decision. Give more decisions a second.")
+    about = {key: value for key, value in trace.metadata.items() if isinstance(value, (str, int, float, bool))}
+    about |= {"target_length_m": cutting.target_length, "faster_than_reach": beyond / len(actions)}
+    return _joined(observations, actions, rewards, bool(cutting.end), infos, None, about)
+
+
+def _task(plant: ReplayPlant, target_length: float | None, deadline: float, ticks: int) -> GentleCutting:
+    """Make the environment's task with ``reward_from="estimate"``, on a record."""
+    if target_length is None:
+        raise ValueError("the record has no target_length_m, which observation and reward need. Give --target-length.")
+    tissue = measured_liver()
+    return GentleCutting(
+        plant,
+        tissue,
+        RewardWeights(),
+        Limits(),
+        truth=None,
+        friction_per_depth=tissue.friction_share * tissue.fracture_resistance,
+        target_length=float(target_length),
+        deadline=deadline,
+        ticks=ticks,
+    )
+
+
+def _at_rest(cutting: GentleCutting, angle: float) -> dict[str, float]:
+    """Return the infos of :data:`FELT` at the start: at rest at the clamp, the force tared."""
+    return dict.fromkeys(FELT, 0.0) | {"angle_deg": math.degrees(angle), "depth_m": float(cutting.plant.depth[0])}
+
+
+def _felt(cutting: GentleCutting) -> dict[str, float]:
+    """Return the infos of :data:`FELT` after a decision."""
+    readings = cutting.readings
+    assert readings is not None  # a decision was made
+    force, last = readings["force"], readings[-1]
+    values = (
+        cutting.time,
+        last["force"],
+        force.mean(),
+        force.min(),
+        force.max(),
+        last["position"],
+        last["speed"],
+        math.degrees(last["angle"]),
+        depth_along(cutting.plant, last["position"]),
+        bool(cutting.end) and cutting.success,
+    )
+    return dict(zip(FELT, map(float, values), strict=True))
+
+
+def _joined(
+    observations: list[np.ndarray],
+    actions: list[np.ndarray],
+    rewards: list[float],
+    terminated: bool,
+    infos: list[dict[str, float]],
+    seed: int | None,
+    about: dict[str, Any],
+) -> Demonstration:
+    return Demonstration(
+        observations=np.stack(observations),
+        actions=np.stack(actions),
+        rewards=np.array(rewards),
+        terminated=terminated,
+        infos={name: np.array([info[name] for info in infos], dtype=np.float64) for name in infos[0]},
+        seed=seed,
+        about=about,
+    )

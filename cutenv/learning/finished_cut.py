@@ -1,0 +1,101 @@
+"""A cut that is over, with every reading of it, and its scores."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cutenv.cutting.records import Records
+from cutenv.scoring import METRICS, Truth, score
+from cutenv.tissue.specimen import SPACING
+from cutenv.trace import Trace
+
+METRIC_PREFIX = "metric_"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FinishedCut:
+    """One cut by one policy.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the environment, whose first episode it was.
+    end : str
+        Reason why it ended.
+    success : bool
+        True if it succeeded.
+    truth : mapping
+        ``info["truth"]`` at the end.
+    reward_totals : mapping of str to float
+        Sum of every term of the reward.
+    over_limit_N : float
+        Largest force above the limit [N].
+    readings : Records
+        Readings at 1 kHz, :data:`cutenv.cutting.records.READING`, shape (n,); hidden tip included.
+    depth, resistance : array, shape (301,)
+        Depth [m] and fracture resistance [J/m2] of the specimen along the line.
+    """
+
+    seed: int
+    end: str
+    success: bool
+    truth: Mapping[str, Any]
+    reward_totals: Mapping[str, float]
+    over_limit_N: float
+    readings: Records
+    depth: np.ndarray
+    resistance: np.ndarray
+
+    def scores(self) -> dict[str, Any]:
+        """Return the scores that follow from the task and from the hidden state."""
+        truth, readings = self.truth, self.readings
+        beyond = truth["tip_m"] - truth["target_length_m"]
+        return {
+            "seed": self.seed,
+            "specimen_class": truth["specimen_class"],
+            "target_length_mm": 1e3 * truth["target_length_m"],
+            "return": math.fsum(self.reward_totals.values()),
+            "success": float(self.success),
+            "end": self.end,
+            "tip_error_mm": 1e3 * abs(beyond),
+            "overshoot_mm": 1e3 * max(beyond, 0.0),
+            "over_limit_N": self.over_limit_N,
+            "time_s": float(readings["time"][-1]),
+            "peak_force_N": float(readings["true_force"].max()),
+            "mean_force_N": float(readings["true_force"].mean()),
+            "uncontrolled_share": truth["uncontrolled_m"] / max(truth["tip_m"], 1e-9),
+            "largest_jump_mm": 1e3 * float(readings["jump"].max()),
+            "runs": int(truth["units"]),
+            **{f"reward_{name}": value for name, value in self.reward_totals.items()},
+        }
+
+    def metrics(self) -> dict[str, float | str]:
+        """Return every metric of the score card, by :func:`metric_column`; one that is undefined is an empty text."""
+        readings = self.readings
+        along = SPACING * np.arange(len(self.depth))
+        trace = Trace(
+            time=readings["time"],
+            force=readings["force"],
+            position=readings["position"],
+            speed=readings["speed"],
+            angle=readings["angle"],
+            depth=np.interp(readings["position"], along, self.depth),
+            force_unit="N",
+        )
+        cut = self.resistance[: max(int(self.truth["tip_m"] / SPACING), 0) + 1]
+        truth = Truth(tip=readings["tip"], jump=readings["jump"], resistance=float(cut.mean()))
+        card = score(trace, target_length=self.truth["target_length_m"], truth=truth)
+        values = {name: scored.value for name, scored in card.metrics.items()}
+        return {metric_column(name): "" if value is None else value for name, value in values.items()}
+
+
+def metric_column(name: str) -> str:
+    """Return the column name of a metric of the score card, with its unit: ``metric_peak_force_N``."""
+    unit = METRICS[name].unit.replace("F", "N")
+    suffix = "" if unit == "1" else "_" + unit.replace("/", "_per_").replace(" ", "_")
+    return METRIC_PREFIX + name + suffix

@@ -1,0 +1,263 @@
+"""Minari data sets of cuts, with the force in newtons: of a script, a trained agent or a person.
+
+``minari.load_dataset(id)`` reads a data set, and ``recover_environment()`` makes its environment; reset there with an
+episode's seed, a simulated cut's actions earn the recorded rewards again.  :func:`cloning_data` turns a data set into
+what behaviour cloning is fitted to.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+import numpy as np
+from tqdm import tqdm
+
+import cutenv
+from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.learning.demonstration import ESTIMATED, FELT, HIDDEN, Demonstration, recorded, simulated
+from cutenv.learning.evaluation import contestant
+from cutenv.learning.seeds import ENVIRONMENT
+from cutenv.policy import Features
+from cutenv.policy.trained import observation_scaling
+from cutenv.recording import load
+from cutenv.task.observation import COMPONENTS
+
+if TYPE_CHECKING:
+    from minari import MinariDataset
+
+ACTIONS = ("target speed / 2.54 cm/s", "(target angle - 67.5 deg) / 22.5 deg")
+"""Meaning of the two numbers of an action."""
+_UNSET = "`(author|author_email|code_permalink|eval_env)` is set to None"  # Minari warns of each
+
+
+def simulated_cuts(
+    policy: str, environment: Mapping[str, Any], seeds: Sequence[int]
+) -> tuple[dict[str, Any], list[Demonstration]]:
+    """Let a policy cut the specimens of these seeds.
+
+    Parameters
+    ----------
+    policy : str
+        Name of a baseline or a shipped policy, or the folder of a trained one.
+    environment : mapping
+        Keywords of the environment; those that the policy was trained with go before.
+    seeds : sequence of int
+        A specimen each.
+
+    Returns
+    -------
+    keywords : dict
+        Those of the environment that was used.
+    cuts : list of Demonstration
+
+    Raises
+    ------
+    ValueError
+        If there is no such policy.
+    """
+    chosen = contestant(policy)
+    keywords = {**environment, **chosen.arguments}
+    env = gymnasium.make(ENVIRONMENT, **keywords)
+    return keywords, [simulated(env, chosen.policy, seed) for seed in tqdm(seeds, desc="cutting", unit="cut")]
+
+
+def recorded_cuts(
+    paths: Sequence[str | Path], environment: Mapping[str, Any], target_length: float | None
+) -> tuple[dict[str, Any], list[Demonstration]]:
+    """Make demonstrations of the cuts in these files; see :func:`simulated_cuts`.
+
+    Parameters
+    ----------
+    paths : sequence of str or Path
+        CSV, Parquet or HDF5.
+    environment : mapping
+        Keywords of the environment, ``control_hz`` among them; its reward is assessed from estimates, as on a rig.
+    target_length : float or None
+        Length of cut that was aimed at [m], where a record has none of its own.
+
+    Raises
+    ------
+    ValueError
+        If a record lacks what is needed; names file, cut and field.
+    """
+    found = []
+    for path in tqdm(paths, desc="reading", unit="file"):
+        for number, trace in enumerate(load(Path(path)), 1):
+            try:
+                made = recorded(trace, control_hz=environment["control_hz"], target_length=target_length)
+            except ValueError as error:
+                raise ValueError(f"{path}, cut {number}: {error}") from None
+            made.about.setdefault("record", Path(path).name)
+            found.append(made)
+    return {**environment, "reward_from": "estimate"}, found
+
+
+def write(
+    dataset_id: str, source: str, keywords: dict[str, Any], demonstrations: Sequence[Demonstration]
+) -> MinariDataset:
+    """Write cuts as a data set; units and meanings go into its metadata, below "cutenv".
+
+    Parameters
+    ----------
+    dataset_id : str
+        With a version, such as ``cutenv/probe-and-creep-v0``.
+    source : str
+        Who cut, for readers.
+    keywords : dict
+        Those of the environment.
+    demonstrations : sequence of Demonstration
+        At least one, all of policies or all of records.
+
+    Raises
+    ------
+    FileExistsError
+        If there is a data set of that id.
+    """
+    from minari import create_dataset_from_buffers
+    from minari.data_collector import EpisodeBuffer
+
+    free_folder(dataset_id)
+    is_simulated = demonstrations[0].seed is not None
+    buffers = [
+        EpisodeBuffer(
+            seed=cut.seed,
+            observations=cut.observations,
+            actions=cut.actions,
+            rewards=cut.rewards.tolist(),
+            terminations=[False] * (len(cut.rewards) - 1) + [cut.terminated],
+            truncations=[False] * (len(cut.rewards) - 1) + [not cut.terminated],
+            infos=cut.infos,
+        )
+        for cut in demonstrations
+    ]
+    env = gymnasium.make(ENVIRONMENT, **keywords)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=_UNSET)
+        dataset = create_dataset_from_buffers(
+            dataset_id,
+            buffers,
+            env=env,
+            algorithm_name=source,
+            description=f"Gentle cutting of measured liver by {source}; the force in newtons is in the infos.",
+            requirements=[f"cutenv=={cutenv.__version__}"],
+        )
+    dataset.storage.update_episode_metadata({"about": json.dumps(cut.about)} for cut in demonstrations)
+    dataset.storage.update_metadata(
+        {
+            "cutenv": {
+                "source": source,
+                "infos": FELT | (HIDDEN if is_simulated else ESTIMATED),
+                "observations": observation_scaling(),  # value = number x scale + offset
+                "actions": list(ACTIONS),
+                "actions_are": "commands" if is_simulated else "what the blade did until the next decision",
+            }
+        }
+    )
+    return dataset
+
+
+def opened(dataset_id: str) -> MinariDataset:
+    """Open a data set that is on this machine.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that id, or Minari is not installed.
+    """
+    try:
+        import minari
+    except ModuleNotFoundError:
+        raise ValueError("a data set needs Minari: pip install 'cutenv[data]'.") from None
+    try:
+        return minari.load_dataset(dataset_id)
+    except FileNotFoundError:
+        raise ValueError(
+            f"there is no data set {dataset_id!r} where Minari keeps them; record one with 'cutenv datasets', or set "
+            "MINARI_DATASETS_PATH to their folder."
+        ) from None
+
+
+def environment_of(dataset: MinariDataset) -> dict[str, Any]:
+    """Return the keywords of a data set's environment that its actions depend on: rate, angle mode and a fixed angle.
+
+    Raises
+    ------
+    ValueError
+        If it names no environment of this package.
+    """
+    spec = dataset.env_spec
+    if spec is None or spec.id != ENVIRONMENT:
+        raise ValueError(
+            f"data set {dataset.id!r} is of environment {None if spec is None else spec.id}; give one of {ENVIRONMENT}."
+        )
+    defaults = inspect.signature(GentleCutEnv).parameters
+    names = ["control_hz", "angle_mode"]
+    if spec.kwargs.get("angle_mode") == "fixed":
+        names.append("fixed_angle_deg")
+    return {name: spec.kwargs.get(name, defaults[name].default) for name in names}
+
+
+def cloning_data(
+    dataset: MinariDataset, *, history: int, dead_zone: float, force: bool = True
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the features, shape (n, size), and actions before the dead zone, shape (n, 2), to fit a clone to.
+
+    Parameters
+    ----------
+    dataset : minari.MinariDataset
+        Of an environment with this package's observation; ``filter_episodes`` chooses some cuts.
+    history, force
+        See :class:`cutenv.policy.Features`.
+    dead_zone : float
+        See :func:`cutenv.policy.past_dead_zone`.
+
+    Raises
+    ------
+    ValueError
+        If its observations are not those of cutenv, or it holds no decision.
+    """
+    cuts = list(cloning_data_by_cut(dataset, history=history, dead_zone=dead_zone, force=force))
+    if not cuts:
+        raise ValueError(f"data set {dataset.id!r} holds no cut; record some, or filter fewer away.")
+    features, actions = zip(*cuts, strict=True)
+    return np.concatenate(features), np.concatenate(actions)
+
+
+def cloning_data_by_cut(
+    dataset: MinariDataset, *, history: int, dead_zone: float, force: bool = True
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield :func:`cloning_data` of every cut, for a network with memory."""
+    from cutenv.learning.cloning import invert_dead_zone  # brings torch, which recording does not need
+
+    if dataset.observation_space.shape != (len(COMPONENTS),):
+        raise ValueError(
+            f"data set {dataset.id!r} has observations of shape {dataset.observation_space.shape}; those of cutenv "
+            f"have ({len(COMPONENTS)},). Give one that 'cutenv datasets' wrote."
+        )
+    features = Features(history=history, force=force)
+    for cut in dataset.iterate_episodes():
+        features.reset()
+        shown = np.stack([features(observation) for observation in cut.observations[:-1]])
+        yield shown, invert_dead_zone(cut.actions, dead_zone)
+
+
+def free_folder(dataset_id: str) -> Path:
+    """Return the folder that a new data set will have.
+
+    Raises
+    ------
+    FileExistsError
+        If there is a data set of that id.
+    """
+    from minari.storage import get_dataset_path
+
+    folder: Path = get_dataset_path(dataset_id)
+    if folder.exists():
+        raise FileExistsError(f"data set {dataset_id!r} exists in {folder}; give another id, or the next version.")
+    return folder

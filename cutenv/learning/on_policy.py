@@ -1,0 +1,185 @@
+"""A run of PPO or recurrent PPO of Stable-Baselines3: train, survive an interruption, export, compare, report."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from cutenv.learning.arguments import LearnerArguments, PPOArguments
+from cutenv.learning.checkpoint import end_interrupted
+from cutenv.learning.command_line import RunRequest
+from cutenv.learning.evaluation import contestant, evaluate
+from cutenv.learning.progress import CheckpointExtras, Progress, save
+from cutenv.learning.provenance import write_facts
+from cutenv.learning.run_folder import export, record_run
+from cutenv.learning.tables import read_rows
+from cutenv.learning.training_report import compare
+from cutenv.policy import Network, RecurrentNetwork
+
+
+class FallingRate:
+    """A learning rate that falls linearly to a twentieth; :class:`Progress` sets the share of training that is done."""
+
+    def __init__(self, rate: float) -> None:
+        self.rate, self.share = rate, 0.0
+
+    def __call__(self, remaining: float) -> float:
+        """Return the rate; ``remaining``, SB3's share of decisions, is ignored, as it knows nothing of minutes."""
+        return self.rate * (1.0 - 0.95 * self.share)
+
+
+@dataclass(frozen=True)
+class OnPolicyLearner:
+    """What distinguishes one learner from another."""
+
+    name: str
+    """Name of the agent in reports."""
+    algorithm: Any
+    """Class of Stable-Baselines3 or sb3-contrib."""
+    new_model: Callable[[Any, Any], Any]
+    """Makes an untrained agent from options and environments."""
+    pretrain: Callable[[Any, Any], None]
+    """Clones the demonstrated script into a model's actor, given the options."""
+    network: Callable[[Mapping[str, np.ndarray], str], Network | RecurrentNetwork]
+    """Makes the actor in NumPy from the policy's parameters."""
+
+
+def sb3_keywords(arguments: PPOArguments) -> dict[str, Any]:
+    """Return the keywords of PPO and of recurrent PPO of Stable-Baselines3."""
+    return {
+        "learning_rate": FallingRate(arguments.learning_rate),
+        "n_steps": arguments.rollout,
+        "batch_size": arguments.batch_size,
+        "n_epochs": arguments.epochs,
+        "gamma": arguments.gamma,
+        "gae_lambda": arguments.gae_lambda,
+        "policy_kwargs": arguments.sizes,
+        "seed": arguments.seed,
+        "device": "cpu",  # a network this small is slower on a GPU
+    }
+
+
+def train(learner: OnPolicyLearner, arguments: PPOArguments, run: Path, resume: bool) -> tuple[bool, float]:
+    """Train; return whether training came to its end, and the share of its time that the environments took."""
+    begun = time.monotonic()
+    torch.set_num_threads(1)  # two pools of threads on two cores fight
+    checkpoint = run / "checkpoint.zip"
+    environments = arguments.environments_at(arguments.training_seeds)
+    events = str(run / "tensorboard") if arguments.tensorboard else None
+    finished = True
+    curve: list[dict[str, float]] = []
+    extras = None
+    if resume:
+        model = learner.algorithm.load(checkpoint, env=environments, device="cpu", tensorboard_log=events)
+        environments.first_episode = unseen_episode(model)
+        curve = read_rows(run / "learning_curve.csv")
+        curve = [point for point in curve if point["decisions"] <= model.num_timesteps]
+        extras = CheckpointExtras.of(model)
+        print(f"resuming after {model.num_timesteps} decisions")
+        if extras is None:
+            print("the checkpoint holds no running average of the actor: the average begins anew")
+    else:
+        model = learner.new_model(arguments, environments)
+        model.tensorboard_log = events
+        save(model, run / "untrained.zip")
+        if arguments.demonstrations:
+            learner.pretrain(model, arguments)
+    progress = Progress(run, arguments, curve, begun, extras)
+    progress.init_callback(model)
+    trial_begun, spent = time.perf_counter(), environments.seconds
+    try:
+        remaining = max(arguments.timesteps - model.num_timesteps, 0)
+        if remaining and progress.share < 1.0:
+            model.learn(remaining, callback=progress, reset_num_timesteps=not resume, tb_log_name="run")
+            progress.validate()
+    except KeyboardInterrupt:
+        finished = False
+    share = (environments.seconds - spent) / (time.perf_counter() - trial_begun)
+    progress.save_checkpoint()
+    if finished and not (run / "policy.zip").is_file():  # ended before it was ever validated
+        save(model, run / "policy.zip")
+    return finished, share
+
+
+def unseen_episode(model: Any) -> int:
+    """Return an episode that no environment can have begun in a model's training: each lasts a decision or more.
+
+    A resumed run would otherwise cut the same specimens again, from the first on.
+    """
+    return 1 + int(model.num_timesteps) // int(model.n_envs)
+
+
+def exported(learner: OnPolicyLearner, arguments: PPOArguments, run: Path, name: str, facts: Mapping[str, Any]) -> None:
+    """Write the actor of ``name``.zip as a folder that needs no torch, ``name``/policy.safetensors and card.json."""
+    model = learner.algorithm.load(run / f"{name}.zip", device="cpu")
+    arrays = {key: value.detach().cpu().numpy() for key, value in model.policy.state_dict().items()}
+    network = learner.network(arrays, "tanh")
+    export(arguments, run / name, network, {**facts, "decisions": int(model.num_timesteps)})
+
+
+def time_to_threshold(arguments: LearnerArguments, curve: Sequence[Mapping[str, float]]) -> float | None:
+    """Return the time [s] after which the agent did as well as the demonstrated script on validation specimens.
+
+    None if it never did.
+    """
+    shared = {"specimen_class": arguments.specimen_class, **arguments.angle}
+    several, seeds = {arguments.script: contestant(arguments.script)}, arguments.validation_seeds
+    rows = evaluate(several, seeds, shared, description="script on validation specimens")
+    threshold = float(np.mean([row["return"] for row in rows]))
+    reached = (point["seconds"] for point in curve if point.get("validation_return", -np.inf) >= threshold)
+    return next(reached, None)
+
+
+def run_learner(learner: OnPolicyLearner, request: RunRequest[PPOArguments], resume_command: str) -> None:
+    """Train, export, evaluate, report, all into the folder of the run.
+
+    Parameters
+    ----------
+    learner : OnPolicyLearner
+        One of those of :mod:`cutenv.learning.ppo` and :mod:`cutenv.learning.recurrent_ppo`.
+    request : RunRequest
+        Options and folder.
+    resume_command : str
+        Command line that is printed after an interruption.
+
+    Raises
+    ------
+    SystemExit
+        With status 130 after Ctrl-C.
+    """
+    arguments, run = request.arguments, request.run
+    facts = record_run(arguments, run, learner.name)
+    begun = time.monotonic()
+    try:
+        finished, share = train(learner, arguments, run, request.resume)
+    except KeyboardInterrupt:  # before the trial, or a second time while it was being saved
+        finished = False
+    else:
+        print(f"the environments took {100.0 * share:.0f} % of the time")
+    if not finished:
+        end_interrupted(run, resume_command)
+    curve = read_rows(run / "learning_curve.csv")
+    seconds = curve[-1]["seconds"] if curve else time.monotonic() - begun
+    facts["training_minutes"] = round(seconds / 60.0, 1)
+    facts["environments_share"] = round(share, 3)
+    try:
+        for name in ("untrained", "policy"):
+            exported(learner, arguments, run, name, facts)
+        write_facts(run, facts)
+        if arguments.specimens:
+            reached = time_to_threshold(arguments, curve)
+            facts["level_with_script_after_s"] = reached
+            write_facts(run, facts)
+            compare(run, facts)
+            when = "never in this training" if reached is None else f"after {reached:.0f} s, demonstrations included"
+            print(f"as good as {arguments.script!r} on the validation specimens: {when}")
+    except KeyboardInterrupt:
+        print(f"\ninterrupted while evaluating; {run}/policy.zip is the trained agent.")
+        print(f"Evaluate it with: {resume_command}")
+        raise SystemExit(130) from None

@@ -1,0 +1,70 @@
+"""Dataclasses as command lines: a field is an option, its default the option's default, its meaning the help."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+_KINDS = {"str": str, "int": int, "float": float}
+
+
+def option(default: Any, meaning: str, choices: tuple[str, ...] | None = None, *, resumable: bool = False) -> Any:
+    """Declare a dataclass field that is an option of the command line.
+
+    Parameters
+    ----------
+    default : str, int, float, bool or tuple of str
+        A tuple makes an option that takes several texts.
+    meaning : str
+        The help text.
+    choices : tuple of str, optional
+        The values that are allowed.
+    resumable : bool
+        Whether another value may be given where an interrupted run is resumed.
+    """
+    return dataclasses.field(default=default, metadata={"help": meaning, "choices": choices, "resumable": resumable})
+
+
+def flag_of(name: str) -> str:
+    """Return a field's name as it is written on the command line."""
+    return "--" + name.replace("_", "-")
+
+
+def add_options(parser: argparse.ArgumentParser, kind: type[Any]) -> None:
+    """Add the fields of a dataclass to a parser; an option that is not given is absent from the result."""
+    for field in dataclasses.fields(kind):
+        flag, meaning, choices = flag_of(field.name), field.metadata["help"], field.metadata["choices"]
+        if isinstance(field.default, bool):
+            parser.add_argument(flag, action="store_true", default=argparse.SUPPRESS, help=meaning)
+        elif isinstance(field.default, tuple):
+            parser.add_argument(flag, nargs="+", metavar="FILE", default=argparse.SUPPRESS, help=meaning)
+        else:
+            convert = _KINDS[str(field.type)]
+            default = f" (default {field.default})" if field.default != "" else ""
+            shown = None if choices else convert.__name__.upper()
+            parser.add_argument(
+                flag,
+                type=convert,
+                choices=choices,
+                metavar=shown,
+                default=argparse.SUPPRESS,
+                help=meaning + default,
+            )
+
+
+def parse(kind: type[T], about: str | None, argv: Sequence[str] | None = None, prog: str | None = None) -> T:
+    """Read a dataclass of options from a command line, by default that of the process.
+
+    Raises
+    ------
+    SystemExit
+        As ``argparse`` does, after the help or for an option that it refuses.
+    """
+    parser = argparse.ArgumentParser(prog=prog, description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_options(parser, kind)
+    given = vars(parser.parse_args(argv))
+    return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in given.items()})

@@ -1,0 +1,45 @@
+"""PPO with an asymmetric actor-critic that first imitates a script.
+
+The agent decides 10 times a second: a cut is then some 80 decisions, 300 at most.  gamma = 1 has no horizon, for a cut
+ends by itself, and its score is the plain sum; with 0.995 progress made early is worth more, and the agent learns a
+haste that the reward does not ask for.  The actor sees features that a person would work out; the critic sees the
+hidden state too, which training needs and cutting does not.
+
+The actor starts as a clone of the best script and learns on by trial; at first only the critic learns, because one that
+knows nothing would spoil the clone.  The standard deviation of the actions is set, and falls: a policy that may learn
+it comes to rely on its noise.  Validated, and kept where it does best, is the running average of the actor.
+"""
+
+from __future__ import annotations
+
+from stable_baselines3 import PPO
+
+from cutenv.learning.arguments import PPOArguments
+from cutenv.learning.asymmetric_actor_critic import AsymmetricActorCritic
+from cutenv.learning.cloning import clone, demonstrations
+from cutenv.learning.on_policy import OnPolicyLearner, sb3_keywords
+from cutenv.policy import BASELINES, Network
+from cutenv.sb3 import FeatureVecEnv
+
+
+def new_model(arguments: PPOArguments, environments: FeatureVecEnv) -> PPO:
+    """Make an untrained agent."""
+    return PPO(AsymmetricActorCritic, environments, **sb3_keywords(arguments))
+
+
+def pretrain(model: PPO, arguments: PPOArguments) -> None:
+    """Clone the demonstrated script into the actor."""
+    shown = demonstrations(
+        model.get_env(),  # type: ignore[arg-type]  # a FeatureVecEnv, as new_model was given
+        BASELINES[arguments.script],
+        decisions=arguments.demonstrations,
+        noise=arguments.demonstration_noise,
+        seed=arguments.seed,
+    )
+    policy = model.policy
+    assert isinstance(policy, AsymmetricActorCritic)
+    error = clone(policy.action_for, policy.actor_parameters(), shown.by_decision(), seed=arguments.seed)
+    print(f"the clone's actions differ from those of {arguments.script!r} by {error:.3f} (root mean square)")
+
+
+LEARNER = OnPolicyLearner("PPO", PPO, new_model, pretrain, Network.from_state_dict)

@@ -1,0 +1,95 @@
+"""The native vector environment for the environment runners of Ray RLlib, with features and dead zone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+
+from cutenv.cores import set_cores
+from cutenv.envs.vector import GentleCutVectorEnv
+from cutenv.policy.features import extract_batch, feature_count, forget, new_memory, past_dead_zone
+from cutenv.task.observation import BOUND
+
+_INFO = ("is_success", "_is_success")  # the rest would be copied between processes
+
+
+class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+    """A vector environment of ``num_envs`` cuts, each with its own seed, that begin anew at the step after their end.
+
+    Parameters
+    ----------
+    num_envs : int
+        Number of environments.
+    first_seed : int
+        Environment i samples its specimens from seed ``first_seed + i``, whatever ``reset`` is given: RLlib's own
+        seeds of its runners overlap, and two runners would cut the same specimens; see :meth:`share_seeds`.
+    history : int
+        Number of past decisions among the features.
+    dead_zone : float
+        Share of the speed's action around 0 that means rest.
+    first_episode : int
+        First episode of each seed; a resumed training begins where no specimen has been cut yet.
+    **arguments
+        Keyword arguments of ``cutenv/GentleCut-v1``.
+    """
+
+    def __init__(
+        self,
+        num_envs: int,
+        *,
+        first_seed: int,
+        history: int,
+        dead_zone: float,
+        first_episode: int = 0,
+        **arguments: Any,
+    ) -> None:
+        self._native = GentleCutVectorEnv(num_envs, autoreset_mode=AutoresetMode.NEXT_STEP, **arguments)
+        self.num_envs, self.metadata = num_envs, self._native.metadata
+        self._first_seed, self._first_episode, self._dead_zone = first_seed, first_episode, dead_zone
+        self._memory, self._frames = new_memory(num_envs, history)
+        self._begins = np.zeros(num_envs, bool)
+        self._fresh = True
+        size = feature_count(history)
+        self.single_observation_space = gymnasium.spaces.Box(-BOUND, BOUND, (size,), np.float32)
+        self.single_action_space = self._native.single_action_space
+        self.observation_space = gymnasium.spaces.Box(-BOUND, BOUND, (num_envs, size), np.float32)
+        self.action_space = self._native.action_space
+
+    @classmethod
+    def of_runner(cls, context: Any) -> RunnerEnv:
+        """Make the environment of a runner from its ``EnvContext``, on the one core that the runner has."""
+        set_cores(1)  # a process for each runner
+        return cls(**{"num_envs": 1} | dict(context))
+
+    def share_seeds(self, runner: int) -> None:
+        """Use the seeds of a runner, counted from 0; its environments follow those of the runners before it."""
+        self._first_seed += runner * self.num_envs
+
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+        """Reset every cut: at first to each seed's ``first_episode``, then to its next."""
+        seeds, first = None, {}
+        if self._fresh:
+            seeds = [self._first_seed + n for n in range(self.num_envs)]
+            first = {"episode": self._first_episode}
+        self._fresh = False
+        observations, _ = self._native.reset(seed=seeds, options=first)
+        self._begins = np.ones(self.num_envs, bool)
+        seen = self._seen(observations)
+        self._begins = np.zeros(self.num_envs, bool)
+        return seen, {}
+
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Step every environment with its action, shape (num_envs, 2), clipped to the range."""
+        commands = past_dead_zone(np.clip(np.asarray(actions, np.float32), -1.0, 1.0), self._dead_zone)
+        observations, rewards, ended, truncated, info = self._native.step(commands)
+        seen = self._seen(observations)
+        self._begins = ended
+        return seen, rewards, ended, truncated, {name: info[name] for name in _INFO if name in info}
+
+    def _seen(self, observations: np.ndarray) -> np.ndarray:
+        """Return the features; those of a cut that begins hold nothing of the cut before."""
+        forget(self._memory, self._frames, np.flatnonzero(self._begins))
+        return extract_batch(self._memory, self._frames, observations)

@@ -1,0 +1,179 @@
+"""Report of a training run: its agent beside every baseline on held-out specimens, as tables, picture and page."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from cutenv.learning.evaluation import Contestant, contestant, evaluate, run_cut
+from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS
+from cutenv.learning.statistics import best_script, differences, summarise
+from cutenv.learning.tables import SHOWN, print_differences, print_table, read_rows, write_csv
+from cutenv.policy import BASELINES, BOUND, GRID, IDLE, SCRIPTS, RandomAction
+from cutenv.report import CutPicture, TrainingResult, draw_cut, write_training_page
+
+_TEXTS = ("policy", "specimen_class", "end")
+
+
+def compare(
+    run: Path, facts: Mapping[str, Any], *, processes: int | None = None, baselines_of: Path | None = None
+) -> None:
+    """Evaluate the agent of a run and all baselines; write and print the scores, draw a cut, write the page.
+
+    Parameters
+    ----------
+    run : Path
+        Folder of the run, into which everything is written.
+    facts : mapping
+        Content of its ``run.json``.
+    processes : int, optional
+        Number of processes; default one per core.
+    baselines_of : Path, optional
+        Another run on the same specimens, whose baselines are taken over instead of being run again: they cut the same.
+
+    Raises
+    ------
+    ValueError
+        If the other run is on other specimens.
+    """
+    arguments, agent = facts["arguments"], facts["agent"]
+    learned = {agent: run / "policy"}
+    if (run / "untrained" / "card.json").is_file():
+        learned[f"{agent} untrained"] = run / "untrained"
+    seeds = TEST_SEEDS[: arguments["specimens"]]
+    shared = {"specimen_class": arguments["specimen_class"], "angle_mode": arguments["angle_mode"]}
+    if arguments["angle_mode"] == "fixed":
+        shared["fixed_angle_deg"] = arguments.get("fixed_angle_deg", 90.0)
+    rate = {"control_hz": arguments["control_hz"]}
+    contestants = {
+        **{name: contestant(str(folder)) for name, folder in learned.items()},
+        **{name: Contestant(make()) for name, make in BASELINES.items()},
+        "random": Contestant(RandomAction(), rate),  # at the agent's rate: rarer changes move the blade further
+    }
+    own = {name: one for name, one in contestants.items() if baselines_of is None or name in learned}
+    rows = evaluate(own, seeds, shared, processes=processes)
+    if baselines_of is not None:
+        rows += known_rows(baselines_of / "scores.csv", [name for name in contestants if name not in own], seeds)
+    write_csv(run / "scores.csv", rows)
+    summary = summarise(rows)
+    write_csv(run / "summary.csv", summary)
+    script = best_script(summary, [*GRID, *SCRIPTS])
+    feed = best_script(summary, GRID)
+    shown = [*learned, feed, *SCRIPTS, BOUND, *IDLE]
+    paired = differences([row for row in rows if row["policy"] in shown], agent)
+    write_csv(run / "differences.csv", paired)
+
+    seed = typical(rows, seeds, agent)
+    cuts = [picture(name, contestants[name], seed, shared) for name in (agent, script)]
+    draw_cut(
+        run / "cut.png",
+        cuts[0].readings,
+        cuts[0].depth,
+        target_length=cuts[0].target_length,
+        force_limit_per_depth=cuts[0].force_limit_per_depth,
+        title=f"{agent} on held-out specimen {seed}: {cuts[0].caption}",
+    )
+    curve = read_rows(run / "learning_curve.csv")
+    validated = [point for point in curve if "validation_return" in point]
+    chosen = max(validated, key=lambda point: point["validation_return"], default=None)
+    write_training_page(
+        run / "report.html",
+        TrainingResult(
+            title=f"Learning to cut gently: {run.name}",
+            subtitle=f"{agent} on simulated slices of measured liver, class {arguments['specimen_class']}",
+            facts=shown_facts(facts),
+            summary=[row for row in summary if row["policy"] in shown],
+            differences=paired,
+            agent=agent,
+            best_script=script,
+            bound=BOUND,
+            grid=grid_rows(summary),
+            cuts=cuts,
+            curve=curve,
+            chosen_at=None if chosen is None else int(chosen["decisions"]),
+        ),
+    )
+    print(f"\n{len(seeds)} held-out specimens of class {arguments['specimen_class']}, mean [95 % interval]\n")
+    print_table([row for row in summary if row["policy"] in shown], SHOWN[:4] + SHOWN[5:])
+    print_differences([row for row in paired if row["baseline"] in (script, feed, BOUND)])
+    print(f"\nWritten to {run}/: report.html (open it in a browser), policy/ (safetensors and card, needs no torch),")
+    print("scores.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json, cut.png")
+
+
+def known_rows(path: Path, policies: Sequence[str], seeds: Sequence[int]) -> list[dict[str, Any]]:
+    """Read the rows of these policies from another comparison; ValueError unless it is on the same specimens."""
+    with path.open() as file:
+        rows = [row for row in csv.DictReader(file) if row["policy"] in policies]
+    result: list[dict[str, Any]] = [
+        {name: value if name in _TEXTS else float(value) for name, value in row.items()} | {"seed": int(row["seed"])}
+        for row in rows
+    ]
+    for policy in policies:
+        if [row["seed"] for row in result if row["policy"] == policy] != list(seeds):
+            raise ValueError(f"{path} holds other specimens of {policy!r} than those asked for; compare without it.")
+    return result
+
+
+def typical(rows: Sequence[Mapping[str, Any]], seeds: Sequence[int], agent: str) -> int:
+    """Return the specimen on which the agent's return is its median: neither a show-piece nor an accident."""
+    own = sorted((row["return"], row["seed"]) for row in rows if row["policy"] == agent)
+    assert len(own) == len(seeds)
+    return int(own[len(own) // 2][1])
+
+
+def picture(name: str, one: Contestant, seed: int, shared: Mapping[str, Any]) -> CutPicture:
+    """Let a policy cut a specimen, for a picture."""
+    env = gymnasium.make(ENVIRONMENT, **{**shared, **one.arguments})
+    scores, readings = run_cut(env, one.policy, seed)
+    unwrapped: Any = env.unwrapped
+    return CutPicture(
+        policy=name,
+        caption=f"{scores['end']}, return {scores['return']:.2f}, tip error {scores['tip_error_mm']:.1f} mm",
+        readings=readings,
+        depth=np.array(unwrapped.specimen.depth),
+        target_length=unwrapped.cutting.target_length,
+        force_limit_per_depth=unwrapped.force_limit_per_depth,
+    )
+
+
+def grid_rows(summary: Sequence[Mapping[str, Any]]) -> list[dict[str, float]]:
+    """Return the table of return and success of every constant feed."""
+    values = {(row["policy"], row["score"]): row for row in summary}
+    return [
+        {
+            "speed_cm_s": speed,
+            "angle_deg": float(angle),
+            **{key: values[name, "return"][key] for key in ("mean", "low_95", "high_95")},
+            "success": values[name, "success"]["mean"],
+        }
+        for name, (speed, angle) in GRID.items()
+    ]
+
+
+def shown_facts(facts: Mapping[str, Any]) -> dict[str, str]:
+    """Return the facts about a run that its page shows."""
+    arguments = facts["arguments"]
+    result = {
+        "specimen class": arguments["specimen_class"],
+        "held-out specimens": str(arguments["specimens"]),
+        "seed": str(arguments["seed"]),
+        "decisions": f"{arguments['timesteps' if 'timesteps' in arguments else 'demonstrations']:,}".replace(",", " "),
+        "environment": facts["environment"],
+        "commit": facts["commit"] or "unknown",
+    }
+    if "dataset" in facts.get("taught_by", {}):
+        data = facts["taught_by"]
+        result["taught by"] = f"data set {data['dataset']}: {data['cuts']} cuts by {data['source']}"
+    if "training_minutes" in facts:
+        result["training took"] = f"{facts['training_minutes']} minutes"
+    if facts.get("level_with_script_after_s") is not None:
+        result["level with its teacher after"] = f"{facts['level_with_script_after_s']:.0f} s"
+    if "environments_share" in facts:
+        result["of that, the environments"] = f"{100.0 * facts['environments_share']:.0f} %"
+    result |= {f"seeds of {name}": f"{first} to {last}" for name, (first, last) in facts["seeds"].items()}
+    return result | {f"{name} version": version for name, version in facts["versions"].items()}

@@ -1,0 +1,198 @@
+"""Vector environments for Stable-Baselines3, over the compiled batch: ``NativeVecEnv`` and ``FeatureVecEnv``.
+
+Stable-Baselines3 takes no ``VectorEnv`` of Gymnasium; these step all environments in one compiled call, some hundred
+times faster than its ``DummyVecEnv`` over single environments.  They need the extra ``rl``::
+
+    from stable_baselines3 import PPO
+    from cutenv.sb3 import FeatureVecEnv
+
+    environments = FeatureVecEnv(64, control_hz=10)
+    model = PPO("MlpPolicy", environments, n_steps=128, batch_size=1024, gamma=1.0)
+    model.learn(500_000)
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import VecEnv
+
+from cutenv.envs.vector import GentleCutVectorEnv
+from cutenv.policy.features import FeatureBatch, past_dead_zone
+from cutenv.task.hidden import HIDDEN, reveal
+from cutenv.task.records import ENDS
+
+__all__ = ["FeatureVecEnv", "NativeVecEnv"]
+
+
+class NativeVecEnv(VecEnv):
+    """``cutenv/GentleCut-v1`` many times over, with its own observations and actions.
+
+    A cut that has ended begins anew within the same step; its return and length are in ``info["episode"]``, as from
+    Stable-Baselines3's ``Monitor``, beside ``is_success``, ``end`` and ``terminal_observation``.
+
+    Parameters
+    ----------
+    seeds : int or sequence of int
+        Number of environments, whose seeds then are 0, 1, 2, ..., or the seed of each.  An environment draws its
+        specimens, one for each episode, from its own seed; ``PPO(..., seed=...)`` has no influence on them.
+    **arguments
+        Keywords of ``cutenv/GentleCut-v1``.
+    """
+
+    def __init__(self, seeds: int | Sequence[int], **arguments: Any) -> None:
+        self.specimen_seeds = list(range(seeds) if isinstance(seeds, int) else seeds)  # SB3 has a _seeds of its own
+        """Seed of each environment."""
+        count = len(self.specimen_seeds)
+        self.native = GentleCutVectorEnv(count, autoreset_mode=AutoresetMode.DISABLED, **arguments)
+        self.first_episode = 0
+        """Number of the episode with which :meth:`reset` begins every environment."""
+        self.seconds = 0.0
+        """Time spent in :meth:`reset` and :meth:`step_wait` so far [s]."""
+        self._batch = self.native.batch
+        self._returns, self._lengths = np.zeros(count), np.zeros(count, int)
+        self._begun = time.monotonic()
+        self._actions = np.zeros((count, 2), np.float32)
+        super().__init__(count, self._make_observation_space(), self.native.single_action_space)
+
+    def _make_observation_space(self) -> gymnasium.Space[Any]:
+        """Return the space of what one environment shows."""
+        return self.native.single_observation_space
+
+    @property
+    def observations(self) -> np.ndarray:
+        """Observations of ``cutenv/GentleCut-v1``, shape (n, 12); the next step overwrites them."""
+        return self._batch.observations
+
+    def _observe(self) -> np.ndarray:
+        """Return what the environments show after a step; called once for each decision."""
+        return self.observations.copy()
+
+    def _observe_start(self, started: np.ndarray) -> np.ndarray:
+        """Return what the environments of these numbers show at the start of their cut."""
+        shown: np.ndarray = self.observations[started]
+        return shown
+
+    def reset(self) -> np.ndarray:
+        """Begin every environment anew, with episode :attr:`first_episode` of its seed."""
+        start = time.perf_counter()
+        self.native.reset(seed=self.specimen_seeds, options={"episode": self.first_episode})
+        self._returns[:] = self._lengths[:] = 0
+        shown = self._observe_start(np.arange(self.num_envs))
+        self.seconds += time.perf_counter() - start
+        return shown
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Take the actions, shape (n, 2), that :meth:`step_wait` carries out."""
+        self._actions[:] = actions
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Return observations, rewards, ends and infos; a cut that has ended begins anew at once."""
+        start = time.perf_counter()
+        rewards, (ends, *_) = self._batch.decide(self._actions)
+        self._returns += rewards
+        self._lengths += 1
+        shown, ended = self._observe(), ends != 0
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if ended.any():
+            finished = np.flatnonzero(ended)
+            success, now = self._batch.succeeded(), time.monotonic() - self._begun
+            for n in finished:
+                infos[n] = {
+                    "episode": {"r": float(self._returns[n]), "l": int(self._lengths[n]), "t": now},
+                    "is_success": bool(success[n]),
+                    "end": ENDS[ends[n]],
+                    "terminal_observation": shown[n].copy(),
+                }
+            self._batch.begin(finished)
+            self._returns[finished] = self._lengths[finished] = 0
+            shown[finished] = self._observe_start(finished)
+        self.seconds += time.perf_counter() - start
+        return shown, rewards.astype(np.float32), ended, infos
+
+    def close(self) -> None:
+        """Do nothing: the environments hold no files, processes or windows."""
+
+    def env_is_wrapped(
+        self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: Any = None
+    ) -> list[bool]:
+        """Return True for ``Monitor`` alone: no environment is wrapped, but returns and lengths are in the infos."""
+        return [wrapper_class is Monitor] * len(list(self._get_indices(indices)))
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Return an attribute of ``GentleCutEnv``, the same for all environments."""
+        value = getattr(self.native.single, attr_name)
+        return [value for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Raise NotImplementedError: the keywords of an environment are fixed when it is made."""
+        raise NotImplementedError(f"{attr_name} cannot be set; make the environments anew with other keywords.")
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Raise NotImplementedError: there are no single environments to call a method of."""
+        raise NotImplementedError(f"{method_name} cannot be called; all environments step in one call.")
+
+
+class FeatureVecEnv(NativeVecEnv):
+    """The environments that ``cutenv train`` trains in: observations are features, and the actions have a dead zone.
+
+    An observation is what :class:`cutenv.policy.Features` computes of those so far: forces by depth, an estimate of the
+    crack tip, the way to the target.  ``features`` is how many numbers that are.
+
+    Parameters
+    ----------
+    seeds : int or sequence of int
+        As for :class:`NativeVecEnv`.
+    history : int
+        Number of past decisions among the features.
+    dead_zone : float
+        Share of the speed's action around 0 that means rest, see :func:`cutenv.policy.past_dead_zone`.
+    force : bool
+        Whether the features include the force.
+    hidden_state : bool
+        Whether the hidden state of the simulator follows the features, for a critic to read as that of
+        :mod:`cutenv.learning.asymmetric_actor_critic` does.  A policy that reads it cannot be used on a rig.
+    **arguments
+        Keywords of ``cutenv/GentleCut-v1``.
+    """
+
+    def __init__(
+        self,
+        seeds: int | Sequence[int],
+        *,
+        history: int = 0,
+        dead_zone: float = 0.25,
+        force: bool = True,
+        hidden_state: bool = False,
+        **arguments: Any,
+    ) -> None:
+        count = seeds if isinstance(seeds, int) else len(seeds)
+        self._feature_batch = FeatureBatch(count, history=history, force=force)
+        self.features, self.dead_zone = self._feature_batch.size, dead_zone
+        self._hidden_state = hidden_state
+        self._all = np.arange(count)
+        super().__init__(seeds, **arguments)
+
+    def _make_observation_space(self) -> gymnasium.Space[Any]:
+        size = self.features + (len(HIDDEN) if self._hidden_state else 0)
+        return gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float32)
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Take the actions, shape (n, 2), to which the dead zone is then applied."""
+        super().step_async(past_dead_zone(actions, self.dead_zone))  # clipped by the environment
+
+    def _observe(self) -> np.ndarray:
+        return self._with_hidden_state(self._feature_batch(self.observations), self._all)
+
+    def _observe_start(self, started: np.ndarray) -> np.ndarray:
+        self._feature_batch.forget(started)  # the features of the cut before
+        return self._with_hidden_state(self._feature_batch(self.observations[started], started), started)
+
+    def _with_hidden_state(self, features: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        return reveal(self._batch.cuts, features, numbers) if self._hidden_state else features.copy()

@@ -1,0 +1,162 @@
+"""Baseline table: every baseline on 500 specimens of each class, with the rewards as drafted and as they are.
+
+    python scripts/baseline_table.py               half an hour on 2 cores; writes runs/headroom/
+    python scripts/baseline_table.py --print       prints what is in runs/headroom/
+
+It shows what there is to learn: the gap between the best script and the planner that knows the truth.
+
+The draft is printed too because it was found wanting, and corrected before any agent was trained: see
+:data:`cutenv.task.weights.DRAFT`.  Only the cuts of the planner that knows the truth depend on the reward; in class
+mixed, for which the draft was judged, it plans for each; all other cuts are only rewarded twice.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from cutenv.learning.evaluation import Contestant, evaluate
+from cutenv.learning.seeds import TEST_SEEDS
+from cutenv.learning.statistics import differences, summarise
+from cutenv.learning.tables import write_csv
+from cutenv.policy import BASELINES, BOUND, GRID, GRID_ANGLES, GRID_SPEEDS, IDLE, SCRIPTS, feed_name
+from cutenv.task.assessment import TIME_SCALE, TIP_ERROR_CAP, WORST_STORED
+from cutenv.task.weights import DRAFT, RewardWeights
+from cutenv.tissue.specimen import CLASSES
+
+FOLDER = Path("runs") / "headroom"
+SAFETY_ENDS = ("force_limit", "overshoot")
+DEADLINE = 30.0  # [s]
+
+
+def repaid(row: Mapping[str, Any], weights: RewardWeights) -> float:
+    """Return the return of a cut under other weights, from its terms under the present ones, all non-zero."""
+    present, total = dataclasses.asdict(RewardWeights()), float(row["reward_progress"])
+    for name, weight in dataclasses.asdict(weights).items():
+        total += float(row[f"reward_{name}"]) * weight / present[name]
+    if row["end"] in SAFETY_ENDS:
+        time_left = max(DEADLINE - float(row["time_s"]), 0.0)
+        total -= weights.time * time_left / TIME_SCALE
+        total -= weights.tip_error * TIP_ERROR_CAP + weights.wedge + weights.stored * WORST_STORED
+    return total
+
+
+def measure(specimen_class: str, specimens: int, processes: int | None) -> list[dict[str, Any]]:
+    """Return one row per cut: its scores, with ``return`` for the final and ``draft_return`` for the drafted reward."""
+    seeds, shared = TEST_SEEDS[:specimens], {"specimen_class": specimen_class}
+    contestants = {name: Contestant(make()) for name, make in BASELINES.items()}
+    rows = evaluate(contestants, seeds, shared, processes=processes, description=specimen_class)
+    if specimen_class != "mixed":  # where the draft was judged
+        for row in rows:
+            row["draft_return"], row["draft_end"] = repaid(row, DRAFT), row["end"]
+        return rows
+    drafted = shared | {f"weight_{name}": weight for name, weight in dataclasses.asdict(DRAFT).items()}
+    bound = {BOUND: contestants[BOUND]}
+    planned = evaluate(bound, seeds, drafted, processes=processes, description=f"{specimen_class}, draft")
+    by_seed = {row["seed"]: row for row in planned}
+    for row in rows:
+        bounds = row["policy"] == BOUND
+        row["draft_return"] = by_seed[row["seed"]]["return"] if bounds else repaid(row, DRAFT)
+        row["draft_end"] = by_seed[row["seed"]]["end"] if bounds else row["end"]
+    return rows
+
+
+def table(rows: Sequence[Mapping[str, Any]], score: str) -> dict[str, Mapping[str, Any]]:
+    """Return mean and interval of a score, by policy."""
+    return {row["policy"]: row for row in summarise(rows) if row["score"] == score}
+
+
+def best(values: Mapping[str, Mapping[str, Any]], names: Sequence[str]) -> str:
+    """Return the name with the highest mean."""
+    return max(names, key=lambda name: values[name]["mean"])
+
+
+def findings(rows: Sequence[Mapping[str, Any]], score: str) -> list[str]:
+    """Return the properties that the task must show, and whether it does."""
+    values = table(rows, score)
+    constant, script = best(values, list(GRID)), best(values, [*GRID, *SCRIPTS])
+    lead = next(
+        row for row in differences(rows, BOUND, (score,)) if row["baseline"] == script and row["score"] == score
+    )
+    width = values[script]["high_95"] - values[script]["low_95"]
+    finished = [row for row in rows if row["end"] == "finished" and row["policy"] != BOUND]
+    nothing = max(float(row[score]) for row in rows if row["policy"] == "nothing")
+    below = sum(float(row[score]) <= nothing for row in finished)
+    worst = min(float(row[score]) for row in finished)
+    ends = [row["end" if score == "return" else "draft_end"] for row in rows if row["policy"] == BOUND]
+    corner = feed_name(max(GRID_SPEEDS), min(GRID_ANGLES))
+    return [
+        f"best constant feed: {constant}, {values[constant]['mean']:.3f}"
+        + (" (the corner)" if constant == corner else f"; the corner {values[corner]['mean']:.3f}"),
+        f"best script: {script}, {values[script]['mean']:.3f}",
+        f"the planner with truth leads it by {lead['mean']:.3f} [{lead['low_95']:.3f}, {lead['high_95']:.3f}], "
+        f"{lead['mean'] / width:.1f} widths of the script's interval",
+        f"finished cuts that score no better than doing nothing ({nothing:.3f}): {below} of {len(finished)}; "
+        f"the worst scores {worst:.3f}",
+        f"the planner with truth meets the force limit in {ends.count('force_limit')} of {len(ends)} cuts",
+    ]
+
+
+def grid_lines(values: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return the speed x angle grid of mean returns as lines of text."""
+    lines = ["constant feed [cm/s]".ljust(22) + "".join(f"{speed:9.2f}" for speed in GRID_SPEEDS)]
+    for angle in GRID_ANGLES:
+        cells = [values[feed_name(speed, angle)]["mean"] for speed in GRID_SPEEDS]
+        lines.append(f"{angle:19d} deg" + "".join(f"{cell:9.3f}" for cell in cells))
+    return lines
+
+
+def report(rows: Sequence[Mapping[str, Any]], specimen_class: str) -> str:
+    """Return the tables of one class as text."""
+    cuts = len({row["seed"] for row in rows})
+    lines = [f"class {specimen_class}, {cuts} specimens, mean [95 % interval]", ""]
+    columns = {"return": "return", "draft_return": "as drafted", "success": "success", "tip_error_mm": "tip error [mm]"}
+    values = {score: table(rows, score) for score in columns}
+    chosen = [*SCRIPTS, best(values["return"], list(GRID)), BOUND, *IDLE]
+    lines.append("".ljust(28) + "".join(title.rjust(25) for title in columns.values()))
+    for name in sorted(chosen, key=lambda name: -values["return"][name]["mean"]):
+        cells = [values[score][name] for score in columns]
+        shown = [f"{cell['mean']:.3f} [{cell['low_95']:.3f}, {cell['high_95']:.3f}]" for cell in cells]
+        lines.append(name.ljust(28) + "".join(text.rjust(25) for text in shown))
+    for score, title in (("draft_return", "as drafted"), ("return", "as it is")):
+        lines += ["", f"rewards {title}"] + [f"  {line}" for line in findings(rows, score)]
+        lines += [f"  {line}" for line in grid_lines(values[score])]
+    return "\n".join(lines)
+
+
+def kept(folder: Path, specimen_class: str) -> list[dict[str, Any]]:
+    """Return the rows of an earlier measurement; SystemExit if there is none."""
+    path = folder / f"{specimen_class}.csv"
+    if not path.is_file():
+        raise SystemExit(f"{path} is missing; run 'python scripts/baseline_table.py' first.")
+    with path.open() as file:
+        texts = ("policy", "specimen_class", "end", "draft_end")
+        return [
+            {name: value if name in texts else float(value) for name, value in row.items()}
+            for row in csv.DictReader(file)
+        ]
+
+
+def main() -> None:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--specimens", type=int, default=500, metavar="N", help="specimens of each class; default 500")
+    parser.add_argument("--classes", nargs="+", choices=CLASSES, default=list(CLASSES), help="classes; default all")
+    parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=f"folder; default {FOLDER}")
+    parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
+    parser.add_argument("--print", action="store_true", help="print what has been measured before")
+    arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    for specimen_class in arguments.classes:
+        if not arguments.print:
+            rows = measure(specimen_class, arguments.specimens, arguments.processes)
+            write_csv(arguments.out / f"{specimen_class}.csv", rows)
+        print("\n" + report(kept(arguments.out, specimen_class), specimen_class), flush=True)
+
+
+if __name__ == "__main__":
+    main()

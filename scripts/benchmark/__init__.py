@@ -1,0 +1,1 @@
+"""Benchmark of all agents: protocol, training runs, statistics, robustness, table and page."""

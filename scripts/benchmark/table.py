@@ -1,0 +1,272 @@
+"""Table of a benchmark, as Markdown and as a page, made from summary.csv and sweeps.csv."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmark.aggregate import (
+    ALL,
+    UNCHANGED,
+    Line,
+    metric_scores,
+    read_summary,
+    rows_of,
+    summary,
+    sweep_lines,
+    verdict,
+)
+from benchmark.page import write_page_of
+from benchmark.protocol import ENTRIES, REFERENCE, Protocol, kept_protocol, slug
+from cutenv.atomic import replacing
+from cutenv.learning.provenance import marked
+from cutenv.learning.seeds import ENVIRONMENT
+from cutenv.learning.tables import write_csv
+from cutenv.policy import BOUND, IDLE, SCRIPTS
+
+PUBLISHED = Path(__file__).parents[2] / "assets" / "benchmark"
+"""The comparison that the README shows."""
+_ORIGIN = "origin.json"
+_TABLES = ("protocol.json", "summary.csv", "sweeps.csv", _ORIGIN)  # files from which text and page are generated
+_CUTS_KEPT = 10
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of the table: score in the summary, heading, factor and digits."""
+
+    score: str
+    heading: str
+    factor: float = 1.0
+    digits: int = 2
+    statistic: str = "interquartile mean"
+
+
+COLUMNS = (
+    Column("return", "return (IQM)", digits=3),
+    Column("success", "success [%]", 100.0, 0, "mean"),
+    Column("tip_error_mm", "tip error [mm]"),
+    Column("peak_force_N", "peak force [N]"),
+    Column("largest_jump_mm", "largest jump [mm]"),
+    Column("over_limit_N", "cost: force over limit [N]"),
+    Column("time_s", "time [s]", digits=1),
+)
+
+
+class Table:
+    """The summary, indexed by contestant, class, score and statistic."""
+
+    def __init__(self, lines: Sequence[Line], protocol: Protocol, sweeps: Sequence[dict[str, str]]) -> None:
+        self.lines, self.protocol, self.sweeps = lines, protocol, sweeps
+        self._by_key = {(line.contestant, line.specimen_class, line.score, line.statistic): line for line in lines}
+        self.headline = protocol.training_class
+        self.contestants = sorted(
+            {line.contestant for line in lines},
+            key=lambda name: -self._by_key[name, self.headline, "return", "interquartile mean"].interval.value,
+        )
+
+    def line(self, name: str, kind: str, score: str, statistic: str = "interquartile mean") -> Line | None:
+        """Return one number of the summary, if it is known."""
+        return self._by_key.get((name, kind, score, statistic))
+
+    def shown(self, line: Line | None, factor: float = 1.0, digits: int = 2, sign: str = "") -> str:
+        """Format a number with its interval; a dash if there is none."""
+        if line is None:
+            return "–"
+        value, low, high = (factor * number for number in (line.interval.value, line.interval.low, line.interval.high))
+        return f"{value:{sign}.{digits}f} [{low:{sign}.{digits}f}, {high:{sign}.{digits}f}]"
+
+    @property
+    def script(self) -> str | None:
+        """Best script: all differences but those of ablations are from it."""
+        scores = [line.score for line in self.lines if line.score.startswith("return minus ")]
+        names = {score.removeprefix("return minus ") for score in scores} - {REFERENCE}
+        return next(iter(names), None)
+
+    def kind(self, name: str) -> str:
+        """Return the kind of a contestant."""
+        if name in ENTRIES:
+            return "ablation" if ENTRIES[name].change else "learned"
+        if name == self.script:
+            return "best script"
+        return "upper bound: sees hidden state" if name == BOUND else "idle" if name in IDLE else "script"
+
+    def difference(self, name: str, other: str, score: str = "return") -> Line | None:
+        """Return a paired difference on the headline's specimens."""
+        return self.line(name, self.headline, f"{score} minus {other}", "mean")
+
+    def main(self) -> tuple[list[str], list[list[str]]]:
+        """Return heading and rows of the main table, the best return first."""
+        difference = f"return minus {self.script or 'best script'}"
+        columns = [column.heading for column in COLUMNS]
+        heading = ["policy", "kind", columns[0], difference, *columns[1:], "training decisions", "training [min]"]
+        rows = []
+        for name in self.contestants:
+            cells = [
+                self.shown(self.line(name, self.headline, c.score, c.statistic), c.factor, c.digits) for c in COLUMNS
+            ]
+            cells.insert(1, self.shown(self.difference(name, self.script or ""), digits=3, sign="+"))
+            decisions, minutes = (self.line(name, "", f"training_{what}", "mean") for what in ("decisions", "minutes"))
+            cells.append("–" if decisions is None else f"{decisions.interval.value / 1e6:.2f} million")
+            cells.append("–" if minutes is None else f"{minutes.interval.value:.1f}")
+            rows.append([name, self.kind(name), *cells])
+        return heading, rows
+
+    def verdicts(self) -> list[str]:
+        """Return one sentence about every learned agent."""
+        sentences = []
+        for name in self.contestants:
+            found = self.difference(name, self.script or "")
+            if name in ENTRIES and found is not None:
+                by = self.shown(found, digits=3, sign="+")
+                sentences.append(f"{name} against {self.script}: {verdict(found.interval)} ({by}).")
+        return sentences
+
+    def classes(self) -> tuple[list[str], list[list[str]]]:
+        """Return a table of the return on every class of specimens."""
+        kinds = [*self.protocol.classes, ALL]
+        rows = [
+            [name, *(self.shown(self.line(name, kind, "return"), digits=3) for kind in kinds)]
+            for name in self.contestants
+        ]
+        return ["policy", *kinds], rows
+
+    def ablations(self) -> tuple[list[str], list[list[str]]]:
+        """Return a table of the cost of each ablation, paired by specimen and training seed."""
+        rows = []
+        for name, entry in ENTRIES.items():
+            found = [self.difference(name, REFERENCE, score) for score in ("return", "success")]
+            if entry.change and found[0] is not None:
+                cells = [self.shown(found[0], digits=3, sign="+"), self.shown(found[1], 100.0, 1, "+")]
+                rows.append([entry.change, name, *cells])
+        return ["ablation", "agent", f"return minus {REFERENCE}", "success, percentage points"], rows
+
+    def metrics(self) -> tuple[list[str], list[list[str]]]:
+        """Return a table of every metric of the score card."""
+        names = metric_scores(self.lines)
+        rows = []
+        for score in names:
+            found = [self.line(name, self.headline, score) for name in self.contestants]
+            rows.append(
+                [score.removeprefix("metric_"), *("–" if f is None else f"{f.interval.value:.4g}" for f in found)]
+            )
+        return ["metric", *self.contestants], rows
+
+    def robustness(self) -> tuple[list[str], list[list[str]]]:
+        """Return a table of the return with other constants, below that with training's on the same specimens."""
+        names = [name for name in self.contestants if any(row["contestant"] == name for row in self.sweeps)]
+        settings: dict[tuple[str, ...], dict[str, str]] = {}
+        for row in self.sweeps:
+            number = f"{float(row['return']):.3f} [{float(row['low_95']):.3f}, {float(row['high_95']):.3f}]"
+            about = tuple(row[key] for key in ("constant", "unit", "default", "set_to"))
+            settings.setdefault(about, {})[row["contestant"]] = number
+        rows = []
+        for (constant, unit, default, value), own in settings.items():
+            about = ["as in training", "–", "–"]
+            if constant != UNCHANGED:
+                about = [f"{constant} [{unit}]", f"{float(default):.4g}", f"{float(value):.4g}"]
+            rows.append([*about, *(own.get(name, "–") for name in names)])
+        return ["constant", "in training", "set to", *names], rows
+
+
+def markdown_table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Format a Markdown table."""
+    lines = [heading, ["---"] * len(heading), *rows]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+
+
+def markdown(folder: Path) -> str:
+    """Return the block of the documentation: main table, verdicts, ablations, robustness."""
+    table = read_table(folder)
+    parts = [about(table), markdown_table(*table.main())]
+    if table.verdicts():
+        parts.append("\n".join(f"- {sentence}" for sentence in table.verdicts()))
+    for title, content in (
+        ("Return on every class of specimens", table.classes()),
+        ("What each ablation costs", table.ablations()),
+        ("Return where a constant is not what it was in training", table.robustness()),
+    ):
+        if content[1]:
+            parts += [f"{title}:", markdown_table(*content)]
+    return "\n\n".join(parts)
+
+
+def earlier(environment: str) -> str:
+    """Return a sentence about a table measured on another version of the environment; empty for the present one."""
+    if environment == ENVIRONMENT:
+        return ""
+    name = environment.partition("/")[2]
+    return f"Measured on {name}, which has another tissue and cutting law; not comparable with {ENVIRONMENT}. "
+
+
+def about(table: Table) -> str:
+    """Return one paragraph about what the numbers are."""
+    p = table.protocol
+    n = len(p.training_seeds)
+    return (
+        f"{earlier(p.environment)}Protocol {p.version}: "
+        f"{p.specimens} held-out specimens of class {p.training_class}, "
+        f"{n} training runs of {p.training_minutes:g} minutes on one core each; interquartile mean (success: mean) "
+        "with 95 % stratified bootstrap interval over runs and specimens. Differences are means, paired by specimen. "
+        "Training decisions include demonstrations and discarded checkpoints. "
+        f"'{ALL}' averages the pure classes (uniform, liver, vascular). "
+        f"With {n} training seeds, intervals understate the variation between runs."
+    )
+
+
+def read_table(folder: Path) -> Table:
+    """Read the table of a finished comparison."""
+    return Table(read_summary(folder / "summary.csv"), kept_protocol(folder), rows_of(folder / "sweeps.csv"))
+
+
+def origin_of(folder: Path) -> dict[str, Any]:
+    """Return commits and versions of the training runs, and some single cuts: from the runs, or as published.
+
+    The cuts are a script's first ones, by seed: repeating them shows whether the table belongs to the present physics
+    and reward.
+    """
+    if (folder / _ORIGIN).is_file():
+        kept: dict[str, Any] = json.loads((folder / _ORIGIN).read_text())
+        return kept
+    runs: list[dict[str, Any]] = [json.loads(path.read_text()) for path in sorted(folder.glob("runs/*/run.json"))]
+    kind = kept_protocol(folder).training_class
+    cuts = {name: rows_of(folder / "cuts" / f"{slug(name)}--{kind}.csv")[:_CUTS_KEPT] for name in SCRIPTS}
+    return {
+        "commits": sorted({commit for run in runs for commit in (marked(run), *run.get("resumed_at_commits", ()))}),
+        "versions": runs[-1]["versions"] if runs else {},
+        "returns": {name: {row["seed"]: float(row["return"]) for row in cuts[name]} for name in SCRIPTS if cuts[name]},
+    }
+
+
+def write_tables(folder: Path, protocol: Protocol) -> None:
+    """Write summary.csv, sweeps.csv, leaderboard.md and leaderboard.html; print the table."""
+    write_csv(folder / "summary.csv", [line.as_row() for line in summary(folder, protocol)])
+    sweeps: list[dict[str, Any]] = sweep_lines(folder, protocol)
+    if sweeps:
+        write_csv(folder / "sweeps.csv", sweeps)
+    text = markdown(folder)
+    (folder / "leaderboard.md").write_text(text + "\n")
+    write_leaderboard(folder / "leaderboard.html", folder)
+    print(text)
+    print(f"\nWritten to {folder}/: summary.csv, sweeps.csv, leaderboard.md, leaderboard.html")
+
+
+def write_leaderboard(path: Path, folder: Path) -> None:
+    """Write the page of a comparison."""
+    table = read_table(folder)
+    write_page_of(path, table, about(table), origin_of(folder))
+
+
+def publish(folder: Path, to: Path = PUBLISHED) -> None:
+    """Copy the files of a comparison from which text and page are generated."""
+    found = {name: (folder / name).read_bytes() for name in _TABLES if (folder / name).is_file()}
+    found[_ORIGIN] = (json.dumps(origin_of(folder), indent=1) + "\n").encode()
+    shutil.rmtree(to, ignore_errors=True)
+    to.mkdir(parents=True)
+    for name, content in found.items():
+        with replacing(to / name) as part:
+            part.write_bytes(content)

@@ -1,0 +1,17 @@
+"""Measurements of speed, each against something run in the same process; the program is scripts/bench.py."""
+
+from __future__ import annotations
+
+BENCHMARKS = {
+    "first": "first_use",
+    "step": "environment",
+    "batch": "batch",
+    "tick": "tick",
+    "field": "field",
+    "models": "models",
+    "factorisation": "factorisation",
+    "calibration": "calibration",
+    "ppo": "ppo",
+    "reading": "reading",
+}
+"""Name -> module with ``measure()``."""

@@ -1,0 +1,174 @@
+"""The native vector environment beside its own bare loop and beside Gymnasium's vector environments."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import cutenv  # noqa: F401  registers the environment
+from cutenv.compiled import compiled_for_cores
+from cutenv.cores import cores, over_cores
+from cutenv.cutting.abreast import hold_some
+from cutenv.cutting.drive import made_up
+from cutenv.cutting.records import READING, TICK
+from cutenv.cutting.simulate import update
+from cutenv.envs.vector import GentleCutVectorEnv
+from cutenv.portions import Portions, claim, finish
+from cutenv.task.cuts import Cuts
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
+from speed.gymnasium_vectors import ASYNC, NATIVE, SYNC, Other, step_rate
+from speed.limits import limits
+from speed.measured import Measured, Number, at_least, at_most
+
+SHARE_OF_BARE = 0.80
+"""Of the bare loop's rate that the environment must reach at :data:`MANY`."""
+TIMES_PENDULUM = 50.0
+"""Required over SyncVectorEnv of Pendulum-v1 at :data:`SOME`."""
+RESETS_IN_STEPS = 100.0
+"""Steps of the batch that resetting all of it may cost."""
+STRETCH = 2e6
+"""Control steps a second aimed at on two cores."""
+SOME, MANY = 1024, 4096
+COUNTS = (1, 16, 256, SOME, MANY, 65_536)
+_ACTION = (0.4, -1.0)  # a steady cut at 1 cm/s and 45 degrees
+_WARM_UP, _STEPS = 25, 25
+
+
+class Rates(NamedTuple):
+    """Control steps per second; the best of interleaved rounds."""
+
+    native: float
+    bare: float
+    """Of the updates alone, cuts abreast: no assessment, no observation, no info, no ends."""
+    single_file: float
+    """Of the same, one cut after the other."""
+    resets: float
+    """Environments begun per second."""
+
+
+@compiled_for_cores
+def _single_file(passed: Portions, core: int, cuts: Cuts, ticks: int, speed: float, angle: float) -> None:
+    """What :func:`cutenv.cutting.abreast.hold_some` does, one cut after the other."""
+    readings = np.empty(ticks, READING)
+    n, end = claim(passed, core, 1)
+    while n < end:
+        state, sensor, drive, law, profile = (
+            cuts.states[n],
+            cuts.sensors[n],
+            cuts.drives[n],
+            cuts.laws[n],
+            cuts.profiles[n],
+        )
+        share = made_up(drive, TICK)
+        for i in range(ticks):
+            update(state, profile, law, drive, sensor, share, speed, angle, TICK, readings[i])
+        finish(passed, core, 1)
+        n, end = claim(passed, core, 1)
+
+
+def rates(count: int, rounds: int | None = None) -> Rates:
+    """Measure ``count`` environments; each round begins them anew and cuts on from the same place.
+
+    Few environments are soon done, and disturbed the more: by default they take more rounds.
+    """
+    if rounds is None:
+        rounds = 30 if count < SOME else 7 if count <= MANY else 2
+    env = GentleCutVectorEnv(count)
+    actions = np.tile(np.array(_ACTION, np.float32), (count, 1))
+    speed, angle = SPEED_SCALE * _ACTION[0], ANGLE_CENTRE + ANGLE_SCALE * _ACTION[1]
+    commands, felt = np.tile((speed, angle), (count, 1)), np.empty(count)
+    best = [np.inf, np.inf, np.inf, np.inf]
+    for _ in range(rounds + 1):  # the first one warms up
+        start = time.perf_counter()
+        env.reset(seed=0)
+        best[3] = min(best[3], time.perf_counter() - start)
+        for _ in range(_WARM_UP):
+            env.step(actions)
+        abreast, alone = (Cuts(*(part.copy() for part in env.cuts)) for _ in range(2))
+        ways = (
+            lambda: env.step(actions),
+            lambda: over_cores(hold_some, count, *abreast[:5], commands, env.single.ticks, felt),  # noqa: B023
+            lambda: over_cores(_single_file, count, alone, env.single.ticks, speed, angle),  # noqa: B023
+        )
+        for k, way in enumerate(ways):
+            best[k] = min(best[k], _seconds(way))
+    return Rates(*(count / seconds for seconds in best))
+
+
+def _seconds(step: Callable[[], Any]) -> float:
+    start = time.perf_counter()
+    for _ in range(_STEPS):
+        step()
+    return (time.perf_counter() - start) / _STEPS
+
+
+def measure() -> Measured:
+    """Rates beside those of Gymnasium's vector environments, what is required of them, and what limits them."""
+    # These first: AsyncVectorEnv may fork, which is safest before this process has threads.
+    others = {
+        other: {count: step_rate(other, count) for count in COUNTS if count <= other.largest}
+        for other in (ASYNC, SYNC, NATIVE)
+    }
+    found = {}
+    for count in COUNTS:
+        found[count] = rates(count)
+        if count == SOME:  # once more beside ours: within minutes a shared machine changes its speed
+            others[SYNC][count] = max(others[SYNC][count], step_rate(SYNC, count))
+    limited = limits(found[MANY].native, found[MANY].bare)
+    lines = [*_table(found, others), *_verdicts(found[SOME], found[MANY], others[SYNC][SOME]), *limited.lines]
+    return Measured(_numbers(found, others) | dict(limited.numbers), lines)
+
+
+def _numbers(found: dict[int, Rates], others: dict[Other, dict[int, float]]) -> dict[str, Number]:
+    numbers = {}
+    for count, rate in found.items():
+        numbers[f"steps of cutenv/GentleCut-v1, {count}"] = Number(rate.native, "1/s")
+        numbers[f"bare loop, {count}"] = Number(rate.bare, "1/s")
+        numbers[f"of the bare loop, {count}"] = Number(rate.native / rate.bare, "1")
+        numbers[f"over the bare loop in single file, {count}"] = Number(rate.native / rate.single_file, "1")
+        numbers[f"resets of cutenv/GentleCut-v1, {count}"] = Number(rate.resets, "1/s")
+    for other, rate_of in others.items():
+        for count, per_second in rate_of.items():
+            numbers[f"steps of {other.name} in {other.way}, {count}"] = Number(per_second, "1/s")
+            over = found[count].native / per_second
+            numbers[f"over {other.name} in {other.way}, {count}"] = Number(over, "1")
+    return numbers
+
+
+def _table(found: dict[int, Rates], others: dict[Other, dict[int, float]]) -> list[str]:
+    lines = [
+        f"native vector environment on {cores()} cores, control steps of 20 force updates",
+        f"  beside {SYNC.name} in {SYNC.way}, to {SYNC.largest} of them, and in {ASYNC.way}, a process for each, to "
+        f"{ASYNC.largest};",
+        f"  beside {NATIVE.name} in {NATIVE.way}",
+        "             thousand environment steps a second         of the bare loop  ns an update  ms to reset",
+        "   number    cutenv      Sync     Async  CartPole   abreast  in single file     of cutenv          all",
+    ]
+    for count, rate in found.items():
+        beside = "".join(
+            f"{others[other][count] / 1e3:10.1f}" if count in others[other] else f"{'-':>10s}"
+            for other in (SYNC, ASYNC, NATIVE)
+        )
+        lines.append(
+            f"  {count:7d}{rate.native / 1e3:10.1f}{beside}{rate.native / rate.bare:10.2f}"
+            f"{rate.native / rate.single_file:16.2f}{1e9 / rate.native / 20:14.0f}{1e3 * count / rate.resets:13.1f}"
+        )
+    return lines
+
+
+def _verdicts(some: Rates, many: Rates, pendulum: float) -> list[str]:
+    of_bare, times, in_steps = many.native / many.bare, some.native / pendulum, many.native / many.resets
+    beside = (
+        f"{times:.0f} times SyncVectorEnv of Pendulum-v1 at {SOME} ({pendulum / 1e3:.0f} thousand/s; the bare loop "
+        f"alone {some.bare / pendulum:.0f} times)"
+    )
+    reset = f"resetting {MANY}: {1e3 * MANY / many.resets:.0f} ms, as much as {in_steps:.1f} steps of the batch"
+    return [
+        at_least(f"{of_bare:.2f} of the bare loop at {MANY}", of_bare, SHARE_OF_BARE),
+        at_least(beside, times, TIMES_PENDULUM),
+        at_least(f"{many.native / 1e6:.2f} million steps/s at {MANY}", many.native / 1e6, STRETCH / 1e6),
+        at_most(reset, in_steps, RESETS_IN_STEPS, f"{RESETS_IN_STEPS:g}"),
+    ]

@@ -1,0 +1,92 @@
+"""Count the floating-point operations of one force update: the law in plain Python, on numbers that count.
+
+NUMBA_DISABLE_JIT=1 python scripts/speed/operations.py
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+import sys
+from collections import Counter
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+from cutenv.cutting import drive as driving
+from cutenv.cutting import law as cutting_law
+from cutenv.cutting import sensor as sensing
+from cutenv.cutting import simulate
+from cutenv.cutting.records import READING, TICK
+from cutenv.plant import SimulatedPlant
+from cutenv.tissue import Specimen
+
+_counted: Counter[str] = Counter()
+_UPDATES = 2000
+
+
+class Counting(float):
+    """A float whose operations are counted; what comes of them counts too."""
+
+
+def _count(kind: str, plain: Callable[..., Any]) -> Callable[..., Any]:
+    def counted(*numbers: Any) -> Any:
+        result = plain(*(float(n) for n in numbers))
+        _counted[kind] += 1
+        return Counting(result) if isinstance(result, float) else result
+
+    return counted
+
+
+def _swapped(plain: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda a, b: plain(b, a)
+
+
+for _name, _kind, _plain in (
+    ("add", "additions", operator.add),
+    ("sub", "additions", operator.sub),
+    ("mul", "multiplications", operator.mul),
+    ("truediv", "divisions", operator.truediv),
+    ("pow", "multiplications", operator.pow),  # squares, all of them
+):
+    setattr(Counting, f"__{_name}__", _count(_kind, _plain))
+    setattr(Counting, f"__r{_name}__", _count(_kind, _swapped(_plain)))
+for _name in ("lt", "le", "gt", "ge"):
+    setattr(Counting, f"__{_name}__", _count("comparisons", getattr(operator, _name)))
+Counting.__neg__ = lambda self: Counting(-float(self))  # type: ignore[method-assign]
+Counting.__abs__ = lambda self: Counting(abs(float(self)))  # type: ignore[method-assign]
+
+
+def _in_counting(record: Any) -> SimpleNamespace:
+    """A record as an object with attributes that count."""
+    fields: dict[str, Any] = {}
+    for name in record.dtype.names:
+        value = record[name].tolist()
+        if isinstance(value, list):
+            fields[name] = [Counting(v) if isinstance(v, float) else v for v in value]
+        else:
+            fields[name] = Counting(value) if isinstance(value, float) else value
+    return SimpleNamespace(**fields)
+
+
+def operations_per_update(speed: float = 0.01, angle: float = math.radians(45.0)) -> dict[str, float]:
+    """Mean count of each kind over two seconds of a steady cut; functions of the mathematics library count as one."""
+    plant = SimulatedPlant(Specimen.mean(), angle=angle)
+    plant.advance(speed, angle, 1000)
+    c = plant.cuts[0]
+    state, profile, law, drive, sensor = (
+        _in_counting(c[part]) for part in ("state", "profile", "law", "drive", "sensor")
+    )
+    reading = SimpleNamespace(**dict.fromkeys(READING.names or (), 0.0))
+    share = driving.made_up(drive, TICK)
+    _counted.clear()
+    for _ in range(_UPDATES):
+        simulate.update(state, profile, law, drive, sensor, share, Counting(speed), Counting(angle), TICK, reading)
+    return {kind: count / _UPDATES for kind, count in _counted.items()}
+
+
+if __name__ == "__main__":
+    if hasattr(cutting_law.cut, "py_func") or hasattr(sensing.measure, "py_func"):
+        sys.exit("set NUMBA_DISABLE_JIT=1: compiled code cannot be counted")
+    for _kind, _number in sorted(operations_per_update().items()):
+        print(f"{_kind}: {_number:.1f}")

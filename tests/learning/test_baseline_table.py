@@ -1,0 +1,143 @@
+"""What there is to learn: cuts paid again by other weights, and findings that say what they find."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import sys
+
+import baseline_table
+import gymnasium
+import pytest
+from baseline_table import findings, grid_lines, repaid, report, table
+
+from cutenv.learning.evaluation import run_cut
+from cutenv.learning.seeds import ENVIRONMENT
+from cutenv.learning.tables import write_csv
+from cutenv.policy import BOUND, GRID, IDLE, SCRIPTS, ConstantFeed, NoAction, ProbeAndCreep, RandomAction, feed_name
+from cutenv.task.weights import DRAFT, RewardWeights
+
+OTHER = RewardWeights(
+    uncontrolled=0.7, jump=0.4, force=0.3, lag=0.21, backward=0.9, haste=0.5, time=0.6, tip_error=0.11, wedge=0.4,
+    stored=0.3,
+)  # fmt: skip
+ENDINGS = {
+    "finished": ({}, ProbeAndCreep()),
+    "overshoot": ({}, ConstantFeed(speed=0.0089)),
+    "force_limit": ({"force_limit_per_depth": 200.0}, ConstantFeed(speed=0.005)),
+    "deadline": ({}, RandomAction()),
+}
+
+
+def paid(policy, seed: int, weights: RewardWeights | None = None, **keywords: float) -> dict:
+    """The row of a cut in an environment with these weights."""
+    given = {} if weights is None else {f"weight_{name}": value for name, value in dataclasses.asdict(weights).items()}
+    return run_cut(gymnasium.make(ENVIRONMENT, specimen_class="vascular", **given, **keywords), policy, seed)[0]
+
+
+def row_that_ends(end: str) -> tuple[dict, int]:
+    keywords, policy = ENDINGS[end]
+    return next((row, seed) for seed in range(60) if (row := paid(policy, seed, **keywords))["end"] == end)
+
+
+@pytest.mark.parametrize("end", ENDINGS)
+@pytest.mark.parametrize("weights", [DRAFT, OTHER, RewardWeights()], ids=["draft", "other", "present"])
+def test_a_cut_is_repaid_what_the_environment_pays_with_those_weights(end, weights):
+    row, seed = row_that_ends(end)
+    keywords, policy = ENDINGS[end]
+    assert repaid(row, weights) == pytest.approx(paid(policy, seed, weights, **keywords)["return"], abs=1e-9)
+
+
+def test_the_weights_make_a_difference_so_the_check_can_fail():
+    for end in ENDINGS:
+        row, _ = row_that_ends(end)
+        assert abs(repaid(row, OTHER) - row["return"]) > 0.05
+
+
+def test_a_row_from_a_file_is_repaid_alike(tmp_path):
+    row, _ = row_that_ends("overshoot")
+    rows = [{"policy": "feed", **row, "draft_return": repaid(row, DRAFT), "draft_end": row["end"]}]
+    write_csv(tmp_path / "vascular.csv", rows)
+    assert repaid(baseline_table.kept(tmp_path, "vascular")[0], DRAFT) == repaid(row, DRAFT)
+
+
+CORNER, MIDDLE = feed_name(2.54, 45), feed_name(1.27, 45)
+
+
+def made_up(**means: float) -> list[dict]:
+    """Rows of every baseline on four specimens; returns spread by 0.1 about the mean that is given, 0.3 else."""
+    named = {"corner": CORNER, "middle": MIDDLE, "probing": "probe and creep", "bound": BOUND, "nothing": "nothing"}
+    given = {named[name]: mean for name, mean in means.items()}
+    rows = []
+    for policy in (*GRID, *SCRIPTS, BOUND, *IDLE):
+        for seed in range(4):
+            idle = policy in IDLE
+            value = given.get(policy, -1.0 if idle else 0.3) + (0.0 if idle else 0.1 * (seed % 2 - 0.5))
+            end = "deadline" if idle else "finished"
+            row = {"policy": policy, "seed": seed, "end": end, "draft_end": end, "return": value}
+            rows.append(row | {"draft_return": value - 0.2, "success": 0.5, "tip_error_mm": 2.0})
+    return rows
+
+
+def test_a_best_feed_in_the_corner_is_called_so():
+    assert findings(made_up(corner=0.6), "return")[0] == f"best constant feed: {CORNER}, 0.600 (the corner)"
+    assert findings(made_up(corner=0.6), "draft_return")[0] == f"best constant feed: {CORNER}, 0.400 (the corner)"
+
+
+def test_a_best_feed_elsewhere_is_told_beside_the_corner():
+    found = findings(made_up(middle=0.6, corner=0.5), "return")[0]
+    assert found == f"best constant feed: {MIDDLE}, 0.600; the corner 0.500"
+
+
+def test_the_lead_of_the_bound_is_told_in_widths_of_the_best_scripts_interval():
+    found = findings(made_up(probing=0.7, bound=0.9), "return")
+    assert found[1] == "best script: probe and creep, 0.700"
+    width = 2.0 * 1.96 * math.sqrt(4 * 0.05**2 / 3.0) / 2.0
+    assert found[2].startswith("the planner with truth leads it by 0.200 [0.200, 0.200], ")
+    assert found[2].endswith(f" {0.2 / width:.1f} widths of the script's interval")
+
+
+def test_finished_cuts_that_score_no_better_than_doing_nothing_are_counted():
+    fine = findings(made_up(nothing=-0.75), "return")[3]
+    assert fine.startswith(f"finished cuts that score no better than doing nothing (-0.750): 0 of {4 * (28 + 5)};")
+    rows = made_up(nothing=-0.75)
+    bad = [row for row in rows if row["policy"] == CORNER]
+    bad[0]["return"], bad[1]["return"] = -0.75, -3.0
+    bad[2]["return"], bad[2]["end"] = -3.0, "overshoot"  # not finished: it counts neither way
+    found = findings(rows, "return")[3]
+    assert "(-0.750): 2 of 131; the worst scores -3.000" in found
+
+
+def test_force_limits_that_the_bound_meets_are_counted_for_either_reward():
+    rows = made_up()
+    bounds = [row for row in rows if row["policy"] == BOUND]
+    bounds[0]["end"] = bounds[0]["draft_end"] = bounds[1]["draft_end"] = "force_limit"
+    assert findings(rows, "return")[4].endswith("in 1 of 4 cuts")
+    assert findings(rows, "draft_return")[4].endswith("in 2 of 4 cuts")
+
+
+def test_the_grid_shows_each_feed_where_it_belongs():
+    lines = grid_lines(table(made_up(corner=0.6, middle=0.7), "return"))
+    assert [float(cell) for cell in lines[0].split("]")[1].split()] == [0.10, 0.38, 0.89, 1.27, 1.65, 2.16, 2.54]
+    at_45 = [float(cell) for cell in lines[1].split("deg")[1].split()]
+    assert at_45 == [0.3, 0.3, 0.3, 0.7, 0.3, 0.3, 0.6]
+    assert len(lines) == 1 + 4
+
+
+def test_the_report_names_every_script_the_best_feed_the_bound_and_both_rewards():
+    text = report(made_up(middle=0.6), "liver")
+    assert "class liver, 4 specimens" in text
+    for name in (*SCRIPTS, MIDDLE, BOUND, *IDLE, "rewards as drafted", "rewards as it is"):
+        assert name in text
+    assert CORNER not in text.splitlines()[3:]
+
+
+def test_printing_what_was_never_measured_says_what_to_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["baseline_table.py", "--print", "--out", str(tmp_path), "--classes", "liver"])
+    with pytest.raises(SystemExit, match=r"liver\.csv is missing; run 'python scripts/baseline_table\.py' first"):
+        baseline_table.main()
+
+
+def test_doing_nothing_is_repaid_by_any_weights():
+    row = paid(NoAction(), 0)
+    assert repaid(row, DRAFT) == pytest.approx(-0.3 - 0.6, abs=1e-9)

@@ -1,0 +1,59 @@
+"""The agent in one file is one: it imports little, is short, and learns."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
+
+import ppo_minimal  # noqa: E402
+
+FILE = Path(ppo_minimal.__file__)
+MARGIN = 0.2
+"""Rise of the mean return on 100 held-out specimens; in half the time five seeds rose by 0.28 to 0.46."""
+
+
+def test_it_is_one_file_over_the_public_environment():
+    text = FILE.read_text()
+    assert len(text.splitlines()) < 300
+    imported = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            imported |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            imported.add(node.module)
+    ours = {name for name in imported if name.partition(".")[0] not in ("torch", "numpy", "gymnasium")}
+    assert ours == {"__future__", "argparse", "dataclasses", "time", "cutenv"}
+
+
+def test_it_trains_on_the_native_environment():
+    from cutenv.envs.vector import GentleCutVectorEnv
+
+    assert isinstance(ppo_minimal.make_env(2).unwrapped, GentleCutVectorEnv)
+
+
+def untrained(args):
+    torch.manual_seed(args.seed)
+    return ppo_minimal.Agent(12, 2, args.log_std)
+
+
+def test_it_learns_and_does_not_without_a_learning_rate():
+    args = ppo_minimal.Args(total_decisions=260_000, seed=1)
+    before, _ = ppo_minimal.evaluate(untrained(args), 100)
+    agent, curve = ppo_minimal.train(args, verbose=False)
+    after, _ = ppo_minimal.evaluate(agent, 100)
+    assert after > before + MARGIN
+    assert max(curve) > curve[0]
+    idle = ppo_minimal.Args(total_decisions=40_000, seed=1, learning_rate=0.0)
+    same, _ = ppo_minimal.evaluate(ppo_minimal.train(idle, verbose=False)[0], 100)
+    assert abs(same - before) < MARGIN / 4
+
+
+def test_two_trainings_of_one_seed_are_the_same():
+    args = ppo_minimal.Args(total_decisions=4_000, num_steps=64, num_envs=8, update_epochs=2, seed=3)
+    (one, curve), (other, again) = (ppo_minimal.train(args, verbose=False) for _ in range(2))
+    assert curve == again
+    assert all(torch.equal(a, b) for a, b in zip(one.parameters(), other.parameters(), strict=True))

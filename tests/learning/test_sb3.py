@@ -1,0 +1,143 @@
+"""Environments that step in one call cut exactly as single ones do."""
+
+from __future__ import annotations
+
+import gymnasium
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
+
+from stable_baselines3 import PPO
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from cutenv.learning.seeds import ENVIRONMENT
+from cutenv.policy import Features, past_dead_zone
+from cutenv.sb3 import FeatureVecEnv, NativeVecEnv
+from cutenv.task.hidden import HIDDEN
+
+SEEDS = (3, 8, 21)
+KEYWORDS = {"specimen_class": "mixed", "control_hz": 10, "deadline_s": 4.0}
+
+
+def actions(decisions: int) -> np.ndarray:
+    """Mostly onward, so that cuts end and others begin."""
+    return np.random.default_rng(5).uniform((-0.2, -1.0), (1.2, 1.0), (decisions, len(SEEDS), 2)).astype(np.float32)
+
+
+def many(decisions: int, **keywords) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Features, rewards and ends of all environments, each with axes (decision, environment, ...)."""
+    environments = FeatureVecEnv(SEEDS, history=2, dead_zone=0.25, hidden_state=True, **KEYWORDS, **keywords)
+    seen, rewards, ends = [environments.reset()], [], []
+    for chosen in actions(decisions):
+        shown, reward, done, _ = environments.step(chosen)
+        seen.append(shown)
+        rewards.append(reward)
+        ends.append(done)
+    return np.array(seen)[..., : -len(HIDDEN)], np.array(rewards), np.array(ends)
+
+
+def one(number: int, decisions: int, **keywords) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same of one environment through gymnasium.make."""
+    env, features = gymnasium.make(ENVIRONMENT, **KEYWORDS, **keywords), Features(history=2)
+    seen, rewards, ends = [features(env.reset(seed=SEEDS[number])[0])], [], []
+    for chosen in actions(decisions)[:, number]:
+        observation, reward, done, _, _ = env.step(past_dead_zone(np.clip(chosen, -1.0, 1.0), 0.25))
+        if done:
+            observation = env.reset()[0]
+            features.reset()
+        seen.append(features(observation))
+        rewards.append(np.float32(reward))
+        ends.append(done)
+    return np.array(seen), np.array(rewards), np.array(ends)
+
+
+@pytest.mark.parametrize("keywords", [{}, {"angle_mode": "fixed", "fixed_angle_deg": 60.0}], ids=["free", "fixed"])
+def test_they_cut_bit_for_bit_as_single_ones_do_over_episodes_with_resets(keywords):
+    together = many(130, **keywords)
+    for number in range(len(SEEDS)):
+        for batched, single in zip(together, one(number, 130, **keywords), strict=True):
+            assert np.array_equal(batched[:, number], single)
+    assert (together[2].sum(axis=0) >= 3).all()
+
+
+def test_another_dead_zone_would_be_noticed():
+    seen, _, _ = many(5)
+    other = FeatureVecEnv(SEEDS, history=2, dead_zone=0.1, **KEYWORDS)
+    other.reset()
+    for chosen in actions(5):
+        shown = other.step(chosen)[0]
+    assert not np.array_equal(shown[:, : -len(HIDDEN)], seen[-1])
+
+
+def test_they_begin_with_the_episode_that_is_asked_for_and_go_on_from_it():
+    environments = NativeVecEnv(SEEDS, **KEYWORDS)
+    environments.first_episode = 7
+    env = gymnasium.make(ENVIRONMENT, **KEYWORDS)
+    assert np.array_equal(environments.reset()[1], env.reset(seed=SEEDS[1], options={"episode": 7})[0])
+    for chosen in actions(130):
+        seen, _, ended, _ = environments.step(chosen)
+        if ended[1]:
+            assert np.array_equal(seen[1], env.reset(seed=SEEDS[1], options={"episode": 8})[0])
+            return
+    pytest.fail("no cut ended")
+
+
+def test_returns_lengths_and_ends_are_told():
+    environments = FeatureVecEnv(SEEDS, history=0, dead_zone=0.25, hidden_state=True, **KEYWORDS)
+    environments.reset()
+    total = np.zeros(len(SEEDS))
+    for k, chosen in enumerate(actions(40)):
+        _, rewards, dones, infos = environments.step(chosen)
+        total += rewards
+        for n in np.flatnonzero(dones):
+            assert infos[n]["episode"]["r"] == pytest.approx(total[n], abs=1e-5)
+            assert infos[n]["episode"]["l"] == k + 1
+            assert infos[n]["end"] in ("finished", "deadline", "overshoot", "force_limit")
+        if dones.any():
+            return
+    pytest.fail("no cut ended")
+
+
+def test_the_hidden_state_is_the_tip_first_of_all():
+    environments = FeatureVecEnv(SEEDS, history=0, dead_zone=0.25, hidden_state=True, **KEYWORDS)
+    seen = environments.reset()
+    for chosen in actions(15):
+        seen = environments.step(chosen)[0]
+    cuts = environments.native.cuts
+    assert seen[:, -len(HIDDEN)] == pytest.approx(100.0 * (cuts.tasks["target"] - cuts.states["tip"]), abs=1e-5)
+
+
+def test_adapted_as_it_is_it_does_what_stable_baselines_own_list_of_environments_does():
+    ours = NativeVecEnv(range(5, 8), **KEYWORDS)
+    theirs = DummyVecEnv([lambda: Monitor(gymnasium.make(ENVIRONMENT, **KEYWORDS))] * 3)
+    theirs.seed(5)
+    assert np.array_equal(ours.reset(), theirs.reset())
+    ended = 0
+    for chosen in actions(130):
+        mine, own = ours.step(chosen), theirs.step(chosen)
+        for one, other in zip(mine[:3], own[:3], strict=True):
+            assert np.array_equal(one, other)
+        for n in np.flatnonzero(mine[2]):
+            ended += 1
+            assert np.array_equal(mine[3][n]["terminal_observation"], own[3][n]["terminal_observation"])
+            assert mine[3][n]["is_success"] == own[3][n]["is_success"]
+            assert mine[3][n]["episode"]["l"] == own[3][n]["episode"]["l"]
+            assert mine[3][n]["episode"]["r"] == pytest.approx(own[3][n]["episode"]["r"], abs=1e-5)
+    assert ended >= 9
+
+
+def test_ppo_with_default_settings_takes_it():
+    model = PPO("MlpPolicy", NativeVecEnv(range(4), **KEYWORDS), n_steps=64, batch_size=64, seed=0)
+    model.learn(512)
+    assert model.ep_info_buffer
+
+
+def test_what_cannot_be_set_or_called_is_refused_and_says_why():
+    environments = NativeVecEnv(range(2), **KEYWORDS)
+    assert environments.get_attr("ticks") == [100, 100]
+    with pytest.raises(NotImplementedError, match="make the environments anew"):
+        environments.set_attr("ticks", 5)
+    with pytest.raises(NotImplementedError, match="step in one"):
+        environments.env_method("render")
