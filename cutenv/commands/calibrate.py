@@ -1,4 +1,4 @@
-"""From records of cuts to a tissue that environments take, and a card that says how far to trust it."""
+"""Calibrate a tissue for the environments from records of cuts, with a card that shows how far to trust it."""
 
 from __future__ import annotations
 

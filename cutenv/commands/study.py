@@ -1,4 +1,4 @@
-"""From records of several people to a study: reliability of metrics, separation of groups, learning by CUSUM."""
+"""Study records of several people: reliability of metrics, separation of groups, learning by CUSUM."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Run the same policy on the same specimens in the simulator and on a rig, and print whether they agree."""
+"""Run the same policy on the same specimens in the simulator and on a rig, and report whether they agree."""
 
 from __future__ import annotations
 

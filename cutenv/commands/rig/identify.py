@@ -1,7 +1,7 @@
 """Measure a rig's own constants with the blade in air: lag, dead time, acceleration, backlash, friction, sensor.
 
-The carriage is stepped, swung and turned round slowly, for about two minutes within some centimetres. The simulator
-takes what the file says then: gymnasium.make("cutenv/GentleCut-v1", rig="RIG.toml").
+The carriage makes steps, sines and slow reversals, for about two minutes within some centimetres. The simulator then
+uses the values in the file: gymnasium.make("cutenv/GentleCut-v1", rig="RIG.toml").
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Move the blade while an arrow key is held: right away from the clamp, left back, up and down turn it, q ends.
 
-A terminal tells of a held key by repeating it: after the last repeat the blade is told to rest within 0.2 s (0.4 mm at
-2 mm/s). A tap moves it for that long; a held key moves it once, pauses, and goes on with the terminal's first repeat.
+A terminal reports a held key by repeating it: within 0.2 s after the last repeat the blade is commanded to rest (0.4 mm
+at 2 mm/s). A tap moves it for that long; a held key moves it once, pauses, then follows the terminal's repeats.
 Any other key stops it at once. A software stop is not a safety function: keep the stop button in reach.
 """
 
