@@ -37,7 +37,7 @@ from cutenv.policy import BASELINES, BOUND, GRID, IDLE
 
 AGENTS = Path(__file__).parent
 SWEPT = ("PPO", "recurrent PPO", "behaviour cloning", "probe and creep", BEST_FEED)
-_CORE_SECONDS = {BOUND: 0.27, "planner, nominal": 0.12, "nothing": 0.06, "random": 0.06}
+_CORE_SECONDS = {BOUND: 0.27, "planner (nominal)": 0.12, "nothing": 0.06, "random": 0.06}
 """Of one cut with its score card, as measured on the machine of the README's timings; the others take this:"""
 _CORE_SECONDS_ELSE = 0.02
 _CLONING_S, _STARTING_S = 90.0, 20.0  # of a run of bc.py; of any run beside its training: imports, export
