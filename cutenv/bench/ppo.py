@@ -25,7 +25,7 @@ _UNITS = {"decisions": "1", "decisions_per_s": "1/s", "environments_share": "1"}
 def missing(checkout: Path) -> str | None:
     """Why PPO cannot be measured, and the cure; None if it can."""
     if not (checkout / "pyproject.toml").is_file() or not (checkout / "agents" / "speed.py").is_file():
-        return f"needs a checkout of cutenv: there is no agents/speed.py in {checkout}"
+        return "its learner, agents/speed.py, is not installed with the package; run this in a checkout of cutenv"
     absent = [name for name in LEARNERS if find_spec(name) is None]
     return f"{', '.join(absent)} not installed: pip install 'cutenv[rl]'" if absent else None
 
