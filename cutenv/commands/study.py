@@ -8,7 +8,14 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv.commands.options import add_record_options, add_target_length, command_parser, made_folder, target_length
+from cutenv.commands.options import (
+    add_record_options,
+    add_target_length,
+    command_parser,
+    made_folder,
+    target_length,
+    watched,
+)
 from cutenv.commands.records import Records, Source, read_records
 from cutenv.recording import OperatorRow, load_operators
 from cutenv.scoring import METRICS, score
@@ -50,8 +57,9 @@ def _study(arguments: argparse.Namespace) -> None:
             group=row.group,
             session=row.session,
         )
-        for row, i in assigned(rows, records, arguments.operators)
+        for row, i in watched(assigned(rows, records, arguments.operators), "scoring", "cut")
     ]
+    print("working out reliability, groups and learning ...", file=sys.stderr, flush=True)
     study = Study(
         name=arguments.name or arguments.operators.stem,
         cuts=cuts,
@@ -64,6 +72,7 @@ def _study(arguments: argparse.Namespace) -> None:
     for each in records.refused:
         print(f"note: left out: {each.name}: {each.reason}")
     if arguments.out is not None:
+        print("drawing the page ...", file=sys.stderr, flush=True)
         cards = write_study(arguments.out, study)
         print(f"\npage: {arguments.out}\ncards: {cards}")
 

@@ -20,7 +20,7 @@ SCRIPTS: dict[str, Callable[[], Policy]] = {
     "90-45-90": InclineBetween,
     "force feedback": ForceFeedback,
     "probe and creep": ProbeAndCreep,
-    "planner, nominal": PlannerNominal,
+    "planner (nominal)": PlannerNominal,
 }
 """Scripts that an engineer would program, besides the constant feeds."""
 BOUND = "planner with truth"

@@ -24,7 +24,7 @@ from cutenv.learning.tables import write_csv
 from cutenv.policy import BASELINES, BOUND, GRID, IDLE
 
 SWEPT = ("PPO", "recurrent PPO", "behaviour cloning", "probe and creep", BEST_FEED)
-_CORE_SECONDS = {BOUND: 0.27, "planner, nominal": 0.12, "nothing": 0.06, "random": 0.06}
+_CORE_SECONDS = {BOUND: 0.27, "planner (nominal)": 0.12, "nothing": 0.06, "random": 0.06}
 """Time of one cut with its score card, on the machine of docs/results/speed.md [core s]; the others take this:"""
 _CORE_SECONDS_ELSE = 0.02
 _CLONING_S, _STARTING_S = 90.0, 20.0  # of a run of bc.py; of any run beside its training: imports, export

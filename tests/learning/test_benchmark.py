@@ -266,7 +266,7 @@ def test_everything_that_is_asked_for_takes_part():
     assert Protocol().specimens == 1000
     assert len(Protocol().training_seeds) == 3
     assert {"PPO", "recurrent PPO", "behaviour cloning"} <= ENTRIES.keys()
-    assert {BEST_FEED, "probe and creep", "planner, nominal", "planner with truth"} <= set(SCRIPTED)
+    assert {BEST_FEED, "probe and creep", "planner (nominal)", "planner with truth"} <= set(SCRIPTED)
     assert {entry.change for entry in ENTRIES.values()} - {""} == {
         "the blade stays upright", "the force is not felt", "the critic does not see the truth",
         "the six past decisions are seen besides",

@@ -17,7 +17,7 @@ from cutenv.task.observation import SPEED_SCALE, in_units
 def test_the_names_are_the_grid_the_scripts_the_bound_and_the_idle():
     assert list(BASELINES) == [*GRID, *SCRIPTS, BOUND, *IDLE]
     assert len(GRID) == 7 * 4
-    assert set(SCRIPTS) == {"fast then slow", "90-45-90", "force feedback", "probe and creep", "planner, nominal"}
+    assert set(SCRIPTS) == {"fast then slow", "90-45-90", "force feedback", "probe and creep", "planner (nominal)"}
     assert set(IDLE) == {"random", "nothing"}
 
 

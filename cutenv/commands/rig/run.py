@@ -127,10 +127,12 @@ def _run(arguments: argparse.Namespace) -> int:
     if env.settings.angle_mode == "fixed" and not keywords:
         by_hand = math.degrees(env.settings.fixed_angle)
         print(f"the blade is set by hand, at {by_hand:.0f} degrees: angles that the policy asks for are ignored")
+    print("rehearsing on a fake rig ...", file=sys.stderr, flush=True)
     rehearse(env, policy, seed=arguments.seed)
     stopped = 0
     try:
         for number in range(arguments.cuts):
+            print(f"cut {number + 1} of {arguments.cuts} ...", file=sys.stderr, flush=True)
             told = cut(env, policy, seed=arguments.seed, episode=number)
             stopped += told["end"] == "stopped"
             print(_line(number, told, env), flush=True)
