@@ -6,10 +6,11 @@ import numpy as np
 
 try:
     import torch
-    from cutenv.sb3 import NativeVecEnv
     from stable_baselines3 import PPO
 except ModuleNotFoundError as error:
     sys.exit(f"{error.name} is not installed: pip install 'cutenv[rl]'")
+
+from cutenv.sb3 import NativeVecEnv
 
 torch.set_num_threads(1)  # two pools of threads get in each other's way
 envs = NativeVecEnv(range(64), specimen_class="uniform", target_length=0.08, control_hz=10)
