@@ -1,7 +1,9 @@
 """Many cuts abreast, a millisecond of all of them at a time: the same law, for several cuts in one instruction.
 
-No physics stands here, only the order of the work.  :mod:`cutenv.cutting.law` and its neighbours say what one cut does;
-here their functions are called in loops over a row of cuts, whose numbers lie side by side.  A loop that does nothing
+The functions of :mod:`cutenv.cutting.law` and its neighbours are called in loops over a row of cuts, whose numbers lie
+side by side.  Loading, growth of the crack and its arrest (``_load``, ``_grow``, ``_run``) are written again here,
+in the form that loops need: a change of the law has to be made in both places, and ``test_compiled_agreement`` fails
+where they differ.  A loop that does nothing
 but arithmetic is compiled to vector instructions, eight numbers at once on a processor that has them.  What fetches
 from each cut's own profile has loops of its own; so has turning, left out where no blade turns, and a run of a crack,
 which is followed one cut after the other.
