@@ -88,7 +88,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = command_parser(
         "rig emulate",
         __doc__,
-        examples=("--write emulated.toml", "--seed 3 --fault disconnect@5", "--list-faults"),
+        examples=("--write emulated.toml", "--seed 3 --fault sensor_silent@5", "--list-faults"),
         note="Drivers meet it by python-can's interface socketcand, channel vcan0, and by UDP. Ctrl-C ends it.",
     )
     add = parser.add_argument
