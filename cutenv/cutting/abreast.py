@@ -1,22 +1,12 @@
 """The cutting law, batched: one millisecond of many cuts at a time, several cuts in one SIMD instruction.
 
-<<<<<<< HEAD
 The functions of :mod:`cutenv.cutting.law` and its neighbours are called in loops over a row of cuts, whose state is a
-structure of arrays; :func:`_load`, :func:`_grow` and :func:`_run` repeat the sequence of ``law.move`` and ``law.cut``.
+structure of arrays; :func:`_load`, :func:`_grow` and :func:`_run` repeat the sequence of ``law.move`` and ``law.cut``: a
+change of the law has to be made in both places, and ``test_compiled_agreement`` fails where they differ.
 A loop that does nothing but arithmetic is compiled to vector instructions, eight numbers at once on a processor that
 has them.  Gathering from each cut's own profile has separate loops; so has turning, skipped where no blade turns, and
 the unstable run of a crack, which is computed one cut after the other.
 Results are bit for bit those of :func:`cutenv.cutting.simulate.update` on each cut alone (tested).
-=======
-The functions of :mod:`cutenv.cutting.law` and its neighbours are called in loops over a row of cuts, whose numbers lie
-side by side.  Loading, growth of the crack and its arrest (``_load``, ``_grow``, ``_run``) are written again here,
-in the form that loops need: a change of the law has to be made in both places, and ``test_compiled_agreement`` fails
-where they differ.  A loop that does nothing
-but arithmetic is compiled to vector instructions, eight numbers at once on a processor that has them.  What fetches
-from each cut's own profile has loops of its own; so has turning, left out where no blade turns, and a run of a crack,
-which is followed one cut after the other.
-Bit for bit, a cut does what :func:`cutenv.cutting.simulate.update` makes of it alone.
->>>>>>> mend
 """
 
 from __future__ import annotations
