@@ -157,11 +157,11 @@ def made_up(monkeypatch):
     monkeypatch.setattr(
         calibration, "session_times", lambda records: calibration.SessionTimes(84, 2_680_000, 4.0, 5.0, 1.0)
     )
-    monkeypatch.setattr(ppo, "missing", lambda checkout: None)
+    monkeypatch.setattr(ppo, "missing", lambda: None)
     read = {"numpy.loadtxt": 0.1, ".csv": 0.31, ".parquet": 0.01, ".h5": 0.25}
     monkeypatch.setattr(reading, "reading_times", lambda traces: read)
     speed = {"decisions": 65536.0, "decisions_per_s": 12345.0, "environments_share": 0.25}
-    monkeypatch.setattr(ppo, "training_speed", lambda checkout: speed)
+    monkeypatch.setattr(ppo, "training_speed", lambda program: speed)
 
 
 @pytest.mark.usefixtures("made_up")
