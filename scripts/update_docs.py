@@ -1,6 +1,6 @@
 """Print every generated number of the documentation: rewrite the blocks of its pages, or check them.
 
-    python scripts/update_docs.py parameters agreement specimens calibration speed headroom
+    python scripts/update_docs.py parameters agreement specimens calibration speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
@@ -26,7 +26,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import baseline_table as headroom
+import baseline_table
 import gymnasium
 import leaderboard
 import numpy as np
@@ -57,7 +57,7 @@ PAGES = {
     "results": "README.md",
     "training": "docs/results/training.md",
     "benchmark": "docs/results/leaderboard.md",
-    "headroom": "docs/results/baselines.md",
+    "baselines": "docs/results/baselines.md",
     "speed": "docs/results/speed.md",
     "agreement": "docs/validation/agreement.md",
     "specimens": "docs/validation/specimens.md",
@@ -200,13 +200,13 @@ def together(runs: list[Path], agent: str, script: str) -> dict[str, str]:
     return {name: str(value) for name, value in pooled.items()}
 
 
-def headroom_block(_: argparse.Namespace) -> str:
-    """Return what ``scripts/baseline_table.py`` has measured."""
+def baselines(_: argparse.Namespace) -> str:
+    """Return the tables that ``scripts/baseline_table.py`` has measured."""
     printed = []
-    measured = [name for name in reversed(CLASSES) if (ROOT / headroom.FOLDER / f"{name}.csv").is_file()]
+    measured = [name for name in reversed(CLASSES) if (ROOT / baseline_table.FOLDER / f"{name}.csv").is_file()]
     for specimen_class in measured or CLASSES:
-        rows = headroom.kept(ROOT / headroom.FOLDER, specimen_class)
-        printed.append(headroom.report(rows, specimen_class))
+        rows = baseline_table.kept(ROOT / baseline_table.FOLDER, specimen_class)
+        printed.append(baseline_table.report(rows, specimen_class))
     return "```\n" + "\n\n".join(printed) + "\n```"
 
 
@@ -311,7 +311,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "speed": speed,
     "training": training,
     "results": results,
-    "headroom": headroom_block,
+    "baselines": baselines,
     "benchmark": benchmark,
     "errata": errata,
     "metrics": metrics,
