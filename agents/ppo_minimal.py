@@ -214,7 +214,7 @@ def train(args: Args, verbose: bool = True) -> tuple[Agent, list[float]]:
 
 
 def main() -> None:
-    """Read the options, train, and evaluate beside the untrained agent."""
+    """Read the options, train, and evaluate the untrained and the trained agent."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for field in dataclasses.fields(Args):
         flag = "--" + field.name.replace("_", "-")

@@ -184,7 +184,7 @@ def share_seeds(*, env: RunnerEnv, env_context: Any, **_: Any) -> None:
 
 
 def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
-    """Log successes beside RLlib's returns."""
+    """Log successes in addition to RLlib's returns."""
     metrics_logger.log_value("success", float(episode.get_infos(-1)["is_success"]), window=200)
 
 

@@ -91,7 +91,7 @@ def parameters(_: argparse.Namespace) -> str:
 
 
 def agreement(_: argparse.Namespace) -> str:
-    """Return the thesis's numbers and those of independent calculations beside ours."""
+    """Return the thesis's numbers and those of independent calculations next to ours."""
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder) / "agreement.md"
         program = [sys.executable, str(ROOT / "scripts" / "reproduce_thesis.py"), "--out", folder]
@@ -107,17 +107,17 @@ def speed(_: argparse.Namespace) -> str:
 
 
 def specimens(_: argparse.Namespace) -> str:
-    """Return the output of ``scripts/fit_specimens.py``: virtual measurement of drawn specimens beside the tables."""
+    """Return the output of ``scripts/fit_specimens.py``: virtual measurement of drawn specimens next to the tables."""
     program = [sys.executable, str(ROOT / "scripts" / "fit_specimens.py"), "--livers", "150"]
     done = subprocess.run(program, check=True, stdout=subprocess.PIPE, text=True)
     return "```\n" + done.stdout.strip() + "\n```"
 
 
 def calibration(_: argparse.Namespace) -> str:
-    """Return the comparison that ``scripts/calibrate_virtual_rig.py`` prints: values found beside values put in."""
+    """Return the comparison that ``scripts/calibrate_virtual_rig.py`` prints: calibrated values and true values."""
     program = [sys.executable, str(ROOT / "scripts" / "calibrate_virtual_rig.py")]
     done = subprocess.run(program, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-    return "```\n" + done.stdout.partition("4. Beside what was put in:\n")[2].strip("\n") + "\n```"
+    return "```\n" + done.stdout.partition("4. Compared with the true values:\n")[2].strip("\n") + "\n```"
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
@@ -142,7 +142,7 @@ def training(arguments: argparse.Namespace) -> str:
 
 
 def compared(run: Path) -> str:
-    """Return the table of one run: the agent beside the baselines."""
+    """Return the table of one run: the agent and the baselines."""
     values = {(row["policy"], row["score"]): row for row in read_csv(run / "summary.csv")}
     paired = read_csv(run / "differences.csv")
     shown = [paired[0]["policy"], *dict.fromkeys(row["baseline"] for row in paired)]

@@ -241,7 +241,7 @@ class BCArguments(LearnerArguments):
             return dict(chosen)
         for name in ("demonstrations", "script", "demonstration_noise"):
             if name in chosen:
-                raise BadArguments(f"{flag_of(name)} belongs to a script; leave it out beside --dataset.")
+                raise BadArguments(f"{flag_of(name)} belongs to a script; leave it out with --dataset.")
         from cutenv.learning.minari_datasets import environment_of, opened
 
         try:

@@ -1,4 +1,4 @@
-"""Report of a training run: its agent beside every baseline on held-out specimens, as tables, picture and page."""
+"""Report of a training run: its agent and every baseline on held-out specimens, as tables, picture and page."""
 
 from __future__ import annotations
 

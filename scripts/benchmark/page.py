@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _CHIPS = {"learned": "learned", "best script": "best script", "upper bound: sees hidden state": "upper bound"}
 _ROLES = {"learned": "agent", "best script": "script", "upper bound: sees hidden state": "bound"}
 _NOT_SAID = (
-    "Cuts are simulated: nobody has measured how these policies do on a rig. Intervals cover specimens and a few "
+    "Cuts are simulated: these policies have not been measured on a rig. Intervals cover specimens and a few "
     "training runs, not the assumptions of the model; the sweep of constants covers some of those. No agent was "
     "trained or chosen on the held-out specimens, and no run but a comparison like this one cuts them. Mixed ones are "
     "drawn of liver and of vascular tissue from the same seeds."
@@ -114,27 +114,27 @@ def _ablations(standings: Table) -> Html:
     heading, rows = standings.ablations()
     if not rows:
         return paragraph("No ablation has been trained.")
-    told = paragraph(
+    explained = paragraph(
         "The same agent with one part changed, paired by specimen and training seed. Below 0 the part was useful."
     )
-    return joined(told, _plain("Mean paired differences with 95 % intervals", heading, rows))
+    return joined(explained, _plain("Mean paired differences with 95 % intervals", heading, rows))
 
 
 def _robustness(standings: Table) -> Html:
     heading, rows = standings.robustness()
     if not rows:
         return paragraph("No constant has been swept.")
-    told = paragraph(
+    explained = paragraph(
         "Each constant at both ends of its range, the others as in training; no policy is trained for it or informed. "
         "The first row changes none: a loss is the difference from it. In all rows the specimens are the "
         f"first {standings.protocol.sweep_specimens} of class {standings.headline}."
     )
-    return joined(told, _plain("Return, interquartile mean with 95 % interval", heading, rows))
+    return joined(explained, _plain("Return, interquartile mean with 95 % interval", heading, rows))
 
 
 def _metrics(standings: Table) -> Html:
-    told = paragraph("Interquartile means, in the unit of the name; the intervals are in summary.csv.")
-    return joined(told, folded("The table", _plain("Metrics of the score card", *standings.metrics())))
+    explained = paragraph("Interquartile means, in the unit of the name; the intervals are in summary.csv.")
+    return joined(explained, folded("The table", _plain("Metrics of the score card", *standings.metrics())))
 
 
 def _facts(standings: Table, origin: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -141,11 +141,11 @@ def _numbers(found: dict[int, Rates], others: dict[Other, dict[int, float]]) -> 
 def _table(found: dict[int, Rates], others: dict[Other, dict[int, float]]) -> list[str]:
     lines = [
         f"native vector environment on {cores()} cores, control steps of 20 force updates",
-        f"  beside {SYNC.name} in {SYNC.way}, to {SYNC.largest} of them, and in {ASYNC.way}, a process for each, to "
-        f"{ASYNC.largest};",
-        f"  beside {NATIVE.name} in {NATIVE.way}",
+        f"  compared with {SYNC.name} in {SYNC.way}, to {SYNC.largest} of them, and in {ASYNC.way}, a process "
+        f"for each, to {ASYNC.largest};",
+        f"  compared with {NATIVE.name} in {NATIVE.way}",
         "             thousand environment steps a second         of the bare loop  ns an update  ms to reset",
-        "   number    cutenv      Sync     Async  CartPole   abreast  in single file     of cutenv          all",
+        "   number    cutenv      Sync     Async  CartPole   batched      one by one     of cutenv          all",
     ]
     for count, rate in found.items():
         beside = "".join(
