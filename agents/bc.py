@@ -1,4 +1,4 @@
-"""Behaviour cloning over what the package gives, written out: imitate a script, without any trial.
+"""Behaviour cloning, written out with the parts of the package: imitate a script, without any trial.
 
     python agents/bc.py                             some three minutes; writes runs/<name>/policy/
     python agents/bc.py --epochs 20 --name mine

@@ -1,11 +1,11 @@
-"""PPO over what the package gives, written out from environments to exported policy: change what you like.
+"""PPO, written out with the parts of the package, from environments to exported policy: change what you like.
 
     python agents/ppo.py                            some ten minutes; writes runs/<name>/policy/
     python agents/ppo.py --timesteps 400000 --name mine
     cutenv evaluate runs/mine/policy "probe and creep"
 
-``cutenv train`` does the same, with --resume, --quick, an evaluation beside every baseline and a report; with the same
-options both make the same policy, bit for bit.  The options and what they mean are in ``cutenv/learning/arguments.py``.
+``cutenv train`` does the same, with --resume, --quick, an evaluation with every baseline and a report; with the same
+options both make the same policy, bit for bit.  The options are explained in ``cutenv/learning/arguments.py``.
 """
 
 from __future__ import annotations
@@ -65,13 +65,13 @@ def train(arguments: PPOArguments, run: Path) -> None:
         )
         clone(model.policy.action_for, model.policy.actor_parameters(), shown.by_decision(), seed=arguments.seed)
 
-    # Then it learns by trial.  Progress sets the exploration, lets the critic learn alone at first, averages the actor,
-    # and keeps in policy.zip the average that does best on validation specimens.
+    # Then it learns by trial.  Progress sets the exploration, trains only the critic at first, averages the actor, and
+    # keeps in policy.zip the average that does best on validation specimens.
     progress = Progress(run, arguments, curve=[])
     model.learn(arguments.timesteps, callback=progress)
     progress.validate()
 
-    # What cuts needs no torch: the actor's weights in safetensors, and a card.
+    # The exported policy needs no torch: the actor's weights in safetensors, and a card.
     best = PPO.load(run / "policy.zip", device="cpu").policy.state_dict()
     weights = {name: values.numpy() for name, values in best.items()}
     export(arguments, run / "policy", Network.from_state_dict(weights, "tanh"), facts)

@@ -3,11 +3,11 @@
     python agents/ppo_minimal.py                          about two minutes on one core
     python agents/ppo_minimal.py --total-decisions 200000 --seed 3
 
-It needs cutenv's environment, gymnasium, numpy and torch, and nothing of cutenv.learning.  It sees the 12 numbers of
+It needs cutenv's environment, gymnasium, numpy and torch, and nothing from cutenv.learning.  It sees the 12 numbers of
 the observation and learns by trial alone: no features, no demonstrations, no dead zone, and a critic that sees no more
 than the actor.  Measured with seeds 0 and 1: a return of -0.83 before, 0.01 and -0.04 after 1.5 million decisions (some
 two minutes), with success in 16 and 15 % of 200 held-out specimens; doing nothing earns -0.75.  The agent of
-``cutenv train`` has all of these: its demonstrations alone take it to 0.55, before it learns by trial.
+``cutenv train`` has all of these: it reaches 0.55 from its demonstrations alone, before it learns by trial.
 """
 
 from __future__ import annotations
@@ -214,7 +214,7 @@ def train(args: Args, verbose: bool = True) -> tuple[Agent, list[float]]:
 
 
 def main() -> None:
-    """Read the options, train, and evaluate beside the untrained agent."""
+    """Read the options, train, and evaluate the untrained and the trained agent."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for field in dataclasses.fields(Args):
         flag = "--" + field.name.replace("_", "-")

@@ -1,10 +1,10 @@
-"""Recurrent PPO over what the package gives, written out: the actor has a memory (LSTM) instead of a history.
+"""Recurrent PPO, written out with the parts of the package: the actor has a memory (LSTM) instead of a history.
 
     python agents/recurrent_ppo.py                  some twenty minutes; writes runs/<name>/policy/
     python agents/recurrent_ppo.py --timesteps 400000 --name mine
 
-``cutenv train --learner recurrent-ppo`` makes the same policy, with --resume, an evaluation and a report; ppo.py has
-the comments on what both do.
+``cutenv train --learner recurrent-ppo`` makes the same policy, with --resume, an evaluation and a report; the comments
+in ppo.py apply here too.
 """
 
 from __future__ import annotations

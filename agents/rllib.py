@@ -4,7 +4,7 @@
     python agents/rllib.py --address auto --workers 64      on the cluster to which this machine belongs
     python agents/rllib.py --resume runs/NAME         continues from the checkpoint of an interrupted run
 
-Ray wants a Gymnasium of its own choice, and so a virtual environment of its own, with ``pip install
+Ray pins its own version of Gymnasium, and so needs a virtual environment of its own, with ``pip install
 'cutenv[distributed]'``, on every machine of the cluster.  Each runner steps the native vector environment of the
 installed cutenv; the folder of this program is sent to it, and nothing else of this machine.  Ray's usage reports are
 off; a local cluster has no dashboard and listens on loopback.
@@ -49,7 +49,7 @@ class Arguments:
     """Arguments of a run; every field is an option of the command line."""
 
     name: str = option("", "name of the run's folder below runs/; default date and time")
-    resume: str = option("", "folder of an interrupted run to go on with; its other arguments are kept")
+    resume: str = option("", "folder of an interrupted run to resume; its other arguments are kept")
     address: str = option("", "address of a Ray cluster: auto, HOST:6379 or ray://HOST:10001; default this machine")
     workers: int = option(2, "number of environment runners, a process and a core each")
     environments: int = option(32, "number of environments in each runner")
@@ -64,7 +64,7 @@ class Arguments:
     batch_size: int = option(1024, "number of decisions in a gradient step")
     epochs: int = option(8, "number of passes over the sampled decisions")
     learning_rate: float = option(3e-4, "learning rate of Adam")
-    gamma: float = option(1.0, "discount of a decision")
+    gamma: float = option(1.0, "discount per decision")
     gae_lambda: float = option(0.95, "lambda of the generalised advantage estimate")
     hidden: int = option(64, "number of units in each of two layers")
     checkpoint_every: int = option(20, "number of rounds between checkpoints")
@@ -184,7 +184,7 @@ def share_seeds(*, env: RunnerEnv, env_context: Any, **_: Any) -> None:
 
 
 def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
-    """Log successes beside RLlib's returns."""
+    """Log successes in addition to RLlib's returns."""
     metrics_logger.log_value("success", float(episode.get_infos(-1)["is_success"]), window=200)
 
 
@@ -214,7 +214,7 @@ def train(
             if ppo.iteration % arguments.checkpoint_every == 0:
                 ppo.save_to_path((run / "checkpoint").absolute())
     except KeyboardInterrupt:
-        print(f"\ninterrupted; go on with: python agents/rllib.py --resume {run}")
+        print(f"\ninterrupted; resume with: python agents/rllib.py --resume {run}")
     ppo.save_to_path((run / "checkpoint").absolute())
     return curve
 
@@ -256,12 +256,12 @@ def main() -> None:
     resume = Path(arguments.resume) if arguments.resume else None
     if resume is not None:
         if not (resume / "checkpoint").is_dir():
-            raise SystemExit(f"{resume} holds no checkpoint/; give the folder of an interrupted run.")
+            raise SystemExit(f"{resume} contains no checkpoint/; give the folder of an interrupted run.")
         kept = json.loads((resume / "run.json").read_text())["arguments"]
         arguments = dataclasses.replace(Arguments(**kept), address=arguments.address, resume=arguments.resume)
     run = resume or Path("runs") / (arguments.name or time.strftime("rllib-%Y%m%d-%H%M%S"))
     if resume is None and run.exists():
-        raise SystemExit(f"{run} exists; give another --name, or --resume {run} to go on with it.")
+        raise SystemExit(f"{run} exists; give another --name, or --resume {run} to continue it.")
     run.mkdir(parents=True, exist_ok=True)
     facts = record_run(arguments, run)
     connect(arguments)

@@ -34,7 +34,7 @@ __all__ = ["FeatureVecEnv", "NativeVecEnv"]
 class NativeVecEnv(VecEnv):
     """``cutenv/GentleCut-v1`` many times over, with its own observations and actions.
 
-    A cut that has ended begins anew within the same step; its return and length are in ``info["episode"]``, as from
+    A cut that has ended starts again within the same step; its return and length are in ``info["episode"]``, as from
     Stable-Baselines3's ``Monitor``, beside ``is_success``, ``end`` and ``terminal_observation``.
 
     Parameters
@@ -43,7 +43,7 @@ class NativeVecEnv(VecEnv):
         Number of environments, whose seeds then are 0, 1, 2, ..., or the seed of each.  An environment draws its
         specimens, one for each episode, from its own seed; ``PPO(..., seed=...)`` has no influence on them.
     **arguments
-        Keywords of ``cutenv/GentleCut-v1``.
+        Keyword arguments of ``cutenv/GentleCut-v1``.
     """
 
     def __init__(self, seeds: int | Sequence[int], **arguments: Any) -> None:
@@ -62,7 +62,7 @@ class NativeVecEnv(VecEnv):
         super().__init__(count, self._make_observation_space(), self.native.single_action_space)
 
     def _make_observation_space(self) -> gymnasium.Space[Any]:
-        """Return the space of what one environment shows."""
+        """Return the space of one environment's observations."""
         return self.native.single_observation_space
 
     @property
@@ -71,16 +71,16 @@ class NativeVecEnv(VecEnv):
         return self._batch.observations
 
     def _observe(self) -> np.ndarray:
-        """Return what the environments show after a step; called once for each decision."""
+        """Return the observations after a step; called once for each decision."""
         return self.observations.copy()
 
     def _observe_start(self, started: np.ndarray) -> np.ndarray:
-        """Return what the environments of these numbers show at the start of their cut."""
+        """Return the observations of the environments with these indices at the start of their cut."""
         shown: np.ndarray = self.observations[started]
         return shown
 
     def reset(self) -> np.ndarray:
-        """Begin every environment anew, with episode :attr:`first_episode` of its seed."""
+        """Reset every environment to episode :attr:`first_episode` of its seed."""
         start = time.perf_counter()
         self.native.reset(seed=self.specimen_seeds, options={"episode": self.first_episode})
         self._returns[:] = self._lengths[:] = 0
@@ -89,11 +89,11 @@ class NativeVecEnv(VecEnv):
         return shown
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Take the actions, shape (n, 2), that :meth:`step_wait` carries out."""
+        """Store the actions, shape (n, 2), for :meth:`step_wait`."""
         self._actions[:] = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Return observations, rewards, ends and infos; a cut that has ended begins anew at once."""
+        """Return observations, rewards, ends and infos; a cut that has ended starts again at once."""
         start = time.perf_counter()
         rewards, (ends, *_) = self._batch.decide(self._actions)
         self._returns += rewards
@@ -131,8 +131,8 @@ class NativeVecEnv(VecEnv):
         return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Raise NotImplementedError: the keywords of an environment are fixed when it is made."""
-        raise NotImplementedError(f"{attr_name} cannot be set; make the environments anew with other keywords.")
+        """Raise NotImplementedError: the keyword arguments of an environment are fixed when it is made."""
+        raise NotImplementedError(f"{attr_name} cannot be set; make new environments with other keyword arguments.")
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
         """Raise NotImplementedError: there are no single environments to call a method of."""
@@ -140,15 +140,15 @@ class NativeVecEnv(VecEnv):
 
 
 class FeatureVecEnv(NativeVecEnv):
-    """The environments that ``cutenv train`` trains in: observations are features, and the actions have a dead zone.
+    """Environments of ``cutenv train``: the observations are features, and the actions have a dead zone.
 
-    An observation is what :class:`cutenv.policy.Features` computes of those so far: forces by depth, an estimate of the
-    crack tip, the way to the target.  ``features`` is how many numbers that are.
+    An observation is the output of :class:`cutenv.policy.Features`: forces by depth, an estimate of the crack tip, the
+    distance to the target.  The attribute ``features`` is its size.
 
     Parameters
     ----------
     seeds : int or sequence of int
-        As for :class:`NativeVecEnv`.
+        See :class:`NativeVecEnv`.
     history : int
         Number of past decisions among the features.
     dead_zone : float
@@ -156,10 +156,10 @@ class FeatureVecEnv(NativeVecEnv):
     force : bool
         Whether the features include the force.
     hidden_state : bool
-        Whether the hidden state of the simulator follows the features, for a critic to read as that of
-        :mod:`cutenv.learning.asymmetric_actor_critic` does.  A policy that reads it cannot be used on a rig.
+        Whether the hidden state of the simulator follows the features, for a critic such as that of
+        :mod:`cutenv.learning.asymmetric_actor_critic`.  A policy that reads it cannot be used on a rig.
     **arguments
-        Keywords of ``cutenv/GentleCut-v1``.
+        Keyword arguments of ``cutenv/GentleCut-v1``.
     """
 
     def __init__(
@@ -184,7 +184,7 @@ class FeatureVecEnv(NativeVecEnv):
         return gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float32)
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Take the actions, shape (n, 2), to which the dead zone is then applied."""
+        """Store the actions, shape (n, 2), after applying the dead zone."""
         super().step_async(past_dead_zone(actions, self.dead_zone))  # clipped by the environment
 
     def _observe(self) -> np.ndarray:

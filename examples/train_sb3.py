@@ -7,6 +7,8 @@ import numpy as np
 try:
     import torch
     from stable_baselines3 import PPO
+
+    from cutenv.sb3 import NativeVecEnv
 except ModuleNotFoundError as error:
     sys.exit(f"{error.name} is not installed: pip install 'cutenv[rl]'")
 

@@ -163,7 +163,7 @@ def deleting_its_record() -> Found:
 
 
 def filling_the_disk() -> Found:
-    """The disk takes no more of the record in the middle of a cut."""
+    """Fill the disk in the middle of a cut, so that the record cannot be continued."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     with tempfile.TemporaryDirectory() as folder:
         cut = _Cut(folder)
@@ -185,7 +185,7 @@ def filling_the_disk() -> Found:
 
 
 def resetting_at_rest() -> Found:
-    """The emulator pauses for 45 ms while the blade rests; the stop is reset and power asked for at once."""
+    """Pause the emulator for 45 ms while the blade rests, then reset the stop and request power at once."""
     wrong, seen = [], []
     with Scene() as scene:
         rig = scene.rig

@@ -1,13 +1,13 @@
-"""Baseline table: every baseline on 500 specimens of each class, with the rewards as drafted and as they are.
+"""Baseline table: every baseline on 500 specimens of each class, with the drafted and the present reward.
 
-    python scripts/baseline_table.py               half an hour on 2 cores; writes runs/headroom/
-    python scripts/baseline_table.py --print       prints what is in runs/headroom/
+    python scripts/baseline_table.py               half an hour on 2 cores; writes runs/baselines/
+    python scripts/baseline_table.py --print       prints what is in runs/baselines/
 
-It shows what there is to learn: the gap between the best script and the planner that knows the truth.
+It shows how much there is to learn: the gap between the best script and the planner that knows the truth.
 
-The draft is printed too because it was found wanting, and corrected before any agent was trained: see
-:data:`cutenv.task.weights.DRAFT`.  Only the cuts of the planner that knows the truth depend on the reward; in class
-mixed, for which the draft was judged, it plans for each; all other cuts are only rewarded twice.
+The draft is printed too because it was found to have defects, and corrected before any agent was trained: see
+:data:`cutenv.task.weights.DRAFT`.  Only the cuts of the planner that knows the truth depend on the reward.  In class
+mixed, on which the draft was judged, it plans for each reward; all other cuts are made once and rewarded twice.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from cutenv.task.assessment import TIME_SCALE, TIP_ERROR_CAP, WORST_STORED
 from cutenv.task.weights import DRAFT, RewardWeights
 from cutenv.tissue.specimen import CLASSES
 
-FOLDER = Path("runs") / "headroom"
+FOLDER = Path("runs") / "baselines"
 SAFETY_ENDS = ("force_limit", "overshoot")
 DEADLINE = 30.0  # [s]
 
@@ -76,7 +76,7 @@ def best(values: Mapping[str, Mapping[str, Any]], names: Sequence[str]) -> str:
 
 
 def findings(rows: Sequence[Mapping[str, Any]], score: str) -> list[str]:
-    """Return the properties that the task must show, and whether it does."""
+    """Return sentences about the properties that the task must have."""
     values = table(rows, score)
     constant, script = best(values, list(GRID)), best(values, [*GRID, *SCRIPTS])
     lead = next(
@@ -148,7 +148,7 @@ def main() -> None:
     parser.add_argument("--classes", nargs="+", choices=CLASSES, default=list(CLASSES), help="classes; default all")
     parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=f"folder; default {FOLDER}")
     parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
-    parser.add_argument("--print", action="store_true", help="print what has been measured before")
+    parser.add_argument("--print", action="store_true", help="print the kept tables without measuring again")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     for specimen_class in arguments.classes:

@@ -1,7 +1,7 @@
-"""Measure the speed of the environment on this machine, each number against something run in the same process.
+"""Measure the speed of the environment on this machine, each number compared with something run in the same process.
 
 python scripts/bench.py                 everything, some minutes
-python scripts/bench.py step tick       these alone
+python scripts/bench.py step tick       only these
 python scripts/bench.py --json FILE     keep the numbers; --compare FILE prints ratios to them later
 """
 

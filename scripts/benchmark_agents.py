@@ -1,14 +1,14 @@
-"""Benchmark: train every agent, let everything cut held-out specimens, print the table.
+"""Benchmark: train every agent, evaluate every policy on held-out specimens, print the table.
 
     python scripts/benchmark_agents.py              at most two hours on two cores; writes runs/benchmark/
-    python scripts/benchmark_agents.py --plan       what is left to do, and how long it takes
+    python scripts/benchmark_agents.py --plan       remaining work, and its duration
     python scripts/benchmark_agents.py --only PPO "probe and creep"
-    python scripts/benchmark_agents.py --quick      the whole machinery in some ten minutes; no result
+    python scripts/benchmark_agents.py --quick      a test of the whole program in some ten minutes; no result
     python scripts/benchmark_agents.py --table      the table again from the CSV files
-    python scripts/benchmark_agents.py --against        where it differs from the published one beyond both intervals
+    python scripts/benchmark_agents.py --against    where it differs from the published one beyond both intervals
 
-What is on disk is not done again: interrupt it when you like, and start it again.  scripts/benchmark/protocol.py
-defines what is compared, and how; the folder holds runs/ (one for each agent and training seed), cuts/ (every score of
+Finished parts are not repeated: interrupt it at any time, and start it again.  scripts/benchmark/protocol.py defines
+the comparison; the folder contains runs/ (one for each agent and training seed), cuts/ (every score of
 every cut), sweeps/ (with other constants), summary.csv, leaderboard.md and leaderboard.html.
 """
 
@@ -26,13 +26,15 @@ from cutenv.learning.evaluation import workers
 
 
 def main() -> None:
-    """Run what is asked for and not yet on disk."""
+    """Run the requested parts that are not yet on disk."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, help="folder; default runs/benchmark, with --quick runs/benchmark-quick")
-    parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help=f"of {', '.join((*ENTRIES, *SCRIPTED))}")
+    parser.add_argument(
+        "--only", nargs="+", default=[], metavar="NAME", help=f"participants to run: {', '.join((*ENTRIES, *SCRIPTED))}"
+    )
     parser.add_argument("--quick", action="store_true", help="few specimens and half a minute of training each")
-    parser.add_argument("--plan", action="store_true", help="print what is left to do, and stop")
-    parser.add_argument("--table", action="store_true", help="write the table from what is on disk, and stop")
+    parser.add_argument("--plan", action="store_true", help="print the remaining work, and stop")
+    parser.add_argument("--table", action="store_true", help="write the table from the files on disk, and stop")
     parser.add_argument(
         "--processes", type=int, default=os.cpu_count() or 1, help="number of processes; default one per core"
     )
@@ -64,7 +66,7 @@ def main() -> None:
             benchmark.cut(pool)
             benchmark.sweep(pool)
     except KeyboardInterrupt:
-        print("\ninterrupted; the same command goes on.")
+        print("\ninterrupted; the same command continues.")
         raise SystemExit(130) from None
     write_tables(folder, protocol)
 

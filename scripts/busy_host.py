@@ -58,7 +58,7 @@ class Lateness:
         raise TooBusy(
             f"{seen}. It may not ask for real-time priority (SCHED_RR, {PRIORITY}). Let it: as root, put the line\n"
             f"    {{user}} - rtprio {PRIORITY}\n"
-            "with your user's name into a file of /etc/security/limits.d and log in anew, or begin the command with"
+            "with your user's name into a file of /etc/security/limits.d and log in again, or start the command with"
             f"\n    sudo chrt --rr {PRIORITY}\n"
             "Or end what else runs here."
         )

@@ -144,12 +144,14 @@ def main() -> int:
             return status
         print(f"  {time.perf_counter() - start:.1f} s for {len(files)} cuts, reading and the card included")
 
-        print("\n4. Beside what was put in:\n")
+        print("\n4. Compared with the true values:\n")
         text, missed = compare(load_description(folder / "tissue.json"), truth(liver, [s for _, s in cuts]))
         print(text)
         if arguments.out is None:
             print("\nThe records, the tissue and the card are deleted now; --out FOLDER keeps them.")
-        print(f"\n{missed} of the intervals miss what was put in. They tell how cuts scatter; eta has a bias of 0.01.")
+        print(
+            f"\n{missed} of the intervals miss the true value. They describe how cuts scatter; eta has a bias of 0.01."
+        )
     return 0
 
 

@@ -2,7 +2,7 @@
 
 python scripts/leaderboard.py                     the published table, of assets/benchmark
 python scripts/leaderboard.py --page FILE         and as a page that opens without a network
-python scripts/leaderboard.py runs/benchmark --publish    make another the published one
+python scripts/leaderboard.py runs/benchmark --publish    publish another one
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from benchmark.table import PUBLISHED, markdown, publish, write_leaderboard
 
 
 def main() -> None:
-    """Print, and write what is asked for."""
+    """Print the table, and write the requested files."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", nargs="?", type=Path, default=PUBLISHED, help="folder of the benchmark")
     parser.add_argument("--page", type=Path, metavar="FILE", help="write the page there")

@@ -56,7 +56,7 @@ def release_notes(changelog: str, tag: str, version: str) -> str:
         )
     date, text = sections(changelog).get(version, ("", ""))
     if not text:
-        raise SystemExit(f"CHANGELOG.md says nothing about {version}. Add a section '## [{version}] - DATE'.")
+        raise SystemExit(f"CHANGELOG.md has no section about {version}. Add a section '## [{version}] - DATE'.")
     if not re.fullmatch(r"\d{4}-\d\d-\d\d", date):
         raise SystemExit(f"CHANGELOG.md gives {version} the date {date!r}. Write the day of the release: YYYY-MM-DD.")
     return text

@@ -1,4 +1,4 @@
-"""Print the thesis's numbers beside ours, misses included, and draw its figures.
+"""Print the thesis's numbers and ours, misses included, and draw its figures.
 
     python scripts/reproduce_thesis.py                      everything, about two minutes; figures into figures/
     python scripts/reproduce_thesis.py --quick              fewer speeds, specimens and policies

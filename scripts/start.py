@@ -44,7 +44,7 @@ UNREACHABLE = re.compile(
 
 
 class Refusal(Exception):
-    """Set-up cannot go on; the message says why and names the cure."""
+    """Set-up cannot continue; the message has the reason and the cure."""
 
 
 def supported_pythons(pyproject: str) -> list[str]:
@@ -99,12 +99,12 @@ def fingerprint(root: Path, python: str) -> str:
 
 
 def python_of(venv: Path) -> str:
-    """Path of a virtual environment's Python."""
+    """Return the path of a virtual environment's Python."""
     return str(venv / ("Scripts/python.exe" if os.name == "nt" else "bin/python"))
 
 
 def state_of(venv: Path, wanted: str, extra: str) -> str:
-    """Return whether ``venv`` is "ready", "stale" (install over it) or "broken" (make it anew; so is none)."""
+    """Return whether ``venv`` is "ready", "stale" (install over it) or "broken" (make it again, as if missing)."""
     stamp = venv / "cutenv-setup.txt"
     stamped = stamp.read_text() if stamp.is_file() else ""
     probe = [python_of(venv), "-c", "import pip, sys; print(sys.version)"]
@@ -133,11 +133,11 @@ def cure_for(errors: str) -> str:
             f"The index has no wheel of {missing[1]} for Python {PYTHON} on this machine. Cure: take another "
             "of the Pythons in pyproject.toml's classifiers, in its 64-bit build, or another index."
         )
-    return "pip failed; its own words stand above. What is half done is made anew at the next run."
+    return "pip failed; its own messages are above. Unfinished steps are repeated at the next run."
 
 
 def pip(venv: Path, *arguments: str) -> None:
-    """Run the environment's pip; what it complains of is shown, with the cure, only if it fails."""
+    """Run the environment's pip; its errors are shown, with the cure, only if it fails."""
     command = [python_of(venv), "-m", "pip", "--no-input", "--disable-pip-version-check", *arguments]
     done = subprocess.run(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
     if done.returncode != 0:
@@ -145,7 +145,7 @@ def pip(venv: Path, *arguments: str) -> None:
 
 
 def cuda_wheels(report: dict) -> list[str]:
-    """Addresses of the wheels in pip's plan that only an NVIDIA GPU has a use for, and of torch with them."""
+    """Return the addresses of the wheels in pip's plan that only an NVIDIA GPU can use, and of torch with them."""
     urls = {item["metadata"]["name"].lower(): item["download_info"]["url"] for item in report["install"]}
     cuda = [name for name in urls if name.startswith(("nvidia-", "cuda-")) or name == "triton"]
     return [urls[name] for name in (*cuda, "torch") if name in urls] if cuda else []
@@ -158,7 +158,7 @@ def download_bytes(url: str) -> int:
 
 
 def total_bytes(urls: list[str]) -> int | None:
-    """Add up the downloads; None where the index does not tell."""
+    """Add up the downloads [bytes]; None if the index does not give their sizes."""
     try:
         with ThreadPoolExecutor(8) as pool:
             return sum(pool.map(download_bytes, urls))
@@ -174,7 +174,7 @@ def check_cuda(report: dict, accepted: bool) -> None:
         return
     size = total_bytes(wheels)
     if not accepted:
-        shown = f"{size / 1e9:.1f} GB" if size else "gigabytes; the index does not tell how many"
+        shown = f"{size / 1e9:.1f} GB" if size else "gigabytes; the index does not give the size"
         raise Refusal(
             f"This machine has no NVIDIA driver, yet pip would download CUDA packages for torch ({shown}).\n"
             "Cure: add '--torch-index URL' with the address of an index of torch's CPU builds (PyTorch's "
@@ -184,7 +184,7 @@ def check_cuda(report: dict, accepted: bool) -> None:
 
 
 def make_venv(venv: Path) -> None:
-    """Make ``venv`` anew, empty but for pip."""
+    """Make ``venv`` again, with only pip in it."""
     check_disk(shutil.disk_usage(ROOT).free, DISK_BYTES)
     if Path(sys.prefix) == venv:
         raise Refusal(".venv is broken and in use. Cure: run this with the Python that it was made from.")
@@ -245,7 +245,7 @@ def main(argv: list[str]) -> int:
         print(f"\ncutenv: {refusal}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print("\ncutenv: interrupted; the same command begins anew", file=sys.stderr)
+        print("\ncutenv: interrupted; the same command starts again", file=sys.stderr)
         return 130
     if options.command == "setup":
         print(f"cutenv: {venv} is ready")

@@ -16,7 +16,7 @@ from cutenv.learning.tables import read_rows
 
 
 def kept_arguments(run: Path) -> LearnerArguments:
-    """Return those options of a run that every learner has; SystemExit if there is no run."""
+    """Return the options of a run that every learner has; SystemExit if there is no run."""
     path = run / "run.json"
     if not path.is_file():
         raise SystemExit(f"{path} is missing; give the folder of a finished run.")
@@ -32,7 +32,7 @@ def main() -> None:
     for run in parser.parse_args().runs:
         arguments, curve = kept_arguments(run), read_rows(run / "learning_curve.csv")
         if not curve or "seconds" not in curve[-1]:
-            raise SystemExit(f"{run} holds no learning curve with seconds; it was made by an earlier version.")
+            raise SystemExit(f"{run} contains no learning curve with seconds; it was made by an earlier version.")
         seconds = time_to_threshold(arguments, curve)
         after = "never" if seconds is None else f"after {seconds:.0f} s"
         print(f"{run.name}: as good as {arguments.script!r} {after}, of {curve[-1]['seconds']:.0f}")

@@ -1,12 +1,12 @@
 """Measure how fast PPO trains with the settings of ``cutenv train``, and the share of the environments.
 
     python scripts/training_speed.py               some 30 seconds; prints one line of JSON
-    python scripts/training_speed.py --updates 20  for a steadier number
+    python scripts/training_speed.py --updates 20  for a less variable number
 
 Part of scripts/bench.py.  The agent has the skill of the shipped one, explores as at the end of training, and keeps its
-skill (it learns, but next to nothing): one that knows nothing stands still until the deadline, which is cheaper to
-simulate than cutting and beginning anew.  Teaching, validation and report are left out: they are not what a decision
-costs.
+skill (its learning rate is almost zero): an untrained one stands still until the deadline, which is cheaper to simulate
+than cutting and starting again.  Pre-training, validation and report are left out, because they are not part of the
+cost of a decision.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ _NEXT_TO_NOTHING = 1e-9  # learning rate
 
 
 def speed(arguments: PPOArguments, updates: int) -> dict[str, float]:
-    """Train for so many updates after the first one, which compiles and begins every environment."""
-    torch.set_num_threads(1)  # as in training: two pools of threads on two cores fight
+    """Train for ``updates`` updates after the first one, which compiles and resets every environment."""
+    torch.set_num_threads(1)  # as in training: two thread pools on two cores compete
     model = new_model(arguments, arguments.environments_at(arguments.training_seeds))
     rollout = arguments.environments * arguments.rollout
     give_skill(model, arguments.last_exploration)
@@ -59,7 +59,9 @@ def give_skill(model: PPO, exploration: float) -> None:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--updates", type=int, default=8, metavar="N", help="of the networks (default 8)")
+    parser.add_argument(
+        "--updates", type=int, default=8, metavar="N", help="number of updates of the networks; default 8"
+    )
     updates = parser.parse_args().updates
     if updates < 1:
         parser.error(f"--updates {updates} is less than 1: nothing would be measured")

@@ -1,6 +1,6 @@
 """Print every generated number of the documentation: rewrite the blocks of its pages, or check them.
 
-    python scripts/update_docs.py parameters agreement specimens calibration speed headroom
+    python scripts/update_docs.py parameters agreement specimens calibration speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
@@ -26,7 +26,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import baseline_table as headroom
+import baseline_table
 import gymnasium
 import leaderboard
 import numpy as np
@@ -57,7 +57,7 @@ PAGES = {
     "results": "README.md",
     "training": "docs/results/training.md",
     "benchmark": "docs/results/leaderboard.md",
-    "headroom": "docs/results/baselines.md",
+    "baselines": "docs/results/baselines.md",
     "speed": "docs/results/speed.md",
     "agreement": "docs/validation/agreement.md",
     "specimens": "docs/validation/specimens.md",
@@ -91,7 +91,7 @@ def parameters(_: argparse.Namespace) -> str:
 
 
 def agreement(_: argparse.Namespace) -> str:
-    """Return the thesis's numbers and those of independent calculations beside ours."""
+    """Return the thesis's numbers and those of independent calculations next to ours."""
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder) / "agreement.md"
         program = [sys.executable, str(ROOT / "scripts" / "reproduce_thesis.py"), "--out", folder]
@@ -107,17 +107,17 @@ def speed(_: argparse.Namespace) -> str:
 
 
 def specimens(_: argparse.Namespace) -> str:
-    """Return the output of ``scripts/fit_specimens.py``: virtual measurement of drawn specimens beside the tables."""
+    """Return the output of ``scripts/fit_specimens.py``: virtual measurement of drawn specimens next to the tables."""
     program = [sys.executable, str(ROOT / "scripts" / "fit_specimens.py"), "--livers", "150"]
     done = subprocess.run(program, check=True, stdout=subprocess.PIPE, text=True)
     return "```\n" + done.stdout.strip() + "\n```"
 
 
 def calibration(_: argparse.Namespace) -> str:
-    """Return the comparison that ``scripts/calibrate_virtual_rig.py`` prints: values found beside values put in."""
+    """Return the comparison that ``scripts/calibrate_virtual_rig.py`` prints: calibrated values and true values."""
     program = [sys.executable, str(ROOT / "scripts" / "calibrate_virtual_rig.py")]
     done = subprocess.run(program, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-    return "```\n" + done.stdout.partition("4. Beside what was put in:\n")[2].strip("\n") + "\n```"
+    return "```\n" + done.stdout.partition("4. Compared with the true values:\n")[2].strip("\n") + "\n```"
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
@@ -142,7 +142,7 @@ def training(arguments: argparse.Namespace) -> str:
 
 
 def compared(run: Path) -> str:
-    """Return the table of one run: the agent beside the baselines."""
+    """Return the table of one run: the agent and the baselines."""
     values = {(row["policy"], row["score"]): row for row in read_csv(run / "summary.csv")}
     paired = read_csv(run / "differences.csv")
     shown = [paired[0]["policy"], *dict.fromkeys(row["baseline"] for row in paired)]
@@ -200,13 +200,13 @@ def together(runs: list[Path], agent: str, script: str) -> dict[str, str]:
     return {name: str(value) for name, value in pooled.items()}
 
 
-def headroom_block(_: argparse.Namespace) -> str:
-    """Return what ``scripts/baseline_table.py`` has measured."""
+def baselines(_: argparse.Namespace) -> str:
+    """Return the tables that ``scripts/baseline_table.py`` has measured."""
     printed = []
-    measured = [name for name in reversed(CLASSES) if (ROOT / headroom.FOLDER / f"{name}.csv").is_file()]
+    measured = [name for name in reversed(CLASSES) if (ROOT / baseline_table.FOLDER / f"{name}.csv").is_file()]
     for specimen_class in measured or CLASSES:
-        rows = headroom.kept(ROOT / headroom.FOLDER, specimen_class)
-        printed.append(headroom.report(rows, specimen_class))
+        rows = baseline_table.kept(ROOT / baseline_table.FOLDER, specimen_class)
+        printed.append(baseline_table.report(rows, specimen_class))
     return "```\n" + "\n\n".join(printed) + "\n```"
 
 
@@ -311,7 +311,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "speed": speed,
     "training": training,
     "results": results,
-    "headroom": headroom_block,
+    "baselines": baselines,
     "benchmark": benchmark,
     "errata": errata,
     "metrics": metrics,

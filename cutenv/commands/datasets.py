@@ -1,4 +1,4 @@
-"""Record cuts as a Minari data set with the force in newtons: of a script, a trained agent or a person.
+"""Record cuts as a Minari data set with the force in newtons: by a script, a trained agent or a person.
 
     cutenv datasets --dataset cutenv/probe-v0 --policy "probe and creep" --cuts 100
     cutenv datasets --dataset cutenv/agent-v0 --policy ppo-free
@@ -6,7 +6,7 @@
 
 A policy is named as for 'cutenv evaluate'; records are those of 'cutenv play' or of a rig.  The data set is written
 where Minari keeps them, MINARI_DATASETS_PATH or ~/.minari/datasets; nothing is downloaded.  'cutenv train --learner bc
---dataset ID' clones what it shows.
+--dataset ID' clones its cuts.
 """
 
 from __future__ import annotations
@@ -42,9 +42,7 @@ class Arguments:
     specimen_class: str = option("mixed", "class of the specimens that the policy cuts", CLASSES)
     angle_mode: str = option("free", "whether the blade may be turned", ("free", "fixed"))
     control_hz: int = option(10, "decisions per second; a trained policy has its own")
-    target_length: str = option(
-        "", "length of cut that records aim at, such as 80mm, where they have none of their own"
-    )
+    target_length: str = option("", "target length of the cut, such as 80mm, for records that have none of their own")
 
     def __post_init__(self) -> None:
         if not _ID.fullmatch(self.dataset):
@@ -61,7 +59,7 @@ class Arguments:
 
     @property
     def environment(self) -> dict[str, Any]:
-        """Keywords of the environment."""
+        """Keyword arguments of the environment."""
         return {name: getattr(self, name) for name in ("specimen_class", "angle_mode", "control_hz")}
 
 
@@ -76,7 +74,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def cuts_of(arguments: Arguments) -> tuple[dict[str, Any], list[Demonstration]]:
-    """Return the keywords of the environment, and the cuts: a policy's or those of records.
+    """Return the keyword arguments of the environment, and the cuts, made by a policy or read from records.
 
     Raises
     ------

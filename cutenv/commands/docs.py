@@ -11,7 +11,7 @@ from pathlib import Path
 from cutenv import resources
 
 PAGES = "site/index.html"
-"""The first page, below ``assets``; a wheel holds it, and a checkout does once it is built."""
+"""First page, below ``assets``: part of the wheel, and of a checkout once the pages are built."""
 BUILD = "python -m mkdocs build --strict"
 
 
@@ -42,6 +42,6 @@ def built_page() -> Path | None:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="cutenv docs", description=__doc__)
     parser.add_argument(
-        "--print-path", action="store_true", help="print where the first page lies instead of opening it"
+        "--print-path", action="store_true", help="print the path of the first page instead of opening it"
     )
     return parser

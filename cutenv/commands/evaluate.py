@@ -3,7 +3,7 @@
     cutenv evaluate "probe and creep" runs/NAME/policy     these two, on 200 test specimens of class mixed
     cutenv evaluate all --specimens 500 --out runs/all     every baseline; CSV files into a folder
     cutenv evaluate --list                                 names of the baselines
-    cutenv evaluate --report runs/NAME                     the report of a finished training run once more
+    cutenv evaluate --report runs/NAME                     the report of a finished training run, made again
 
 A policy is the name of a baseline or of a shipped policy (ppo-free), or the folder of a trained one, which holds
 policy.safetensors and card.json.
@@ -75,12 +75,12 @@ def _evaluate(arguments: argparse.Namespace) -> None:
 
 
 def _report(arguments: argparse.Namespace) -> None:
-    """Evaluate the agent of a finished run beside all baselines again, and write its report."""
+    """Evaluate the agent of a finished run with all baselines again, and write its report."""
     from cutenv.learning.training_report import compare
 
     run = arguments.report
     if not (run / "policy" / "card.json").is_file():
-        raise ValueError(f"{run} holds no policy/card.json; give the folder of a finished run.")
+        raise ValueError(f"{run} contains no policy/card.json; give the folder of a finished run.")
     facts = json.loads((run / "run.json").read_text())
     compare(run, facts, processes=arguments.processes, baselines_of=arguments.baselines_of)
 
@@ -93,15 +93,17 @@ def _parser() -> argparse.ArgumentParser:
         "policies", nargs="*", metavar="POLICY", help="baseline, shipped policy, folder of a trained policy, or all"
     )
     parser.add_argument("--list", action="store_true", help="print the names of the baselines")
-    parser.add_argument("--specimen-class", choices=CLASSES, default="mixed", help="default mixed")
+    parser.add_argument(
+        "--specimen-class", choices=CLASSES, default="mixed", help="class of the specimens; default mixed"
+    )
     parser.add_argument("--specimens", type=int, default=200, metavar="N", help="number of specimens; default 200")
-    parser.add_argument("--validation", action="store_true", help="validation instead of test specimens")
+    parser.add_argument("--validation", action="store_true", help="take validation specimens instead of test specimens")
     parser.add_argument(
         "--out", type=Path, metavar="FOLDER", help="write scores.csv, summary.csv and differences.csv here"
     )
     parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
     parser.add_argument("--report", type=Path, metavar="RUN", help="evaluate a finished training run again, and report")
     parser.add_argument(
-        "--baselines-of", type=Path, metavar="RUN", help="with --report: take over the baselines of another run"
+        "--baselines-of", type=Path, metavar="RUN", help="with --report: reuse the baselines of another run"
     )
     return parser

@@ -77,7 +77,7 @@ def read_records(arguments: argparse.Namespace) -> Records:
             notes += [f"{named.metadata['name']}: {flaw.message}" for flaw in wrong]
             traces.append(named)
             sources.append(source)
-    notes += [f"columns as kept in {path}; --map says otherwise" for path in sorted(remembered)]
+    notes += [f"columns as kept in {path}; --map replaces them" for path in sorted(remembered)]
     if refused and not arguments.skip_bad:
         listed = "\n".join(f"  {each.name}: {each.reason}" for each in refused)
         many = f"{len(refused)} bad records; --skip-bad goes on without them"
@@ -94,7 +94,7 @@ def read_records(arguments: argparse.Namespace) -> Records:
 def _mapping(arguments: argparse.Namespace) -> ColumnMap | None:
     if arguments.map is None:
         if arguments.unit is not None:
-            raise ValueError("--unit goes with --map: a file of our own says its units in the header.")
+            raise ValueError("--unit goes with --map: cutenv's own files have their units in the header.")
         return None
     return ColumnMap.parse(arguments.map, unit=arguments.unit)
 

@@ -1,4 +1,4 @@
-"""Score cuts, whoever made them: a card, a page that says what to try next, and a table of many."""
+"""Score cuts of people or policies: a card, a page with advice, and a table of several cuts."""
 
 from __future__ import annotations
 

@@ -2,12 +2,12 @@
 
     cutenv train                        PPO; about 10 minutes on 2 cores; writes runs/<name>/
     cutenv train --quick                about two minutes
-    cutenv train --resume runs/NAME     goes on from the checkpoint of an interrupted run
+    cutenv train --resume runs/NAME     continues an interrupted run from its checkpoint
     cutenv train --learner recurrent-ppo    the actor has a memory; about 20 minutes
     cutenv train --learner bc               behaviour cloning, without any trial; some three minutes
     cutenv train --learner bc --dataset ID  clones a Minari data set (cutenv datasets) instead of a script
 
-Options that are worth a try with PPO: --angle-mode fixed, --force unfelt, --history 6, --critic features.
+Options worth trying with PPO: --angle-mode fixed, --force unfelt, --history 6, --critic features.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _learner(argv: Sequence[str]) -> tuple[str, list[str]]:
-    """Return the learner's name, which a run that is resumed knows, and the rest of the command line."""
+    """Return the learner's name, read from run.json when resuming, and the rest of the command line."""
     first = argparse.ArgumentParser(prog="cutenv train", add_help=False, allow_abbrev=False)
     first.add_argument("--learner", choices=LEARNERS)
     chosen, rest = first.parse_known_args(argv)
@@ -83,7 +83,7 @@ def _run(learner: str, request: RunRequest[Any]) -> None:
 
 
 def _program() -> str:
-    """Return how this program is called: ``cutenv`` where the shell finds it, else by its Python."""
+    """Return the command that starts this program: ``cutenv`` where the shell finds it, else Python with ``-m``."""
     if shutil.which("cutenv"):
         return "cutenv"
     python = Path(sys.executable)

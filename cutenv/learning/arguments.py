@@ -40,25 +40,25 @@ class LearnerArguments:
     quick: ClassVar[Mapping[str, Any]] = {}
     """Values that ``--quick`` sets."""
 
-    name: str = option("", "folder below runs/; default: date and time")
+    name: str = option("", "name of the run's folder below runs/; default date and time")
     seed: int = option(0, "seed of networks, exploration and training specimens")
     minutes: float = option(
-        0.0, "minutes of wall clock after which training ends, demonstrations included; 0: no limit", resumable=True
+        0.0, "wall-clock minutes after which training ends, demonstrations included; 0: no limit", resumable=True
     )
     specimen_class: str = option("mixed", "class of the specimens to train and test on", CLASSES)
     angle_mode: str = option("free", "whether the agent turns the blade", ("free", "fixed"))
-    fixed_angle_deg: float = option(90.0, "angle of the blade [deg] if the agent does not turn it")
+    fixed_angle_deg: float = option(90.0, "angle of a blade that the agent does not turn [deg]")
     control_hz: int = option(10, "decisions per second")
     history: int = option(6, "number of past decisions among the features")
     force: str = option("felt", "whether the agent feels the force", ("felt", "unfelt"))
     dead_zone: float = option(0.25, "share of the speed's action around 0 that means rest")
-    environments: int = option(64, "number of environments that step together")
-    hidden: int = option(64, "units in each layer")
-    demonstrations: int = option(200_000, "decisions of a script that the actor is first trained to imitate; 0: none")
-    script: str = option("probe and creep", "script that is imitated", tuple(SCRIPTS))
-    demonstration_noise: float = option(0.15, "standard deviation of the noise on every other demonstration")
+    environments: int = option(64, "number of environments that run side by side")
+    hidden: int = option(64, "number of units in each layer")
+    demonstrations: int = option(200_000, "number of decisions of a script that the actor first imitates; 0: none")
+    script: str = option("probe and creep", "script to imitate", tuple(SCRIPTS))
+    demonstration_noise: float = option(0.15, "standard deviation of the noise added to half of the demonstrations")
     validation_specimens: int = option(200, "number of specimens on which checkpoints are compared")
-    validations: int = option(16, "number of these comparisons", resumable=True)
+    validations: int = option(16, "number of times that checkpoints are compared", resumable=True)
     specimens: int = option(
         200, "number of held-out specimens of the evaluation; 0: write the policy without one", resumable=True
     )
@@ -106,19 +106,19 @@ class LearnerArguments:
 
     @property
     def environment(self) -> dict[str, Any]:
-        """Keywords of the environment that the agent is trained and tested in."""
+        """Keyword arguments of the environment in which the agent is trained and tested."""
         return {"specimen_class": self.specimen_class, "control_hz": self.control_hz, **self.angle}
 
     @property
     def angle(self) -> dict[str, Any]:
-        """Keywords of the environment about the blade's angle."""
+        """Keyword arguments of the environment that set the blade's angle."""
         return {"angle_mode": self.angle_mode} | (
             {"fixed_angle_deg": self.fixed_angle_deg} if self.angle_mode == "fixed" else {}
         )
 
     @property
     def features(self) -> dict[str, Any]:
-        """Keywords of :class:`cutenv.policy.Features`; ``force`` is there only if it is not felt."""
+        """Keyword arguments of :class:`cutenv.policy.Features`; ``force`` is there only if it is not felt."""
         return {"history": self.history} | ({} if self.force == "felt" else {"force": False})
 
     @property
@@ -150,19 +150,19 @@ class PPOArguments(LearnerArguments):
         "specimens": 30,
     }
 
-    timesteps: int = option(8_000_000, "decisions to train for", resumable=True)
+    timesteps: int = option(8_000_000, "number of decisions to train for", resumable=True)
     history: int = option(0, "number of past decisions among the features")
-    rollout: int = option(128, "decisions of each environment between updates")
-    batch_size: int = option(1024, "decisions of a gradient step")
-    epochs: int = option(8, "passes over a rollout")
+    rollout: int = option(128, "number of decisions of each environment between updates")
+    batch_size: int = option(1024, "number of decisions in a gradient step")
+    epochs: int = option(8, "number of passes over a rollout")
     learning_rate: float = option(3e-4, "learning rate at the start; falls linearly to a twentieth")
-    gamma: float = option(1.0, "discount of a decision")
+    gamma: float = option(1.0, "discount per decision")
     gae_lambda: float = option(0.95, "lambda of the generalised advantage estimate")
     averaging: float = option(0.03, "share of the actor that its running average takes over at every update")
     critic: str = option("truth", "what the critic sees besides the features", ("truth", "features"))
     critic_first: float = option(0.03, "share of training, after demonstrations, in which only the critic learns")
     exploration: float = option(0.15, "standard deviation of the actions at the start")
-    last_exploration: float = option(0.05, "and at the end; falls by the same factor in equal times")
+    last_exploration: float = option(0.05, "standard deviation of the actions at the end of training")
 
     @classmethod
     def limits(cls) -> dict[str, tuple[float, float]]:
@@ -170,20 +170,20 @@ class PPOArguments(LearnerArguments):
         return super().limits() | {
             "timesteps": (1, 10**12),
             "rollout": (2, 10**6),
-            "batch_size": (2, 10**9),  # advantages are divided by their spread within it
+            "batch_size": (2, 10**9),  # advantages are divided by their standard deviation within it
             "epochs": (1, 10**6),
             "learning_rate": (1e-9, 1.0),
             "gamma": (0.0, 1.0),
             "gae_lambda": (0.0, 1.0),
             "averaging": (1e-6, 1.0),
             "critic_first": (0.0, 1.0),
-            "exploration": (1e-6, 10.0),  # its logarithm is what the policy holds
+            "exploration": (1e-6, 10.0),  # the policy holds its logarithm
             "last_exploration": (1e-6, 10.0),
         }
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Numbers that actor and critic see, and units of a layer: keywords of the actor-critic networks."""
+        """Input sizes of actor and critic, and units of a layer: keyword arguments of the actor-critic networks."""
         features = feature_count(self.history)
         critic = features + (len(HIDDEN) if self.critic == "truth" else 0)
         return {"features": features, "critic": critic, "hidden": self.hidden}
@@ -193,10 +193,10 @@ class PPOArguments(LearnerArguments):
 class RecurrentPPOArguments(PPOArguments):
     """Options of recurrent PPO."""
 
-    timesteps: int = option(4_000_000, "decisions to train for", resumable=True)
-    epochs: int = option(4, "passes over a rollout")
+    timesteps: int = option(4_000_000, "number of decisions to train for", resumable=True)
+    epochs: int = option(4, "number of passes over a rollout")
     critic_first: float = option(0.15, "share of training, after demonstrations, in which only the critic learns")
-    cloning_epochs: int = option(15, "passes over the demonstrations")
+    cloning_epochs: int = option(15, "number of passes over the demonstrations")
 
     @classmethod
     def limits(cls) -> dict[str, tuple[float, float]]:
@@ -217,9 +217,9 @@ class BCArguments(LearnerArguments):
     }
 
     dataset: str = option("", "id of a Minari data set to imitate, not a script; it sets decision rate and angle mode")
-    demonstrations: int = option(400_000, "decisions of the script")
-    epochs: int = option(60, "passes over them")
-    batch_size: int = option(1024, "decisions of a gradient step")
+    demonstrations: int = option(400_000, "number of decisions of the script")
+    epochs: int = option(60, "number of passes over the demonstrations")
+    batch_size: int = option(1024, "number of decisions in a gradient step")
     learning_rate: float = option(2e-3, "learning rate at the start; falls along half a cosine to zero")
 
     @classmethod
@@ -241,7 +241,7 @@ class BCArguments(LearnerArguments):
             return dict(chosen)
         for name in ("demonstrations", "script", "demonstration_noise"):
             if name in chosen:
-                raise BadArguments(f"{flag_of(name)} belongs to a script; leave it out beside --dataset.")
+                raise BadArguments(f"{flag_of(name)} belongs to a script; leave it out with --dataset.")
         from cutenv.learning.minari_datasets import environment_of, opened
 
         try:

@@ -28,7 +28,7 @@ def batched_rollout(policy: TrainedPolicy, seeds: Sequence[int], arguments: Mapp
     totals, over_limit = np.zeros((len(seeds), len(TERMS))), np.zeros(len(seeds))
     commanded: list[np.ndarray] = []
     result: dict[int, FinishedCut] = {}
-    while not over.all():  # those that are over begin anew, and are ignored
+    while not over.all():  # cuts that are over start again, and are ignored
         commands = np.array(batch(observations), np.float64)
         observations, _, ended, _, info = environments.step(commands)  # type: ignore[arg-type]  # takes float64 too
         all_within_reach(commands, none_waits, fixed)  # writes the fixed angle into them
@@ -40,7 +40,7 @@ def batched_rollout(policy: TrainedPolicy, seeds: Sequence[int], arguments: Mapp
             updates = round(float(environments.cuts.progresses["time"][n]) / TICK)
             truth = {name: values[n] for name, values in info["truth"].items() if not name.startswith("_")}
             readings = replayed(start, n, np.array(commanded)[:, n], environments.single.ticks, updates)
-            assert readings["tip"][-1] == truth["tip_m"], "a cut that is made again comes out the same"
+            assert readings["tip"][-1] == truth["tip_m"], "a repeated cut gives the same tip"
             result[n] = FinishedCut(
                 seed=int(seeds[n]),
                 end=str(info["end"][n]),

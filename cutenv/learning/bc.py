@@ -1,9 +1,9 @@
 """Behaviour cloning: imitate a script, or the cuts of a Minari data set, without any trial.
 
-The clone sees what the agent of PPO sees, and is a network of the same size; PPO starts from such a clone, trained more
-briefly.  It cannot be better than its teacher but by chance: the difference between the two agents is what trial adds.
-The epoch that does best on validation specimens is kept.  A data set sets decision rate and angle mode; the specimens
-of validation and evaluation are drawn in the simulator as ever.
+The clone sees the same features as the agent of PPO, and is a network of the same size; PPO starts from such a clone,
+trained more briefly.  It can be better than its teacher only by chance: the difference between the two agents is the
+gain from trial.  The epoch that does best on validation specimens is kept.  A data set sets decision rate and angle
+mode; the specimens of validation and evaluation are drawn in the simulator as usual.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from minari import MinariDataset
 
 NAME = "behaviour cloning"
-_MOMENTS = ("exp_avg", "exp_avg_sq", "step")  # Adam's, of each parameter
+_MOMENTS = ("exp_avg", "exp_avg_sq", "step")  # Adam's state for each parameter
 
 
 class Clone:
@@ -54,14 +54,14 @@ class Clone:
         )
 
     def __call__(self, observations: torch.Tensor) -> torch.Tensor:
-        """Return the actions for what environments show; the hidden state, which comes last, is ignored."""
+        """Return the actions for observations of the environments; the hidden state, which comes last, is ignored."""
         actions: torch.Tensor = self.module(observations[..., : self._inputs])
         return actions
 
     def predict(
         self, observations: np.ndarray, state: None, episode_start: Any, deterministic: bool
     ) -> tuple[np.ndarray, None]:
-        """Return the actions, and None for a state."""
+        """Return the actions, and None as the state."""
         with torch.no_grad():
             return self(torch.as_tensor(observations)).numpy(), None
 
@@ -81,7 +81,7 @@ def save_checkpoint(path: Path, clone: Clone, cloning: Cloning, seconds: float) 
 
 
 def load_checkpoint(path: Path, clone: Clone, cloning: Cloning) -> float | None:
-    """Restore what :func:`save_checkpoint` wrote; return its seconds, or None if it holds none."""
+    """Restore a checkpoint of :func:`save_checkpoint`; return its seconds, or None if it contains none."""
     content = safetensors.torch.load_file(path)
     clone.module.load_state_dict(
         {name.removeprefix("network."): values for name, values in content.items() if name.startswith("network.")}
@@ -97,7 +97,7 @@ def load_checkpoint(path: Path, clone: Clone, cloning: Cloning) -> float | None:
 
 
 def training_data(arguments: BCArguments) -> tuple[DecisionDataset, dict[str, Any]]:
-    """Return what the clone is fitted to, and the facts about it for the policy's card.
+    """Return the data that the clone is fitted to, and the facts about them for the policy's card.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def training_data(arguments: BCArguments) -> tuple[DecisionDataset, dict[str, An
         If the data set does not fit the options.
     """
     if not arguments.dataset:
-        shown = demonstrations(  # the same again after an interruption: they hang on seeds alone
+        shown = demonstrations(  # the same again after an interruption: they depend only on seeds
             arguments.environments_at(arguments.training_seeds),
             BASELINES[arguments.script],
             decisions=arguments.demonstrations,
@@ -120,7 +120,7 @@ def training_data(arguments: BCArguments) -> tuple[DecisionDataset, dict[str, An
         raise BadArguments(f"--dataset: {error}") from None
     if len(observations) != arguments.demonstrations:
         raise BadArguments(
-            f"data set {dataset.id!r} holds {len(observations)} decisions, not the {arguments.demonstrations} that "
+            f"data set {dataset.id!r} contains {len(observations)} decisions, not the {arguments.demonstrations} that "
             "this run began with; begin another run."
         )
     facts = {"dataset": dataset.id, "source": source_of(dataset), "cuts": int(dataset.total_episodes)}
@@ -128,7 +128,7 @@ def training_data(arguments: BCArguments) -> tuple[DecisionDataset, dict[str, An
 
 
 def source_of(dataset: MinariDataset) -> str:
-    """Return who cut, as far as the metadata of a data set has it."""
+    """Return the source of the cuts of a data set, "unknown" if its metadata do not name it."""
     metadata = dataset.storage.metadata
     return str(metadata.get("cutenv", {}).get("source", metadata.get("algorithm_name", "unknown")))
 
@@ -176,7 +176,7 @@ def train(arguments: BCArguments, run: Path, facts: dict[str, Any], resume: bool
                 if events is not None:
                     events.add_scalar(f"validation/{name}", point[name], cloning.epoch)
         if last or cloning.epoch % every == 0 or time.monotonic() - saved > arguments.checkpoint_seconds:
-            if curve:  # first: what it is ahead of the checkpoint by is dropped again
+            if curve:  # saved first: what it is ahead of the checkpoint by is dropped again
                 write_csv(run / "learning_curve.csv", curve)
             save_checkpoint(run / "checkpoint.safetensors", clone, cloning, time.monotonic() - begun)
             saved = time.monotonic()
@@ -187,7 +187,7 @@ def train(arguments: BCArguments, run: Path, facts: dict[str, Any], resume: bool
 
 
 def event_writer(arguments: BCArguments, run: Path) -> Any:
-    """Return a writer of TensorBoard's events, or None if they are not wanted."""
+    """Return a writer of events for TensorBoard, or None without ``--tensorboard``."""
     if not arguments.tensorboard:
         return None
     from torch.utils.tensorboard import SummaryWriter
@@ -196,7 +196,7 @@ def event_writer(arguments: BCArguments, run: Path) -> Any:
 
 
 def run_learner(request: RunRequest[BCArguments], resume_command: str) -> None:
-    """Clone, evaluate, report, all into the folder of the run; see :func:`cutenv.learning.on_policy.run_learner`."""
+    """Clone, evaluate and report into the folder of the run; see :func:`cutenv.learning.on_policy.run_learner`."""
     arguments, run = request.arguments, request.run
     facts = record_run(arguments, run, NAME)
     try:

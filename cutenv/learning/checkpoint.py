@@ -18,7 +18,7 @@ def end_interrupted(run: Path, resume_command: str) -> NoReturn:
     """Print how to resume an interrupted run, or that it has no checkpoint, and exit with the status of Ctrl-C."""
     checkpoint = checkpoint_of(run)
     if checkpoint is not None:
-        print(f"\ninterrupted; {checkpoint} is usable.\nGo on with: {resume_command}")
+        print(f"\ninterrupted; {checkpoint} is usable.\nResume with: {resume_command}")
     else:
-        print(f"\ninterrupted before the first checkpoint: there is nothing to go on from. {run} may be deleted.")
+        print(f"\ninterrupted before the first checkpoint: there is nothing to resume. {run} may be deleted.")
     raise SystemExit(130)

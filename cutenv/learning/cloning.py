@@ -1,4 +1,4 @@
-"""Behaviour cloning: fit a policy network to demonstrations, by itself or before it learns by trial.
+"""Behaviour cloning: fit a policy network to demonstrations, alone or before it learns by trial.
 
 The script that demonstrates acts with some noise, so that the clone learns how to come back from small mistakes; the
 target is the action that the script would have taken without it.
@@ -29,11 +29,11 @@ class Demonstrations(NamedTuple):
     """Consecutive decisions of a script in n environments."""
 
     observations: np.ndarray
-    """What the environments showed, shape (decisions, n, size)."""
+    """Features from the environments, shape (decisions, n, size)."""
     actions: np.ndarray
-    """What the script would do, shape (decisions, n, 2)."""
+    """Actions of the script without noise, shape (decisions, n, 2)."""
     starts: np.ndarray
-    """Whether a cut begins there, shape (decisions, n)."""
+    """True where a cut begins, shape (decisions, n)."""
 
     def by_decision(self) -> DecisionDataset:
         """Return single decisions, for a network without memory."""
@@ -70,7 +70,7 @@ class DecisionDataset:
 
 
 class CutDataset(NamedTuple):
-    """Whole cuts, shapes (decisions, size) and (decisions, 2), padded to the longest of a batch."""
+    """Data set of whole cuts, shapes (decisions, size) and (decisions, 2), padded to the longest of a batch."""
 
     observations: list[torch.Tensor]
     actions: list[torch.Tensor]
@@ -117,13 +117,13 @@ def demonstrations(
     Parameters
     ----------
     environments : FeatureVecEnv
-        Are reset first.
+        Environments to cut in; they are reset first.
     make_script : callable
-        Makes a script, one for each environment.
+        Function that makes a script, called once for each environment.
     decisions : int
-        In all, rounded up to a multiple of the number of environments.
+        Total number of decisions, rounded up to a multiple of the number of environments.
     noise : float
-        Standard deviation of what is added to the actions in every other environment.
+        Standard deviation of the noise added to the actions in every other environment.
     seed : int
         Seed of the noise.
     """
@@ -153,19 +153,19 @@ def demonstrations(
 class Cloning:
     """Least-squares fit of a network to a data set, epoch by epoch.
 
-    The order of an epoch depends on seed and number of the epoch alone, so that an interrupted cloning goes on as if it
-    had not been interrupted.
+    The order of an epoch depends only on the seed and the number of the epoch, so that a resumed cloning gives the same
+    network as one that was not interrupted.
 
     Parameters
     ----------
     network : callable
-        From observations to actions.
+        Function from observations to actions.
     parameters : list of torch.nn.Parameter
-        Those of the network that are fitted.
+        Parameters of the network to fit.
     dataset : DecisionDataset or CutDataset
         Observations and the actions to take.
     epochs, batch_size, learning_rate, seed
-        The rate falls along half a cosine to zero.
+        Hyperparameters; the learning rate falls along half a cosine to zero.
     """
 
     def __init__(
@@ -183,7 +183,7 @@ class Cloning:
         self._epochs, self._batch_size, self._rate, self._seed = epochs, batch_size, learning_rate, seed
         self.optimizer = torch.optim.Adam(parameters, lr=learning_rate)
         self.epoch = 0
-        """Number of epochs that are done."""
+        """Number of completed epochs."""
 
     def run_epoch(self) -> None:
         """Go through the data set once."""
@@ -223,7 +223,7 @@ def clone(
     learning_rate: float = 2e-3,
     seed: int = 0,
 ) -> float:
-    """Run all epochs of :class:`Cloning`; return the root mean square error that is left."""
+    """Run all epochs of :class:`Cloning`; return the remaining root mean square error."""
     cloning = Cloning(
         network, parameters, dataset, epochs=epochs, batch_size=batch_size, learning_rate=learning_rate, seed=seed
     )

@@ -19,14 +19,14 @@ Chosen = TypeVar("Chosen", bound=LearnerArguments)
 
 @dataclasses.dataclass(frozen=True)
 class RunRequest(Generic[Chosen]):
-    """What a command line asks for."""
+    """Training run requested on a command line."""
 
     arguments: Chosen
     """Options of the run."""
     run: Path
     """Folder of the run."""
     resume: bool
-    """Whether an interrupted run goes on there."""
+    """True to resume an interrupted run in this folder."""
 
 
 def parser_of(
@@ -37,7 +37,7 @@ def parser_of(
     add_options(parser, kind)
     replaced = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in kind.quick.items())
     parser.add_argument("--quick", action="store_true", help=f"some two minutes in all: {replaced}")
-    parser.add_argument("--resume", type=Path, metavar="RUN", help="folder of an interrupted run to go on with")
+    parser.add_argument("--resume", type=Path, metavar="RUN", help="folder of an interrupted run to resume")
     return parser
 
 
@@ -49,9 +49,9 @@ def parse_run(kind: type[Chosen], about: str | None, prefix: str, argv: Sequence
     kind : type
         Class of the options.
     about : str
-        First part of the help.
+        Description in the help.
     prefix : str
-        Begins the name of a run that is given none.
+        First part of the default name of a run.
     argv : sequence of str
         The command line.
     prog : str
@@ -66,7 +66,7 @@ def parse_run(kind: type[Chosen], about: str | None, prefix: str, argv: Sequence
     is_quick, resume = chosen.pop("quick"), chosen.pop("resume")
     if resume is not None:
         if is_quick:
-            raise BadArguments(f"--quick is for a new run; leave it out, {resume} keeps its arguments.")
+            raise BadArguments(f"--quick is for a new run, and {resume} keeps its arguments; leave it out.")
         return RunRequest(resumed(kind, resume, chosen), resume, resume=True)
     chosen = kind.completed(chosen)
     if is_quick:
@@ -75,12 +75,12 @@ def parse_run(kind: type[Chosen], about: str | None, prefix: str, argv: Sequence
     name = arguments.name or time.strftime(f"{prefix}-%Y%m%d-%H%M%S")
     run = Path("runs") / name
     if run.exists():
-        raise BadArguments(f"{run} exists; give another --name, or --resume {run} to go on with it.")
+        raise BadArguments(f"{run} exists; give another --name, or --resume {run} to continue it.")
     return RunRequest(dataclasses.replace(arguments, name=name), run, resume=False)
 
 
 def resumed(kind: type[Chosen], run: Path, chosen: Mapping[str, Any]) -> Chosen:
-    """Return the options of an interrupted run, with those that are chosen anew.
+    """Return the options of an interrupted run, updated with those chosen now.
 
     Raises
     ------
@@ -88,17 +88,17 @@ def resumed(kind: type[Chosen], run: Path, chosen: Mapping[str, Any]) -> Chosen:
         If there is no checkpoint, the run is another learner's, or an option would have no effect.
     """
     if checkpoint_of(run) is None:
-        raise BadArguments(f"{run} holds no {' or '.join(NAMES)}; give the folder of an interrupted run.")
+        raise BadArguments(f"{run} contains no {' or '.join(NAMES)}; give the folder of an interrupted run.")
     kept = json.loads((run / "run.json").read_text())["arguments"]
     if set(kept) != {field.name for field in dataclasses.fields(kind)}:
         raise BadArguments(
-            f"{run} was made by another learner, or by another version; go on with the one that made it."
+            f"{run} was made by another learner, or by another version; resume it with the one that made it."
         )
     free = [field.name for field in dataclasses.fields(kind) if field.metadata["resumable"]]
     for name, value in chosen.items():
         if name not in free and value != kept.get(name):
             raise BadArguments(
-                f"{flag_of(name)} {value} would have no effect: {run} goes on with {kept.get(name)!r}. Leave it out or "
-                f"begin another run; what can be given anew is {', '.join(map(flag_of, free))}."
+                f"{flag_of(name)} {value} would have no effect: {run} continues with {kept.get(name)!r}. Leave it out "
+                f"or begin another run; a resumed run takes {', '.join(map(flag_of, free))}."
             )
     return kind(**(kept | chosen))

@@ -1,7 +1,7 @@
 """Demonstration: one cut, decision by decision, of a policy in the simulator or of a person as recorded.
 
-A person commands no speed.  The action is then what the blade did until the next decision, its mean speed and its angle
-at the end, which is what a rig that holds position can be commanded; the reward is that which a rig assesses, from
+A person commands no speed.  The action is then the motion of the blade until the next decision: its mean speed and its
+angle at the end, which a rig that holds position can be commanded.  The reward is the one computed on a rig, from
 estimates of the tip.
 """
 
@@ -25,21 +25,21 @@ from cutenv.tissue.description import measured_liver
 from cutenv.trace import Trace
 
 FELT = {
-    "time_s": "since the cut began",
-    "force_N": "as measured, at the decision",
-    "force_mean_N": "its mean since the last decision",
-    "force_min_N": "its least since the last decision",
-    "force_max_N": "its greatest since the last decision",
-    "position_m": "of the blade, from the clamp",
-    "speed_m_s": "of the blade",
-    "angle_deg": "of the blade; 90 is upright",
-    "depth_m": "of cut at the blade, as measured beforehand",
-    "is_success": "1 where the cut has ended well",
+    "time_s": "time since the cut began",
+    "force_N": "measured force at the decision",
+    "force_mean_N": "mean force since the last decision",
+    "force_min_N": "least force since the last decision",
+    "force_max_N": "greatest force since the last decision",
+    "position_m": "position of the blade, from the clamp",
+    "speed_m_s": "speed of the blade",
+    "angle_deg": "angle of the blade; 90 is upright",
+    "depth_m": "depth of cut at the blade, measured before the cut",
+    "is_success": "1 where the cut has ended with success",
 }
 """Infos of every data set, at every observation, the first included."""
 HIDDEN = {
     "tip_m": "crack tip, which only the simulator knows",
-    "true_force_N": "on the blade at the decision, without noise, resolution and delay of the sensor",
+    "true_force_N": "force on the blade at the decision, without noise, resolution and delay of the sensor",
 }
 """Further infos of a simulated cut."""
 ESTIMATED = {"tip_estimate_m": "crack tip, as a rig estimates it from the force"}
@@ -57,12 +57,13 @@ class Demonstration:
     actions : ndarray of shape (n, 2), float32
         Actions in [-1, 1].
     rewards : ndarray of shape (n,)
+        Rewards of the decisions.
     terminated : bool
         True if the cut reached one of the task's ends; False if the record ended before.
     infos : dict of ndarray of shape (n + 1,)
         :data:`FELT` and :data:`HIDDEN` or :data:`ESTIMATED`, the unit in the name.
     seed : int or None
-        With which the environment's ``reset`` draws the same specimen; None for a recorded cut.
+        Seed with which the environment's ``reset`` draws the same specimen; None for a recorded cut.
     about : dict
         Facts about this cut: target length, and the record's metadata.
     """

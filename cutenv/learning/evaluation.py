@@ -23,13 +23,13 @@ from cutenv.learning.finished_cut import FinishedCut
 from cutenv.learning.seeds import ENVIRONMENT
 from cutenv.policy import BASELINES, SHIPPED, Policy, SeesTruth, TrainedPolicy, named_policy
 
-_CHUNK = 10  # cuts that a process is given at once
-_BATCH = 100  # cuts of a trained policy, which makes them together
+_CHUNK = 10  # cuts in one task of a process
+_BATCH = 100  # cuts of a trained policy, which are simulated together
 
 
 @dataclass(frozen=True)
 class Contestant:
-    """A policy and the keywords of the environment that it needs, such as its decision rate."""
+    """A policy and the keyword arguments of the environment that it needs, such as its decision rate."""
 
     policy: Policy
     arguments: Mapping[str, Any] = field(default_factory=dict)
@@ -69,7 +69,7 @@ def run_cut(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> tuple[di
 
 
 def _end_with_parent() -> None:
-    """End this worker when its parent is killed: it would wait for work for ever."""
+    """End this worker when its parent is killed; otherwise it would wait for work for ever."""
 
     def watch() -> None:
         parent = multiprocessing.parent_process()
@@ -89,7 +89,7 @@ def _begin_worker() -> None:
 
 @contextlib.contextmanager
 def workers(processes: int | None = None) -> Iterator[Executor]:
-    """Start processes to evaluate in, by default one per core; an error drops what is left to do."""
+    """Start processes to evaluate in, by default one per core; an error cancels the remaining work."""
     # Fresh processes: a fork of one that runs threads (torch, Numba) may hang.
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(processes or os.cpu_count(), context, initializer=_begin_worker) as pool:
@@ -98,7 +98,7 @@ def workers(processes: int | None = None) -> Iterator[Executor]:
         except BaseException:
             started = list(pool._processes.values())
             pool.shutdown(wait=False, cancel_futures=True)
-            for process in started:  # in the middle of their cuts, for which nobody waits any more
+            for process in started:  # they are in the middle of cuts that are no longer needed
                 process.terminate()
             raise
 
@@ -106,7 +106,7 @@ def workers(processes: int | None = None) -> Iterator[Executor]:
 @contextlib.contextmanager
 def _without_ctrl_c() -> Iterator[None]:
     """Hold Ctrl-C back from this thread, and from the processes that it starts until they ignore it themselves."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows, where workers hear it until they have begun
+    if not hasattr(signal, "pthread_sigmask"):  # Windows, where workers react to it until they have started
         yield
         return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -147,11 +147,11 @@ def evaluate(
     Parameters
     ----------
     contestants : mapping of str to Contestant
-        All cut the same specimens.
+        Policies by name; all cut the same specimens.
     seeds : sequence of int
-        A specimen each.
+        Seeds, one for each specimen.
     arguments : mapping
-        Keywords of the environment; those of a contestant go before.
+        Keyword arguments of the environment; those of a contestant take precedence.
     processes : int, optional
         Number of processes; default one per core.
     description : str
@@ -181,7 +181,7 @@ def contestant(name: str) -> Contestant:
     Raises
     ------
     ValueError
-        If there is none; names those that there are.
+        If there is none; the message lists the known names.
     """
     if name in BASELINES:
         return Contestant(BASELINES[name]())

@@ -1,4 +1,4 @@
-"""A cut that is over, with every reading of it, and its scores."""
+"""Finished cut with all of its readings, and its scores."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ class FinishedCut:
     seed : int
         Seed of the environment, whose first episode it was.
     end : str
-        Reason why it ended.
+        Reason of its end.
     success : bool
         True if it succeeded.
     truth : mapping
         ``info["truth"]`` at the end.
     reward_totals : mapping of str to float
-        Sum of every term of the reward.
+        Sum of each term of the reward over the cut.
     over_limit_N : float
         Largest force above the limit [N].
     readings : Records
@@ -75,7 +75,7 @@ class FinishedCut:
         }
 
     def metrics(self) -> dict[str, float | str]:
-        """Return every metric of the score card, by :func:`metric_column`; one that is undefined is an empty text."""
+        """Return every metric of the score card, keyed by :func:`metric_column`; an undefined one is an empty text."""
         readings = self.readings
         along = SPACING * np.arange(len(self.depth))
         trace = Trace(

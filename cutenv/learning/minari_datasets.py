@@ -1,8 +1,8 @@
-"""Minari data sets of cuts, with the force in newtons: of a script, a trained agent or a person.
+"""Minari data sets of cuts, with the force in newtons: by a script, a trained agent or a person.
 
 ``minari.load_dataset(id)`` reads a data set, and ``recover_environment()`` makes its environment; reset there with an
-episode's seed, a simulated cut's actions earn the recorded rewards again.  :func:`cloning_data` turns a data set into
-what behaviour cloning is fitted to.
+episode's seed, a simulated cut's actions give the recorded rewards again.  :func:`cloning_data` turns a data set into
+features and actions for behaviour cloning.
 """
 
 from __future__ import annotations
@@ -46,15 +46,16 @@ def simulated_cuts(
     policy : str
         Name of a baseline or a shipped policy, or the folder of a trained one.
     environment : mapping
-        Keywords of the environment; those that the policy was trained with go before.
+        Keyword arguments of the environment; those that the policy was trained with take precedence.
     seeds : sequence of int
-        A specimen each.
+        Seeds, one for each specimen.
 
     Returns
     -------
     keywords : dict
-        Those of the environment that was used.
+        Keyword arguments of the environment that was used.
     cuts : list of Demonstration
+        One cut for each seed.
 
     Raises
     ------
@@ -75,16 +76,17 @@ def recorded_cuts(
     Parameters
     ----------
     paths : sequence of str or Path
-        CSV, Parquet or HDF5.
+        Files of records: CSV, Parquet or HDF5.
     environment : mapping
-        Keywords of the environment, ``control_hz`` among them; its reward is assessed from estimates, as on a rig.
+        Keyword arguments of the environment, including ``control_hz``; its reward is computed from estimates, as it is
+        on a rig.
     target_length : float or None
-        Length of cut that was aimed at [m], where a record has none of its own.
+        Target length of cut [m] for records that have none of their own.
 
     Raises
     ------
     ValueError
-        If a record lacks what is needed; names file, cut and field.
+        If a record lacks what is needed; the message names file, cut and field.
     """
     found = []
     for path in tqdm(paths, desc="reading", unit="file"):
@@ -106,13 +108,13 @@ def write(
     Parameters
     ----------
     dataset_id : str
-        With a version, such as ``cutenv/probe-and-creep-v0``.
+        Id with a version, such as ``cutenv/probe-and-creep-v0``.
     source : str
-        Who cut, for readers.
+        Name of the policy or person that cut, for readers.
     keywords : dict
-        Those of the environment.
+        Keyword arguments of the environment.
     demonstrations : sequence of Demonstration
-        At least one, all of policies or all of records.
+        At least one, all by policies or all recorded.
 
     Raises
     ------
@@ -155,7 +157,7 @@ def write(
                 "infos": FELT | (HIDDEN if is_simulated else ESTIMATED),
                 "observations": observation_scaling(),  # value = number x scale + offset
                 "actions": list(ACTIONS),
-                "actions_are": "commands" if is_simulated else "what the blade did until the next decision",
+                "actions_are": "commands" if is_simulated else "motion of the blade until the next decision",
             }
         }
     )
@@ -184,12 +186,12 @@ def opened(dataset_id: str) -> MinariDataset:
 
 
 def environment_of(dataset: MinariDataset) -> dict[str, Any]:
-    """Return the keywords of a data set's environment that its actions depend on: rate, angle mode and a fixed angle.
+    """Return decision rate, angle mode and fixed angle, as keyword arguments of a data set's environment.
 
     Raises
     ------
     ValueError
-        If it names no environment of this package.
+        If the data set belongs to no environment of this package.
     """
     spec = dataset.env_spec
     if spec is None or spec.id != ENVIRONMENT:
@@ -211,7 +213,7 @@ def cloning_data(
     Parameters
     ----------
     dataset : minari.MinariDataset
-        Of an environment with this package's observation; ``filter_episodes`` chooses some cuts.
+        Data set with this package's observation; ``filter_episodes`` selects some cuts.
     history, force
         See :class:`cutenv.policy.Features`.
     dead_zone : float
@@ -220,11 +222,11 @@ def cloning_data(
     Raises
     ------
     ValueError
-        If its observations are not those of cutenv, or it holds no decision.
+        If its observations are not those of cutenv, or it contains no decision.
     """
     cuts = list(cloning_data_by_cut(dataset, history=history, dead_zone=dead_zone, force=force))
     if not cuts:
-        raise ValueError(f"data set {dataset.id!r} holds no cut; record some, or filter fewer away.")
+        raise ValueError(f"data set {dataset.id!r} contains no cut; record some, or filter fewer away.")
     features, actions = zip(*cuts, strict=True)
     return np.concatenate(features), np.concatenate(actions)
 
@@ -233,7 +235,7 @@ def cloning_data_by_cut(
     dataset: MinariDataset, *, history: int, dead_zone: float, force: bool = True
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield :func:`cloning_data` of every cut, for a network with memory."""
-    from cutenv.learning.cloning import invert_dead_zone  # brings torch, which recording does not need
+    from cutenv.learning.cloning import invert_dead_zone  # loads torch, which recording does not need
 
     if dataset.observation_space.shape != (len(COMPONENTS),):
         raise ValueError(
@@ -248,7 +250,7 @@ def cloning_data_by_cut(
 
 
 def free_folder(dataset_id: str) -> Path:
-    """Return the folder that a new data set will have.
+    """Return the folder for a new data set.
 
     Raises
     ------

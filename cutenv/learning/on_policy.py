@@ -1,4 +1,4 @@
-"""A run of PPO or recurrent PPO of Stable-Baselines3: train, survive an interruption, export, compare, report."""
+"""A run of PPO or recurrent PPO of Stable-Baselines3: train, resume after an interruption, export, compare, report."""
 
 from __future__ import annotations
 
@@ -36,22 +36,22 @@ class FallingRate:
 
 @dataclass(frozen=True)
 class OnPolicyLearner:
-    """What distinguishes one learner from another."""
+    """Parts in which one learner differs from another."""
 
     name: str
     """Name of the agent in reports."""
     algorithm: Any
     """Class of Stable-Baselines3 or sb3-contrib."""
     new_model: Callable[[Any, Any], Any]
-    """Makes an untrained agent from options and environments."""
+    """Function that makes an untrained agent from options and environments."""
     pretrain: Callable[[Any, Any], None]
-    """Clones the demonstrated script into a model's actor, given the options."""
+    """Function that clones the demonstrated script into a model's actor, given the options."""
     network: Callable[[Mapping[str, np.ndarray], str], Network | RecurrentNetwork]
-    """Makes the actor in NumPy from the policy's parameters."""
+    """Function that makes the actor in NumPy from the policy's parameters."""
 
 
 def sb3_keywords(arguments: PPOArguments) -> dict[str, Any]:
-    """Return the keywords of PPO and of recurrent PPO of Stable-Baselines3."""
+    """Return the keyword arguments of PPO and of recurrent PPO of Stable-Baselines3."""
     return {
         "learning_rate": FallingRate(arguments.learning_rate),
         "n_steps": arguments.rollout,
@@ -66,9 +66,9 @@ def sb3_keywords(arguments: PPOArguments) -> dict[str, Any]:
 
 
 def train(learner: OnPolicyLearner, arguments: PPOArguments, run: Path, resume: bool) -> tuple[bool, float]:
-    """Train; return whether training came to its end, and the share of its time that the environments took."""
+    """Train; return whether training is complete, and the share of its time that the environments took."""
     begun = time.monotonic()
-    torch.set_num_threads(1)  # two pools of threads on two cores fight
+    torch.set_num_threads(1)  # two thread pools on two cores compete
     checkpoint = run / "checkpoint.zip"
     environments = arguments.environments_at(arguments.training_seeds)
     events = str(run / "tensorboard") if arguments.tensorboard else None
@@ -83,7 +83,7 @@ def train(learner: OnPolicyLearner, arguments: PPOArguments, run: Path, resume: 
         extras = CheckpointExtras.of(model)
         print(f"resuming after {model.num_timesteps} decisions")
         if extras is None:
-            print("the checkpoint holds no running average of the actor: the average begins anew")
+            print("the checkpoint contains no running average of the actor: the average starts again")
     else:
         model = learner.new_model(arguments, environments)
         model.tensorboard_log = events
@@ -102,21 +102,21 @@ def train(learner: OnPolicyLearner, arguments: PPOArguments, run: Path, resume: 
         finished = False
     share = (environments.seconds - spent) / (time.perf_counter() - trial_begun)
     progress.save_checkpoint()
-    if finished and not (run / "policy.zip").is_file():  # ended before it was ever validated
+    if finished and not (run / "policy.zip").is_file():  # training ended before the first validation
         save(model, run / "policy.zip")
     return finished, share
 
 
 def unseen_episode(model: Any) -> int:
-    """Return an episode that no environment can have begun in a model's training: each lasts a decision or more.
+    """Return the number of an episode that no environment can have reached in training: each lasts a decision or more.
 
-    A resumed run would otherwise cut the same specimens again, from the first on.
+    Otherwise a resumed run would cut the same specimens again, from the first on.
     """
     return 1 + int(model.num_timesteps) // int(model.n_envs)
 
 
 def exported(learner: OnPolicyLearner, arguments: PPOArguments, run: Path, name: str, facts: Mapping[str, Any]) -> None:
-    """Write the actor of ``name``.zip as a folder that needs no torch, ``name``/policy.safetensors and card.json."""
+    """Export the actor of ``name``.zip, for use without torch: ``name``/policy.safetensors and card.json."""
     model = learner.algorithm.load(run / f"{name}.zip", device="cpu")
     arrays = {key: value.detach().cpu().numpy() for key, value in model.policy.state_dict().items()}
     network = learner.network(arrays, "tanh")
@@ -124,10 +124,7 @@ def exported(learner: OnPolicyLearner, arguments: PPOArguments, run: Path, name:
 
 
 def time_to_threshold(arguments: LearnerArguments, curve: Sequence[Mapping[str, float]]) -> float | None:
-    """Return the time [s] after which the agent did as well as the demonstrated script on validation specimens.
-
-    None if it never did.
-    """
+    """Return the time [s] until the agent did as well as the demonstrated script on validation specimens, or None."""
     shared = {"specimen_class": arguments.specimen_class, **arguments.angle}
     several, seeds = {arguments.script: contestant(arguments.script)}, arguments.validation_seeds
     rows = evaluate(several, seeds, shared, description="script on validation specimens")
@@ -137,14 +134,14 @@ def time_to_threshold(arguments: LearnerArguments, curve: Sequence[Mapping[str, 
 
 
 def run_learner(learner: OnPolicyLearner, request: RunRequest[PPOArguments], resume_command: str) -> None:
-    """Train, export, evaluate, report, all into the folder of the run.
+    """Train, export, evaluate and report into the folder of the run.
 
     Parameters
     ----------
     learner : OnPolicyLearner
-        One of those of :mod:`cutenv.learning.ppo` and :mod:`cutenv.learning.recurrent_ppo`.
+        Learner of :mod:`cutenv.learning.ppo` or :mod:`cutenv.learning.recurrent_ppo`.
     request : RunRequest
-        Options and folder.
+        Options and folder of the run.
     resume_command : str
         Command line that is printed after an interruption.
 
@@ -158,7 +155,7 @@ def run_learner(learner: OnPolicyLearner, request: RunRequest[PPOArguments], res
     begun = time.monotonic()
     try:
         finished, share = train(learner, arguments, run, request.resume)
-    except KeyboardInterrupt:  # before the trial, or a second time while it was being saved
+    except KeyboardInterrupt:  # before training, or a second time while it was being saved
         finished = False
     else:
         print(f"the environments took {100.0 * share:.0f} % of the time")

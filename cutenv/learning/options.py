@@ -24,7 +24,7 @@ def option(default: Any, meaning: str, choices: tuple[str, ...] | None = None, *
     choices : tuple of str, optional
         The values that are allowed.
     resumable : bool
-        Whether another value may be given where an interrupted run is resumed.
+        Whether an interrupted run may be resumed with another value.
     """
     return dataclasses.field(default=default, metadata={"help": meaning, "choices": choices, "resumable": resumable})
 
@@ -45,7 +45,7 @@ def add_options(parser: argparse.ArgumentParser, kind: type[Any]) -> None:
         else:
             convert = _KINDS[str(field.type)]
             default = f" (default {field.default})" if field.default != "" else ""
-            shown = None if choices else convert.__name__.upper()
+            shown = None if choices else {str: "TEXT", int: "N", float: "X"}[convert]
             parser.add_argument(
                 flag,
                 type=convert,
@@ -62,7 +62,7 @@ def parse(kind: type[T], about: str | None, argv: Sequence[str] | None = None, p
     Raises
     ------
     SystemExit
-        As ``argparse`` does, after the help or for an option that it refuses.
+        After the help, and for an option that ``argparse`` refuses.
     """
     parser = argparse.ArgumentParser(prog=prog, description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_options(parser, kind)

@@ -1,13 +1,13 @@
 """PPO with an asymmetric actor-critic that first imitates a script.
 
-The agent decides 10 times a second: a cut is then some 80 decisions, 300 at most.  gamma = 1 has no horizon, for a cut
-ends by itself, and its score is the plain sum; with 0.995 progress made early is worth more, and the agent learns a
-haste that the reward does not ask for.  The actor sees features that a person would work out; the critic sees the
-hidden state too, which training needs and cutting does not.
+The agent decides 10 times a second: a cut is then some 80 decisions, 300 at most.  gamma = 1 sets no horizon, because a
+cut ends by itself and its score is the plain sum; with 0.995 early progress is worth more, and the agent learns to
+hurry, which the reward does not ask for.  The actor sees hand-made features; the critic also sees the hidden state,
+which is needed in training and not for cutting.
 
-The actor starts as a clone of the best script and learns on by trial; at first only the critic learns, because one that
-knows nothing would spoil the clone.  The standard deviation of the actions is set, and falls: a policy that may learn
-it comes to rely on its noise.  Validated, and kept where it does best, is the running average of the actor.
+The actor starts as a clone of the best script and then learns by trial.  At first only the critic learns, because an
+untrained critic would spoil the clone.  The standard deviation of the actions is scheduled and falls: a policy that
+learns it comes to rely on its noise.  The running average of the actor is validated, and kept where it does best.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ def validate(model: Any, arguments: LearnerArguments) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class CheckpointExtras:
-    """State of an interrupted training that its model does not hold; the checkpoint keeps it beside the model.
+    """State of an interrupted training that is not part of its model; the checkpoint keeps it beside the model.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class CheckpointExtras:
     seconds : float
         Time of work so far [s], that before an earlier interruption included.
     pretraining_seconds : float
-        Those of them that the demonstrations took.
+        Part of that time that the demonstrations took [s].
     """
 
     averages: list[np.ndarray]
@@ -59,7 +59,7 @@ class CheckpointExtras:
 
     @classmethod
     def of(cls, model: Any) -> CheckpointExtras | None:
-        """Return what a model was saved with, or None if nothing was."""
+        """Return the extras that a model was saved with, or None if there are none."""
         kept = getattr(model, "checkpoint_extras", None)
         return None if kept is None else cls(**kept)
 
@@ -70,15 +70,15 @@ class Progress(BaseCallback):
     Parameters
     ----------
     run : Path
-        The run's folder.
+        Folder of the run.
     arguments : PPOArguments
-        Its options.
+        Options of the run.
     curve : list of dict
-        Learning curve of an interrupted run, or nothing.
+        Learning curve of an interrupted run, or an empty list.
     begun : float, optional
-        When the work began (``time.monotonic``); default now.
+        Time at which the work began (``time.monotonic``); default now.
     extras : CheckpointExtras, optional
-        Those of an interrupted run; without them its time is read from the curve, and the average begins anew.
+        Extras of an interrupted run; without them its time is read from the curve, and the average starts again.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class Progress(BaseCallback):
         super().__init__()
         self._run, self._arguments, self.curve = run, arguments, curve
         self._saved = time.monotonic()
-        known = [point.get("seconds", 0.0) for point in curve]  # all that a checkpoint without extras comes with
+        known = [point.get("seconds", 0.0) for point in curve]  # the only times kept with a checkpoint without extras
         earlier = (known or [0.0])[-1] if extras is None else extras.seconds
         self._begun = (self._saved if begun is None else begun) - earlier
         # Demonstrations count as time, but not in the share of the training, which critic and exploration follow.
@@ -122,7 +122,7 @@ class Progress(BaseCallback):
 
     @contextlib.contextmanager
     def averaged(self) -> Iterator[None]:
-        """Let the model have the average as its actor for a while."""
+        """Give the model the average as its actor within the context."""
         present = [parameter.detach().clone() for parameter in self._actor_parameters()]
         self.assign(self.averages or present)
         try:
@@ -186,7 +186,7 @@ class Progress(BaseCallback):
             self.save_checkpoint()
 
     def save_checkpoint(self) -> None:
-        """Write what a resumed training starts from.
+        """Write the files from which a run is resumed.
 
         The curve comes first: after an interruption between the two it is ahead, and is cut back when resumed.
         """
@@ -218,6 +218,6 @@ class Progress(BaseCallback):
 
 
 def save(model: Any, path: Path) -> None:
-    """Save a model atomically: an interruption leaves the last whole checkpoint."""
+    """Save a model atomically: an interruption leaves the last complete checkpoint."""
     with replacing(path) as part:
         model.save(part)

@@ -1,4 +1,4 @@
-"""Recurrent actor (LSTM) and feed-forward critic for the recurrent PPO of sb3-contrib; the critic may see more."""
+"""Recurrent actor (LSTM) and feed-forward critic, which may see more, for the recurrent PPO of sb3-contrib."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ State = tuple[torch.Tensor, torch.Tensor]
 
 
 class Leading(BaseFeaturesExtractor):
-    """The first ``count`` numbers of an observation."""
+    """Extractor of the first ``count`` numbers of an observation."""
 
     def __init__(self, observation_space: Any, count: int) -> None:
         super().__init__(observation_space, count)
 
     def forward(self, seen: torch.Tensor) -> torch.Tensor:
-        """Return those alone."""
+        """Return the first numbers of the observations."""
         return seen[..., : self.features_dim]
 
 
 class RecurrentAsymmetricActorCritic(RecurrentActorCriticPolicy):
-    """An LSTM and one layer for the actor, two layers without memory for the critic.
+    """Policy with an LSTM and one layer as actor, and two layers without memory as critic.
 
     A critic that sees the hidden state needs no memory: the state is all that matters.
     """
@@ -38,7 +38,7 @@ class RecurrentAsymmetricActorCritic(RecurrentActorCriticPolicy):
         }
         super().__init__(*args, **(kwargs | own))
         self._sizes = {"features": features, "critic": critic, "hidden": hidden}
-        # The base class gives both the same to see.
+        # The base class gives both the same inputs.
         self.pi_features_extractor = Leading(self.observation_space, features)
         self.vf_features_extractor = Leading(self.observation_space, critic)
         self.lstm_actor = nn.LSTM(features, hidden)

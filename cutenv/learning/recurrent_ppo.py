@@ -1,7 +1,7 @@
-"""Recurrent PPO: as PPO, but the actor has a memory (one layer of LSTM) instead of a history of decisions.
+"""Recurrent PPO: like PPO, but the actor has a memory (one layer of LSTM) instead of a history of decisions.
 
-Its gradients go through whole cuts, so that an update costs four times as much and fewer are made; for a larger share
-of the training only the critic learns.
+Its gradients go through whole cuts, so that an update costs four times as much and fewer are made.  Only the critic
+learns for a larger share of the training.
 """
 
 from __future__ import annotations

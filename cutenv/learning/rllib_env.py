@@ -17,7 +17,7 @@ _INFO = ("is_success", "_is_success")  # the rest would be copied between proces
 
 
 class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """A vector environment of ``num_envs`` cuts, each with its own seed, that begin anew at the step after their end.
+    """Vector environment of ``num_envs`` cuts, each with its own seed, that start again at the step after their end.
 
     Parameters
     ----------

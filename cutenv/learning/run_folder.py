@@ -18,7 +18,7 @@ PACKAGES = ("cutenv", "gymnasium", "numpy", "numba", "scikit-fem", "stable-basel
 
 
 def record_run(arguments: LearnerArguments, run: Path, agent: str) -> dict[str, Any]:
-    """Make the run's folder and write run.json, all that the run depends on; return its content.
+    """Make the run's folder and write run.json with everything that the run depends on; return its content.
 
     A run that is resumed keeps the versions and the commit of its start.
     """

@@ -1,4 +1,4 @@
-"""The environment that agents are trained in, and which of its specimens are for training, validation and test."""
+"""Environment that agents are trained in, and seeds of its specimens for training, validation and test."""
 
 from __future__ import annotations
 

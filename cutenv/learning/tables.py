@@ -10,11 +10,11 @@ from typing import Any
 from cutenv.atomic import replacing
 
 SHOWN = ("return", "success", "tip_error_mm", "peak_force_N", "largest_jump_mm", "time_s")
-"""Scores that are printed."""
+"""Scores in printed tables."""
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows to a CSV file, atomically; a row without a column has an empty cell there."""
+    """Write rows to a CSV file, atomically; missing values become empty cells."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     with replacing(path) as part, part.open("w", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=names, restval="")

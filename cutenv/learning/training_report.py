@@ -1,4 +1,4 @@
-"""Report of a training run: its agent beside every baseline on held-out specimens, as tables, picture and page."""
+"""Report of a training run: its agent and every baseline on held-out specimens, as tables, picture and page."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def compare(
     processes : int, optional
         Number of processes; default one per core.
     baselines_of : Path, optional
-        Another run on the same specimens, whose baselines are taken over instead of being run again: they cut the same.
+        Another run on the same specimens, whose scores of the baselines are reused: they would be the same.
 
     Raises
     ------
@@ -115,12 +115,12 @@ def known_rows(path: Path, policies: Sequence[str], seeds: Sequence[int]) -> lis
     ]
     for policy in policies:
         if [row["seed"] for row in result if row["policy"] == policy] != list(seeds):
-            raise ValueError(f"{path} holds other specimens of {policy!r} than those asked for; compare without it.")
+            raise ValueError(f"{path} contains other specimens of {policy!r} than this run; compare without it.")
     return result
 
 
 def typical(rows: Sequence[Mapping[str, Any]], seeds: Sequence[int], agent: str) -> int:
-    """Return the specimen on which the agent's return is its median: neither a show-piece nor an accident."""
+    """Return the specimen on which the agent's return is its median: neither a good nor a bad example."""
     own = sorted((row["return"], row["seed"]) for row in rows if row["policy"] == agent)
     assert len(own) == len(seeds)
     return int(own[len(own) // 2][1])

@@ -218,7 +218,7 @@ class AppendingRecord:
             ) from None
 
     def _refuse(self, reading: Reading, last: float) -> NoReturn:
-        """Raise an error that says what is wrong with a reading."""
+        """Raise an error that describes what is wrong with a reading."""
         for name, value, (low, high) in zip(self._names, self._picked(reading), self._limits, strict=True):
             in_range(name, value, low, high, "1", "The reading was not recorded.")
         raise ValueError(f"time goes from {last!r} s to {reading.time!r} s; a reading must be after the one before.")

@@ -117,7 +117,7 @@ def parse_header(name: str) -> Column:
         stem = f"{field}_{axis}" if axis else field
         listed = ", ".join(f"{stem}_{known}" for known in known_units if "/" not in known)
         if not unit:
-            raise ValueError(f"column {name!r} does not say its unit. Write one of {listed}.")
+            raise ValueError(f"column {name!r} has no unit. Write one of {listed}.")
         nearest = _nearest(unit, known_units)
         hint = f" Did you mean {stem}_{nearest}?" if nearest else ""
         raise ValueError(f"column {name!r} has the unit {unit!r}, which is not known. Write one of {listed}.{hint}")

@@ -41,7 +41,7 @@ class CutSearch:
     )  # fmt: skip
     quiet: float = parameter(
         0.1, unit="s", low=0.01, high=60.0, provenance="assumed",
-        why="least quiet start that tells the sensor's zero", sweep=(0.1, 1.0),
+        why="shortest quiet start that gives the sensor's zero", sweep=(0.1, 1.0),
     )  # fmt: skip
 
     def __post_init__(self) -> None:

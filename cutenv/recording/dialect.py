@@ -134,7 +134,7 @@ class TextTable:
             return known_unit(field, said)
         except ValueError as error:
             raise RecordError(
-                self.path, f"column {header!r}: {error} Or say it in the mapping: {field}={bare_name(header)}[unit]."
+                self.path, f"column {header!r}: {error} Or give it in the mapping: {field}={bare_name(header)}[unit]."
             ) from None
 
     def numbers(self, indices: list[int]) -> Array:

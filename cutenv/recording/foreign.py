@@ -163,7 +163,7 @@ def how_to_map(table: TextTable) -> str:
 
 
 def _unit(table: TextTable, column: int, field: str) -> str | None:
-    """The unit in which a column's header gives a field; None if it gives none, or that of another field."""
+    """Return the unit of a field in a column's header; None if it has none, or that of another field."""
     try:
         return table.unit(column, field)
     except RecordError:
@@ -171,7 +171,7 @@ def _unit(table: TextTable, column: int, field: str) -> str | None:
 
 
 def _name(table: TextTable, column: int) -> str:
-    """A column as ``--map`` takes it: its bare name, or its place where that is not plain."""
+    """Return a column as written after ``--map``: its bare name, or its number where the name is not plain."""
     names = [bare_name(header) for header in table.headers]
     plain = column < len(names) and re.fullmatch(r"[^\W\d][\w .]*", names[column]) and names.count(names[column]) == 1
     return names[column] if plain else f"#{column + 1}"

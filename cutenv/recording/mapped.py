@@ -142,7 +142,7 @@ class MappedReadings:
         if not silent:
             return ""
         example = f"{silent[0]}={self.mapping.expression(silent[0]).columns[0]}[{_EXAMPLES[silent[0]]}]"
-        return f" Nobody said the unit of {', '.join(silent)}: taken for SI. Say it behind the column, as in {example}."
+        return f" No unit is given for {', '.join(silent)}: SI is assumed. Give it behind the column, as in {example}."
 
     def component(self, rows: NDArray[np.intp], k: int) -> Trace:
         """Return one component of force as a trace."""
@@ -166,19 +166,19 @@ def _unit_of(table: TextTable, field: str, expression: Expression, places: list[
     if expression.unit is not None and said is not None and expression.unit != said:
         raise RecordError(
             table.path,
-            f"{field} is said to be in {expression.unit}, but the file says {said}. Leave the unit out, or correct the "
-            "header.",
+            f"{field} is mapped in {expression.unit}, but the file has {said}. Leave the unit out, or "
+            "correct the header.",
         )
     unit = expression.unit or said
     if unit is None and field == "force":
         raise RecordError(
             table.path,
-            "the unit of force is not known: the header says none. Give --unit N (mN, kN, gf, kgf, lbf), or --unit 1 "
+            "the unit of force is not known: the header has none. Give --unit N (mN, kN, gf, kgf, lbf), or --unit 1 "
             "if the force is normalised.",
         )
     if unit is None:
         unit = _SI[field]
-        notes.append(f"{field}: no unit is said, taken for {unit}.")
+        notes.append(f"{field}: no unit is given, {unit} is assumed.")
     return unit
 
 

@@ -110,7 +110,7 @@ def check_operator(code: object) -> None:
         raise TypeError(f"operator must be a code such as 'P07', got {code!r}.")
     if not (code.isascii() and _CODE.fullmatch(code)):
         raise ValueError(
-            f"operator {code!r} may tell who it is. Give a code of up to three letters and a number, such as 'P07', "
+            f"operator {code!r} may identify a person. Give a code of up to three letters and a number, such as 'P07', "
             "and keep the list of who is who elsewhere."
         )
 

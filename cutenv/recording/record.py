@@ -52,7 +52,7 @@ def read_record(
     path = Path(path)
     is_text = path.suffix.lower() not in _NAMED_INSIDE
     if mapping is not None and not is_text:
-        raise RecordError(path, "a mapping is for text files; here the columns' names say what they are. Leave it out.")
+        raise RecordError(path, "a mapping is for text files; here the names of the columns define them. Leave it out.")
     if mapping is not None:
         return load_foreign(path, mapping, search=search)
     try:

@@ -112,7 +112,7 @@ def parsed_headers(names: Sequence[str]) -> list[Column | None]:
     for said, count in Counter(map(_said, columns)).items():
         if count > 1:
             twins = [repr(name) for name, column in zip(names, columns, strict=True) if _said(column) == said]
-            raise ValueError(f"columns {' and '.join(twins)} say the same thing twice. Keep one of them.")
+            raise ValueError(f"columns {' and '.join(twins)} have the same meaning. Keep one of them.")
     fields = {column.field for column in columns if column}
     missing = [f"{header_of(name)} (or {name} in another unit)" for name in ("time", "force") if name not in fields]
     if missing:
@@ -256,7 +256,7 @@ def _along_cut(components: Mapping[str, Array], chosen: object) -> Array:
     listed = " and ".join(f"force_{axis}" for axis in axes)
     if chosen == "norm":
         if len(axes) == 1:
-            raise ValueError(f"of the force it holds {listed} only. Say that it is along the cut: force='{axes[0]}'.")
+            raise ValueError(f"it contains {listed} only. Declare it as the force along the cut: force='{axes[0]}'.")
         with np.errstate(over="ignore"):
             norm = components[axes[0]]
             for axis in axes[1:]:
@@ -280,8 +280,7 @@ def _check_time(time: Array, where: _Where) -> None:
     for row in np.flatnonzero(np.diff(time) <= 0.0)[:1]:
         raise ValueError(
             f"{where(int(row) + 1)}: time goes from {float(time[row])!r} s to {float(time[row + 1])!r} s; it must "
-            "increase. Sort the rows by time and drop repeated ones; several cuts in one file are told apart by a "
-            "column 'cut'."
+            "increase. Sort the rows by time and drop repeated ones; several cuts in one file need a column 'cut'."
         )
 
 

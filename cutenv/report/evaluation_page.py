@@ -98,10 +98,10 @@ def _differences(evaluation: Evaluation) -> Html:
     )
     return joined(
         paragraph(
-            f"{pairs} The margin says how much is no difference: what noise alone does to one cut, or what the "
-            "instruments resolve, if that is more. A measure agrees if its 90 % interval lies within the margin (two "
-            "one-sided tests at 5 %; drawn are 95 % intervals, which may reach beyond), and differs if it is surely "
-            "beyond."
+            f"{pairs} The margin is the largest difference that does not count: the effect of noise on one cut, or the "
+            "instruments' resolution, if that is more. A measure agrees if its 90 % interval lies within the margin "
+            "(two one-sided tests at 5 %; drawn are 95 % intervals, which may reach beyond), and differs if it is "
+            "surely beyond."
         ),
         picture(
             partial(differences_figure, findings),
@@ -120,8 +120,8 @@ def _force(evaluation: Evaluation) -> Html:
     return joined(
         paragraph(
             "A crack runs by itself when the force is high enough, and small causes decide where: one run that "
-            "comes a little later changes the force by newtons for a while. So the rig's difference has to be seen "
-            "beside that of two simulated cuts with other noise."
+            "comes a little later changes the force by newtons for a while. So the rig's difference has to be compared "
+            "with that of two simulated cuts with other noise."
         ),
         picture(
             partial(force_figure, cut, simulated),
@@ -178,7 +178,7 @@ def _meaning(evaluation: Evaluation) -> Html:
             "Difference",
             "For most measures, the typical difference of a specimen (Hodges and Lehmann, with Wilcoxon's interval): a "
             "decision that falls one reading later can end one cut otherwise, and that one would rule a mean. Such "
-            "cuts are counted by success and end agreement, which are means. The mean difference stands beside "
+            "cuts are counted by success and end agreement, which are means. The mean difference is given too, "
             "with its t interval.",
         ),
         (
@@ -189,12 +189,12 @@ def _meaning(evaluation: Evaluation) -> Html:
         ),
         (
             "Agree",
-            "Two one-sided tests at 5 % say that the difference is within the margin. All measures must pass, so no "
+            "Two one-sided tests at 5 % show that the difference is within the margin. All measures must pass, so no "
             "correction for their number is needed.",
         ),
         (
             "Differ",
-            "A test at 5 % says that the difference is beyond the margin, after Holm's correction for the number of "
+            "A test at 5 % shows that the difference is beyond the margin, after Holm's correction for the number of "
             "measures: one of several dozen would do, and chance has as many tries.",
         ),
         ("Undecided", "Neither: more specimens are needed; how many is what would decide four times in five."),

@@ -70,6 +70,6 @@ MEANINGS = (
 LIMITS = (
     "The tissue is simulated. Its stiffness and its resistance to cutting are drawn from measured values of pig liver; "
     "friction, drive and sensor are partly assumed. Nothing here has been validated for assessing or credentialing "
-    "people, for other tissue or for an operation, and one training run does not tell how another would turn out."
+    "people, for other tissue or for an operation, and one training run does not predict another."
 )
 """Limits of the page's numbers."""

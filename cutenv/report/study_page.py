@@ -89,11 +89,14 @@ def headline(study: Study) -> str:
         first, second = study.groups
         if apart:
             said.append(
-                f"{len(apart)} of {len(separated)} metrics tell {first} from {second} (95 % interval without 0.5). "
+                f"{len(apart)} of {len(separated)} metrics distinguish {first} from {second} "
+                "(95 % interval without 0.5). "
                 + " ".join(_larger(apart, group, group == first) for group in study.groups).strip()
             )
         else:
-            said.append(f"None of {len(separated)} metrics tells {first} from {second}: every interval holds 0.5.")
+            said.append(
+                f"None of {len(separated)} metrics distinguishes {first} from {second}: every interval contains 0.5."
+            )
     reliable = [(each, each.reliability) for each in study.findings if isinstance(each.reliability, OneWay)]
     if reliable:
         best, found = max(reliable, key=lambda pair: pair[1].single.value)

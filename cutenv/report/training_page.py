@@ -213,13 +213,13 @@ def _costs(result: TrainingResult) -> Html:
     largest = {term: max(result.bar(policy, f"reward_{term}", -1.0).mean for policy in policies) for term in costs}
     shown = [term for term in sorted(costs, key=lambda term: -largest[term]) if largest[term] >= _SHOWN_COST]
     if not shown:
-        return paragraph("No term of the reward was recorded, or none cost anything.")
+        return paragraph("No term of the reward was recorded, or no cost was incurred.")
     bars = [[result.bar(policy, f"reward_{term}", -1.0) for term in shown] for policy in policies]
     names = [TERMS[term] for term in shown]
     unpaid = [TERMS[term] for term in costs if term not in shown]
-    caption = "Mean cost of a cut by what it was paid for, with 95 % intervals; less is better."
+    caption = "Mean cost of a cut by term of the reward, with 95 % intervals; less is better."
     if unpaid:
-        caption += f" Nobody paid for: {', '.join(unpaid)}."
+        caption += f" No cost was incurred for: {', '.join(unpaid)}."
     dearest = ", ".join(f"{own[0].policy} {own[0].mean:.2f}" for own in bars)
     return joined(
         paragraph("Return is progress less these costs: what is not cut gently, and what is not right at the end."),
@@ -312,6 +312,6 @@ def _curve(result: TrainingResult) -> Html:
 def _meaning() -> Html:
     return joined(
         definitions(MEANINGS),
-        Html("<h3>What this page does not say</h3>"),
+        Html("<h3>Limits of these results</h3>"),
         paragraph(LIMITS),
     )

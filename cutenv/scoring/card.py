@@ -288,7 +288,7 @@ def _notes(cut: ScoredCut, chosen: Mapping[str, float], known: Mapping[str, floa
 
 
 def _doubted_depth(cut: ScoredCut, faults: Sequence[Fault]) -> list[str]:
-    """A note where lurches were found with one depth for the whole cut, which bulging tissue does not have."""
+    """Return a note if lurches were found with one depth for the whole cut, which bulging tissue does not have."""
     depth = cut.trace.depth
     lurched = any(fault.kind == "lurch" for fault in faults)
     if not lurched or cut.tip_source == "truth" or depth is None or np.ptp(depth) > _SAME_DEPTH:

@@ -134,7 +134,7 @@ def _pauses(cut: ScoredCut) -> list[Fault]:
                     time=float(cut.time[start]),
                     position=float(cut.position[start]),
                     says=f"stood for {length:.1f} s at {100 * cut.position[start]:.1f} cm",
-                    try_next="keep a slow, even feed: a blade that starts anew loads the tissue anew",
+                    try_next="keep a slow, even feed: a blade that starts again loads the tissue again",
                 )
             )
     return found

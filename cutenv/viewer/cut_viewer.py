@@ -46,7 +46,7 @@ class CutViewer:
 
     @property
     def window_open(self) -> bool:
-        """True while there is a window that nobody has closed."""
+        """True while the window is open."""
         return self._window is not None and self._window.open
 
     def draw(self, plant: SimulatedPlant, cutting: GentleCutting, readings: Records | None = None) -> NDArray[np.uint8]:

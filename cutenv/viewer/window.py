@@ -19,8 +19,8 @@ def open_display() -> None:
     Raises
     ------
     OSError
-        If there is none. Without one SDL draws where nobody sees it and waits for keys for ever, unless the variable
-        SDL_VIDEODRIVER asks for that.
+        If there is no display. SDL would draw invisibly and wait for keys for ever; the variable SDL_VIDEODRIVER
+        allows that.
     """
     pygame: Any = import_pygame()
     try:

@@ -22,7 +22,7 @@ HEADLINE = ("return", "success", "tip_error_mm", "over_limit_N", "peak_force_N",
 ALL = "all"
 """All pure classes together: one stratum each, in which a seed gives one specimen of each."""
 MIXTURE = "mixed"
-"""Class whose specimens are some of the other classes', with the same seeds: no independent evidence."""
+"""Class whose specimens are drawn from the other classes with the same seeds, so no independent evidence."""
 UNCHANGED = "none"
 """Value of the constant's name in the rows of sweeps.csv with all constants as in training."""
 VERDICTS = {1: "beats it", 0: "does not beat it: level", -1: "does not beat it: worse"}
@@ -44,7 +44,7 @@ class Line:
     cuts: int
 
     def as_row(self) -> dict[str, Any]:
-        """Return it as a row of summary.csv."""
+        """Return the number as a row of summary.csv."""
         own = dataclasses.asdict(self)
         found = own.pop("interval")
         return {**own, "value": found["value"], "low_95": found["low"], "high_95": found["high"]}
@@ -72,7 +72,7 @@ def read_summary(path: Path) -> list[Line]:
 
 
 class Cuts:
-    """Cuts of one contestant: for every training run and class, the rows by specimen."""
+    """Cuts of one contestant: rows by specimen for every class and training run."""
 
     def __init__(self, folder: Path, name: str, protocol: Protocol) -> None:
         seeds = [f"-seed{seed}" for seed in protocol.training_seeds] if name in ENTRIES else [""]
@@ -87,16 +87,14 @@ class Cuts:
         for kind, runs in self.by_class.items():
             for rows in runs:
                 if [int(row["seed"]) for row in rows] != list(protocol.test_seeds):
-                    raise SystemExit(
-                        f"{name!r} met other specimens of class {kind} than the protocol's; cut them anew."
-                    )
+                    raise SystemExit(f"{name!r} cut other specimens of class {kind} than the protocol; cut them again.")
 
     def scores(self, kind: str) -> list[str]:
         """Return the names of the numbers that are known for a class."""
         return [name for name in self.by_class[kind][0][0] if name not in _NOT_SCORES]
 
     def strata(self, kind: str, score: str) -> list[np.ndarray]:
-        """Return arrays of shape (runs, specimens) for each tissue of a class; those without the score are left out."""
+        """Return an array of shape (runs, specimens) for each tissue of a class, without those that lack the score."""
         runs = self.by_class[kind]
         values = np.array([[float(row[score] or "nan") for row in rows] for rows in runs])
         tissue = np.array([row["specimen_class"] for row in runs[0]])
@@ -111,7 +109,7 @@ def summary(folder: Path, protocol: Protocol) -> list[Line]:
     headline = protocol.training_class
     known = {name: cuts for name, cuts in every.items() if headline in cuts.by_class}
     if not known:
-        raise SystemExit(f"{folder} holds no cuts of class {headline}; run scripts/benchmark_agents.py first.")
+        raise SystemExit(f"{folder} contains no cuts of class {headline}; run scripts/benchmark_agents.py first.")
     lines = [line for name, cuts in known.items() for line in _own(name, cuts, protocol)]
     returns = {line.contestant: line.interval.value for line in lines if _is(line, headline, "return", "mean")}
     scripts = [name for name in (BEST_FEED, *SCRIPTS) if name in known]
@@ -166,7 +164,7 @@ _NAMES = {interquartile_mean: "interquartile mean", mean: "mean"}
 
 
 def _differences(name: str, cuts: Cuts, other_name: str, other: Cuts, protocol: Protocol) -> list[Line]:
-    """Return differences paired by specimen, and by training seed where both learn; means, for outliers count too."""
+    """Return means of differences paired by specimen, and by training seed where both learn; outliers count."""
     lines = []
     for score in ("return", "success"):
         pairs = zip(
@@ -199,7 +197,7 @@ def _costs(folder: Path, name: str, protocol: Protocol) -> list[Line]:
 
 
 def _tried(run: Path) -> float:
-    """Return the decisions of the training: to its end, not to the checkpoint that was kept."""
+    """Return the number of decisions of the whole training, not only up to the kept checkpoint."""
     curve = rows_of(run / "learning_curve.csv")
     return float(curve[-1]["decisions"]) if curve else 0.0
 
@@ -207,8 +205,8 @@ def _tried(run: Path) -> float:
 def sweep_lines(folder: Path, protocol: Protocol) -> list[dict[str, Any]]:
     """Return interquartile means of the return with other constants, one row per contestant and setting.
 
-    They are preceded by rows with all constants as in training, on the same specimens, the first of ``cuts/``: a loss
-    is the difference from these.
+    The first rows have all constants as in training, on the same specimens, the first of ``cuts/``: a loss is the
+    difference from these.
     """
     from benchmark.robustness import settings
 
@@ -225,7 +223,7 @@ def sweep_lines(folder: Path, protocol: Protocol) -> list[dict[str, Any]]:
     unchanged = []
     for name in dict.fromkeys(line["contestant"] for line in swept):
         runs = Cuts(folder, name, protocol).by_class.get(protocol.training_class)
-        if runs is not None:  # otherwise the cuts were lost, but the sweeps kept
+        if runs is not None:  # otherwise only the sweeps were kept
             first = [rows[: protocol.sweep_specimens] for rows in runs]
             about = {"constant": UNCHANGED, "unit": "", "default": "", "set_to": ""}
             unchanged.append(_sweep_line(name, first, about, protocol))
@@ -242,12 +240,12 @@ def _sweep_line(
 
 
 def verdict(difference: Interval) -> str:
-    """Return whether an agent beats the best script, decided by the interval of the paired difference."""
+    """Return the verdict on an agent against the best script, from the interval of the paired difference."""
     return VERDICTS[1 if difference.low > 0.0 else -1 if difference.high < 0.0 else 0]
 
 
 def disagreements(one: Sequence[Line], other: Sequence[Line]) -> tuple[list[str], int]:
-    """Return where two summaries of one protocol differ beyond their intervals, and how many numbers were compared.
+    """Return the numbers in which two summaries of one protocol differ beyond their intervals, and the number compared.
 
     Only numbers that both have are compared: the headline's scores, the differences, and the return of every class.
     The cost of training is not: it depends on the machine.

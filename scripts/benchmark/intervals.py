@@ -2,8 +2,8 @@
 
 *Deep Reinforcement Learning at the Edge of the Statistical Precipice*, NeurIPS 2021.  A score of an agent is an array
 of shape (training runs, specimens) for each stratum, a class of specimens.  A resample draws training runs and, crossed
-with them, specimens within each stratum, all with replacement; a script has one run.  Unlike tasks in rliable, which
-have separate runs, strata share theirs: one run is the same agent in all of them, and is drawn in all or in none.
+with them, specimens within each stratum, all with replacement; a script has one run.  Tasks in rliable have separate
+runs; strata share theirs: a run is the same agent in all strata, and is drawn in all or in none.
 The interquartile mean is that of the middle half of all cuts: robust against outliers, and less variable than the
 median.  With three runs an interval over runs is sometimes too narrow by chance; this is stated where intervals are
 shown.
@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_TRIM = 0.25  # cut off at either end
-_TOGETHER = 100  # resamples at a time, to limit memory
+_TRIM = 0.25  # share removed at either end
+_TOGETHER = 100  # resamples computed at a time, to limit memory
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Interval:
 
 
 def interquartile_mean(values: np.ndarray) -> np.ndarray:
-    """Return the mean of the middle half along the last axis; a quarter, rounded down, is cut at either end."""
+    """Return the mean of the middle half along the last axis; a quarter, rounded down, is removed at either end."""
     count = values.shape[-1]
     cut = int(_TRIM * count)
     if cut == 0:
@@ -68,7 +68,7 @@ def stratified(
     statistic : callable
         Function along the last axis: :func:`interquartile_mean` or :func:`mean`.
     same_specimens : bool
-        Whether the columns of all strata belong together too, as where one seed gives a specimen of each class.
+        Whether the columns of all strata are paired too, as when one seed gives a specimen of each class.
     resamples : int
         Number of bootstrap resamples.
     seed : int

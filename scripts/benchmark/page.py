@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 _CHIPS = {"learned": "learned", "best script": "best script", "upper bound: sees hidden state": "upper bound"}
 _ROLES = {"learned": "agent", "best script": "script", "upper bound: sees hidden state": "bound"}
 _NOT_SAID = (
-    "Cuts are simulated: nobody has measured how these policies do on a rig. Intervals tell of specimens and of a few "
-    "training runs, not of the assumptions of the model; the sweep of constants tells of some of those. No agent was "
+    "Cuts are simulated: these policies have not been measured on a rig. Intervals cover specimens and a few "
+    "training runs, not the assumptions of the model; the sweep of constants covers some of those. No agent was "
     "trained or chosen on the held-out specimens, and no run but a comparison like this one cuts them. Mixed ones are "
     "drawn of liver and of vascular tissue from the same seeds."
 )
@@ -45,12 +45,17 @@ def write_page_of(path: Path, standings: Table, about: str, origin: Mapping[str,
         Section("ablations", "What each ablation costs", _ablations(standings)),
         Section("robustness", "Where a constant is not what it was in training", _robustness(standings)),
         Section("metrics", "Every metric of the score card", _metrics(standings)),
-        Section("meaning", "What this page does not say", paragraph(_NOT_SAID)),
+        Section("meaning", "Limits of these results", paragraph(_NOT_SAID)),
         Section("facts", "Facts", definitions(_facts(standings, origin), "facts")),
     ]
     write_page(
         path,
-        page("Gentle cutting: who cuts best", f"Protocol {standings.protocol.version}", _lead(standings), sections),
+        page(
+            "Gentle cutting: benchmark of policies",
+            f"Protocol {standings.protocol.version}",
+            _lead(standings),
+            sections,
+        ),
     )
 
 
@@ -109,25 +114,27 @@ def _ablations(standings: Table) -> Html:
     heading, rows = standings.ablations()
     if not rows:
         return paragraph("No ablation has been trained.")
-    told = paragraph("The same agent with one thing less, paired by specimen and training seed. Below 0 it was of use.")
-    return joined(told, _plain("Mean paired differences with 95 % intervals", heading, rows))
+    explained = paragraph(
+        "The same agent with one part changed, paired by specimen and training seed. Below 0 the part was useful."
+    )
+    return joined(explained, _plain("Mean paired differences with 95 % intervals", heading, rows))
 
 
 def _robustness(standings: Table) -> Html:
     heading, rows = standings.robustness()
     if not rows:
         return paragraph("No constant has been swept.")
-    told = paragraph(
-        "Each constant at both ends of its range, the others as in training; nobody is trained for it or told. "
-        "The first row changes none: from it a loss is read off. In all rows the specimens are the "
+    explained = paragraph(
+        "Each constant at both ends of its range, the others as in training; no policy is trained for it or informed. "
+        "The first row changes none: a loss is the difference from it. In all rows the specimens are the "
         f"first {standings.protocol.sweep_specimens} of class {standings.headline}."
     )
-    return joined(told, _plain("Return, interquartile mean with 95 % interval", heading, rows))
+    return joined(explained, _plain("Return, interquartile mean with 95 % interval", heading, rows))
 
 
 def _metrics(standings: Table) -> Html:
-    told = paragraph("Interquartile means, in the unit of the name; the intervals are in summary.csv.")
-    return joined(told, folded("The table", _plain("Metrics of the score card", *standings.metrics())))
+    explained = paragraph("Interquartile means, in the unit of the name; the intervals are in summary.csv.")
+    return joined(explained, folded("The table", _plain("Metrics of the score card", *standings.metrics())))
 
 
 def _facts(standings: Table, origin: Mapping[str, Any]) -> list[tuple[str, str]]:

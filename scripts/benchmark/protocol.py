@@ -46,7 +46,8 @@ class Protocol:
     specimens : int
         Number of held-out specimens of each class.
     first_specimen : int
-        The first of them in ``TEST_SEEDS``: those before are what every run prints and what the reward was tried on.
+        Index of the first of them in ``TEST_SEEDS``; earlier ones serve for the reports of runs and the design of the
+        reward.
     feed_specimens : int
         Number of validation specimens on which the best constant feed is chosen.
     sweep_specimens : int
@@ -82,9 +83,9 @@ class Protocol:
 
 QUICK = Protocol(
     version="quick", classes=("mixed", "liver"), training_seeds=(0, 1), training_minutes=0.3, demonstrations=20_000,
-    specimens=40,    feed_specimens=10, sweep_specimens=10, resamples=400,
+    specimens=40, feed_specimens=10, sweep_specimens=10, resamples=400,
 )  # fmt: skip
-"""A test of the whole machinery, not a result."""
+"""Protocol of a test of the whole program; it gives no result."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ class Entry:
 
     name: str
     learner: str
-    """For ``cutenv train --learner``."""
+    """Value of ``cutenv train --learner``."""
     arguments: tuple[str, ...] = ()
     change: str = ""
     """Change of an ablation from :data:`REFERENCE`; empty for other agents."""
@@ -103,15 +104,15 @@ _FIXED = ("--angle-mode", "fixed")
 _BY_CLOCK = ("--timesteps", "1000000000")  # no limit but the clock
 _ENTRIES = (
     Entry(REFERENCE, "ppo", _BY_CLOCK),
-    Entry("PPO, fixed angle", "ppo", (*_BY_CLOCK, *_FIXED), "the blade stays upright"),
+    Entry("PPO (fixed angle)", "ppo", (*_BY_CLOCK, *_FIXED), "the blade stays upright"),
     Entry("recurrent PPO", "recurrent-ppo", _BY_CLOCK),
-    Entry("recurrent PPO, fixed angle", "recurrent-ppo", (*_BY_CLOCK, *_FIXED)),
+    Entry("recurrent PPO (fixed angle)", "recurrent-ppo", (*_BY_CLOCK, *_FIXED)),
     Entry("behaviour cloning", "bc"),
-    Entry("behaviour cloning, fixed angle", "bc", _FIXED),
+    Entry("behaviour cloning (fixed angle)", "bc", _FIXED),
     Entry("PPO without force", "ppo", (*_BY_CLOCK, "--force", "unfelt"), "the force is not felt"),
     Entry("PPO with history", "ppo", (*_BY_CLOCK, "--history", "6"), "the six past decisions are seen besides"),
     Entry(
-        "PPO, critic without truth", "ppo", (*_BY_CLOCK, "--critic", "features"), "the critic does not see the truth"
+        "PPO (critic without truth)", "ppo", (*_BY_CLOCK, "--critic", "features"), "the critic does not see the truth"
     ),
 )
 ENTRIES = {entry.name: entry for entry in _ENTRIES}
@@ -129,7 +130,7 @@ def keep_protocol(folder: Path, protocol: Protocol) -> None:
     """Write the protocol beside its results; SystemExit if there are results of another."""
     path, content = folder / "protocol.json", content_of(protocol)
     if path.is_file() and json.loads(path.read_text()) != content:
-        raise SystemExit(f"{folder} holds results of another protocol (see {path}); give another --out.")
+        raise SystemExit(f"{folder} contains results of another protocol (see {path}); give another --out.")
     folder.mkdir(parents=True, exist_ok=True)
     with replacing(path) as part:
         part.write_text(json.dumps(content, indent=1) + "\n")
@@ -140,7 +141,7 @@ def kept_protocol(folder: Path) -> Protocol:
     path = folder / "protocol.json"
     if not path.is_file():
         raise SystemExit(
-            f"{folder} holds no protocol.json; run scripts/benchmark_agents.py first, or give its --out folder."
+            f"{folder} contains no protocol.json; run scripts/benchmark_agents.py first, or give its --out folder."
         )
     content: dict[str, Any] = json.loads(path.read_text())
     content.pop("entries")
@@ -148,7 +149,7 @@ def kept_protocol(folder: Path) -> Protocol:
 
 
 def content_of(protocol: Protocol) -> dict[str, Any]:
-    """What protocol.json holds: the numbers, and with which arguments every agent is trained."""
+    """Return the content of protocol.json: the numbers, and the arguments with which every agent is trained."""
     entries = {entry.name: [f"{entry.learner.replace('-', '_')}.py", *entry.arguments] for entry in _ENTRIES}
     content: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(protocol) | {"entries": entries}))
     return content

@@ -25,9 +25,9 @@ from cutenv.policy import BASELINES, BOUND, GRID, IDLE
 
 SWEPT = ("PPO", "recurrent PPO", "behaviour cloning", "probe and creep", BEST_FEED)
 _CORE_SECONDS = {BOUND: 0.27, "planner (nominal)": 0.12, "nothing": 0.06, "random": 0.06}
-"""Time of one cut with its score card, on the machine of docs/results/speed.md [core s]; the others take this:"""
+"""Time of one cut with its score card, on the machine of docs/results/speed.md [core s]; for the others:"""
 _CORE_SECONDS_ELSE = 0.02
-_CLONING_S, _STARTING_S = 90.0, 20.0  # of a run of bc.py; of any run beside its training: imports, export
+_CLONING_S, _STARTING_S = 90.0, 20.0  # time of behaviour cloning; time of any run besides training: imports, export
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Part:
 
     @property
     def label(self) -> str:
-        """Name and training seed, for people."""
+        """Name and training seed, for printing."""
         return self.contestant if self.seed is None else f"{self.contestant}, seed {self.seed}"
 
     @property
@@ -49,7 +49,7 @@ class Part:
 
 
 class Benchmark:
-    """State of a comparison in a folder: what is done and what is left.
+    """State of a comparison in a folder: finished and remaining parts.
 
     Parameters
     ----------
@@ -81,11 +81,11 @@ class Benchmark:
         return self.folder / "cuts" / f"{part.slug}--{specimen_class}.csv"
 
     def untrained(self) -> list[Part]:
-        """Return the runs that are left to train."""
+        """Return the runs that remain to be trained."""
         return [part for part in self.parts() if part.seed is not None and not is_trained(self.run_of(part))]
 
     def uncut(self) -> list[tuple[Part, str]]:
-        """Return the participants that are left to evaluate, with the class of specimens."""
+        """Return the participants that remain to be evaluated, with the class of specimens."""
         classes = self.protocol.classes
         return [(part, name) for part in self.parts() for name in classes if not self.cuts_of(part, name).is_file()]
 
@@ -94,13 +94,13 @@ class Benchmark:
         return [part for part in self.parts() if part.contestant in SWEPT]
 
     def unswept(self) -> list[Any]:
-        """Return the settings that are left, each with its file."""
+        """Return the remaining settings, each with its file."""
         files = ((setting, self.folder / "sweeps" / f"{setting.name}.csv") for setting in settings())
         wanted = {part.label for part in self.swept()}
         return [(setting, path) for setting, path in files if wanted - {row["policy"] for row in rows_of(path)}]
 
     def plan(self) -> float:
-        """Print what is left to do; return how long it takes [s]."""
+        """Print the remaining work; return its estimated duration [s]."""
         p = self.protocol
         training = sum(
             _STARTING_S + (min(_CLONING_S, 60.0 * p.training_minutes) if part.contestant.startswith("behaviour")
@@ -118,7 +118,7 @@ class Benchmark:
             f"sweep {len(self.unswept())} settings of constants": sweeping / self.processes,
             "statistics": statistics,
         }
-        print(f"protocol {p.version}, {self.processes} processes; left to do, and how long that takes:")
+        print(f"protocol {p.version}, {self.processes} processes; remaining work and its duration:")
         for name, seconds in stages.items():
             print(f"  {name:45s} {seconds / 60.0:6.1f} min")
         total = sum(stages.values())
@@ -126,7 +126,7 @@ class Benchmark:
         return total
 
     def train(self) -> None:
-        """Train what is left, on one core each."""
+        """Train the remaining agents, on one core each."""
         left = self.untrained()
         with ThreadPoolExecutor(self.processes) as pool:
             for number, part in enumerate(pool.map(self._train, left), 1):
@@ -136,7 +136,7 @@ class Benchmark:
         entry, run = ENTRIES[part.contestant], self.run_of(part)
         (self.folder / "runs").mkdir(parents=True, exist_ok=True)
         if run.exists() and checkpoint_of(run) is None:
-            shutil.rmtree(run)  # interrupted before there was a checkpoint
+            shutil.rmtree(run)  # interrupted before the first checkpoint
         command = ["--resume", str(Path("runs") / part.slug)] if run.exists() else self.training_arguments(entry, part)
         with (self.folder / "runs" / f"{part.slug}.log").open("a") as log:
             done = subprocess.run(
@@ -145,7 +145,7 @@ class Benchmark:
                 env=os.environ | {"CUTENV_CORES": "1", "OMP_NUM_THREADS": "1"},
             )  # fmt: skip
         if done.returncode or not is_trained(run):
-            raise SystemExit(f"training {part.label} failed; {log.name} says why.")
+            raise SystemExit(f"training {part.label} failed; see {log.name}.")
         return part
 
     def training_arguments(self, entry: Entry, part: Part) -> list[str]:
@@ -179,7 +179,7 @@ class Benchmark:
         return Contestant(one.policy, {"control_hz": 10}) if part.contestant in IDLE else one
 
     def cut(self, pool: Executor) -> None:
-        """Evaluate what is left."""
+        """Evaluate the remaining participants."""
         (self.folder / "cuts").mkdir(parents=True, exist_ok=True)
         for part, specimen_class in self.uncut():
             rows = evaluate(
@@ -189,7 +189,7 @@ class Benchmark:
             write_csv(self.cuts_of(part, specimen_class), rows)
 
     def sweep(self, pool: Executor) -> None:
-        """Evaluate what is left with other constants."""
+        """Evaluate the remaining participants with other constants."""
         (self.folder / "sweeps").mkdir(parents=True, exist_ok=True)
         seeds = self.protocol.test_seeds[: self.protocol.sweep_specimens]
         for setting, path in self.unswept():
@@ -212,13 +212,13 @@ def is_trained(run: Path) -> bool:
 
 
 def differs(published: Path, folder: Path) -> int:
-    """Print where a comparison differs from another's summary.csv beyond both intervals; return 1 if it does."""
+    """Print the numbers that differ from another summary.csv beyond both intervals; return 1 if there are any."""
     theirs, ours = (path.parent / "protocol.json" for path in (published, folder / "summary.csv"))
     for path in (theirs, ours):
         if not path.is_file():
-            raise SystemExit(f"{path} is missing; it says what was compared.")
+            raise SystemExit(f"{path} is missing; it defines the comparison.")
     if json.loads(theirs.read_text()) != json.loads(ours.read_text()):
-        raise SystemExit(f"{theirs} and {ours} are two protocols; compare like with like.")
+        raise SystemExit(f"{theirs} and {ours} are two protocols; compare results of one protocol.")
     apart, count = disagreements(read_summary(published), read_summary(folder / "summary.csv"))
     print("\n".join(apart))
     print(f"{len(apart)} of {count} numbers that both have differ beyond both intervals")

@@ -29,7 +29,7 @@ from cutenv.learning.tables import write_csv
 from cutenv.policy import BOUND, IDLE, SCRIPTS
 
 PUBLISHED = Path(__file__).parents[2] / "assets" / "benchmark"
-"""The comparison that the README shows."""
+"""Folder of the published comparison."""
 _ORIGIN = "origin.json"
 _TABLES = ("protocol.json", "summary.csv", "sweeps.csv", _ORIGIN)  # files from which text and page are generated
 _CUTS_KEPT = 10
@@ -70,7 +70,7 @@ class Table:
         )
 
     def line(self, name: str, kind: str, score: str, statistic: str = "interquartile mean") -> Line | None:
-        """Return one number of the summary, if it is known."""
+        """Return one number of the summary, or None."""
         return self._by_key.get((name, kind, score, statistic))
 
     def shown(self, line: Line | None, factor: float = 1.0, digits: int = 2, sign: str = "") -> str:
@@ -82,7 +82,7 @@ class Table:
 
     @property
     def script(self) -> str | None:
-        """Best script: all differences but those of ablations are from it."""
+        """Best script, from which all differences are taken except those of ablations."""
         scores = [line.score for line in self.lines if line.score.startswith("return minus ")]
         names = {score.removeprefix("return minus ") for score in scores} - {REFERENCE}
         return next(iter(names), None)
@@ -157,7 +157,7 @@ class Table:
         return ["metric", *self.contestants], rows
 
     def robustness(self) -> tuple[list[str], list[list[str]]]:
-        """Return a table of the return with other constants, below that with training's on the same specimens."""
+        """Return a table of the return with other constants; the first row has those of training."""
         names = [name for name in self.contestants if any(row["contestant"] == name for row in self.sweeps)]
         settings: dict[tuple[str, ...], dict[str, str]] = {}
         for row in self.sweeps:
@@ -204,7 +204,7 @@ def earlier(environment: str) -> str:
 
 
 def about(table: Table) -> str:
-    """Return one paragraph about what the numbers are."""
+    """Return one paragraph that explains the numbers."""
     p = table.protocol
     n = len(p.training_seeds)
     return (
@@ -226,8 +226,8 @@ def read_table(folder: Path) -> Table:
 def origin_of(folder: Path) -> dict[str, Any]:
     """Return commits and versions of the training runs, and some single cuts: from the runs, or as published.
 
-    The cuts are a script's first ones, by seed: repeating them shows whether the table belongs to the present physics
-    and reward.
+    The cuts are the first ones of a script, by seed: repeating them shows whether the table belongs to the present
+    physics and reward.
     """
     if (folder / _ORIGIN).is_file():
         kept: dict[str, Any] = json.loads((folder / _ORIGIN).read_text())

@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).parents[2] / "cutenv"
 FOLDER = "reference/api"
 MODULES = ("cutenv.cores", "cutenv.envs.vector", "cutenv.rig.drivers", "cutenv.rig.supervisor", "cutenv.trace")
 """Public modules that belong to no package with a list of names."""
-INTERNAL = ("cutenv.bench", "cutenv.rig.canopen", "cutenv.viewer.solid")
+INTERNAL = ("cutenv.rig.canopen", "cutenv.viewer.solid")
 """Packages whose names are for their neighbours only."""
 
 
@@ -61,7 +61,7 @@ def _summary(module: str) -> str:
 
 
 def _public_names(module: str) -> bool:
-    """Whether a module lists its public names in ``__all__``."""
+    """Return True if a module lists its public names in ``__all__``."""
     tree = ast.parse(_source(module).read_text(encoding="utf-8"))
     targets = [target for node in tree.body if isinstance(node, ast.Assign) for target in node.targets]
     return any(isinstance(target, ast.Name) and target.id == "__all__" for target in targets)

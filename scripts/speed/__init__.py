@@ -1,4 +1,4 @@
-"""Measurements of speed, each against something run in the same process; the program is scripts/bench.py."""
+"""Measurements of speed, each compared with something run in the same process; the program is scripts/bench.py."""
 
 from __future__ import annotations
 
@@ -14,4 +14,4 @@ BENCHMARKS = {
     "ppo": "ppo",
     "reading": "reading",
 }
-"""Name -> module with ``measure()``."""
+"""Module with ``measure()`` by name."""

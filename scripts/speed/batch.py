@@ -1,4 +1,4 @@
-"""The native vector environment beside its own bare loop and beside Gymnasium's vector environments."""
+"""Speed of the native vector environment, compared with its own bare loop and Gymnasium's vector environments."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from speed.limits import limits
 from speed.measured import Measured, Number, at_least, at_most
 
 SHARE_OF_BARE = 0.80
-"""Of the bare loop's rate that the environment must reach at :data:`MANY`."""
+"""Share of the bare loop's rate that the environment must reach at :data:`MANY`."""
 TIMES_PENDULUM = 50.0
-"""Required over SyncVectorEnv of Pendulum-v1 at :data:`SOME`."""
+"""Required speed-up over SyncVectorEnv of Pendulum-v1 at :data:`SOME`."""
 RESETS_IN_STEPS = 100.0
-"""Steps of the batch that resetting all of it may cost."""
+"""Largest acceptable time of resetting the whole batch, in steps of the batch."""
 STRETCH = 2e6
-"""Control steps a second aimed at on two cores."""
+"""Target on two cores [control steps/s]."""
 SOME, MANY = 1024, 4096
 COUNTS = (1, 16, 256, SOME, MANY, 65_536)
 _ACTION = (0.4, -1.0)  # a steady cut at 1 cm/s and 45 degrees
@@ -42,16 +42,16 @@ class Rates(NamedTuple):
 
     native: float
     bare: float
-    """Of the updates alone, cuts abreast: no assessment, no observation, no info, no ends."""
+    """Rate of the batched updates alone: no assessment, no observation, no info, no ends."""
     single_file: float
-    """Of the same, one cut after the other."""
+    """Rate of the updates alone, one cut after the other."""
     resets: float
-    """Environments begun per second."""
+    """Number of environments reset per second."""
 
 
 @compiled_for_cores
 def _single_file(passed: Portions, core: int, cuts: Cuts, ticks: int, speed: float, angle: float) -> None:
-    """What :func:`cutenv.cutting.abreast.hold_some` does, one cut after the other."""
+    """Simulate the cuts as :func:`cutenv.cutting.abreast.hold_some` does, but one after the other."""
     readings = np.empty(ticks, READING)
     n, end = claim(passed, core, 1)
     while n < end:
@@ -70,9 +70,9 @@ def _single_file(passed: Portions, core: int, cuts: Cuts, ticks: int, speed: flo
 
 
 def rates(count: int, rounds: int | None = None) -> Rates:
-    """Measure ``count`` environments; each round begins them anew and cuts on from the same place.
+    """Measure ``count`` environments; each round resets them and cuts from the same place.
 
-    Few environments are soon done, and disturbed the more: by default they take more rounds.
+    Measurements of few environments are short and more easily disturbed: by default they take more rounds.
     """
     if rounds is None:
         rounds = 30 if count < SOME else 7 if count <= MANY else 2
@@ -106,7 +106,7 @@ def _seconds(step: Callable[[], Any]) -> float:
 
 
 def measure() -> Measured:
-    """Rates beside those of Gymnasium's vector environments, what is required of them, and what limits them."""
+    """Measure rates, those of Gymnasium's vector environments, and limits; compare with the targets."""
     # These first: AsyncVectorEnv may fork, which is safest before this process has threads.
     others = {
         other: {count: step_rate(other, count) for count in COUNTS if count <= other.largest}
@@ -115,7 +115,7 @@ def measure() -> Measured:
     found = {}
     for count in COUNTS:
         found[count] = rates(count)
-        if count == SOME:  # once more beside ours: within minutes a shared machine changes its speed
+        if count == SOME:  # again, next to ours: within minutes a shared machine changes its speed
             others[SYNC][count] = max(others[SYNC][count], step_rate(SYNC, count))
     limited = limits(found[MANY].native, found[MANY].bare)
     lines = [*_table(found, others), *_verdicts(found[SOME], found[MANY], others[SYNC][SOME]), *limited.lines]
@@ -141,11 +141,11 @@ def _numbers(found: dict[int, Rates], others: dict[Other, dict[int, float]]) -> 
 def _table(found: dict[int, Rates], others: dict[Other, dict[int, float]]) -> list[str]:
     lines = [
         f"native vector environment on {cores()} cores, control steps of 20 force updates",
-        f"  beside {SYNC.name} in {SYNC.way}, to {SYNC.largest} of them, and in {ASYNC.way}, a process for each, to "
-        f"{ASYNC.largest};",
-        f"  beside {NATIVE.name} in {NATIVE.way}",
+        f"  compared with {SYNC.name} in {SYNC.way}, to {SYNC.largest} of them, and in {ASYNC.way}, a process "
+        f"for each, to {ASYNC.largest};",
+        f"  compared with {NATIVE.name} in {NATIVE.way}",
         "             thousand environment steps a second         of the bare loop  ns an update  ms to reset",
-        "   number    cutenv      Sync     Async  CartPole   abreast  in single file     of cutenv          all",
+        "   number    cutenv      Sync     Async  CartPole   batched      one by one     of cutenv          all",
     ]
     for count, rate in found.items():
         beside = "".join(

@@ -1,4 +1,4 @@
-"""Calibrating a whole session of cuts, the thesis's protocol on virtual livers, against reading its files."""
+"""Time to calibrate a session of cuts (the thesis's protocol on virtual livers), compared with reading its files."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from cutenv.trace import Trace
 from speed.measured import Measured, Number, at_most
 
 LIVERS = 6
-"""Each is cut at seven speeds and two angles: 84 cuts."""
+"""Number of livers; each is cut at seven speeds and two angles: 84 cuts."""
 ALLOWED = 1.0
-"""Times of reading the files that calibrating may take: a user waits for his disk, not for us."""
+"""Largest acceptable time of calibrating, in times of reading the files: a user waits for the disk, not for us."""
 _LENGTH = 0.1016  # four inches, and back [m]
 _RETURN_SPEED = 0.0127  # at the least [m/s]
 
 
 class SessionTimes(NamedTuple):
-    """Of one session [s]."""
+    """Times of one session [s]."""
 
     cuts: int
     readings: int
     reading: float
-    """Its CSV files."""
+    """Time to read its CSV files."""
     measuring: float
-    """Every cut, several times over for the loading ratio."""
+    """Time to measure every cut, several times for the loading ratio."""
     together: float
-    """One tissue of the cuts, bootstrap and scales included."""
+    """Time to fit one tissue to the cuts, bootstrap and scales included."""
 
 
 def session(livers: int = LIVERS, speeds: tuple[float, ...] | None = None) -> list[Trace]:
-    """Records of the thesis's protocol; by default at all of its speeds [m/s]."""
+    """Simulate records of the thesis's protocol, by default at all of its speeds [m/s]."""
     chosen = speeds or tuple(float(v) / 100.0 for v in table("5.6")["speed_cm_s"])
     records = []
     for n, (liver, angle_deg, speed) in enumerate(itertools.product(range(livers), (90.0, 45.0), chosen)):
@@ -54,7 +54,7 @@ def session(livers: int = LIVERS, speeds: tuple[float, ...] | None = None) -> li
 
 
 def session_times(records: list[Trace]) -> SessionTimes:
-    """Write the files, read them, calibrate from what was read; each once."""
+    """Write the files, read them and calibrate from the records, once each."""
     model = CutModel()
     model.stiffness(0.05)  # factorised before the clock runs: once for any number of cuts
     with tempfile.TemporaryDirectory() as folder:
@@ -78,7 +78,7 @@ def session_times(records: list[Trace]) -> SessionTimes:
 
 
 def measure() -> Measured:
-    """The whole protocol, and the ratio to reading."""
+    """Measure the whole protocol, and the ratio to reading."""
     found = session_times(session())
     calibrating = found.measuring + found.together
     ratio = calibrating / found.reading

@@ -1,4 +1,4 @@
-"""Numbers of two runs side by side: new over old."""
+"""Comparison of two runs: ratios of new to old numbers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from speed.record import Record
 
 
 def compared(old: Record, new: Record) -> list[str]:
-    """Lines with the ratio new/old of every number of ``new``, and with what only one of the two has measured.
+    """Return lines with the ratio new/old of every number of ``new``, and the numbers that only one of them contains.
 
     Benchmarks that ``new`` leaves out are left out: they were not asked for.
     """

@@ -1,4 +1,4 @@
-"""The environment's step beside the same steps of Gymnasium's own environments, in one process."""
+"""Time of a step, compared with Gymnasium's own environments in the same process."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _ENVIRONMENTS = ("cutenv/GentleCut-v1", "Pendulum-v1", "CartPole-v1")
 
 
 def step_times(steps: int = 4000, rounds: int = 5) -> dict[str, float]:
-    """Microseconds per step of each environment, resets left out; the best of ``rounds`` interleaved rounds.
+    """Measure the time per step of each environment [us], without resets; the best of ``rounds`` interleaved rounds.
 
     Parameters
     ----------
     steps : int
-        In a round, for each environment.
+        Number of steps of each environment in a round.
     rounds : int
-        Interleaved, so that a busy machine slows all alike.
+        Number of rounds, interleaved so that a busy machine slows all alike.
     """
     envs = {name: gymnasium.make(name) for name in _ENVIRONMENTS}
     best = dict.fromkeys(envs, np.inf)
@@ -39,7 +39,7 @@ def step_times(steps: int = 4000, rounds: int = 5) -> dict[str, float]:
 
 
 def reset_times(resets: int = 100, rounds: int = 5) -> dict[str, float]:
-    """Microseconds per reset of each environment, a new specimen drawn each time; the best of interleaved rounds."""
+    """Measure the time per reset of each environment [us], each with a new specimen; the best of interleaved rounds."""
     envs = {name: gymnasium.make(name) for name in _ENVIRONMENTS}
     for env in envs.values():
         env.reset(seed=0)
@@ -78,7 +78,7 @@ def _time_steps(env: gymnasium.Env[Any, Any], actions: list[Any]) -> float:
 
 
 def measure() -> Measured:
-    """Steps and resets beside those of Pendulum and CartPole."""
+    """Measure steps and resets next to those of Pendulum and CartPole."""
     steps, resets = step_times(), reset_times()
     pendulum = steps["Pendulum-v1"]
     over = steps[_ENVIRONMENTS[0]] / pendulum

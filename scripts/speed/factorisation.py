@@ -1,4 +1,4 @@
-"""One factorisation for all tips against one for each tip: how much faster, and whether they agree."""
+"""Speed-up of one factorisation for all tips over one for each tip, and agreement of the two."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from cutenv.tissue.tip_response import blade_unknowns, factorise, stiffness_matr
 from speed.measured import Measured, Number
 
 REQUIRED_SPEEDUP = {(8, 15): 8.0, (40, 75): 15.0}
-"""Of one factorisation over one for each tip, by the elements across and along."""
+"""Required speed-up of one factorisation over one for each tip, by the numbers of elements across and along."""
 
 
 class FactorisationSpeedup(TypedDict):
-    """Times are the best of the repeats, in seconds; differences are relative."""
+    """Times, the best of the repeats [s], and relative differences."""
 
     divisions: tuple[int, ...]
     n_tips: int
@@ -37,7 +37,7 @@ class FactorisationSpeedup(TypedDict):
 def factorisation_speedup(divisions: tuple[int, int] = (8, 15), repeats: int = 3) -> FactorisationSpeedup:
     """Compare the two ways on 8-node plane-stress elements, in one process, from the same assembled matrix.
 
-    Both ways order and factorise alike; assembly is counted in neither. Without slips the specimen is
+    Both ways order and factorise alike; neither time includes assembly. Without slips the specimen is
     uniform, as `CutModel` treats every mirror-symmetric one; with slips its halves differ in modulus.
 
     Parameters
@@ -45,7 +45,7 @@ def factorisation_speedup(divisions: tuple[int, int] = (8, 15), repeats: int = 3
     divisions : tuple of int
         Elements across (even) and along the specimen.
     repeats : int
-        How often factorising per tip is timed, and three times as often the short ways; the fastest counts.
+        Number of timings of factorising per tip, and a third of those of the short ways; the fastest counts.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def factorisation_speedup(divisions: tuple[int, int] = (8, 15), repeats: int = 3
 
 
 def factorising_per_tip(mesh: CutMesh, stiffness: csr_array[np.float64]) -> NDArray[np.float64]:
-    """Stiffness at each tip, imposing that tip's own constraints and factorising anew; shape (n_tips,)."""
+    """Return the stiffness at each tip from its own constraints and factorisation, shape (n_tips,)."""
     tip_stiffness = np.empty(len(mesh.tip_pairs))
     for tip in range(tip_stiffness.size):
         constraints = mesh.constraints(tip)
@@ -97,7 +97,7 @@ def _fastest(way: Callable[[], NDArray[np.float64]], repeats: int) -> tuple[floa
 
 
 def measure() -> Measured:
-    """The comparison on the coarsest and the finest mesh of the thesis."""
+    """Compare the two on the coarsest and the finest mesh of the thesis."""
     start = time.perf_counter()
     model = CutModel()
     model.stiffness(model.tips)

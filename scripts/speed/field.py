@@ -1,4 +1,4 @@
-"""The displacement of every node for a picture, on the thesis's coarsest and finest mesh, beside its bare product."""
+"""Time of the displacement of every node for a picture, on the thesis's coarsest and finest mesh."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from cutenv.viewer.slab import Slab
 from speed.measured import Measured, Number, at_most
 
 MESHES = ((8, 15), (40, 75))
-"""Elements across and along."""
+"""Numbers of elements across and along."""
 FRAME_MS = 1e3 / 60.0
 ALLOWED_OF_FRAME = 0.1
-"""Share of a picture's time that 99 % of the displacements may take: the rest is for drawing."""
+"""Share of a frame's time that 99 % of the displacements may take: the rest is for drawing."""
 
 Microseconds = NDArray[np.float64]
 
 
 class FieldTimes(NamedTuple):
-    """Of one mesh; shapes (updates,)."""
+    """Times for one mesh [us], shapes (updates,)."""
 
     n_equations: int
     first: float
-    """Of a new model's first displacement [ms]: assembly, factorisation, one solve for each tip."""
+    """Time of a new model's first displacement [ms]: assembly, factorisation, one solve for each tip."""
     nodes: Microseconds
     product: Microseconds
-    """Of two precomputed fields with their two weights, and nothing else: one product of matrix and vector."""
+    """Times of the bare weighted sum of two precomputed fields: one product of matrix and vector."""
     lattice: Microseconds
-    """Of what the viewer draws from it."""
+    """Times of the lattice that the viewer draws."""
 
 
 def field_times(divisions: tuple[int, int], updates: int = 2000) -> FieldTimes:
@@ -58,7 +58,7 @@ def field_times(divisions: tuple[int, int], updates: int = 2000) -> FieldTimes:
 
 
 def measure() -> Measured:
-    """Both meshes against the frame of a picture."""
+    """Measure both meshes, and compare with the time of a frame."""
     numbers: dict[str, Number] = {}
     lines = [f"displacement of every node, precomputed, for a picture of {FRAME_MS:.1f} ms (60 a second)"]
     for divisions in MESHES:

@@ -1,4 +1,4 @@
-"""The first use on a machine, which compiles, and the next, which finds what was compiled: from import to a step."""
+"""Time from import to a step: at the first use on a machine, which compiles, and at the next, which loads the cache."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import NamedTuple
 from speed.measured import Measured, Number, at_most
 
 ALLOWED_S = 5.0
-"""Of the first use: a few seconds."""
+"""Largest acceptable time of the first use [s]: a few seconds."""
 BATCH = 64
 _MADE = {
     "one environment": "gymnasium.make('cutenv/GentleCut-v1')",
@@ -38,21 +38,21 @@ _LIMIT_S = 600.0
 
 
 class FirstUse(NamedTuple):
-    """Seconds from import to the end of the first step."""
+    """Times from import to the end of the first step [s]."""
 
     first: float
-    """With nothing kept on disk."""
+    """Time with an empty cache on disk."""
     next: float
-    """In the next process."""
+    """Time in the next process."""
 
 
 def seconds(program: str, kept: Path) -> float:
-    """What a program prints at last, in a process of its own with kernels kept in the folder ``kept``.
+    """Return the number on the last line that a program prints, run in a process with its kernel cache in ``kept``.
 
     Raises
     ------
     subprocess.CalledProcessError, subprocess.TimeoutExpired
-        If it fails.
+        If the program fails or takes too long.
     """
     done = subprocess.run(
         [sys.executable, "-c", program],
@@ -66,7 +66,7 @@ def seconds(program: str, kept: Path) -> float:
 
 
 def first_uses() -> dict[str, FirstUse]:
-    """Of one environment and of a batch, each on a machine that has compiled nothing yet."""
+    """Measure the first use of one environment and of a batch, each with an empty cache."""
     found = {}
     for name, made in _MADE.items():
         with tempfile.TemporaryDirectory() as kept:
@@ -76,13 +76,13 @@ def first_uses() -> dict[str, FirstUse]:
 
 
 def trifle() -> float:
-    """Seconds that Numba takes for a function of one line."""
+    """Measure the time that Numba takes to compile a function of one line [s]."""
     with tempfile.TemporaryDirectory() as kept:
         return seconds(_TRIFLE, Path(kept))
 
 
 def measure() -> Measured:
-    """Both, beside what Numba takes for a trifle."""
+    """Measure both, and compare with the time that Numba takes for a function of one line."""
     found, beside = first_uses(), trifle()
     lines = ["first use with nothing compiled yet, from import to the end of the first step, and the next process's"]
     numbers = {"a function of one line": Number(beside, "s")}

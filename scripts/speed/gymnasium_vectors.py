@@ -1,4 +1,4 @@
-"""How fast Gymnasium's own environments are many at a time, as anybody makes them."""
+"""Speed of Gymnasium's own vector environments, made in the usual way."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import NamedTuple
 import gymnasium
 import numpy as np
 
-_STRETCH_S = 0.1  # of stepping without a pause, by which a step is timed
+_STRETCH_S = 0.1  # duration of stepping without a pause, from which the time of a step is computed
 _ROUNDS = 3
 
 
 class Other(NamedTuple):
-    """An environment, Gymnasium's way to have many of it, and up to how many that is sensible."""
+    """Environment, the way in which Gymnasium vectorises it, and the largest number for which that is sensible."""
 
     name: str
     way: str
@@ -27,7 +27,7 @@ NATIVE = Other("CartPole-v1", "its native vector environment", "vector_entry_poi
 
 
 def step_rate(other: Other, count: int) -> float:
-    """Environment steps per second of ``count`` environments; the best of three stretches."""
+    """Measure environment steps per second of ``count`` environments; the best of three stretches."""
     env = gymnasium.make_vec(other.name, num_envs=count, vectorization_mode=other.mode)
     try:
         env.reset(seed=0)

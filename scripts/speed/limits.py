@@ -1,4 +1,4 @@
-"""What limits the batch: floating-point operations and memory of an update, beside what a core can do."""
+"""Limits of the batch: floating-point operations and memory of an update, compared with the abilities of a core."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _row(count: int, values: Records) -> None:
 
 
 def operations_per_ns() -> tuple[float, float, float]:
-    """Floating-point operations a nanosecond on one core: each waiting for the last, six in turn, and in rows."""
+    """Measure floating-point operations per nanosecond on one core: each waiting for the last, six in turn, in rows."""
     six: NDArray[np.float64] = np.ones(6)
     row: NDArray[np.float64] = np.ones(ABREAST)
     ways: list[tuple[int, int, Callable[[int], object]]] = [
@@ -68,7 +68,7 @@ def operations_per_ns() -> tuple[float, float, float]:
 
 
 def copy_rate() -> float:
-    """Bytes a nanosecond read and written by a copy of 256 MB on one core."""
+    """Measure bytes per nanosecond read and written by a copy of 256 MB on one core."""
     source = np.ones(32 * 1024**2)
     target = np.empty_like(source)
     best = np.inf
@@ -80,7 +80,7 @@ def copy_rate() -> float:
 
 
 def bytes_per_step() -> int:
-    """Of the memory that a control step of one cut reads or writes, in whole cache lines of 64 bytes."""
+    """Return the number of bytes that a control step of one cut reads or writes, in whole cache lines of 64."""
     records = sum(kind.itemsize for kind in (STATE, LAW, DRIVE, TASK, PROGRESS)) + 2 * SENSOR.itemsize
     answers = 8 * TOLD + 4 * len(COMPONENTS) + 8 * 4
     profiles = 64 * (3 * 2 + 3 + 2)  # at the tip and at the blade; as expected; as told
@@ -88,7 +88,7 @@ def bytes_per_step() -> int:
 
 
 def operations_per_update() -> dict[str, float]:
-    """Floating-point operations of one update of a steady cut; see :mod:`speed.operations`."""
+    """Count the floating-point operations of one update of a steady cut; see :mod:`speed.operations`."""
     done = subprocess.run(
         [sys.executable, "-P", str(Path(__file__).with_name("operations.py"))],
         env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
@@ -100,7 +100,7 @@ def operations_per_update() -> dict[str, float]:
 
 
 def limits(native: float, bare: float) -> Measured:
-    """What the batch does per update and core, at ``native`` and ``bare`` control steps per second, and could do."""
+    """Compare the work per update, at ``native`` and ``bare`` control steps/s, with the abilities of a core."""
     operations = operations_per_update()
     total = sum(operations.values())
     update = 1e9 * cores() / bare / 20

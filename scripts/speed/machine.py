@@ -1,4 +1,4 @@
-"""The machine and the libraries that numbers of speed belong to."""
+"""Description of the machine and the libraries on which speed was measured."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from pathlib import Path
 from cutenv.cores import cores
 
 BLAS_THREADS = "OMP_NUM_THREADS"
-"""The environment variable that says how many threads linear algebra may use."""
+"""Environment variable with the number of threads of linear algebra."""
 LIBRARIES = ("gymnasium", "numba", "numpy", "scipy")
 _CPUINFO = Path("/proc/cpuinfo")
 
 
 def description() -> dict[str, str | int]:
-    """Processor, cores in use, system, Python and libraries."""
+    """Return processor, cores in use, system, versions of Python and of libraries."""
     machine: dict[str, str | int] = {
         "cpu": cpu(),
         "cores": cores(),
@@ -28,7 +28,7 @@ def description() -> dict[str, str | int]:
 
 
 def cpu(cpuinfo: Path = _CPUINFO) -> str:
-    """Name of the processor: Linux's own where it tells, else what Python knows of it."""
+    """Return the name of the processor, from /proc/cpuinfo if it has one, else from Python."""
     if cpuinfo.is_file():
         for line in cpuinfo.read_text(encoding="utf-8", errors="replace").splitlines():
             name, _, value = line.partition(":")

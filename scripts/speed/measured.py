@@ -1,4 +1,4 @@
-"""What a benchmark comes to: numbers with their units, for a file, and lines that say them, for a reader."""
+"""Result of a benchmark: numbers with their units, for a file, and lines of text, for a reader."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ class Number(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """A benchmark's result.
+    """Result of a benchmark.
 
     Attributes
     ----------
     numbers : mapping of str to Number
-        By names that stay the same from run to run, so that two runs can be compared; empty where nothing was measured.
+        Numbers by names that are the same in every run, so that runs can be compared; empty if nothing was measured.
     lines : sequence of str
-        The same for a reader, with what is required of them and the verdict.
+        The same numbers as text, with requirements and verdicts.
     """
 
     numbers: Mapping[str, Number]
@@ -29,10 +29,10 @@ class Measured(NamedTuple):
 
 
 def at_least(what: str, value: float, required: float) -> str:
-    """A line with the verdict on a number that must be large."""
+    """Return a line with the verdict on a number that must be large."""
     return f"  {what}: {'at least' if value >= required else 'MISSED:'} {required:g} required"
 
 
 def at_most(what: str, value: float, allowed: float, shown: str) -> str:
-    """A line with the verdict on a number that must be small; ``shown`` is ``allowed`` in the reader's words."""
+    """Return a line with the verdict on a number that must be small; ``shown`` is ``allowed`` as text."""
     return f"  {what}; {'within' if value <= allowed else 'MISSED:'} the {shown} allowed"

@@ -1,4 +1,4 @@
-"""The three models of Table 4.3 side by side, beside the relative sizes that the thesis prints."""
+"""Times of the three models of Table 4.3, compared with the relative sizes printed in the thesis."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ LEVELS = {"quad4": ("plane_stress", 2, 4), "quad8": ("plane_stress", 2, 8), BRIC
 
 
 class LevelTimes(NamedTuple):
-    """Of one model; the best of interleaved rounds [ms]."""
+    """Times of one model, the best of interleaved rounds [ms]."""
 
     n_equations: int
     whole: float
-    """A new model, to its stiffness at every tip: mesh, assembly, factorisation, a solve for each tip node."""
+    """Time of a new model with its stiffness at every tip: mesh, assembly, factorisation, a solve for each tip."""
     analysis: float
-    """One analysis of the assembled model: a factorisation and a solve."""
+    """Time of one analysis of the assembled model: a factorisation and a solve."""
 
 
 def level_times(rounds: int = 5) -> dict[str, LevelTimes]:
@@ -53,7 +53,7 @@ def level_times(rounds: int = 5) -> dict[str, LevelTimes]:
 
 
 def printed_sizes() -> dict[str, float]:
-    """Relative model size as Table 4.3 prints it, by element."""
+    """Return the relative model sizes of Table 4.3, by element."""
     columns = table("4.3")
     kinds = zip(columns["dimensions"], columns["nodes_per_element"], strict=True)
     sizes = dict(zip(kinds, columns["relative_model_size"].tolist(), strict=True))
@@ -61,7 +61,7 @@ def printed_sizes() -> dict[str, float]:
 
 
 def measure() -> Measured:
-    """Times of the three models, each also over the bricks'."""
+    """Measure the three models, and their ratios to the model of bricks."""
     found, printed = level_times(), printed_sizes()
     bricks = found[BRICKS]
     numbers: dict[str, Number] = {}

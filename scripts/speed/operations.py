@@ -26,7 +26,7 @@ _UPDATES = 2000
 
 
 class Counting(float):
-    """A float whose operations are counted; what comes of them counts too."""
+    """Float whose operations are counted, and those of its results."""
 
 
 def _count(kind: str, plain: Callable[..., Any]) -> Callable[..., Any]:
@@ -58,7 +58,7 @@ Counting.__abs__ = lambda self: Counting(abs(float(self)))  # type: ignore[metho
 
 
 def _in_counting(record: Any) -> SimpleNamespace:
-    """A record as an object with attributes that count."""
+    """Return a record as an object whose attributes count their operations."""
     fields: dict[str, Any] = {}
     for name in record.dtype.names:
         value = record[name].tolist()
@@ -70,7 +70,7 @@ def _in_counting(record: Any) -> SimpleNamespace:
 
 
 def operations_per_update(speed: float = 0.01, angle: float = math.radians(45.0)) -> dict[str, float]:
-    """Mean count of each kind over two seconds of a steady cut; functions of the mathematics library count as one."""
+    """Return the mean count of each kind over two seconds of a steady cut; a call of a mathematical function is one."""
     plant = SimulatedPlant(Specimen.mean(), angle=angle)
     plant.advance(speed, angle, 1000)
     c = plant.cuts[0]

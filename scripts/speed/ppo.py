@@ -1,6 +1,6 @@
-"""Training by PPO with the settings of ``cutenv train``: decisions per second, and the environments' share of the time.
+"""Speed of training by PPO with the settings of ``cutenv train``: decisions per second, share of the environments.
 
-``scripts/training_speed.py`` measures, in a process of its own.
+The measurement is made by ``scripts/training_speed.py`` in a process of its own.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from speed.measured import Measured, Number, at_most
 PROGRAM = Path(__file__).resolve().parents[1] / "training_speed.py"
 LEARNERS = ("stable_baselines3", "torch", "safetensors")
 ALLOWED_SHARE = 0.1
-"""Of the time of training that the environments may take."""
+"""Share of the time of training that the environments may take."""
 _LIMIT_S = 600.0
 _UNITS = {"decisions": "1", "decisions_per_s": "1/s", "environments_share": "1"}
 
 
 def missing() -> str | None:
-    """Return why PPO cannot be measured, with the cure; None if it can."""
+    """Return the reason why PPO cannot be measured, with the cure; None if it can."""
     absent = [name for name in LEARNERS if find_spec(name) is None]
     return f"{', '.join(absent)} not installed: pip install 'cutenv[rl]'" if absent else None
 
@@ -34,7 +34,7 @@ def training_speed(program: Path = PROGRAM) -> dict[str, float]:
     Raises
     ------
     RuntimeError
-        If the program fails; ends in its last words.
+        If the program fails; the message ends with its last line.
     """
     path = os.pathsep.join([str(PROGRAM.parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])])
     try:
@@ -56,7 +56,7 @@ def training_speed(program: Path = PROGRAM) -> dict[str, float]:
 
 
 def measure() -> Measured:
-    """Measure a short training run; without the learners, print why there is none."""
+    """Measure a short training run; without the learners, print the reason."""
     why = missing()
     if why is None:
         try:

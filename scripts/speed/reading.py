@@ -1,4 +1,4 @@
-"""Reading records beside numpy.loadtxt of the same file, which does nothing but turn text into numbers."""
+"""Time to read records, compared with numpy.loadtxt of the same file, which only converts text to numbers."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from cutenv.trace import Trace
 from speed.measured import Measured, Number, at_most
 
 TIMES_LOADTXT = 3.0
-"""How many times as long as numpy.loadtxt reading may take."""
+"""Largest acceptable time of reading, in times of numpy.loadtxt."""
 READINGS, CUTS = 30_000, 4
-"""Of one cut, 30 s at 1 kHz; and cuts in the file."""
+"""Readings of one cut, 30 s at 1 kHz; and number of cuts in the file."""
 _ROUNDS = 5
 
 
 def cuts(readings: int = READINGS, count: int = CUTS) -> list[Trace]:
-    """Cuts with every field, of numbers that need all their digits."""
+    """Make cuts with every field, of numbers that need all their digits."""
     rng = np.random.default_rng(0)
     time_s = np.arange(readings, dtype=np.float64) * 1e-3
     return [
@@ -40,7 +40,7 @@ def cuts(readings: int = READINGS, count: int = CUTS) -> list[Trace]:
 
 
 def reading_times(traces: list[Trace], rounds: int = _ROUNDS) -> dict[str, float]:
-    """Seconds to read the same cuts from each format, and by numpy.loadtxt from CSV; the best of interleaved rounds."""
+    """Measure the time to read cuts [s]: each format, and CSV by numpy.loadtxt; the best of interleaved rounds."""
     with tempfile.TemporaryDirectory() as folder:
         paths = {suffix: Path(folder) / f"cuts{suffix}" for suffix in (".csv", ".parquet", ".h5")}
         for path in paths.values():
@@ -62,7 +62,7 @@ def reading_times(traces: list[Trace], rounds: int = _ROUNDS) -> dict[str, float
 
 
 def measure() -> Measured:
-    """Times, and whether they are within what is allowed."""
+    """Measure the times, and compare them with the largest acceptable one."""
     traces = cuts()
     seconds = reading_times(traces)
     least = seconds["numpy.loadtxt"]

@@ -1,4 +1,4 @@
-"""A run of the benchmarks as a JSON file: its numbers, the machine, the version and the date."""
+"""JSON file of a run of the benchmarks: its numbers, the machine, the version and the date."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ FORMAT = "cutenv bench 1"
 _CURE = "Make one with: python scripts/bench.py --json FILE"
 
 Numbers = Mapping[str, Mapping[str, Number]]
-"""By benchmark and name."""
+"""Numbers by benchmark and name."""
 
 
 class Record(NamedTuple):
-    """One run."""
+    """One run of the benchmarks."""
 
     version: str
     date: str
@@ -31,7 +31,7 @@ class Record(NamedTuple):
 
 
 def record_of(numbers: Numbers, date: datetime) -> Record:
-    """The record of numbers that were measured here and now."""
+    """Return the record of numbers measured now on this machine."""
     return Record(cutenv.__version__, date.isoformat(timespec="seconds"), description(), numbers)
 
 
@@ -41,7 +41,7 @@ def check_place(path: Path) -> None:
     Raises
     ------
     ValueError
-        If ``path`` is a folder, or lies in none.
+        If ``path`` is a folder, or its folder does not exist.
     """
     if path.is_dir():
         raise ValueError(f"{path} is a folder. Give the name of a file in it.")
@@ -50,7 +50,7 @@ def check_place(path: Path) -> None:
 
 
 def write(path: Path, record: Record) -> None:
-    """Write a record all at once: an interruption leaves the earlier one, or none."""
+    """Write a record atomically: an interruption leaves the earlier one, or none."""
     content = {
         "format": FORMAT,
         "cutenv": record.version,
@@ -66,12 +66,12 @@ def write(path: Path, record: Record) -> None:
 
 
 def read(path: Path) -> Record:
-    """Read what :func:`write` has written.
+    """Read a record written by :func:`write`.
 
     Raises
     ------
     ValueError
-        If there is no such file, or it is something else; says what, and how to make one.
+        If there is no such file, or it is no record; the message explains how to make one.
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""One 1 kHz update through the plant interface, beside an empty loop with the same calls of the clock."""
+"""Time of one 1 kHz update through the plant interface, compared with an empty loop that calls the clock as often."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cutenv.tissue import Specimen
 from speed.measured import Measured, Number, at_most
 
 ALLOWED_NS = 20_000.0
-"""By which 99.9 % of the updates may be slower than the empty loop [ns]."""
+"""Largest acceptable delay of 99.9 % of the updates over the empty loop [ns]."""
 _UPDATES = 20_000
 _EDGES = np.array([0, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000, np.inf])
 _PERCENTILES = (50.0, 99.0, 99.9, 100.0)
@@ -23,9 +23,9 @@ Nanoseconds = NDArray[np.int64]
 
 
 def durations(updates: int = _UPDATES) -> tuple[Nanoseconds, Nanoseconds, int]:
-    """Nanoseconds of an update and of nothing, shape (updates,) each, and the memory blocks that are left after all.
+    """Measure an update and an empty loop [ns], shape (updates,) each, and the memory blocks left at the end.
 
-    The two take turns, so that whatever else the machine does meets both.
+    The two take turns, so that other load on the machine affects both.
     """
     plant: Plant = SimulatedPlant(Specimen.mean())
     clock, angle = time.perf_counter_ns, math.radians(45.0)
@@ -45,7 +45,7 @@ def durations(updates: int = _UPDATES) -> tuple[Nanoseconds, Nanoseconds, int]:
 
 
 def measure() -> Measured:
-    """Both histograms, percentiles and the verdict."""
+    """Measure both; return histograms, percentiles and the verdict."""
     own, empty, blocks = durations()
     numbers: dict[str, Number] = {}
     lines = [f"one 1 kHz update through the plant interface, {len(own)} of them, beside an empty loop; counts"]

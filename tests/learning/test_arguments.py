@@ -55,7 +55,7 @@ def test_what_still_has_an_effect_is_taken_over_and_the_rest_is_kept(interrupted
 )
 def test_what_has_no_effect_any_more_is_refused_with_what_has(interrupted, option, value, kept):
     with pytest.raises(
-        BadArguments, match=f"{option} .* would have no effect: runs/mine goes on with {kept}.*--timesteps"
+        BadArguments, match=f"{option} .* would have no effect: runs/mine continues with {kept}.*--timesteps"
     ):
         parsed("--resume", "runs/mine", option, value)
 
@@ -89,7 +89,7 @@ def test_a_run_that_goes_on_is_not_made_quick(interrupted):
 def test_an_unfinished_checkpoint_is_nothing_to_go_on_from(interrupted, tmp_path, suffix):
     whole = tmp_path / "runs" / "mine" / "checkpoint.zip"
     whole.rename(whole.with_name(f"checkpoint.1a2b3c4d.part.{suffix}"))  # as a kill leaves it
-    with pytest.raises(BadArguments, match=r"runs/mine holds no checkpoint\.zip or checkpoint\.safetensors"):
+    with pytest.raises(BadArguments, match=r"runs/mine contains no checkpoint\.zip or checkpoint\.safetensors"):
         parsed("--resume", "runs/mine")
 
 

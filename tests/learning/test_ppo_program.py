@@ -166,7 +166,7 @@ def test_the_report_of_a_finished_run_can_be_made_again(finished, tmp_path):
     assert one == two
     nothing = run("evaluate", tmp_path, "--report", "runs/none")
     assert nothing.returncode == 2
-    assert "runs/none holds no policy/card.json" in nothing.stderr
+    assert "runs/none contains no policy/card.json" in nothing.stderr
 
 
 def test_a_number_that_makes_no_sense_is_refused_before_any_work(tmp_path):
@@ -189,5 +189,5 @@ def test_an_interrupted_run_goes_on_training_from_its_checkpoint(tmp_path):
 def test_resuming_nothing_says_what_is_missing(tmp_path):
     done = train(tmp_path, "--resume", "runs/none")
     assert done.returncode != 0
-    assert "holds no checkpoint.zip" in done.stderr
+    assert "contains no checkpoint.zip" in done.stderr
     assert "Traceback" not in done.stderr

@@ -190,5 +190,5 @@ def test_a_checkpoint_of_an_earlier_version_loads_and_says_what_it_lacks(trained
     progress.save(model, tmp_path / "checkpoint.zip")
     _, _, begins_with, _ = trained(128, resume=True)
     assert begins_with == []
-    assert "holds no running average of the actor: the average begins anew" in capsys.readouterr().out
+    assert "contains no running average of the actor: the average starts again" in capsys.readouterr().out
     assert PPO.load(tmp_path / "checkpoint.zip").num_timesteps == 128

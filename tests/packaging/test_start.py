@@ -118,7 +118,7 @@ FULL = "ERROR: Could not install packages due to an OSError: [Errno 28] No space
         (CONSTRAINED_PIP, "index cannot be reached. Cure: connect"),
         (NO_WHEEL, "no wheel of torch>=2.8 for Python 3"),
         (FULL, "disk is full. Cure: free some space"),
-        (CONFLICT, "its own words stand above"),
+        (CONFLICT, "its own messages are above"),
     ],
     ids=["no connection", "no index", "no index for an update", "no wheel", "full disk", "something else"],
 )
@@ -181,7 +181,7 @@ def test_cuda_without_a_driver_is_refused_with_its_size_and_the_cure(
 @pytest.mark.usefixtures("no_driver")
 def test_an_index_that_tells_no_sizes_is_not_guessed_at() -> None:
     cuda = plan(torch="file:///nowhere/torch.whl", nvidia_nccl_cu13="file:///nowhere/nccl.whl")
-    with pytest.raises(start.Refusal, match="the index does not tell how many"):
+    with pytest.raises(start.Refusal, match="the index does not give the size"):
         start.check_cuda(cuda, accepted=False)
 
 
@@ -320,7 +320,7 @@ def test_an_interrupted_set_up_says_what_to_do(
 
     monkeypatch.setattr(start, "set_up", interrupt)
     assert start.main(["setup"]) == 130
-    assert "the same command begins anew" in capsys.readouterr().err
+    assert "the same command starts again" in capsys.readouterr().err
 
 
 def test_no_host_is_written_in_the_script() -> None:

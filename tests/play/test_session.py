@@ -266,7 +266,7 @@ def test_a_played_cut_is_an_episode_of_the_environment() -> None:
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"operator": "Anna Schmidt"}, "may tell who it is"),
+        ({"operator": "Anna Schmidt"}, "may identify a person"),
         ({"specimen_class": "lever"}, "liver"),
         ({"cuts": 0}, "cuts"),
         ({"seed": -1}, "seed"),

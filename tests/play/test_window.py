@@ -356,7 +356,7 @@ def test_a_name_for_an_operator_is_refused_in_words(
 ) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     assert cli.main(["play", "--operator", "Anna", "--out", str(tmp_path / "cuts")]) == 2
-    assert "may tell who it is" in capsys.readouterr().err
+    assert "may identify a person" in capsys.readouterr().err
     assert not (tmp_path / "cuts").exists()
 
 

@@ -69,7 +69,7 @@ PARQUET_REFUSED = {
     "missing value": ({"time_s": TIME, "force_N": [0.5, None, 1.0]}, r"row 1 \(the first is 0\), column force_N: nan"),
     "NaN": ({"time_s": TIME, "force_N": [0.5, 0.75, math.nan]}, "row 2 .* nan is no reading"),
     "time": ({"time_s": [0.0, 0.002, 0.001], "force_N": FORCE}, "row 2 .*time goes from 0.002 s to 0.001 s"),
-    "no unit": ({"time": TIME, "force_N": FORCE}, "'time' does not say its unit"),
+    "no unit": ({"time": TIME, "force_N": FORCE}, "'time' has no unit"),
     "no force": ({"time_s": TIME}, "no column force_N"),
     "text": (
         {"time_s": TIME, "force_N": ["a", "b", "c"]},
@@ -77,7 +77,7 @@ PARQUET_REFUSED = {
     ),
     "lists": ({"time_s": TIME, "force_N": [[1.0], [2.0], []]}, "holds list<.*no numbers"),
     "truths": ({"time_s": TIME, "force_N": [True, False, True]}, "holds bool, no numbers"),
-    "twice": ({"time_s": TIME, "time_s ": TIME, "force_N": FORCE}, "say the same thing twice"),
+    "twice": ({"time_s": TIME, "time_s ": TIME, "force_N": FORCE}, "have the same meaning"),
     "empty": ({"time_s": pyarrow.array([], "f8"), "force_N": pyarrow.array([], "f8")}, "holds no readings"),
     "no columns": ({}, "no column time_s .*it has none"),
 }

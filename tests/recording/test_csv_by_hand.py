@@ -113,12 +113,12 @@ REFUSED = {
     "no rows": ("time_s,force_N\n", "holds no readings"),
     "no time": ("force_N,position_m\n1,0\n", r"line 1: it has no column time_s \(or time in another unit\)"),
     "no force": ("time_s,position_m\n1,0\n", "no column force_N .*it has time_s, position_m. Add it"),
-    "no unit": ("time,force\n0,1\n", "line 1: column 'time' does not say its unit. Write one of time_s"),
+    "no unit": ("time,force\n0,1\n", "line 1: column 'time' has no unit. Write one of time_s"),
     "unknown unit": ("time_s,force_Nn\n0,1\n", "unit 'Nn', which is not known.*Did you mean force_N"),
     "unknown column": ("time_s,force_N,colour\n0,1,2\n", "'colour' is no quantity of a cut with its unit"),
     "nameless column": (GOOD.replace("\n", ",\n"), "column '' is no quantity"),
-    "twice": ("time_s,force_N,time_ms\n0,1,0\n", "columns 'time_s' and 'time_ms' say the same thing twice"),
-    "cut twice": ("cut,time_s,force_N,cut\n0,1,0,0\n", "columns 'cut' and 'cut' say the same thing twice"),
+    "twice": ("time_s,force_N,time_ms\n0,1,0\n", "columns 'time_s' and 'time_ms' have the same meaning"),
+    "cut twice": ("cut,time_s,force_N,cut\n0,1,0,0\n", "columns 'cut' and 'cut' have the same meaning"),
     "two forces": (
         GOOD.replace("force_N", "force_N,force_1")
         .replace(".5", ".5,1")
@@ -177,7 +177,10 @@ REFUSED = {
         '# metadata: {"force_along_cut": "up"}\n' + COMPONENTS,
         "force_along_cut is 'up'; it must be one of",
     ),
-    "one direction": ("time_s,force_x_N\n0,1\n0.1,1\n", "force_x only. Say that it is along the cut: force='x'"),
+    "one direction": (
+        "time_s,force_x_N\n0,1\n0.1,1\n",
+        "force_x only. Declare it as the force along the cut: force='x'",
+    ),
     "newer": ("# cutenv-record/2\n" + GOOD, "'cutenv-record/2', newer than this cutenv.*pip install -U cutenv"),
     "never": ("# cutenv-record/0\n" + GOOD, "'cutenv-record/0', which never was"),
     "odd schema": ("# cutenv-record/one\n" + GOOD, "its schema is 'cutenv-record/one', not 'cutenv-record/1'"),

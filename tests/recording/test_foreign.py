@@ -103,7 +103,7 @@ def test_a_table_is_understood(content: str, mapping: list[str], encode: str, tm
         ("t,F,F\n0,1,2\n1,2,3\n", {}, "columns #2 and #3 are both called 'F'"),
         ("t,F [lbs]\n" + rows(), {"unit": None}, "unit of force must be one of .*'lbs'.*force=F.unit."),
         ("t,F\n" + rows(), {"unit": None}, "the unit of force is not known.*--unit N"),
-        ("t,F [mN]\n" + rows(), {}, "force is said to be in N, but the file says mN"),
+        ("t,F [mN]\n" + rows(), {}, "force is mapped in N, but the file has mN"),
         ("t,F [N],G [mN]\n0,1,2\n1,2,3\n", {"force": "norm(F,G)", "unit": None}, "of force are in N and mN"),
         ("t [d],F\n" + rows(), {}, "unit of time must be one of"),
         ("t,F\n" + rows(5) + "0.05,nan\n" + rows(), {}, "line 7, column 'F' has no finite number but 'nan'"),
@@ -180,7 +180,7 @@ def test_the_cuts_of_a_record_tell_where_they_are_from(tmp_path: Path) -> None:
     assert np.array_equal(trace.depth, np.full(len(trace), 0.02))
     told = "\n".join(imported.notes)
     assert "separator comma, decimal point" in told
-    assert "time: no unit is said, taken for s" in told
+    assert "time: no unit is given, s is assumed" in told
     assert "0.4 N taken off the force" in told
     assert f"cut 1 from {trace.time[0]:.3f} s to {trace.time[-1]:.3f} s" in told
     assert start == pytest.approx(trace.time[0], abs=0.03)

@@ -61,7 +61,7 @@ def test_a_code_is_taken(code):
     ],
 )
 def test_what_may_be_a_name_an_address_a_number_or_a_birthday_is_refused(name):
-    with pytest.raises(ValueError, match=r"operator .* may tell who it is. Give a code of up to three letters"):
+    with pytest.raises(ValueError, match=r"operator .* may identify a person. Give a code of up to three letters"):
         Provenance(operator=name)
 
 

@@ -74,7 +74,7 @@ def test_the_page_says_what_it_is_not(page: Path) -> None:
 def test_the_headline_counts_what_separates() -> None:
     of = study(metrics=("force_rate",))
     assert headline(of).startswith(
-        "1 of 1 metrics tell novice from expert (95 % interval without 0.5). Larger in novice: force rate."
+        "1 of 1 metrics distinguish novice from expert (95 % interval without 0.5). Larger in novice: force rate."
     )
     mixed = [replace(cut, group="odd" if int(cut.operator[-1]) % 2 else "even") for cut in of.cuts]
     assert "None of 1 metrics" in headline(Study(name="mixed", cuts=mixed, metrics=("force_rate",)))

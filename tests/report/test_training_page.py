@@ -99,7 +99,7 @@ def test_terms_of_the_reward_stand_as_numbers_too(document: str) -> None:
     for term, name in (("progress", "progress"), ("tip_error", "tip error"), ("wedge", "wedge left")):
         expected = [printed(shown.score(policy, f"reward_{term}"), 1.0, 3, share=False) for policy in shown.compared()]
         assert found[name] == expected
-    assert "Nobody paid for: wedge left" in document
+    assert "No cost was incurred for: wedge left" in document
 
 
 def test_every_cell_of_the_grid_is_shown_and_one_is_the_best(document: str) -> None:

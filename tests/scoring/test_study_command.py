@@ -161,7 +161,7 @@ def test_a_table_of_semicolons_is_read_alike(tmp_path: Path) -> None:
         ("record,operator,operator\na,P1,P1\n", "has a column twice"),
         ("record,operator\na\n", "line 2 has 1 cells for 2 columns"),
         ("record,operator,group\na,P1,\n", "line 2 has no group. Fill it in, or leave the column out"),
-        ("record,operator\na,Jane Doe\n", "line 2: operator 'Jane Doe' may tell who it is"),
+        ("record,operator\na,Jane Doe\n", "line 2: operator 'Jane Doe' may identify a person"),
         ("record,operator\na,P1\na,P2\n", "record 'a' stands in line 2 and in line 3"),
         ("record,operator,order\na,P1,first\n", "line 2: order 'first' is no number"),
         ("record,operator,order\na,P1,nan\n", "line 2: order 'nan' is no number"),

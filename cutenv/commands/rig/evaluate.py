@@ -65,7 +65,7 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
         rig = RigCutEnv(rig=arguments.rig, records=records, **shared, **changed)
         stack.callback(rig.close)
         if changed and not rig.draws_specimens:
-            raise ValueError("--change is for an emulated or fake rig: what a real one is like, its file says.")
+            raise ValueError("--change is for an emulated or fake rig: a real one is described by its file.")
         simulated = {name: value for name, value in shared.items() if name not in ("angle_mode", "fixed_angle_deg")}
         simulator = simulator_like(rig, **simulated)
         with _Progress(arguments.specimens) as told:

@@ -1,0 +1,28 @@
+"""Docstrings name their subject: none begins with Of, What, How, Where, Why, Whether or As."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "scripts"))
+
+import measure_codebase  # noqa: E402  a program, not a package
+
+FOLDERS = ("cutenv", "agents", "scripts", "examples")
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_every_docstring_names_its_subject(folder: str) -> None:
+    found, wrong = 0, []
+    for path in sorted((ROOT / folder).rglob("*.py")):
+        for line, text in measure_codebase.docstrings(ast.parse(path.read_text(encoding="utf-8"))):
+            found += 1
+            if measure_codebase.FRAGMENT.match(text.strip()):
+                wrong.append(f"{path.relative_to(ROOT)}:{line}: {text.strip().splitlines()[0]}")
+    assert found > 0, f"no docstring found in {folder}: nothing was checked"
+    assert not wrong, "begin with the noun or verb instead:\n" + "\n".join(wrong)
