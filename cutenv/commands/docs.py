@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cutenv import resources
+from cutenv.commands.options import command_parser
 
 PAGES = "site/index.html"
 """First page, below ``assets``: part of the wheel, and of a checkout once the pages are built."""
@@ -40,7 +41,7 @@ def built_page() -> Path | None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="cutenv docs", description=__doc__)
+    parser = command_parser("docs", __doc__, examples=("", "--print-path"))
     parser.add_argument(
         "--print-path", action="store_true", help="print the path of the first page instead of opening it"
     )

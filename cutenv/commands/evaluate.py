@@ -1,10 +1,5 @@
 """Compare policies on the same held-out specimens: every score of every cut, means and paired differences.
 
-    cutenv evaluate "probe and creep" runs/NAME/policy     these two, on 200 test specimens of class mixed
-    cutenv evaluate all --specimens 500 --out runs/all     every baseline; CSV files into a folder
-    cutenv evaluate --list                                 names of the baselines
-    cutenv evaluate --report runs/NAME                     the report of a finished training run, made again
-
 A policy is the name of a baseline or of a shipped policy (ppo-free), or the folder of a trained one, which holds
 policy.safetensors and card.json.
 """
@@ -17,6 +12,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from cutenv.commands.options import command_parser
 from cutenv.tissue.specimen import CLASSES
 
 
@@ -86,8 +82,15 @@ def _report(arguments: argparse.Namespace) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="cutenv evaluate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    parser = command_parser(
+        "evaluate",
+        __doc__,
+        examples=(
+            '"probe and creep" runs/NAME/policy',
+            "all --specimens 500 --out runs/all",
+            "--list",
+            "--report runs/NAME",
+        ),
     )
     parser.add_argument(
         "policies", nargs="*", metavar="POLICY", help="baseline, shipped policy, folder of a trained policy, or all"

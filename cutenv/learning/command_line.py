@@ -33,7 +33,9 @@ def parser_of(
     kind: type[LearnerArguments], about: str | None = None, prog: str | None = None
 ) -> argparse.ArgumentParser:
     """Make the parser of a learner's options."""
-    parser = argparse.ArgumentParser(prog=prog, description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        prog=prog, description=about, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
+    )
     add_options(parser, kind)
     replaced = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in kind.quick.items())
     parser.add_argument("--quick", action="store_true", help=f"some two minutes in all: {replaced}")

@@ -64,7 +64,9 @@ def parse(kind: type[T], about: str | None, argv: Sequence[str] | None = None, p
     SystemExit
         After the help, and for an option that ``argparse`` refuses.
     """
-    parser = argparse.ArgumentParser(prog=prog, description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        prog=prog, description=about, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
+    )
     add_options(parser, kind)
     given = vars(parser.parse_args(argv))
     return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in given.items()})
