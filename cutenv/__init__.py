@@ -5,6 +5,9 @@ Importing it registers the environments with Gymnasium by name; heavy modules ar
 
 from __future__ import annotations
 
+import importlib
+from typing import Any
+
 import gymnasium
 
 __version__ = "0.1.0"
@@ -15,3 +18,30 @@ gymnasium.register(
     vector_entry_point="cutenv.envs.vector:GentleCutVectorEnv",
 )
 gymnasium.register(id="cutenv/RigCut-v1", entry_point="cutenv.envs.rig_cut:RigCutEnv", nondeterministic=True)
+
+_LAZY = (
+    "envs",
+    "measurement",
+    "plant",
+    "policy",
+    "recording",
+    "report",
+    "rig",
+    "scoring",
+    "sim_to_real",
+    "tissue",
+    "trace",
+    "viewer",
+)
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LAZY:
+        return importlib.import_module(f"cutenv.{name}")
+    if name == "make":
+        return gymnasium.make
+    raise AttributeError(f"module 'cutenv' has no attribute {name!r}; it has {', '.join(__dir__())}.")
+
+
+def __dir__() -> list[str]:
+    return sorted(["__version__", "make", *_LAZY])

@@ -24,9 +24,9 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
 from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.policy.features import FeatureBatch, past_dead_zone
-from cutenv.task.hidden import HIDDEN, reveal
-from cutenv.task.records import ENDS
+from cutenv.policy.features import FeatureBatch, apply_dead_zone
+from cutenv.task.episode_dtypes import ENDS
+from cutenv.task.privileged import PRIVILEGED_FEATURES, append_privileged
 
 __all__ = ["FeatureVecEnv", "NativeVecEnv"]
 
@@ -152,7 +152,7 @@ class FeatureVecEnv(NativeVecEnv):
     history : int
         Number of past decisions among the features.
     dead_zone : float
-        Share of the speed's action around 0 that means rest, see :func:`cutenv.policy.past_dead_zone`.
+        Share of the speed's action around 0 that means rest, see :func:`cutenv.policy.apply_dead_zone`.
     force : bool
         Whether the features include the force.
     hidden_state : bool
@@ -180,12 +180,12 @@ class FeatureVecEnv(NativeVecEnv):
         super().__init__(seeds, **arguments)
 
     def _make_observation_space(self) -> gymnasium.Space[Any]:
-        size = self.features + (len(HIDDEN) if self._hidden_state else 0)
+        size = self.features + (len(PRIVILEGED_FEATURES) if self._hidden_state else 0)
         return gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float32)
 
     def step_async(self, actions: np.ndarray) -> None:
         """Store the actions, shape (n, 2), after applying the dead zone."""
-        super().step_async(past_dead_zone(actions, self.dead_zone))  # clipped by the environment
+        super().step_async(apply_dead_zone(actions, self.dead_zone))  # clipped by the environment
 
     def _observe(self) -> np.ndarray:
         return self._with_hidden_state(self._feature_batch(self.observations), self._all)
@@ -195,4 +195,4 @@ class FeatureVecEnv(NativeVecEnv):
         return self._with_hidden_state(self._feature_batch(self.observations[started], started), started)
 
     def _with_hidden_state(self, features: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-        return reveal(self._batch.cuts, features, numbers) if self._hidden_state else features.copy()
+        return append_privileged(self._batch.cuts, features, numbers) if self._hidden_state else features.copy()

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cutenv.validation import array_in_range, one_of
+from cutenv._base.validation import array_in_range, one_of
 
 FORCE_UNITS = ("N", "1")
 """Units of force: newtons, or "1" for a record whose force was normalised."""

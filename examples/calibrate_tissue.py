@@ -7,9 +7,9 @@ import gymnasium
 import numpy as np
 
 import cutenv  # registers the environments
+from cutenv._engine.randomness import generator
 from cutenv.measurement import calibrate
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.randomness import generator
 from cutenv.tissue import Specimen
 
 traces, moduli, resistances = [], [], []

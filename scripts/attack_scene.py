@@ -10,8 +10,8 @@ from typing import Any
 
 from cutting_rig import SPEED, CuttingRig
 
-from cutenv.rig.drivers import RigError
 from cutenv.rig.emulator.process import RunningEmulator, start
+from cutenv.rig.errors import RigError
 
 FARTHEST = 0.005
 """Distance within which an attack that must stop the blade has to stop it [m]."""

@@ -18,9 +18,9 @@ from cutting_rig import UPRIGHT
 
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.recording import load_one
-from cutenv.recording.errors import RecordError
-from cutenv.rig.causes import RigStopped
-from cutenv.rig.drivers import RigError
+from cutenv.recording.record_errors import RecordError
+from cutenv.rig.errors import RigError
+from cutenv.rig.safety.stop_causes import RigStopped
 
 Found = tuple[list[str], list[str]]
 """Defects found, and other observations."""

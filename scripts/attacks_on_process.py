@@ -17,7 +17,7 @@ from typing import Any
 
 from attack_scene import Attack, Scene
 
-from cutenv.rig.drivers import RigError
+from cutenv.rig.errors import RigError
 
 
 def _paused(pid: int, seconds: float) -> None:

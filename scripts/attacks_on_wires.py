@@ -12,10 +12,10 @@ from typing import Any
 
 from attack_scene import Scene
 
-from cutenv.rig.canopen.socketcand import Socketcand
-from cutenv.rig.drivers import RigError
+from cutenv.rig.devices.canopen.socketcand import Socketcand
+from cutenv.rig.devices.netft.packets import RdtCommand, request_bytes
+from cutenv.rig.errors import RigError
 from cutenv.rig.hardware import rig_plant
-from cutenv.rig.netft.packets import Command, request_bytes
 
 
 @contextmanager
@@ -157,7 +157,7 @@ def foreign_packets_to_us(scene: Scene) -> None:
             other.sendto(struct.pack("!IIIiiiiii", i, i, 0, 10**9, 0, 0, 0, 0, 0), opened.getsockname())
 
 
-def _ask_sensor(scene: Scene, command: Command) -> None:
+def _ask_sensor(scene: Scene, command: RdtCommand) -> None:
     settings = scene.emulator.settings.sensor
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.sendto(request_bytes(command), (settings.address, settings.port))
@@ -166,17 +166,17 @@ def _ask_sensor(scene: Scene, command: Command) -> None:
 
 def foreign_start(scene: Scene) -> None:
     """Start the sensor's stream for another client; the emulated sensor serves both, a real one only the new one."""
-    _ask_sensor(scene, Command.START)
+    _ask_sensor(scene, RdtCommand.START)
 
 
 def foreign_end(scene: Scene) -> None:
     """End the sensor's stream from elsewhere."""
-    _ask_sensor(scene, Command.STOP)
+    _ask_sensor(scene, RdtCommand.STOP)
 
 
 def foreign_bias(scene: Scene) -> None:
     """Set the sensor's zero from elsewhere in the middle of a cut: a step of the force."""
-    _ask_sensor(scene, Command.BIAS)
+    _ask_sensor(scene, RdtCommand.BIAS)
 
 
 STOPPED = (

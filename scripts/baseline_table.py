@@ -23,7 +23,7 @@ from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import differences, summarise
 from cutenv.learning.tables import write_csv
-from cutenv.policy import BASELINES, BOUND, GRID, GRID_ANGLES, GRID_SPEEDS, IDLE, SCRIPTS, feed_name
+from cutenv.policy import BASELINES, CONSTANT_FEEDS, GRID_ANGLES, GRID_SPEEDS, NULL_POLICIES, ORACLE, SCRIPTS, feed_name
 from cutenv.task.assessment import TIME_SCALE, TIP_ERROR_CAP, WORST_STORED
 from cutenv.task.weights import DRAFT, RewardWeights
 from cutenv.tissue.specimen import CLASSES
@@ -55,11 +55,11 @@ def measure(specimen_class: str, specimens: int, processes: int | None) -> list[
             row["draft_return"], row["draft_end"] = repaid(row, DRAFT), row["end"]
         return rows
     drafted = shared | {f"weight_{name}": weight for name, weight in dataclasses.asdict(DRAFT).items()}
-    bound = {BOUND: contestants[BOUND]}
+    bound = {ORACLE: contestants[ORACLE]}
     planned = evaluate(bound, seeds, drafted, processes=processes, description=f"{specimen_class}, draft")
     by_seed = {row["seed"]: row for row in planned}
     for row in rows:
-        bounds = row["policy"] == BOUND
+        bounds = row["policy"] == ORACLE
         row["draft_return"] = by_seed[row["seed"]]["return"] if bounds else repaid(row, DRAFT)
         row["draft_end"] = by_seed[row["seed"]]["end"] if bounds else row["end"]
     return rows
@@ -78,16 +78,16 @@ def best(values: Mapping[str, Mapping[str, Any]], names: Sequence[str]) -> str:
 def findings(rows: Sequence[Mapping[str, Any]], score: str) -> list[str]:
     """Return sentences about the properties that the task must have."""
     values = table(rows, score)
-    constant, script = best(values, list(GRID)), best(values, [*GRID, *SCRIPTS])
+    constant, script = best(values, list(CONSTANT_FEEDS)), best(values, [*CONSTANT_FEEDS, *SCRIPTS])
     lead = next(
-        row for row in differences(rows, BOUND, (score,)) if row["baseline"] == script and row["score"] == score
+        row for row in differences(rows, ORACLE, (score,)) if row["baseline"] == script and row["score"] == score
     )
     width = values[script]["high_95"] - values[script]["low_95"]
-    finished = [row for row in rows if row["end"] == "finished" and row["policy"] != BOUND]
+    finished = [row for row in rows if row["end"] == "finished" and row["policy"] != ORACLE]
     nothing = max(float(row[score]) for row in rows if row["policy"] == "nothing")
     below = sum(float(row[score]) <= nothing for row in finished)
     worst = min(float(row[score]) for row in finished)
-    ends = [row["end" if score == "return" else "draft_end"] for row in rows if row["policy"] == BOUND]
+    ends = [row["end" if score == "return" else "draft_end"] for row in rows if row["policy"] == ORACLE]
     corner = feed_name(max(GRID_SPEEDS), min(GRID_ANGLES))
     return [
         f"best constant feed: {constant}, {values[constant]['mean']:.3f}"
@@ -116,7 +116,7 @@ def report(rows: Sequence[Mapping[str, Any]], specimen_class: str) -> str:
     lines = [f"class {specimen_class}, {cuts} specimens, mean [95 % interval]", ""]
     columns = {"return": "return", "draft_return": "as drafted", "success": "success", "tip_error_mm": "tip error [mm]"}
     values = {score: table(rows, score) for score in columns}
-    chosen = [*SCRIPTS, best(values["return"], list(GRID)), BOUND, *IDLE]
+    chosen = [*SCRIPTS, best(values["return"], list(CONSTANT_FEEDS)), ORACLE, *NULL_POLICIES]
     lines.append("".ljust(28) + "".join(title.rjust(25) for title in columns.values()))
     for name in sorted(chosen, key=lambda name: -values["return"][name]["mean"]):
         cells = [values[score][name] for score in columns]

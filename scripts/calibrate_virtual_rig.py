@@ -24,9 +24,9 @@ import numpy as np
 from tqdm import tqdm
 
 from cutenv import cli
-from cutenv.measurement.scatter import Variogram, cv_of, fit_variances, mean_field_variance
+from cutenv._engine.randomness import generator
+from cutenv.measurement.variogram import Variogram, cv_of, fit_variances, mean_field_variance
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.randomness import generator
 from cutenv.recording import save
 from cutenv.tissue import Specimen, TissueDescription, draw_liver, load_description, measured_liver
 from cutenv.tissue.specimen import SPACING

@@ -25,11 +25,11 @@ from adversarial_motions import INCLINED, MOTIONS, UPRIGHT
 from numpy.typing import NDArray
 from speed.batch import MANY, RESETS_IN_STEPS, rates
 
-from cutenv.compiled import compiled
+from cutenv._engine.jit import njit
+from cutenv._engine.randomness import generator
+from cutenv.cutting.dtypes import READING, TICK, new_state
 from cutenv.cutting.parameters import law_records, profile_records
-from cutenv.cutting.records import READING, TICK, new_state
 from cutenv.cutting.simulate import account, follow
-from cutenv.randomness import generator
 from cutenv.tissue import CutModel, Specimen, measured_liver
 from cutenv.tissue.slab import ROWS, row_means
 from cutenv.tissue.specimen import N_POINTS, SPACING
@@ -121,7 +121,7 @@ def check_reloading(specimens: Sequence[Specimen]) -> Iterator[Row]:
         yield Row(what, shown, "1.000", bool(max(1.0 - low, high - 1.0) <= RELOAD))
 
 
-@compiled
+@njit
 def _lead(
     state: Any, profile: Any, law: Any, positions: Array, angles: Array, readings: Any, energies: Array, shares: Array
 ) -> None:

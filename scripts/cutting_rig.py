@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cutenv.envs.rig_source import EmulatedSupply
-from cutenv.rig.causes import RigStopped, StopReport
-from cutenv.rig.drivers import RigError
+from cutenv.envs.rig_source import EmulatedSpecimens
+from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.emulator.control import EmulatorControl
+from cutenv.rig.errors import RigError
 from cutenv.rig.hardware import rig_plant
-from cutenv.rig.operator import AutomaticOperator
-from cutenv.rig.preparation import SETTLE, return_inside
-from cutenv.rig.session import RigSession
-from cutenv.rig.settings import RigSettings
-from cutenv.rig.supply import SpecimenKey
+from cutenv.rig.operation.operator import AutomaticOperator
+from cutenv.rig.operation.preflight import SETTLE, return_inside
+from cutenv.rig.operation.session import RigSession
+from cutenv.rig.operation.specimen_source import SpecimenKey
+from cutenv.rig.safety.stop_causes import RigStopped, StopReport
 from cutenv.tissue.specimen import Specimen
 
 SPEED = 0.015
@@ -65,7 +65,7 @@ class CuttingRig:
     """
 
     def __init__(self, settings: RigSettings, control: EmulatorControl) -> None:
-        self.settings, self._supply = settings, EmulatedSupply(control)
+        self.settings, self._supply = settings, EmulatedSpecimens(control)
         Specimen.drawn(0, 0)  # compiles: a drive would miss this process's heartbeat
         self._open()
 
@@ -113,7 +113,7 @@ class CuttingRig:
             plant.travel(0.0, speed=_BACK, angle=UPRIGHT)
             plant.supervisor.lock()
             plant.depth = specimen.depth
-            self._supply.lay(SpecimenKey(seed=seed, episode=0, specimen=specimen))
+            self._supply.mount(SpecimenKey(seed=seed, episode=0, specimen=specimen))
             clock.sleep_until(clock.now() + SETTLE)
             plant.tare()
             self._laid = True

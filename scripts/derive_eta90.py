@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from cutenv.cutting.dtypes import READING, TICK, new_state
 from cutenv.cutting.parameters import law_records, profile_records
-from cutenv.cutting.records import READING, TICK, new_state
 from cutenv.cutting.simulate import follow
 from cutenv.tissue.derivation import write_derived
 from cutenv.tissue.description import TissueDescription, following_means, tables_only

@@ -28,7 +28,7 @@ from skfem import Basis, MeshHex
 from skfem.element import ElementHexS2, ElementVector
 from tqdm import tqdm
 
-from cutenv import resources
+from cutenv._base import resources
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.derivation import FOLDER
 from cutenv.tissue.description import measured_liver

@@ -12,7 +12,7 @@ import time
 
 import numpy as np
 
-from cutenv import resources
+from cutenv._base import resources
 from cutenv.tissue.condensation import condensed
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.derivation import FOLDER

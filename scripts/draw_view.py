@@ -15,8 +15,8 @@ from pathlib import Path
 
 from PIL import Image  # comes with matplotlib
 
+from cutenv._engine.randomness import generator
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.randomness import generator
 from cutenv.tissue import Specimen, measured_liver
 from cutenv.viewer.solid import ShownCut, write_view
 

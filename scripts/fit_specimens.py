@@ -25,21 +25,21 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
+from cutenv._engine.randomness import generator
 from cutenv.measurement import estimate_fracture_resistance, estimate_local_effective_moduli
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.randomness import generator
 from cutenv.tissue import Specimen, draw_liver, measured_liver
 from cutenv.tissue.derivation import write_derived
 from cutenv.tissue.description import FITTED, TissueDescription
-from cutenv.tissue.fracture import measured_fracture_resistance
-from cutenv.tissue.spread import (
+from cutenv.tissue.fracture_resistance import measured_fracture_resistance
+from cutenv.tissue.tables import table
+from cutenv.tissue.variance_components import (
     CUTS_PER_LIVER,
     depth_standard_error,
     mean_depth_of_cut,
     modulus_spread,
     variance_components,
 )
-from cutenv.tissue.tables import table
 
 SPEEDS = {"5.2": 0.001, "5.3": 0.0127, "5.4": 0.0254}  # of each table [m/s]
 TRAVEL = 0.12  # thesis 3.3.2 [m]

@@ -24,17 +24,17 @@ from typing import Any
 
 import numpy as np
 
+from cutenv._base.arrays import StructArray
+from cutenv._engine.randomness import generator
 from cutenv.cutting.drive import Hand
-from cutenv.cutting.records import Records
 from cutenv.cutting.sensor import SensorParameters
-from cutenv.measurement import flaws
+from cutenv.measurement import quality_issues
 from cutenv.plant.protocol import Leg, depth_along, run
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.randomness import generator
 from cutenv.recording import RecordError
+from cutenv.recording.column_map import ColumnMap
 from cutenv.recording.columns import UNITS
-from cutenv.recording.foreign import load_foreign
-from cutenv.recording.mapping import ColumnMap
+from cutenv.recording.importers import load_foreign
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace
 
@@ -194,7 +194,7 @@ def valid_record(seed: int) -> ValidRecord:
     return ValidRecord(trace=trace, offset=offset, noise=sensor.force_noise, starts=tuple(starts))
 
 
-def _by_hand(plant: SimulatedPlant, turns: list[float], speed: float, angle: float) -> Records:
+def _by_hand(plant: SimulatedPlant, turns: list[float], speed: float, angle: float) -> StructArray:
     """Move to and fro as a hand that is pushed back does: it does not arrive to the micrometre."""
     parts, position = [plant.advance(0.0, angle, 1).copy()], 0.0
     for turn in turns:
@@ -457,7 +457,7 @@ def detection(n: int) -> list[str]:
             for seed in range(n):
                 whole, rows = inject(one_cut(seed), np.random.default_rng(seed))
                 trace = Trace(time=whole.time, force=whole.force) if only_force else whole
-                here = [flaw for flaw in flaws(trace) if flaw.kind == kind]
+                here = [flaw for flaw in quality_issues(trace) if flaw.kind == kind]
                 found += bool(here)
                 placed += any(flaw.rows[0] <= rows[1] and flaw.rows[1] >= rows[0] for flaw in here)
             shares.append(f"{found / n:6.0%} ({placed}/{found})")

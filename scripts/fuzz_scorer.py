@@ -18,8 +18,8 @@ from collections.abc import Callable
 import numpy as np
 from tqdm import tqdm
 
+from cutenv._engine.randomness import generator
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.randomness import generator
 from cutenv.scoring import ReferenceSet, ScoreCard, score
 from cutenv.tissue import Specimen, measured_liver
 from cutenv.trace import Trace

@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 from record_damage import DAMAGES, SUFFIXES, damaged
 
-from cutenv.cores import cores
+from cutenv._engine.parallel import cores
 from cutenv.recording import RecordError, load, save
 from cutenv.trace import Trace
 

@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from cutenv._engine.randomness import generator
 from cutenv.envs.constants import Knowledge
 from cutenv.measurement import InitiationEstimate, MeasuredCut, initiation_excess, measure_cut
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.randomness import generator
 from cutenv.tissue import CutModel, Specimen, measured_liver
 from cutenv.tissue.specimen import N_POINTS, SPACING
 from cutenv.tissue.tables import table

@@ -24,11 +24,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cutenv._engine.randomness import generator
 from cutenv.cutting.sensor import SensorParameters
-from cutenv.measurement import MeasuredCut, flaws, initiation_excess, measure_cut
+from cutenv.measurement import MeasuredCut, initiation_excess, measure_cut, quality_issues
 from cutenv.measurement.zero import TAKEN_OFF
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.randomness import generator
 from cutenv.recording.files import load_one
 from cutenv.tissue import CutModel, Specimen, measured_liver
 from cutenv.tissue.specimen import N_POINTS, SPACING
@@ -134,7 +134,7 @@ class Known(NamedTuple):
     def measured(self, disturbed: Trace | None = None) -> Numbers | Refused:
         """Check and measure the record, or another one of the same cut, as ``cutenv calibrate`` does."""
         trace = self.trace if disturbed is None else disturbed
-        wrong = [flaw.message for flaw in flaws(trace) if flaw.refuse]
+        wrong = [flaw.message for flaw in quality_issues(trace) if flaw.refuse]
         if wrong:
             return Refused(" ".join(wrong))
         try:

@@ -15,7 +15,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from agreement import COMPARISONS, Comparison
+from reproduction import COMPARISONS, Comparison
 from thesis_figures import FIGURES, draw
 from tqdm import tqdm
 

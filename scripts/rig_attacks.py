@@ -19,7 +19,7 @@ import attacks_on_process
 import attacks_on_wires
 from attack_scene import Attack, Outcome, Scene
 
-from cutenv.rig.drivers import RigError
+from cutenv.rig.errors import RigError
 
 _PARTS = (attacks_on_wires, attacks_on_process)
 _HELD: dict[str, Callable[[Outcome], bool]] = {

@@ -32,9 +32,9 @@ from rig_cut_process import trial_in_child
 from rig_trials import BY_THE_DRIVE, EXPECTED, GAP, IN_CHILD, WAY, Trial, trial
 from tqdm import tqdm
 
-from cutenv.atomic import replacing
-from cutenv.rig.drivers import RigError
+from cutenv._base.atomic_file import atomic_write
 from cutenv.rig.emulator.process import RunningEmulator, start
+from cutenv.rig.errors import RigError
 
 DEFAULT = Path("runs") / "rig-faults.json"
 PART = Path("runs") / "rig-faults.part.json"
@@ -171,7 +171,7 @@ def as_json(trials: Sequence[Trial], before: Counter[str], seed: int = 0) -> dic
 def write(kept: dict[str, Any], file: Path) -> None:
     """Write trials to a file, atomically."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(file) as part:
+    with atomic_write(file) as part:
         part.write_text(json.dumps(kept, indent=1))
 
 

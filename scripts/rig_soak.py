@@ -30,10 +30,10 @@ from cutting_rig import HostWatch
 from cutenv.commands.rig.run import chosen_policy, rehearse
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.policy import Policy
-from cutenv.rig.canopen import network
-from cutenv.rig.drivers import RigError
+from cutenv.rig.devices.canopen import network
+from cutenv.rig.devices.samples import ForceSample, MotionSample
+from cutenv.rig.errors import RigError
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.samples import ForceSample, MotionSample
 
 DEFAULT = Path("runs") / "rig-soak.json"
 POLICY = "constant 0.38 cm/s 90 deg"
@@ -170,7 +170,7 @@ def ordinary(real_time: bool) -> Any:
     if real_time:
         yield
         return
-    with mock.patch("cutenv.rig.real_time.prefer", return_value=False):
+    with mock.patch("cutenv.rig.devices.real_time.prefer", return_value=False):
         yield
 
 

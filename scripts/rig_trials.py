@@ -14,11 +14,11 @@ from typing import Any
 
 from cutting_rig import PERIOD, SPEED, UPRIGHT, WATCHED, CuttingRig
 
-from cutenv.rig.canopen.network import DRIVE_PATIENCE
-from cutenv.rig.causes import Cause, RigStopped, StopReport, detection_times
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
 from cutenv.rig.emulator.control import EmulatorControl
 from cutenv.rig.emulator.faults import FAULTS
-from cutenv.rig.settings import RigSettings
+from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport, detection_times
 
 SENSOR_DELAY = 0.010
 """Delay of the emulated sensor's readings, as in the simulated one [s]."""

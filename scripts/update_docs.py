@@ -33,13 +33,13 @@ import numpy as np
 import rig_faults
 import rig_soak
 
+from cutenv._base.parameter import parameter_table
 from cutenv.cutting.drive import Rig
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.envs.constants import Knowledge
 from cutenv.learning.statistics import mean_with_interval
-from cutenv.parameter import parameter_table
-from cutenv.policy import BOUND, GRID, SCRIPTS, ConstantFeed
+from cutenv.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS, ConstantFeed
 from cutenv.report import draw_cut
 from cutenv.rig.toml_file import template
 from cutenv.scoring import INVARIANCES, METRICS
@@ -85,8 +85,8 @@ def parameters(_: argparse.Namespace) -> str:
     rows = []
     for row in parameter_table(TissueDescription, LawParameters, Rig, SensorParameters, Knowledge, Limits):
         value = getattr(liver, row["name"], row["default"])
-        sweep = "" if row["sweep"] is None else f"{row['sweep'][0]:.4g} to {row['sweep'][1]:.4g}"
-        rows.append((f"`{row['name']}`", f"{value:.4g}", row["unit"], row["provenance"], row["why"], sweep))
+        sweep = "" if row["sensitivity"] is None else f"{row['sensitivity'][0]:.4g} to {row['sensitivity'][1]:.4g}"
+        rows.append((f"`{row['name']}`", f"{value:.4g}", row["unit"], row["provenance"], row["source"], sweep))
     return markdown(("constant", "default", "unit", "provenance", "source or reason", "sweep"), rows)
 
 
@@ -160,7 +160,8 @@ def each_seed(runs: list[Path]) -> str:
         paired = {(row["baseline"], row["score"]): row for row in read_csv(run / "differences.csv")}
         agent = next(iter(paired.values()))["policy"]
         script = max(
-            {name for name, _ in paired} & {*GRID, *SCRIPTS}, key=lambda name: float(values[name, "return"]["mean"])
+            {name for name, _ in paired} & {*CONSTANT_FEEDS, *SCRIPTS},
+            key=lambda name: float(values[name, "return"]["mean"]),
         )
         rows.append(
             (
@@ -170,7 +171,7 @@ def each_seed(runs: list[Path]) -> str:
                 script,
                 interval(paired[script, "return"], 3),
                 interval(paired[script, "success"]),
-                interval(paired[BOUND, "return"], 3),
+                interval(paired[ORACLE, "return"], 3),
                 level(facts),
             )
         )
@@ -241,9 +242,9 @@ def results(_: argparse.Namespace) -> str:
     policies, seeds = (table_of(lines) for lines in re.findall(r"(?:^\|.*\n)+", block, re.MULTILINE))
     rows = {row["policy"]: row for row in policies}
     *_, script = (seed["best script"] for seed in seeds)
-    constant = next(name for name in rows if name in GRID)
+    constant = next(name for name in rows if name in CONSTANT_FEEDS)
     shown = {
-        BOUND: "oracle: a planner that sees the hidden state",
+        ORACLE: "oracle: a planner that sees the hidden state",
         "PPO": "PPO",
         script: f"best script ({script})",
         constant: f"best constant feed ({constant.removeprefix('constant ')})",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutenv.agreement import Agreement, ComparedCut
+from cutenv.sim_to_real import Agreement, ComparedCut
 from cutenv.trace import Trace
 
 SPEED = 0.0127  # [m/s]

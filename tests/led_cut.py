@@ -13,14 +13,14 @@ import numba
 import numpy as np
 from hypothesis import strategies as st
 
+from cutenv._engine.randomness import generator
 from cutenv.cutting import blade as cutting_blade
 from cutenv.cutting import friction as cutting_friction
 from cutenv.cutting import law as cutting_law
 from cutenv.cutting import relaxation as cutting_relaxation
+from cutenv.cutting.dtypes import LAW, READING, STATE, new_state
 from cutenv.cutting.law import cut
 from cutenv.cutting.parameters import LawParameters, law_records, profile_records
-from cutenv.cutting.records import LAW, READING, STATE, new_state
-from cutenv.randomness import generator
 from cutenv.tissue.description import TissueDescription, tables_only
 from cutenv.tissue.specimen import N_POINTS, SPACING, Specimen
 

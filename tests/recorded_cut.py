@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cutenv._engine.randomness import generator
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.protocol import Leg, run, to_trace
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.randomness import generator
 from cutenv.tissue.description import following_means, tables_only
 from cutenv.tissue.specimen import N_POINTS, SPACING, Specimen
 from cutenv.trace import Trace

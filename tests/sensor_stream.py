@@ -7,11 +7,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 
-from cutenv.rig.clock import Clock, SystemClock
-from cutenv.rig.emulator.sensor import Loads, SensorServer
-from cutenv.rig.netft.sensor import NetftSensor
-from cutenv.rig.samples import ForceSample
-from cutenv.rig.settings import Sensor
+from cutenv.rig.config.settings import SensorSettings
+from cutenv.rig.devices.clock import Clock, SystemClock
+from cutenv.rig.devices.netft.netft_sensor import NetftSensor
+from cutenv.rig.devices.samples import ForceSample
+from cutenv.rig.emulator.sensor_server import Loads, SensorServer
 
 LOADS: Loads = (1.5, -2.25, 3.0, 0.1, -0.2, 0.3)
 
@@ -56,8 +56,8 @@ def wait_for(what: Callable[[], object], seconds: float = 10.0) -> None:
         time.sleep(0.002)
 
 
-def settings_of(server: SensorServer) -> Sensor:
-    return Sensor(address=server.host, port=server.port, page=server.page)
+def settings_of(server: SensorServer) -> SensorSettings:
+    return SensorSettings(address=server.host, port=server.port, page=server.page)
 
 
 @contextlib.contextmanager

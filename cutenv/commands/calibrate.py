@@ -7,9 +7,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv.atomic import replacing
+from cutenv._base.atomic_file import atomic_write
+from cutenv.commands.inputs import read_records
 from cutenv.commands.options import add_record_options, command_parser, made_folder, watched
-from cutenv.commands.records import read_records
 from cutenv.measurement.calibration import RESAMPLES, check_resamples, measure_cuts, tissue_of
 from cutenv.tissue import CutModel, TissueDescription
 
@@ -42,15 +42,15 @@ def _calibrate(arguments: argparse.Namespace) -> None:
         cuts, model, name=arguments.name or arguments.out.stem, resamples=arguments.resamples, refused=refused
     )
     if arguments.report:  # first, for it may need an extra: a tissue without its card would look finished
-        from cutenv.report.calibration_card import ValidationCard, headline, write_validation_card
+        from cutenv.report.calibration_card import ValidationCard, calibration_headline, write_validation_card
 
         card = ValidationCard(tissue=tissue, model=model, cuts=cuts)
         data = write_validation_card(arguments.report, card)
-    with replacing(arguments.out) as part:
+    with atomic_write(arguments.out) as part:
         part.write_text(tissue.to_json() + "\n", encoding="utf-8")
     print(summary(tissue))
     if arguments.report:
-        print(f"\n{headline(card)}\ncard: {arguments.report} and {data}")
+        print(f"\n{calibration_headline(card)}\ncard: {arguments.report} and {data}")
     print(f"tissue: {arguments.out}")
     print(f'  import cutenv, gymnasium; gymnasium.make("cutenv/GentleCut-v1", tissue="{arguments.out}")')
 

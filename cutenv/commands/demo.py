@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cutenv._base.validation import in_range
 from cutenv.commands.options import (
     add_specimen_class,
     add_target_length,
@@ -21,10 +22,9 @@ from cutenv.commands.options import (
     target_length,
     watched,
 )
-from cutenv.validation import in_range
 
 if TYPE_CHECKING:
-    from cutenv.cutting.records import Records
+    from cutenv._base.arrays import StructArray
     from cutenv.plant.simulator import SimulatedPlant
     from cutenv.policy import Policy
 
@@ -49,7 +49,7 @@ class DemoCut:
     specimen_class: str
     target_length: float
     force_limit_per_depth: float
-    readings: Records
+    readings: StructArray
     plant: SimulatedPlant
 
 
@@ -78,15 +78,15 @@ def _demo(arguments: argparse.Namespace) -> None:
     policy = named_policy(arguments.policy)
     name = Path(arguments.policy).name
     print(f"{count} specimens of class {arguments.specimen_class} on which nothing was trained or chosen\n")
-    agent = cuts(policy, policy.environment_arguments, arguments.specimen_class, seed, count, length)
+    agent = demo_cuts(policy, policy.environment_arguments, arguments.specimen_class, seed, count, length)
     # Fixed or free, the script gets the angle that the agent has; it decides as often as it was tuned for.
     angles = {key: policy.environment_arguments[key] for key in _ANGLES if key in policy.environment_arguments}
-    script = cuts(BASELINES[SCRIPT](), angles, arguments.specimen_class, seed, count, length)
+    script = demo_cuts(BASELINES[SCRIPT](), angles, arguments.specimen_class, seed, count, length)
     _print_table({name: agent, SCRIPT: script})
     _write(agent[0], script[0], name, arguments)
 
 
-def cuts(
+def demo_cuts(
     policy: Policy,
     environment_arguments: Mapping[str, Any],
     specimen_class: str,
@@ -174,7 +174,7 @@ def _write(agent: DemoCut, script: DemoCut, name: str, arguments: argparse.Names
 
 
 def _parser() -> argparse.ArgumentParser:
-    from cutenv.policy import SHIPPED, SHOWN
+    from cutenv.policy import DEFAULT_SHIPPED, SHIPPED
 
     parser = command_parser(
         "demo",
@@ -185,9 +185,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--policy",
-        default=SHOWN,
+        default=DEFAULT_SHIPPED,
         metavar="POLICY",
-        help=f"shipped policy ({', '.join(SHIPPED)}), or folder of a trained one; default {SHOWN}",
+        help=f"shipped policy ({', '.join(SHIPPED)}), or folder of a trained one; default {DEFAULT_SHIPPED}",
     )
     parser.add_argument("--specimens", type=int, default=5, metavar="N", help="number of specimens; default 5")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the specimens; default 0")

@@ -8,7 +8,7 @@ import webbrowser
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv import resources
+from cutenv._base import resources
 from cutenv.commands.options import command_parser
 
 PAGES = "site/index.html"

@@ -45,8 +45,8 @@ def target_length(arguments: argparse.Namespace) -> float | None:
     ValueError
         If it is not a length with a unit, or no specimen is so long.
     """
+    from cutenv._base.validation import in_range
     from cutenv.recording.columns import parse_length
-    from cutenv.validation import in_range
 
     if arguments.target_length is None:
         return None

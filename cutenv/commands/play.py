@@ -37,8 +37,8 @@ def main(argv: Sequence[str]) -> int:
 
 def _play(arguments: argparse.Namespace) -> None:
     from cutenv.play.devices import MouseDevice
-    from cutenv.play.session import COUNTDOWN, Session
-    from cutenv.play.window import PlayWindow
+    from cutenv.play.play_session import COUNTDOWN, Session
+    from cutenv.play.play_window import PlayWindow
     from cutenv.viewer.window import open_display
 
     length = target_length(arguments)

@@ -30,7 +30,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _score(arguments: argparse.Namespace) -> None:
-    from cutenv.commands.records import read_records
+    from cutenv.commands.inputs import read_records
     from cutenv.report.score_page import ScoredRecord, write_score_page, write_summary
     from cutenv.scoring import score
 
@@ -70,17 +70,17 @@ def reference_set(given: str) -> ReferenceSet | None:
     """
     from cutenv.recording import read_record
     from cutenv.scoring import ReferenceSet, score
-    from cutenv.scoring.reference import FEWEST, SHIPPED
+    from cutenv.scoring.reference import FEWEST_REFERENCE_CUTS, SHIPPED_REFERENCES
 
     if given == "none":
         return None
-    if given in SHIPPED:
+    if given in SHIPPED_REFERENCES:
         return ReferenceSet.shipped(given)
     path = Path(given)
     if path.is_file():
         return ReferenceSet.load(path)
     if not path.is_dir():
-        names = ", ".join(SHIPPED)
+        names = ", ".join(SHIPPED_REFERENCES)
         raise ValueError(f"--reference {given!r} is neither {names} nor none, nor a file, nor a folder of records.")
     rows, units = [], set()
     for file in sorted(each for each in path.iterdir() if each.suffix.lower() in _SUFFIXES):
@@ -88,10 +88,10 @@ def reference_set(given: str) -> ReferenceSet | None:
             metrics = score(trace).metrics
             rows.append((file.stem, {name: scored.value for name, scored in metrics.items()}))
             units.add(trace.force_unit)
-    if len(rows) < FEWEST or len(units) > 1:
+    if len(rows) < FEWEST_REFERENCE_CUTS or len(units) > 1:
         raise ValueError(
             f"--reference {given} holds {len(rows)} sound cuts in {len(units)} units of force; a percentile takes "
-            f"{FEWEST} or more, of one unit."
+            f"{FEWEST_REFERENCE_CUTS} or more, of one unit."
         )
     return ReferenceSet.of(rows, name=path.name, about=f"records in {path.name}", force_unit=units.pop())
 

@@ -8,6 +8,7 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
+from cutenv.commands.inputs import LoadedTraces, Source, read_records
 from cutenv.commands.options import (
     add_record_options,
     add_target_length,
@@ -16,10 +17,9 @@ from cutenv.commands.options import (
     target_length,
     watched,
 )
-from cutenv.commands.records import Records, Source, read_records
 from cutenv.recording import OperatorRow, load_operators
 from cutenv.scoring import METRICS, score
-from cutenv.scoring.card import DISCLAIMER
+from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import StudiedCut, Study
 
 SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
@@ -77,7 +77,7 @@ def _study(arguments: argparse.Namespace) -> None:
         print(f"\npage: {arguments.out}\ncards: {cards}")
 
 
-def assigned(rows: Sequence[OperatorRow], records: Records, table: Path) -> list[tuple[OperatorRow, int]]:
+def assigned(rows: Sequence[OperatorRow], records: LoadedTraces, table: Path) -> list[tuple[OperatorRow, int]]:
     """Return every cut's row and its place in ``records.traces``, in the order in which each operator made them.
 
     Raises

@@ -8,10 +8,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from cutenv.commands.inputs import LoadedTraces, read_records
 from cutenv.commands.options import add_record_options, add_target_length, command_parser, made_folder, target_length
-from cutenv.commands.records import Records, read_records
 from cutenv.trace import Trace
-from cutenv.viewer.solid import COLOURS, ShownCut, write_view
+from cutenv.viewer.solid import COLOURINGS, ShownCut, write_view
 
 
 def main(argv: Sequence[str]) -> int:
@@ -45,7 +45,7 @@ def _view(arguments: argparse.Namespace) -> None:
         webbrowser.open(path.resolve().as_uri())
 
 
-def _chosen(records: Records, number: int | None) -> Trace:
+def _chosen(records: LoadedTraces, number: int | None) -> Trace:
     """Return the cut with a number from 1 on in its file, by default the first; print a note if there are others."""
     by_number = {source.number or 1: trace for source, trace in zip(records.sources, records.traces, strict=True)}
     if not by_number:
@@ -70,7 +70,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--cut", type=int, metavar="N", help="number of the cut in the file, from 1; default the first")
     add_target_length(parser, "the record's own")
     parser.add_argument(
-        "--colour", choices=COLOURS, default=COLOURS[0], help=f"what the tissue's colour shows; default {COLOURS[0]}"
+        "--colour",
+        choices=COLOURINGS,
+        default=COLOURINGS[0],
+        help=f"what the tissue's colour shows; default {COLOURINGS[0]}",
     )
     parser.add_argument("--out", type=Path, metavar="PAGE", help="page to write; default NAME_view.html, here")
     parser.add_argument("--open", action="store_true", help="open the page in the browser")

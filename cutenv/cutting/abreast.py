@@ -1,8 +1,8 @@
 """The cutting law, batched: one millisecond of many cuts at a time, several cuts in one SIMD instruction.
 
 The functions of :mod:`cutenv.cutting.law` and its neighbours are called in loops over a row of cuts, whose state is a
-structure of arrays; :func:`_load`, :func:`_grow` and :func:`_run` repeat the sequence of ``law.move`` and ``law.cut``: a
-change of the law has to be made in both places, and ``test_compiled_agreement`` fails where they differ.
+structure of arrays; :func:`_load`, :func:`_grow` and :func:`_run` repeat the sequence of ``law.move`` and ``law.cut``:
+a change of the law has to be made in both places, and ``test_compiled_agreement`` fails where they differ.
 A loop that does nothing but arithmetic is compiled to vector instructions, eight numbers at once on a processor that
 has them.  Gathering from each cut's own profile has separate loops; so has turning, skipped where no blade turns, and
 the unstable run of a crack, which is computed one cut after the other.
@@ -13,39 +13,40 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutenv.compiled import compiled_for_cores, inlined
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.intrinsics import as_float64_view, without_refcount
+from cutenv._engine.jit import njit_inline, njit_nogil
+from cutenv._engine.randomness import SENSOR_NOISE, WIDTHS, in_layer, normal_at_the_rim, words_at
+from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.blade import leaning, sweeping
-from cutenv.cutting.drive import carried, commanded, on_its_way, pulled, turning
+from cutenv.cutting.drive import backlash_motion, coupling_step, dead_time_step, rate_limited, velocity_loop_step
+from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.friction import deflected, friction_force, friction_work, grip
 from cutenv.cutting.law import (
     LONGEST_ADVANCE,
-    along,
-    around,
-    between,
+    at_share,
     elastic_part,
     force_to_grow,
+    grid_index,
     in_parts,
     initiation_excess,
-    loaded,
-    place,
+    lerp,
+    loading_step,
+    on_unload,
     run_crack,
-    settled,
     slope,
     stable_growth,
     stiffness_at,
     toughness_at,
+    value_and_rise,
 )
-from cutenv.cutting.records import TICK, Record, Records
 from cutenv.cutting.relaxation import relaxed
 from cutenv.cutting.row import ABREAST, BLOCK, ROW, DriveInRow, begin, law_in_row, put, take
-from cutenv.cutting.sensor import as_read, delayed, wandered
-from cutenv.intrinsics import as_numbers, borrowed
-from cutenv.portions import Portions, claim, finish
-from cutenv.randomness import SENSOR_NOISE, WIDTHS, in_layer, normal_at_the_rim, words_at
+from cutenv.cutting.sensor import as_read, delayed_force, wandered
 
 
-@inlined
-def update_row(row: Record, profiles: Records, sensors: Records, first: bool) -> None:
+@njit_inline
+def update_row(row: Struct, profiles: StructArray, sensors: StructArray, first: bool) -> None:
     """Advance every cut in a row by one force update; ``first`` is True for the first update since the row was loaded.
 
     :func:`cutenv.cutting.simulate.update` does the same for one cut.
@@ -66,45 +67,45 @@ def update_row(row: Record, profiles: Records, sensors: Records, first: bool) ->
     _feel(row, sensors, first)
 
 
-@inlined
-def _drive(row: Record) -> None:
+@njit_inline
+def _drive(row: Struct) -> None:
     for n in range(ABREAST):
         row.command[n] = row.given[n]
     if row.late > 0:
         for n in range(ABREAST):
             if row.dead_ticks[n] > 0:
-                row.next_target[n], row.waiting[n], row.target[n] = on_its_way(
+                row.next_target[n], row.waiting[n], row.target[n] = dead_time_step(
                     row.given[n], row.dead_ticks[n], row.next_target[n], row.waiting[n], row.target[n]
                 )
                 row.command[n] = row.target[n]
     turns = 0
     for n in range(ABREAST):
-        hand, hand_speed = commanded(
+        hand, hand_speed = velocity_loop_step(
             row.hand[n], row.hand_speed[n], row.command[n], row.share[n], row.acceleration[n], row.travel[n], TICK
         )
         row.hand[n], row.hand_speed[n] = hand, hand_speed
-        row.dx[n] = carried(hand, row.blade[n], row.backlash[n])
-        row.next_angle[n] = turning(row.angle[n], row.aim[n], row.rotation_rate[n], TICK)
+        row.dx[n] = backlash_motion(hand, row.blade[n], row.backlash[n])
+        row.next_angle[n] = rate_limited(row.angle[n], row.aim[n], row.rotation_rate[n], TICK)
         turns += 1 if row.next_angle[n] != row.angle[n] else 0
     row.turns = turns
     if row.hands > 0:
         for n in range(ABREAST):
             if row.mass[n] > 0.0:
                 drive = DriveInRow(row.travel[n], row.mass[n], row.coupling_stiffness[n], row.coupling_damping[n])
-                row.dx[n] = pulled(
+                row.dx[n] = coupling_step(
                     drive, row.hand[n], row.hand_speed[n], row.blade[n], row.speed[n],
                     row.K[n] * max(row.blade[n] - row.creep[n] - row.tip[n], 0.0),
                     grip(law_in_row(row, n), row.depth[n], row.bristle[n]), TICK,
                 )  # fmt: skip
 
 
-@inlined
-def _turn(row: Record, profiles: Records) -> None:
+@njit_inline
+def _turn(row: Struct, profiles: StructArray) -> None:
     for n in range(ABREAST):
-        row.blade_point[n], row.blade_share[n] = place(row.blade[n])
+        row.blade_point[n], row.blade_share[n] = grid_index(row.blade[n])
     for n in range(ABREAST):
         profile, i, share = profiles[row.cut[n]], row.blade_point[n], row.blade_share[n]
-        row.edge_toughness[n] = between(profile.toughness, i, share)
+        row.edge_toughness[n] = lerp(profile.toughness, i, share)
     for n in range(ABREAST):  # a blade that does not turn keeps its angle
         lean, pushing = leaning(row.next_angle[n])
         energy = sweeping(row.lean[n], lean, row.edge_toughness[n], row.depth[n])
@@ -113,8 +114,8 @@ def _turn(row: Record, profiles: Records) -> None:
         row.fracture[n] += energy
 
 
-@inlined
-def _relax(row: Record) -> None:
+@njit_inline
+def _relax(row: Struct) -> None:
     for n in range(row.taken):
         if row.relaxing_share[n] > 0.0:
             row.creep[n], row.locked[n], row.ledger[n], row.loss[n] = relaxed(
@@ -123,8 +124,8 @@ def _relax(row: Record) -> None:
             )  # fmt: skip
 
 
-@inlined
-def _load(row: Record) -> None:
+@njit_inline
+def _load(row: Struct) -> None:
     """Compute the elastic motion, and the position to which the tip would follow."""
     points = leaps = 0
     for n in range(ABREAST):
@@ -142,23 +143,23 @@ def _load(row: Record) -> None:
         row.elastic_work[n] = row.U[n] - U
         ledger, loss = row.ledger[n], row.loss[n]
         if x <= a:
-            ledger, loss = settled(ledger, loss)
+            ledger, loss = on_unload(ledger, loss)
         row.ledger[n], row.loss[n] = ledger, loss
 
         loading = dx - elastic
         x += loading
         da = stable_growth(law, K, row.dK[n], lag, loading, speed, row.angle[n])
         row.x[n], row.blade[n], row.loading[n], row.da[n] = x, x + row.creep[n], loading, da
-        row.tip_point[n], row.tip_share[n] = place(a + da)
-        row.blade_point[n], row.blade_share[n] = place(row.blade[n])
+        row.tip_point[n], row.tip_share[n] = grid_index(a + da)
+        row.blade_point[n], row.blade_share[n] = grid_index(row.blade[n])
         same = row.tip_point[n] == row.seen_tip_point[n] and row.blade_point[n] == row.seen_blade_point[n]
         points += 0 if same else 1
         leaps += 1 if da > LONGEST_ADVANCE else 0
     row.points, row.leaps = points, leaps
 
 
-@inlined
-def _leap(row: Record, profiles: Records) -> None:
+@njit_inline
+def _leap(row: Struct, profiles: StructArray) -> None:
     """Integrate all but the last part of long advances of the tip."""
     for n in range(row.taken):
         if row.going[n] == 0 or row.da[n] <= LONGEST_ADVANCE:
@@ -179,35 +180,35 @@ def _leap(row: Record, profiles: Records) -> None:
         row.toughness[n] = toughness_at(profile, a)
         da = stable_growth(law, row.K[n], row.dK[n], max(x - loading - a, 0.0), loading, speed, angle)
         row.tip[n], row.loading[n], row.da[n] = a, loading, da
-        row.tip_point[n], row.tip_share[n] = place(a + da)
+        row.tip_point[n], row.tip_share[n] = grid_index(a + da)
         row.points = 1
 
 
-@inlined
-def _look(row: Record, profiles: Records) -> None:
+@njit_inline
+def _look(row: Struct, profiles: StructArray) -> None:
     """Gather the profile at the blade and at the tip's next position, for cuts that reach another grid point."""
     for n in range(ABREAST):
         i, j = row.tip_point[n], row.blade_point[n]
         if i != row.seen_tip_point[n]:
             profile = profiles[row.cut[n]]
-            row.point_K[n], row.rise_K[n] = around(profile.stiffness, i)
-            row.point_toughness[n], row.rise_toughness[n] = around(profile.toughness, i)
+            row.point_K[n], row.rise_K[n] = value_and_rise(profile.stiffness, i)
+            row.point_toughness[n], row.rise_toughness[n] = value_and_rise(profile.toughness, i)
             row.seen_tip_point[n] = i
         if j != row.seen_blade_point[n]:
-            row.point_depth[n], row.rise_depth[n] = around(profiles[row.cut[n]].depth, j)
+            row.point_depth[n], row.rise_depth[n] = value_and_rise(profiles[row.cut[n]].depth, j)
             row.seen_blade_point[n] = j
 
 
-@inlined
-def _grow(row: Record) -> None:
+@njit_inline
+def _grow(row: Struct) -> None:
     """Advance the tip where the ledger admits it, and add friction on the blade."""
     runs = 0
     for n in range(ABREAST):
         law = law_in_row(row, n)
         a, K, dK, running, share = row.tip[n], row.K[n], row.dK[n], row.running[n], row.tip_share[n]
-        next_K = along(row.point_K[n], row.rise_K[n], share)
-        next_toughness = along(row.point_toughness[n], row.rise_toughness[n], share)
-        tip, F, toughness, work, change, spent = loaded(
+        next_K = at_share(row.point_K[n], row.rise_K[n], share)
+        next_toughness = at_share(row.point_toughness[n], row.rise_toughness[n], share)
+        tip, F, toughness, work, change, spent = loading_step(
             law, row.x[n], a, row.da[n], row.loading[n], row.F[n], row.U[n], K, row.toughness[n],
             next_K, next_toughness, row.ledger[n],
         )  # fmt: skip
@@ -228,11 +229,11 @@ def _grow(row: Record) -> None:
     row.runs = runs
 
 
-@inlined
-def _rub(row: Record, n: int) -> None:
+@njit_inline
+def _rub(row: Struct, n: int) -> None:
     """Add friction on the blade's faces to one cut."""
     law, dx, speed, bristle, depth = law_in_row(row, n), row.dx[n], row.speed[n], row.bristle[n], row.depth[n]
-    next_depth = along(row.point_depth[n], row.rise_depth[n], row.blade_share[n])
+    next_depth = at_share(row.point_depth[n], row.rise_depth[n], row.blade_share[n])
     next_bristle = deflected(law, bristle, dx)
     rubbed = friction_work(law, depth, next_depth, bristle, next_bristle, dx, speed)
     row.work[n] += rubbed
@@ -241,8 +242,8 @@ def _rub(row: Record, n: int) -> None:
     row.rubbing[n] = friction_force(law, next_depth, next_bristle, speed)
 
 
-@inlined
-def _run(row: Record, profiles: Records) -> None:
+@njit_inline
+def _run(row: Struct, profiles: StructArray) -> None:
     for n in range(row.taken):
         if row.going[n] == 0 or row.waits[n] == 1:
             continue
@@ -260,13 +261,13 @@ def _run(row: Record, profiles: Records) -> None:
             row.running[n] = 1
 
 
-@inlined
-def _feel(row: Record, sensors: Records, first: bool) -> None:
+@njit_inline
+def _feel(row: Struct, sensors: StructArray, first: bool) -> None:
     for n in range(ABREAST):
         row.force[n] = row.elastic[n] + row.rubbing[n]
     for n in range(row.taken):
         if row.going[n] == 1:
-            row.delayed[n] = delayed(sensors[row.cut[n]].line, row.delay[n], row.force[n], row.tick[n] - 1)
+            row.delayed[n] = delayed_force(sensors[row.cut[n]].line, row.delay[n], row.force[n], row.tick[n] - 1)
     for n in range(row.taken if row.drifting > 0 else 0):
         if row.going[n] == 1:
             row.offset[n] = wandered(sensors[row.cut[n]], row.tick[n] - 1)
@@ -285,9 +286,9 @@ def _feel(row: Record, sensors: Records, first: bool) -> None:
         )
 
 
-@inlined
-def _draw(row: Record) -> None:
-    """Draw four milliseconds' sensor noise of every cut, as :func:`cutenv.randomness.four_normals_at` does."""
+@njit_inline
+def _draw(row: Struct) -> None:
+    """Draw four milliseconds' sensor noise of every cut, as :func:`cutenv._engine.randomness.four_normals_at` does."""
     for n in range(ABREAST):
         row.words[0, n], row.words[1, n], row.words[2, n], row.words[3, n] = words_at(
             row.seed[n], row.episode[n], SENSOR_NOISE, (row.tick[n] - 1) >> 2
@@ -308,25 +309,25 @@ def _draw(row: Record) -> None:
                 )
 
 
-@compiled_for_cores
+@njit_nogil
 def hold_some(
-    passed: Portions,
+    passed: WorkQueue,
     core: int,
-    states: Records,
-    profiles: Records,
-    laws: Records,
-    drives: Records,
-    sensors: Records,
-    commands: Records,
+    states: StructArray,
+    profiles: StructArray,
+    laws: StructArray,
+    drives: StructArray,
+    sensors: StructArray,
+    commands: StructArray,
     ticks: int,
-    felt: Records,
+    felt: StructArray,
 ) -> None:
     """Advance n cuts by ``ticks`` updates, each under one constant command; the bare physics loop, without a task.
 
     Parameters
     ----------
     passed, core : Portions, int
-        Work queue and number of the thread, see :func:`cutenv.cores.over_cores`.
+        Work queue and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
     states, profiles, laws, drives, sensors : Records
         The cuts' structured arrays, shape (n,); states and sensors are changed.
     commands : array, shape (n, 2)
@@ -336,11 +337,11 @@ def hold_some(
     felt : array, shape (n,)
         Filled with the last force measured [N].
     """
-    states, profiles, laws, drives, sensors = borrowed((states, profiles, laws, drives, sensors))
+    states, profiles, laws, drives, sensors = without_refcount((states, profiles, laws, drives, sensors))
     rows = np.zeros(1, ROW)
-    row, numbers = rows[0], as_numbers(rows)
-    plain_states, plain_laws, plain_drives = as_numbers(states), as_numbers(laws), as_numbers(drives)
-    begun, end = claim(passed, core, ABREAST)
+    row, numbers = rows[0], as_float64_view(rows)
+    plain_states, plain_laws, plain_drives = as_float64_view(states), as_float64_view(laws), as_float64_view(drives)
+    begun, end = next_chunk(passed, core, ABREAST)
     while begun < end:
         taken = end - begun
         for k in range(taken):
@@ -353,5 +354,5 @@ def hold_some(
         for k in range(taken):
             put(numbers, plain_states, k, begun + k)
             felt[begun + k] = row.felt[k]
-        finish(passed, core, taken)
-        begun, end = claim(passed, core, ABREAST)
+        mark_done(passed, core, taken)
+        begun, end = next_chunk(passed, core, ABREAST)

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from cutenv.compiled import inlined
-from cutenv.elementary import cotangent
+from cutenv._engine.elementary import cotangent
+from cutenv._engine.jit import njit_inline
 
 
-@inlined
+@njit_inline
 def leaning(angle: float) -> tuple[float, float]:
     """Return cotangent and sin^2 of the ``angle`` [rad] of a blade."""
     lean = cotangent(angle)
     return lean, 1.0 / (1.0 + lean**2)
 
 
-@inlined
+@njit_inline
 def sweeping(lean: float, next_lean: float, toughness: float, depth: float) -> float:
     """Return the energy [J] of turning a blade from one cotangent to the next in tissue of R B ``toughness`` [N].
 

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutenv.compiled import compiled, for_kernels, inlined
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._base.parameter import check_parameters, parameter
+from cutenv._engine.elementary import exp
+from cutenv._engine.jit import njit, njit_inline, njit_internal
+from cutenv.cutting.dtypes import DRIVE, TICK
 from cutenv.cutting.friction import Grip
-from cutenv.cutting.records import DRIVE, TICK, Record, Records
-from cutenv.elementary import exp
-from cutenv.parameter import check_parameters, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,29 +21,30 @@ class Rig:
 
     motor_lag: float = parameter(
         0.040, unit="s", low=0.001, high=1.0, provenance="assumed",
-        why="velocity loop of a small geared motor", sweep=(0.010, 0.080),
+        source="velocity loop of a small geared motor", sensitivity=(0.010, 0.080),
     )  # fmt: skip
     acceleration: float = parameter(
         0.1, unit="m/s2", low=0.001, high=10.0, provenance="assumed",
-        why="full speed in a quarter of a second", sweep=(0.05, 0.5),
+        source="full speed in a quarter of a second", sensitivity=(0.05, 0.5),
     )  # fmt: skip
     rotation_rate: float = parameter(
         math.radians(90.0), unit="rad/s", low=0.01, high=20.0, provenance="assumed",
-        why="90 degrees in one second", sweep=(math.radians(45.0), math.radians(180.0)),
+        source="90 degrees in one second", sensitivity=(math.radians(45.0), math.radians(180.0)),
     )  # fmt: skip
     dead_time: float = parameter(
         0.0, unit="s", low=0.0, high=0.015, provenance="assumed",
-        why="off; bus and drive between a command and the first motion", sweep=(0.0, 0.010),
+        source="off; bus and drive between a command and the first motion", sensitivity=(0.0, 0.010),
     )  # fmt: skip
     backlash: float = parameter(
         0.0, unit="m", low=0.0, high=0.005, provenance="assumed",
-        why="off; play between the motor, whose encoder tells the position, and the blade", sweep=(0.0, 0.2e-3),
+        source="off; play between the motor, whose encoder tells the position, and the blade",
+        sensitivity=(0.0, 0.2e-3),
     )  # fmt: skip
 
     def __post_init__(self) -> None:
         check_parameters(self)
 
-    def records(self, travel: float) -> Records:
+    def records(self, travel: float) -> StructArray:
         """Return the drive as a :data:`DRIVE` array, shape (1,); the blade stays within 0 to ``travel`` [m]."""
         drives = np.zeros(1, DRIVE)
         drives["lag"] = self.motor_lag
@@ -60,27 +62,27 @@ class Hand:
 
     motor_lag: float = parameter(
         0.080, unit="s", low=0.001, high=1.0, provenance="assumed",
-        why="a person follows an intended speed more slowly than a motor", sweep=(0.04, 0.15),
+        source="a person follows an intended speed more slowly than a motor", sensitivity=(0.04, 0.15),
     )  # fmt: skip
     acceleration: float = parameter(
         0.5, unit="m/s2", low=0.001, high=10.0, provenance="assumed",
-        why="slow deliberate movement of the hand", sweep=(0.2, 2.0),
+        source="slow deliberate movement of the hand", sensitivity=(0.2, 2.0),
     )  # fmt: skip
     rotation_rate: float = parameter(
         math.radians(90.0), unit="rad/s", low=0.01, high=20.0, provenance="assumed",
-        why="90 degrees in one second", sweep=(math.radians(45.0), math.radians(180.0)),
+        source="90 degrees in one second", sensitivity=(math.radians(45.0), math.radians(180.0)),
     )  # fmt: skip
     mass: float = parameter(
         0.15, unit="kg", low=0.01, high=5.0, provenance="assumed",
-        why="scalpel, fingers and part of the hand", sweep=(0.05, 0.5),
+        source="scalpel, fingers and part of the hand", sensitivity=(0.05, 0.5),
     )  # fmt: skip
     coupling_stiffness: float = parameter(
         400.0, unit="N/m", low=10.0, high=1e5, provenance="assumed",
-        why="order of a pinch grip's stiffness", sweep=(100.0, 1500.0),
+        source="order of a pinch grip's stiffness", sensitivity=(100.0, 1500.0),
     )  # fmt: skip
     coupling_damping: float = parameter(
         6.0, unit="N s/m", low=0.0, high=1e3, provenance="assumed",
-        why="order of a pinch grip's damping", sweep=(2.0, 20.0),
+        source="order of a pinch grip's damping", sensitivity=(2.0, 20.0),
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -91,7 +93,7 @@ class Hand:
                 f"updates of {TICK:g} s. Give a stiffness below {self.mass / TICK**2:g} N/m, or a larger mass."
             )
 
-    def records(self, travel: float) -> Records:
+    def records(self, travel: float) -> StructArray:
         """Return the drive as a :data:`DRIVE` array, shape (1,); the blade stays within 0 to ``travel`` [m]."""
         drives = Rig(
             motor_lag=self.motor_lag, acceleration=self.acceleration, rotation_rate=self.rotation_rate
@@ -105,21 +107,21 @@ class Hand:
 _AT_REST = 1e-5  # [m/s], below the resolution of an encoder: 10 nm in a millisecond
 
 
-@inlined
-def turning(angle: float, target: float, rotation_rate: float, dt: float) -> float:
+@njit_inline
+def rate_limited(angle: float, target: float, rotation_rate: float, dt: float) -> float:
     """Return the rate-limited angle of the blade [rad] after ``dt``, turning toward ``target`` at ``rotation_rate``."""
     turn = rotation_rate * dt
     return angle + min(max(target - angle, -turn), turn)
 
 
-@compiled
-def made_up(drive: Record, dt: float) -> float:
+@njit
+def lag_gain(drive: Struct, dt: float) -> float:
     """Return the gain of the first-order velocity loop over ``dt``: 1 - exp(-dt / lag)."""
     return 1.0 - exp(-dt / drive.lag)
 
 
-@inlined
-def on_its_way(
+@njit_inline
+def dead_time_step(
     command: float, dead_ticks: int, next_target: float, waiting: int, target: float
 ) -> tuple[float, int, float]:
     """Advance the dead time by one tick; return (pending command, ticks left, active command), speeds in [m/s].
@@ -134,24 +136,24 @@ def on_its_way(
     return next_target, waiting, command
 
 
-@compiled
-def delayed(state: Record, drive: Record, target: float) -> float:
+@njit
+def delayed_command(state: Struct, drive: Struct, target: float) -> float:
     """Return the commanded speed [m/s] that has reached the drive after its dead time."""
     if drive.dead_ticks == 0:
         return target
-    state.next_target, state.waiting, state.target = on_its_way(
+    state.next_target, state.waiting, state.target = dead_time_step(
         target, drive.dead_ticks, state.next_target, state.waiting, state.target
     )
     return state.target  # type: ignore[no-any-return]
 
 
-@inlined
-def commanded(
+@njit_inline
+def velocity_loop_step(
     hand: float, speed: float, target: float, share: float, acceleration: float, travel: float, dt: float
 ) -> tuple[float, float]:
     """Return position [m] and speed [m/s] of the carriage after ``dt`` under a commanded speed ``target``.
 
-    A first-order lag with gain ``share`` (:func:`made_up`), an acceleration limit, and end stops.
+    A first-order lag with gain ``share`` (:func:`lag_gain`), an acceleration limit, and end stops.
     """
     limit = acceleration * dt
     next_speed = speed + min(max((target - speed) * share, -limit), limit)
@@ -163,16 +165,16 @@ def commanded(
     return end, next_speed
 
 
-@compiled
-def advance_command(state: Record, drive: Record, share: float, target: float, dt: float) -> None:
-    """Advance a state's carriage, or hand, by :func:`commanded`."""
-    state.hand, state.hand_speed = commanded(
+@njit
+def advance_command(state: Struct, drive: Struct, share: float, target: float, dt: float) -> None:
+    """Advance a state's carriage, or hand, by :func:`velocity_loop_step`."""
+    state.hand, state.hand_speed = velocity_loop_step(
         state.hand, state.hand_speed, target, share, drive.acceleration, drive.travel, dt
     )
 
 
-@inlined
-def carried(hand: float, blade: float, backlash: float) -> float:
+@njit_inline
+def backlash_motion(hand: float, blade: float, backlash: float) -> float:
     """Return the displacement [m] of a rig's blade, coupled rigidly to the carriage but for backlash.
 
     With backlash, the guides' friction holds the blade until the carriage's nut pushes it: forward from behind, and
@@ -184,9 +186,9 @@ def carried(hand: float, blade: float, backlash: float) -> float:
     return dx
 
 
-@for_kernels
-def pulled(
-    drive: Record,
+@njit_internal
+def coupling_step(
+    drive: Struct,
     hand: float,
     hand_speed: float,
     blade: float,
@@ -212,18 +214,18 @@ def pulled(
     return min(max(blade + speed * dt, 0.0), drive.travel) - blade  # type: ignore[no-any-return]
 
 
-@compiled
+@njit
 def motion(
-    state: Record, drive: Record, share: float, target: float, elastic: float, friction: Grip, dt: float
+    state: Struct, drive: Struct, share: float, target: float, elastic: float, friction: Grip, dt: float
 ) -> float:
     """Return the displacement of the blade [m] in ``dt`` under a commanded speed; sets ``state.speed`` to its speed.
 
     ``elastic``, the force of the tissue [N], and ``friction`` affect only a hand: a rig holds position.
     """
-    advance_command(state, drive, share, delayed(state, drive, target), dt)
+    advance_command(state, drive, share, delayed_command(state, drive, target), dt)
     if drive.mass > 0.0:
-        dx = pulled(drive, state.hand, state.hand_speed, state.blade, state.speed, elastic, friction, dt)
+        dx = coupling_step(drive, state.hand, state.hand_speed, state.blade, state.speed, elastic, friction, dt)
     else:
-        dx = carried(state.hand, state.blade, drive.backlash)
+        dx = backlash_motion(state.hand, state.blade, drive.backlash)
     state.speed = dx / dt
     return dx

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from cutenv.compiled import inlined
-from cutenv.cutting.records import Record
+from cutenv._base.arrays import Struct
+from cutenv._engine.jit import njit_inline
 
 _TWELFTH = 1.0 / 12.0
 # Multiplying avoids a division, which would slow the batched loop; likewise the presliding length's inverse.
@@ -29,23 +29,23 @@ class Grip(NamedTuple):
     """Force per speed of the part that grows with speed [N s/m]."""
 
 
-@inlined
-def grip(law: Record, depth: float, bristle: float) -> Grip:
+@njit_inline
+def grip(law: Struct, depth: float, bristle: float) -> Grip:
     """Return the friction of a blade ``depth`` [m] deep whose bristles are deflected by ``bristle`` [m]."""
     limit = law.friction_per_depth * depth
     stiffness = limit * law.per_presliding_length
     return Grip(stiffness * bristle, limit, stiffness, law.friction_per_depth_speed * depth)
 
 
-@inlined
-def deflected(law: Record, bristle: float, dx: float) -> float:
+@njit_inline
+def deflected(law: Struct, bristle: float, dx: float) -> float:
     """Return the bristles' deflection [m] after a motion ``dx`` [m] of the blade, limited to the presliding length."""
     deflection: float = min(max(bristle + dx, -law.presliding_length), law.presliding_length)
     return deflection
 
 
-@inlined
-def friction_force(law: Record, depth: float, bristle: float, speed: float) -> float:
+@njit_inline
+def friction_force(law: Struct, depth: float, bristle: float, speed: float) -> float:
     """Return the force [N] against forward motion: proportional to depth, optionally with a part linear in speed."""
     force: float = (
         law.friction_per_depth * (bristle * law.per_presliding_length) + law.friction_per_depth_speed * speed
@@ -53,9 +53,9 @@ def friction_force(law: Record, depth: float, bristle: float, speed: float) -> f
     return force
 
 
-@inlined
+@njit_inline
 def friction_work(
-    law: Record, depth: float, next_depth: float, bristle: float, next_bristle: float, dx: float, speed: float
+    law: Struct, depth: float, next_depth: float, bristle: float, next_bristle: float, dx: float, speed: float
 ) -> float:
     """Return the work [J] against friction over a motion ``dx`` [m] from ``depth`` to ``next_depth`` [m].
 

@@ -16,10 +16,10 @@ from __future__ import annotations
 
 import math
 
-from cutenv.compiled import compiled, for_kernels, inlined
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv.cutting.blade import leaning, sweeping
 from cutenv.cutting.friction import deflected, friction_force, friction_work
-from cutenv.cutting.records import Record, Records
 from cutenv.cutting.relaxation import relaxed
 from cutenv.tissue.specimen import N_POINTS, POINTS_PER_METRE
 
@@ -29,81 +29,81 @@ _MOST_PARTS = 1024  # limit on the parts of a longer one: even across the whole 
 _SOFTEST = 0.1  # share of K: if force hardly falls with growth, the tip would have to leap; loading is then elastic
 
 
-@inlined
-def place(at: float) -> tuple[int, float]:
+@njit_inline
+def grid_index(at: float) -> tuple[int, float]:
     """Return the grid index of a profile at or before ``at`` [m], and the fraction of the way to the next point."""
     s = at * POINTS_PER_METRE
     i = min(max(int(s), 0), N_POINTS - 2)
     return i, s - i
 
 
-@inlined
-def around(values: Records, i: int) -> tuple[float, float]:
+@njit_inline
+def value_and_rise(values: StructArray, i: int) -> tuple[float, float]:
     """Return a profile's value at grid index ``i``, and its difference to the next point."""
     return values[i], values[i + 1] - values[i]
 
 
-@inlined
-def along(value: float, rise: float, share: float) -> float:
+@njit_inline
+def at_share(value: float, rise: float, share: float) -> float:
     """Interpolate a profile linearly (lerp) at a fraction ``share`` of the way to the next point."""
     return value + share * rise
 
 
-@inlined
-def between(values: Records, i: int, share: float) -> float:
-    """Interpolate a profile linearly at a grid index and fraction from :func:`place`."""
-    value, rise = around(values, i)
-    return along(value, rise, share)
+@njit_inline
+def lerp(values: StructArray, i: int, share: float) -> float:
+    """Interpolate a profile linearly at a grid index and fraction from :func:`grid_index`."""
+    value, rise = value_and_rise(values, i)
+    return at_share(value, rise, share)
 
 
-@inlined
+@njit_inline
 def slope(rise: float) -> float:
     """Return a profile's derivative [1/m] from its difference between neighbouring points."""
     return rise * POINTS_PER_METRE
 
 
-@for_kernels
-def stiffness_at(profile: Record, a: float) -> tuple[float, float]:
+@njit_internal
+def stiffness_at(profile: Struct, a: float) -> tuple[float, float]:
     """Return K [N/m] and its derivative K' [N/m2] at tip position ``a`` [m]."""
-    i, share = place(a)
-    value, rise = around(profile.stiffness, i)
-    return along(value, rise, share), slope(rise)
+    i, share = grid_index(a)
+    value, rise = value_and_rise(profile.stiffness, i)
+    return at_share(value, rise, share), slope(rise)
 
 
-@for_kernels
-def toughness_at(profile: Record, a: float) -> float:
+@njit_internal
+def toughness_at(profile: Struct, a: float) -> float:
     """Return R B [N], the force per advance that fracture alone would take, at ``a`` [m]."""
-    i, share = place(a)
-    return between(profile.toughness, i, share)
+    i, share = grid_index(a)
+    return lerp(profile.toughness, i, share)
 
 
-@for_kernels
-def depth_at(profile: Record, x: float) -> float:
+@njit_internal
+def depth_at(profile: Struct, x: float) -> float:
     """Return the depth of cut B [m] at ``x`` [m]."""
-    i, share = place(x)
-    return between(profile.depth, i, share)
+    i, share = grid_index(x)
+    return lerp(profile.depth, i, share)
 
 
-@for_kernels
-def elastic_force(profile: Record, x: float, a: float) -> float:
+@njit_internal
+def elastic_force(profile: Struct, x: float, a: float) -> float:
     """Return the elastic force F = K(a) max(x - a, 0) [N]."""
     return stiffness_at(profile, a)[0] * max(x - a, 0.0)
 
 
-@compiled
-def stored_energy(profile: Record, x: float, a: float) -> float:
+@njit
+def stored_energy(profile: Struct, x: float, a: float) -> float:
     """Return U = K(a) max(x - a, 0)^2 / 2 [J]: a function of state, so that no closed loop can gain work."""
     return 0.5 * stiffness_at(profile, a)[0] * max(x - a, 0.0) ** 2
 
 
-@inlined
+@njit_inline
 def fallen(by: float, start: float, per: float, speed: float) -> float:
     """Return the fall of a LEM up to ``speed`` [Pa]: zero up to ``start``, then linear in speed, ``by`` at most."""
     return by * min(max((speed - start) * per, 0.0), 1.0)
 
 
-@inlined
-def loading_ratio(law: Record, speed: float, angle: float) -> float:
+@njit_inline
+def loading_ratio(law: Struct, speed: float, angle: float) -> float:
     """Return r = min(1, LEM(v, theta)/LEM(0, 90 deg)): rate of rise of the force over that without crack growth."""
     v = min(max(abs(speed), law.speed_min), law.speed_max)
     upright = law.intercept_90 + law.slope_90 * v
@@ -116,34 +116,34 @@ def loading_ratio(law: Record, speed: float, angle: float) -> float:
     return ratio
 
 
-@inlined
-def initiation_excess(law: Record, pushing: float) -> float:
+@njit_inline
+def initiation_excess(law: Struct, pushing: float) -> float:
     """Return eta(theta) = eta90 sin^2(theta): slicing starts a crack more easily than pushing (assumed)."""
     eta: float = law.eta90 * pushing
     return eta
 
 
-@inlined
+@njit_inline
 def may_grow(ledger: float, change: float, toughness: float, debt_length: float) -> bool:
     """Return whether the ledger admits growth: it may not fall below -R B l unless the growth raises it."""
     return change >= 0.0 or ledger + change >= -toughness * debt_length
 
 
-@inlined
-def settled(ledger: float, loss: float) -> tuple[float, float]:
+@njit_inline
+def on_unload(ledger: float, loss: float) -> tuple[float, float]:
     """Return ledger and loss after full unloading: a surplus beyond fracture becomes loss; a debt stays."""
     return min(ledger, 0.0), loss + max(ledger, 0.0)
 
 
-@for_kernels
-def turned(profile: Record, x: float, lean: float, angle: float) -> tuple[float, float, float]:
+@njit_internal
+def turned(profile: Struct, x: float, lean: float, angle: float) -> tuple[float, float, float]:
     """Return cotangent and sin^2 of a blade at ``x`` turned to ``angle``, and the energy [J] that turning takes."""
     next_lean, pushing = leaning(angle)
     return next_lean, pushing, sweeping(lean, next_lean, toughness_at(profile, x), depth_at(profile, x))
 
 
-@inlined
-def force_to_grow(law: Record, arrest_ratio: float, held_force: float, pushing: float, toughness: float) -> float:
+@njit_inline
+def force_to_grow(law: Struct, arrest_ratio: float, held_force: float, pushing: float, toughness: float) -> float:
     """Return the force [N] above which a loading blade cuts; below it, it loads and unloads elastically.
 
     It is the force at which the crack last came to rest, or (1 - eta) R B where that is lower.  A blade that cut up to
@@ -152,7 +152,7 @@ def force_to_grow(law: Record, arrest_ratio: float, held_force: float, pushing: 
     return max(min(arrest_ratio, 1.0 - initiation_excess(law, pushing)) * toughness, held_force)
 
 
-@inlined
+@njit_inline
 def elastic_part(x: float, a: float, K: float, F_start: float, dx: float) -> float:
     """Return the elastic part of a motion ``dx``: all of it backward, and forward up to the force ``F_start``."""
     if dx > 0.0:
@@ -160,8 +160,8 @@ def elastic_part(x: float, a: float, K: float, F_start: float, dx: float) -> flo
     return dx
 
 
-@inlined
-def stable_growth(law: Record, K: float, dK: float, lag: float, loading: float, speed: float, angle: float) -> float:
+@njit_inline
+def stable_growth(law: Struct, K: float, dK: float, lag: float, loading: float, speed: float, angle: float) -> float:
     """Return the advance da [m] of the tip with which the force over ``loading`` rises r times its elastic rise."""
     softening = K - dK * lag  # -dF/da at fixed x
     if loading > 0.0 and softening > _SOFTEST * K:
@@ -169,9 +169,9 @@ def stable_growth(law: Record, K: float, dK: float, lag: float, loading: float, 
     return 0.0
 
 
-@inlined
-def loaded(
-    law: Record,
+@njit_inline
+def loading_step(
+    law: Struct,
     x: float,
     a: float,
     da: float,
@@ -200,10 +200,10 @@ def loaded(
     return a, K * lag, toughness, 0.5 * K * lag**2 - U, 0.0, 0.0
 
 
-@for_kernels
+@njit_internal
 def in_parts(
-    profile: Record,
-    law: Record,
+    profile: Struct,
+    law: Struct,
     x: float,
     a: float,
     loading: float,
@@ -226,10 +226,10 @@ def in_parts(
         part = max(loading * (LONGEST_ADVANCE / da), shortest)
         advance = da * (part / loading)
         loading -= part
-        i, share = place(a + advance)
-        a, F, _, cutting_work, change, spent = loaded(
+        i, share = grid_index(a + advance)
+        a, F, _, cutting_work, change, spent = loading_step(
             law, x - loading, a, advance, part, F, U, K, toughness_at(profile, a),
-            between(profile.stiffness, i, share), between(profile.toughness, i, share), ledger,
+            lerp(profile.stiffness, i, share), lerp(profile.toughness, i, share), ledger,
         )  # fmt: skip
         ledger += change
         work += cutting_work
@@ -241,8 +241,8 @@ def in_parts(
     return loading, a, F, U, ledger, work, fracture
 
 
-@for_kernels
-def move(state: Record, profile: Record, law: Record, dx: float, speed: float) -> tuple[float, float]:
+@njit_internal
+def move(state: Struct, profile: Struct, law: Struct, dx: float, speed: float) -> tuple[float, float]:
     """Move the blade by ``dx`` [m] at ``speed`` [m/s]: elastic motion, and stable growth while it loads.
 
     Returns the elastic force and R B at the tip [N].
@@ -262,7 +262,7 @@ def move(state: Record, profile: Record, law: Record, dx: float, speed: float) -
     loaded_U = 0.5 * K * lag**2
     work = loaded_U - U
     if x <= a:
-        state.ledger, state.loss = settled(state.ledger, state.loss)
+        state.ledger, state.loss = on_unload(state.ledger, state.loss)
 
     # Stable growth: the tip follows so that the force rises only r times as fast as elastically.
     loading = dx - elastic
@@ -278,10 +278,10 @@ def move(state: Record, profile: Record, law: Record, dx: float, speed: float) -
             K, dK = stiffness_at(profile, a)
             toughness = toughness_at(profile, a)
             da = stable_growth(law, K, dK, max(x - loading - a, 0.0), loading, speed, state.angle)
-        i, share = place(a + da)
-        state.tip, F, toughness, cutting_work, change, spent = loaded(
+        i, share = grid_index(a + da)
+        state.tip, F, toughness, cutting_work, change, spent = loading_step(
             law, x, a, da, loading, F, loaded_U, K, toughness,
-            between(profile.stiffness, i, share), between(profile.toughness, i, share), state.ledger,
+            lerp(profile.stiffness, i, share), lerp(profile.toughness, i, share), state.ledger,
         )  # fmt: skip
         state.ledger += change
         state.fracture += spent
@@ -292,9 +292,9 @@ def move(state: Record, profile: Record, law: Record, dx: float, speed: float) -
     return F, toughness
 
 
-@for_kernels
+@njit_internal
 def run_crack(
-    profile: Record, law: Record, x: float, a: float, ledger: float, fracture: float, loss: float
+    profile: Struct, law: Struct, x: float, a: float, ledger: float, fracture: float, loss: float
 ) -> tuple[float, float, float, float, float, float]:
     """Run the crack from ``a`` under a fixed blade ``x`` whose force has reached (1 + eta) R B, until it arrests.
 
@@ -318,25 +318,25 @@ def run_crack(
         U = next_U
         F = elastic_force(profile, x, a)
         if a >= x:
-            ledger, loss = settled(ledger, loss)
+            ledger, loss = on_unload(ledger, loss)
             break
         if ledger <= 0.0 and F < toughness:
             break
     return a, ledger, fracture, loss, F, toughness
 
 
-@compiled
-def cut(state: Record, profile: Record, law: Record, dx: float, angle: float, dt: float) -> tuple[float, float, float]:
+@njit
+def cut(state: Struct, profile: Struct, law: Struct, dx: float, angle: float, dt: float) -> tuple[float, float, float]:
     """Advance the law by one update: the blade turns to ``angle`` and moves by ``dx`` in ``dt``; the tissue responds.
 
     Parameters
     ----------
     state : Record
-        One :data:`~cutenv.cutting.records.STATE`, changed in place.
+        One :data:`~cutenv.cutting.dtypes.STATE`, changed in place.
     profile : Record
-        :data:`~cutenv.cutting.records.PROFILE`.
+        :data:`~cutenv.cutting.dtypes.PROFILE`.
     law : Record
-        One :data:`~cutenv.cutting.records.LAW`.
+        One :data:`~cutenv.cutting.dtypes.LAW`.
     dx, angle, dt : float
         Motion of the blade [m], its new angle [rad], duration [s].
 

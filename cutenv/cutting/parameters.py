@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutenv.cutting.records import LAW, PROFILE, Records
-from cutenv.parameter import check_parameters, parameter
+from cutenv._base.arrays import StructArray
+from cutenv._base.parameter import check_parameters, parameter
+from cutenv.cutting.dtypes import LAW, PROFILE
 from cutenv.tissue.fall import end_of_fall
 from cutenv.tissue.specimen import Specimen
 
@@ -19,36 +20,36 @@ class LawParameters:
 
     debt_length: float = parameter(
         1.5e-3, unit="m", low=1e-5, high=0.02, provenance="assumed",
-        why="growth below R may borrow the fracture energy of this length, no more", sweep=(0.5e-3, 3e-3),
+        source="growth below R may borrow the fracture energy of this length, no more", sensitivity=(0.5e-3, 3e-3),
     )  # fmt: skip
     growth_step: float = parameter(
-        10e-6, unit="m", low=1e-7, high=1e-3, provenance="choice", why="far below a unit of 2 to 12 mm"
+        10e-6, unit="m", low=1e-7, high=1e-3, provenance="choice", source="far below a unit of 2 to 12 mm"
     )
     friction_per_depth_speed: float = parameter(
-        0.0, unit="N s/m2", low=0.0, high=1e5, provenance="assumed", why="off: no measurement separates it"
+        0.0, unit="N s/m2", low=0.0, high=1e5, provenance="assumed", source="off: no measurement separates it"
     )
 
     presliding_length: float = parameter(
         50e-6, unit="m", low=1e-6, high=1e-3, provenance="assumed",
-        why="well below strokes and lags of millimetres, above the 25 um of a millisecond at full speed",
-        sweep=(20e-6, 100e-6),
+        source="well below strokes and lags of millimetres, above the 25 um of a millisecond at full speed",
+        sensitivity=(20e-6, 100e-6),
     )  # fmt: skip
 
     relaxing_share: float = parameter(
         0.0, unit="1", low=0.0, high=0.9, provenance="assumed",
-        why="off: the measured moduli fall with speed, those of a relaxing tissue rise", sweep=(0.2, 0.6),
+        source="off: the measured moduli fall with speed, those of a relaxing tissue rise", sensitivity=(0.2, 0.6),
     )  # fmt: skip
     creep_time: float = parameter(
         1.86, unit="s", low=0.1, high=1e3, provenance="measured",
-        why="Kerdok et al. (J. Biomech. 39, 2221, 2006): creep of whole porcine livers, 1.86 and 51.3 s",
-        sweep=(1.86, 51.3),
+        source="Kerdok et al. (J. Biomech. 39, 2221, 2006): creep of whole porcine livers, 1.86 and 51.3 s",
+        sensitivity=(1.86, 51.3),
     )  # fmt: skip
 
     def __post_init__(self) -> None:
         check_parameters(self)
 
 
-def profile_records(specimens: list[Specimen]) -> Records:
+def profile_records(specimens: list[Specimen]) -> StructArray:
     """Return stiffness, toughness and depth along each specimen as a :data:`PROFILE` array, shape (n,)."""
     profiles = np.zeros(len(specimens), PROFILE)
     for profile, specimen in zip(profiles, specimens, strict=True):
@@ -58,7 +59,7 @@ def profile_records(specimens: list[Specimen]) -> Records:
     return profiles
 
 
-def law_records(specimens: list[Specimen], parameters: LawParameters | None = None) -> Records:
+def law_records(specimens: list[Specimen], parameters: LawParameters | None = None) -> StructArray:
     """Return the law's constants for each specimen as a :data:`LAW` array, shape (n,)."""
     parameters = parameters or LawParameters()
     laws = np.zeros(len(specimens), LAW)

@@ -13,26 +13,26 @@ x - a.
 
 from __future__ import annotations
 
-from cutenv.compiled import inlined
-from cutenv.cutting.records import Record
+from cutenv._base.arrays import Struct
+from cutenv._engine.jit import njit_inline
 
 
-@inlined
-def crept(law: Record, reach: float, creep: float, dt: float) -> float:
+@njit_inline
+def crept(law: Struct, reach: float, creep: float, dt: float) -> float:
     """Return the creep g [m] after ``dt``, for a blade ``reach`` [m] ahead of the tip."""
     rate = dt / ((1.0 - law.relaxing_share) * law.creep_time)
     return (creep + rate * law.relaxing_share * max(reach, creep)) / (1.0 + rate)  # type: ignore[no-any-return]
 
 
-@inlined
-def energy_of_creep(law: Record, K: float, creep: float) -> float:
+@njit_inline
+def energy_of_creep(law: Struct, K: float, creep: float) -> float:
     """Return the energy [J] that the tissue would give back as it recovers."""
     return 0.5 * K * creep**2 * (1.0 - law.relaxing_share) / law.relaxing_share  # type: ignore[no-any-return]
 
 
-@inlined
+@njit_inline
 def relaxed(
-    law: Record, K: float, reach: float, creep: float, locked: float, ledger: float, loss: float, dt: float
+    law: Struct, K: float, reach: float, creep: float, locked: float, ledger: float, loss: float, dt: float
 ) -> tuple[float, float, float, float]:
     """Return creep [m], its energy, ledger and loss [J] after ``dt``, for a blade ``reach`` [m] ahead of the tip.
 

@@ -6,11 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv.compiled import inlined
-from cutenv.cutting.drive import made_up
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.jit import njit_inline
+from cutenv._engine.randomness import Integer
+from cutenv.cutting.drive import lag_gain
+from cutenv.cutting.dtypes import DRIVE, LAW, STATE, TICK
 from cutenv.cutting.law import depth_at, stiffness_at, toughness_at
-from cutenv.cutting.records import DRIVE, LAW, STATE, TICK, Record, Records
-from cutenv.randomness import Integer
 
 ABREAST = 32
 """Number of cuts (lanes) in a row: enough for several vectors, few enough for the first-level cache."""
@@ -124,7 +125,7 @@ class LawInRow(NamedTuple):
 
 
 class DriveInRow(NamedTuple):
-    """The fields of a drive that :func:`cutenv.cutting.drive.pulled` reads."""
+    """The fields of a drive that :func:`cutenv.cutting.drive.coupling_step` reads."""
 
     travel: float
     mass: float
@@ -132,8 +133,8 @@ class DriveInRow(NamedTuple):
     coupling_damping: float
 
 
-@inlined
-def law_in_row(row: Record, n: int) -> LawInRow:
+@njit_inline
+def law_in_row(row: Struct, n: int) -> LawInRow:
     """Gather the law of the cut in lane ``n``."""
     return LawInRow(
         row.quasi_static_modulus[n], row.intercept_90[n], row.slope_90[n],
@@ -145,16 +146,16 @@ def law_in_row(row: Record, n: int) -> LawInRow:
     )  # fmt: skip
 
 
-@inlined
+@njit_inline
 def take(
-    row: Record,
-    numbers: Records,
-    states: Records,
-    laws: Records,
-    drives: Records,
-    drive: Record,
-    sensor: Record,
-    profile: Record,
+    row: Struct,
+    numbers: StructArray,
+    states: StructArray,
+    laws: StructArray,
+    drives: StructArray,
+    drive: Struct,
+    sensor: Struct,
+    profile: Struct,
     n: Integer,
     cut: Integer,
 ) -> None:
@@ -178,14 +179,14 @@ def take(
     )  # fmt: skip
     row.seen_tip_point[n], row.seen_blade_point[n] = -1, -1
     # The exponential in made_up costs more than the rest of the loading, and neighbours seldom differ.
-    row.share[n] = row.share[n - 1] if n > 0 and row.lag[n] == row.lag[n - 1] else made_up(drive, TICK)
+    row.share[n] = row.share[n - 1] if n > 0 and row.lag[n] == row.lag[n - 1] else lag_gain(drive, TICK)
     row.K[n], row.dK[n] = stiffness_at(profile, row.tip[n])
     row.toughness[n] = toughness_at(profile, row.tip[n])
     row.depth[n] = depth_at(profile, row.blade[n])
 
 
-@inlined
-def begin(row: Record, numbers: Records, taken: Integer) -> None:
+@njit_inline
+def begin(row: Struct, numbers: StructArray, taken: Integer) -> None:
     """Prepare a row of ``taken`` lanes: pad the others with a blade at rest, and count the special cases."""
     for n in range(taken, ABREAST):
         for k in range(_N_STATE + _N_LAW + _N_DRIVE + len(_PASSING)):
@@ -203,8 +204,8 @@ def begin(row: Record, numbers: Records, taken: Integer) -> None:
     row.hands, row.late, row.slack, row.drifting, row.relaxing = hands, late, slack, drifting, relaxing
 
 
-@inlined
-def put(numbers: Records, states: Records, n: int, cut: int) -> None:
+@njit_inline
+def put(numbers: StructArray, states: StructArray, n: int, cut: int) -> None:
     """Store the state in lane ``n`` of a row back to its cut (scatter)."""
     for k in range(_N_STATE):
         states[cut * _N_STATE + k] = numbers[k * ABREAST + n]

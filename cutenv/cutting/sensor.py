@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.compiled import compiled, for_kernels, inlined
-from cutenv.cutting.records import TICK, Record, Records
-from cutenv.parameter import check_parameters, parameter
-from cutenv.randomness import SENSOR_DRIFT, SENSOR_NOISE, four_normals_at, normal_at
-from cutenv.validation import array_in_range
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._base.parameter import check_parameters, parameter
+from cutenv._base.validation import array_in_range
+from cutenv._engine.jit import njit, njit_inline, njit_internal
+from cutenv._engine.randomness import SENSOR_DRIFT, SENSOR_NOISE, four_normals_at, normal_at
+from cutenv.cutting.dtypes import TICK
 
 _LONGEST_DELAY = 64  # ticks that the delay line holds, a power of two
 WRAP = _LONGEST_DELAY - 1
@@ -40,31 +41,31 @@ SENSOR: np.dtype[Any] = np.dtype(
 """Parameters and memory of one sensor."""
 
 
-@compiled
-def measure(sensor: Record, force: float, tick: int) -> float:
+@njit
+def measure(sensor: Struct, force: float, tick: int) -> float:
     """Return the reading [N] at update ``tick`` (from 0 at reset, each tick once) for a true ``force`` [N]."""
     standard = standard_noise(sensor, tick) if sensor.noise > 0.0 else 0.0
-    felt = delayed(sensor.line, sensor.delay, force, tick) + wandered(sensor, tick) - sensor.tare
+    felt = delayed_force(sensor.line, sensor.delay, force, tick) + wandered(sensor, tick) - sensor.tare
     return as_read(felt, sensor.noise, standard, sensor.resolution)
 
 
-@inlined
-def delayed(line: Records, delay: int, force: float, tick: int) -> float:
+@njit_inline
+def delayed_force(line: StructArray, delay: int, force: float, tick: int) -> float:
     """Push ``force`` [N] into the delay line at update ``tick``; return the force that comes out."""
     line[tick & WRAP] = force
     out: float = line[(tick - delay) & WRAP] if tick >= delay else 0.0
     return out
 
 
-@for_kernels
-def wandered(sensor: Record, tick: int) -> float:
+@njit_internal
+def wandered(sensor: Struct, tick: int) -> float:
     """Advance the random walk of the sensor's zero to update ``tick``; return the drift [N]."""
     if sensor.drift > 0.0:
         sensor.offset += sensor.drift * _ROOT_TICK * normal_at(sensor.seed, sensor.episode, SENSOR_DRIFT, tick)
     return sensor.offset  # type: ignore[no-any-return]
 
 
-@inlined
+@njit_inline
 def as_read(force: float, noise: float, standard: float, resolution: float) -> float:
     """Return the reading [N] of a ``force`` [N]: plus noise times a ``standard`` normal number, then quantised."""
     reading = force + noise * standard
@@ -73,8 +74,8 @@ def as_read(force: float, noise: float, standard: float, resolution: float) -> f
     return reading
 
 
-@for_kernels
-def standard_noise(sensor: Record, tick: int) -> float:
+@njit_internal
+def standard_noise(sensor: Struct, tick: int) -> float:
     """Return the standard normal number of (seed, episode, tick), from a cached block of four."""
     block = tick >> 2
     kept = sensor.standard_noise
@@ -90,19 +91,19 @@ class SensorParameters:
 
     force_noise: float = parameter(
         0.02, unit="N", low=0.0, high=10.0, provenance="assumed",
-        why="below the sensor's resolution", sweep=(0.0, 0.1),
+        source="below the sensor's resolution", sensitivity=(0.0, 0.1),
     )  # fmt: skip
     force_resolution: float = parameter(
         0.05, unit="N", low=0.0, high=10.0, provenance="measured",
-        why="thesis 3.1: worst case of the six-axis sensor in the cutting plane", sweep=(0.0, 0.1),
+        source="thesis 3.1: worst case of the six-axis sensor in the cutting plane", sensitivity=(0.0, 0.1),
     )  # fmt: skip
     force_delay: float = parameter(
         0.010, unit="s", low=0.0, high=(_LONGEST_DELAY - 1) * TICK, provenance="assumed",
-        why="filter and transport of a networked sensor", sweep=(0.0, 0.030),
+        source="filter and transport of a networked sensor", sensitivity=(0.0, 0.030),
     )  # fmt: skip
     force_drift: float = parameter(
         0.0, unit="N/s^0.5", low=0.0, high=1.0, provenance="assumed",
-        why="off; a random walk when wanted", sweep=(0.0, 0.05),
+        source="off; a random walk when wanted", sensitivity=(0.0, 0.05),
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -136,7 +137,7 @@ class Sensor:
         self._records["tare"] += reading
 
 
-def sensor_records(parameters: list[SensorParameters], seeds: list[int], episodes: list[int]) -> Records:
+def sensor_records(parameters: list[SensorParameters], seeds: list[int], episodes: list[int]) -> StructArray:
     """Return new sensors as a structured array for the compiled law, shape (n,)."""
     for name, keys in (("seed", seeds), ("episode", episodes)):
         array_in_range(name, keys, 0, 2**64, "1", "Give whole numbers from 0.")

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.compiled import compiled, compiled_for_cores, for_kernels, inlined
-from cutenv.cutting.drive import made_up, motion, turning
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.jit import njit, njit_inline, njit_internal, njit_nogil
+from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
+from cutenv.cutting.drive import lag_gain, motion, rate_limited
+from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, STATE
 from cutenv.cutting.friction import grip
 from cutenv.cutting.law import cut, depth_at, elastic_force, stored_energy
-from cutenv.cutting.records import DRIVE, LAW, PROFILE, STATE, Record, Records
 from cutenv.cutting.sensor import SENSOR, measure
-from cutenv.portions import Portions, claim, finish
 from cutenv.tissue.specimen import LENGTH
 
 ENERGIES = ("work", "stored", "fracture", "friction", "loss", "ledger", "residual")
@@ -35,28 +36,30 @@ CUT: np.dtype[Any] = np.dtype(
 """Structured dtype of one cut: everything that the law needs to continue."""
 
 
-@compiled
+@njit
 def update(
-    state: Record,
-    profile: Record,
-    law: Record,
-    drive: Record,
-    sensor: Record,
+    state: Struct,
+    profile: Struct,
+    law: Struct,
+    drive: Struct,
+    sensor: Struct,
     share: float,
     speed: float,
     angle: float,
     dt: float,
-    reading: Record,
+    reading: Struct,
 ) -> None:
     """Advance a cut by one force update under a commanded speed [m/s] and angle [rad]; fills ``reading``.
 
-    ``share`` is the gain of the drive, :func:`~cutenv.cutting.drive.made_up`, the same for every update of ``dt``.
+    ``share`` is the gain of the drive, :func:`~cutenv.cutting.drive.lag_gain`, the same for every update of ``dt``.
     """
     elastic, depth = 0.0, 0.0
     if drive.mass > 0.0:  # a hand yields to force, a rig does not
         elastic, depth = elastic_force(profile, state.blade - state.creep, state.tip), depth_at(profile, state.blade)
     dx = motion(state, drive, share, speed, elastic, grip(law, depth, state.bristle), dt)
-    elastic, friction, jump = cut(state, profile, law, dx, turning(state.angle, angle, drive.rotation_rate, dt), dt)
+    elastic, friction, jump = cut(
+        state, profile, law, dx, rate_limited(state.angle, angle, drive.rotation_rate, dt), dt
+    )
     state.tick += 1
     measured = measure(sensor, elastic + friction, state.tick - 1)
     _note(state, reading, measured, elastic, friction, jump, dt)
@@ -65,9 +68,15 @@ def update(
         reading.speed = state.hand_speed
 
 
-@compiled
+@njit
 def follow(
-    state: Record, profile: Record, law: Record, positions: Records, angles: Records, dt: float, readings: Records
+    state: Struct,
+    profile: Struct,
+    law: Struct,
+    positions: StructArray,
+    angles: StructArray,
+    dt: float,
+    readings: StructArray,
 ) -> None:
     """Move the blade exactly through ``positions`` [m] and ``angles`` [rad], shape (n,), one every ``dt`` [s].
 
@@ -83,9 +92,9 @@ def follow(
         _note(state, readings[i], elastic + friction, elastic, friction, jump, dt)
 
 
-@for_kernels
+@njit_internal
 def _note(
-    state: Record, reading: Record, measured: float, elastic: float, friction: float, jump: float, dt: float
+    state: Struct, reading: Struct, measured: float, elastic: float, friction: float, jump: float, dt: float
 ) -> None:
     reading.time = state.tick * dt
     reading.force = measured
@@ -98,17 +107,17 @@ def _note(
     reading.jump = jump
 
 
-@compiled
+@njit
 def simulate(
-    state: Record,
-    profile: Record,
-    law: Record,
-    drive: Record,
-    sensor: Record,
-    speeds: Records,
-    angles: Records,
+    state: Struct,
+    profile: Struct,
+    law: Struct,
+    drive: Struct,
+    sensor: Struct,
+    speeds: StructArray,
+    angles: StructArray,
     dt: float,
-    readings: Records,
+    readings: StructArray,
 ) -> None:
     """Run one cut through ``len(readings)`` updates of ``dt`` [s].
 
@@ -118,14 +127,14 @@ def simulate(
     if len(readings) < len(speeds):
         raise ValueError("fewer readings than commands: every command lasts for at least one update")
     per_command = len(readings) // len(speeds)
-    share = made_up(drive, dt)
+    share = lag_gain(drive, dt)
     for i in range(len(readings)):
         k = min(i // per_command, len(speeds) - 1)
         update(state, profile, law, drive, sensor, share, speeds[k], angles[k], dt, readings[i])
 
 
-@compiled
-def hold(cuts: Records, speed: float, angle: float, dt: float, readings: Records) -> None:
+@njit
+def hold(cuts: StructArray, speed: float, angle: float, dt: float, readings: StructArray) -> None:
     """Run one cut, :data:`CUT` of shape (1,), through ``len(readings)`` updates under one command.
 
     From Python, an array of length 1 is passed ten times faster than a structured scalar, and one argument faster than
@@ -134,13 +143,13 @@ def hold(cuts: Records, speed: float, angle: float, dt: float, readings: Records
     c = cuts[0]
     c.state_before = c.state
     c.sensor_before = c.sensor
-    share = made_up(c.drive, dt)
+    share = lag_gain(c.drive, dt)
     for i in range(len(readings)):
         update(c.state, c.profile, c.law, c.drive, c.sensor, share, speed, angle, dt, readings[i])
 
 
-@inlined
-def account(state: Record, profile: Record, energies: Records) -> None:
+@njit_inline
+def account(state: Struct, profile: Struct, energies: StructArray) -> None:
     """Fill ``energies``, shape (7,) [J], in the order of :data:`ENERGIES`."""
     stored = stored_energy(profile, state.blade - state.creep, state.tip) + state.locked
     energies[0] = state.work
@@ -152,32 +161,32 @@ def account(state: Record, profile: Record, energies: Records) -> None:
     energies[6] = state.work - stored - state.fracture - state.friction - state.loss - state.ledger
 
 
-@compiled
-def account_one(cuts: Records, energies: Records) -> None:
+@njit
+def account_one(cuts: StructArray, energies: StructArray) -> None:
     """Fill ``energies`` for one cut, shape (1,), by :func:`account`."""
     account(cuts[0].state, cuts[0].profile, energies)
 
 
-@compiled_for_cores
+@njit_nogil
 def simulate_some(
-    passed: Portions,
+    passed: WorkQueue,
     core: int,
-    states: Records,
-    profiles: Records,
-    laws: Records,
-    drives: Records,
-    sensors: Records,
-    speeds: Records,
-    angles: Records,
+    states: StructArray,
+    profiles: StructArray,
+    laws: StructArray,
+    drives: StructArray,
+    sensors: StructArray,
+    speeds: StructArray,
+    angles: StructArray,
     dt: float,
-    readings: Records,
+    readings: StructArray,
 ) -> None:
-    """Run :func:`simulate` for n cuts on one thread: see :func:`cutenv.cores.over_cores`.
+    """Run :func:`simulate` for n cuts on one thread: see :func:`cutenv._engine.parallel.parallel_for`.
 
     Every argument but ``dt`` has a leading axis of length n.
     """
-    n, end = claim(passed, core, 1)
+    n, end = next_chunk(passed, core, 1)
     while n < end:
         simulate(states[n], profiles[n], laws[n], drives[n], sensors[n], speeds[n], angles[n], dt, readings[n])
-        finish(passed, core, 1)
-        n, end = claim(passed, core, 1)
+        mark_done(passed, core, 1)
+        n, end = next_chunk(passed, core, 1)

@@ -1,1 +1,28 @@
 """Gymnasium environments; the only package part that depends on Gymnasium."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cutenv._engine.parallel import set_cores
+    from cutenv.envs.gentle_cut import GentleCutEnv
+    from cutenv.envs.rig_cut import RigCutEnv
+    from cutenv.envs.vector import GentleCutVectorEnv
+
+__all__ = ["GentleCutEnv", "GentleCutVectorEnv", "RigCutEnv", "set_cores"]
+
+# Loaded when they are used: the simulator's environments need no module of the rig.
+_WHEN_USED = {
+    "GentleCutEnv": "cutenv.envs.gentle_cut",
+    "GentleCutVectorEnv": "cutenv.envs.vector",
+    "RigCutEnv": "cutenv.envs.rig_cut",
+    "set_cores": "cutenv._engine.parallel",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHEN_USED:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_WHEN_USED[name]), name)

@@ -15,17 +15,17 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cutenv.cores import FEWEST, over_cores
+from cutenv._engine.parallel import MIN_CHUNK, parallel_for
+from cutenv._engine.randomness import check_key
 from cutenv.envs.gentle_cut import GentleCutEnv, checked_episode, checked_length
-from cutenv.randomness import check_key
 from cutenv.task.assessment import succeeded_all
 from cutenv.task.beginning import GIVEN, LIVER, LONGEST, MIXED, VASCULAR, begin_some
 from cutenv.task.cuts import SPECIMEN, Cuts, step_some
+from cutenv.task.info import INFO_SIZE, INT_FIELDS
 from cutenv.task.observation import COMPONENTS, all_within_reach
-from cutenv.task.told import CODES, TOLD
 from cutenv.tissue.description import measured_liver
-from cutenv.tissue.drawing import recipe, tissue_modes
 from cutenv.tissue.nominal import nominal_tissue
+from cutenv.tissue.sampling import sampler, tissue_modes
 from cutenv.tissue.specimen import Specimen
 
 _SOURCES = {"liver": LIVER, "vascular": VASCULAR, "mixed": MIXED}
@@ -77,7 +77,7 @@ class CutBatch:
     def _drawn_by(self) -> tuple[Any, ...]:
         """Return the arguments with which :func:`~cutenv.task.beginning.begin_some` draws specimens and depths."""
         knowledge = self.single.constants.knowledge
-        tissue = recipe(self._tissue), tissue_modes(self._tissue)
+        tissue = sampler(self._tissue), tissue_modes(self._tissue)
         return *tissue, knowledge.depth_noise, knowledge.depth_modes()
 
     def give_seeds(self, seeds: Sequence[int | None], which: NDArray[np.int64], chance: np.random.Generator) -> None:
@@ -116,7 +116,7 @@ class CutBatch:
         target = self.single.target_length or 0.0
         if options.get("target_length") is not None:
             target = checked_length(options["target_length"])
-        over_cores(
+        parallel_for(
             begin_some, len(which), self.cuts, start, which, self.seeds, self.episodes,
             GIVEN if given else _SOURCES[self.single.specimen_class], self.single.from_truth, target, *self._drawn_by,
             self.observations, self._vascular,
@@ -144,15 +144,15 @@ class CutBatch:
         waiting : array of bool, shape (count,), optional
             True for cuts that are not advanced.
         told : array, shape (count, 30), optional
-            Array that is filled by :func:`cutenv.task.told.tell`.
+            Array that is filled by :func:`cutenv.task.info.fill_info`.
         meanwhile : callable, optional
             Called while other cores wake up.
 
         Returns
         -------
         rewards, codes : array, shape (count,), and of int64, shape (3, count)
-            Rewards and :data:`~cutenv.task.told.CODES`, the first of which is the cause of a cut's end; 0 while it goes
-            on.
+            Rewards and :data:`~cutenv.task.info.INT_FIELDS`, the first of which is the cause of a cut's end; 0 while
+            it goes on.
 
         Raises
         ------
@@ -174,12 +174,12 @@ class CutBatch:
                 f"actions[{bad}] = {np.asarray(actions)[bad]} must hold 2 numbers in [-1, 1] (speed, angle), "
                 "and none may be NaN."
             )
-        told = np.empty((count, TOLD)) if told is None else told
-        rewards, codes = np.empty(count), np.empty((len(CODES), count), np.int64)
+        told = np.empty((count, INFO_SIZE)) if told is None else told
+        rewards, codes = np.empty(count), np.empty((len(INT_FIELDS), count), np.int64)
         ticks = self.single.ticks
-        over_cores(
+        parallel_for(
             step_some, count, self.cuts, ticks, self.single.from_truth, waiting, commands, self.observations, rewards,
-            codes, told, fewest=max(FEWEST, _FEWEST_TICKS // ticks), meanwhile=meanwhile,
+            codes, told, fewest=max(MIN_CHUNK, _FEWEST_TICKS // ticks), meanwhile=meanwhile,
         )  # fmt: skip
         return rewards, codes
 

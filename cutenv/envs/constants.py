@@ -11,18 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv._base.parameter import check_parameters, parameter
+from cutenv._base.validation import one_of
 from cutenv.cutting.drive import Hand, Rig
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
-from cutenv.parameter import check_parameters, parameter
-from cutenv.rig.identified import environment_arguments
-from cutenv.rig.toml_file import read
 from cutenv.task.beginning import measure_depth
 from cutenv.task.weights import Limits, RewardWeights
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.field import field_modes
 from cutenv.tissue.specimen import N_POINTS, SPACING
-from cutenv.validation import one_of
 
 _PREFIX = "weight_"
 
@@ -33,10 +31,10 @@ class Knowledge:
 
     depth_noise: float = parameter(
         0.5e-3, unit="m", low=0.0, high=0.01, provenance="assumed",
-        why="a depth profile from images of the blade, thesis 3.4", sweep=(0.0, 2e-3),
+        source="a depth profile from images of the blade, thesis 3.4", sensitivity=(0.0, 2e-3),
     )  # fmt: skip
     depth_noise_length: float = parameter(
-        0.010, unit="m", low=0.002, high=0.1, provenance="assumed", why="correlation of its error along the cut"
+        0.010, unit="m", low=0.002, high=0.1, provenance="assumed", source="correlation of its error along the cut"
     )
 
     def __post_init__(self) -> None:
@@ -62,9 +60,12 @@ def identified_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, fl
         If the file cannot be read, nothing was identified, the simulator does not accept a value, or the blade is not
         driven by a rig.
     """
+    from cutenv.rig.config.identified import environment_arguments
+    from cutenv.rig.toml_file import read_rig_file
+
     if drive != "rig":
         raise ValueError(f'rig = {str(rig)!r} is for a motor, and drive = "{drive}" has none: leave one of them out.')
-    measured = environment_arguments(read(rig).identified)
+    measured = environment_arguments(read_rig_file(rig).identified)
     if not measured:
         raise ValueError(f"{rig}: nothing in it was identified yet. Run 'cutenv rig identify {rig} --write' first.")
     try:

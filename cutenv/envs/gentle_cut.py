@@ -12,21 +12,21 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from cutenv.compiled import announce
-from cutenv.cutting.records import Records
+from cutenv._base.arrays import StructArray
+from cutenv._base.validation import in_range, one_of
+from cutenv._engine.jit import warn_before_first_compile
 from cutenv.cutting.simulate import hold
 from cutenv.envs.constants import Constants, identified_constants
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant.simulator import ANGLE_RANGE, SimulatedPlant
 from cutenv.task.beginning import drawn_length
 from cutenv.task.gentle_cutting import GentleCutting
-from cutenv.task.observation import BOUND, COMPONENTS, within_reach
-from cutenv.task.told import PLACES, TOLD, tell_one
-from cutenv.tissue.drawing import draw_all_along
+from cutenv.task.info import INFO_FIELDS, INFO_SIZE, fill_info_of_one
+from cutenv.task.observation import CLIP, COMPONENTS, within_reach
+from cutenv.tissue.sampling import sample_all_profiles
 from cutenv.tissue.specimen import CLASSES, Specimen
-from cutenv.validation import in_range, one_of
 
-OPTIONS = ("specimen", "target_length", "episode")
+RESET_OPTIONS = ("specimen", "target_length", "episode")
 """Options of a reset."""
 _UPDATES_HZ = 1000
 
@@ -185,7 +185,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": control_hz}
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
-        self.observation_space = spaces.Box(-BOUND, BOUND, (len(COMPONENTS),), np.float32)
+        self.observation_space = spaces.Box(-CLIP, CLIP, (len(COMPONENTS),), np.float32)
 
         self.specimen_class = specimen_class
         self.tissue = TissueSource(tissue)
@@ -195,12 +195,12 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         measured = {} if rig is None else identified_constants(rig, drive=drive)
         self.constants = Constants.from_keywords({**measured, **constants}, drive=drive, others=_ARGUMENTS)
         self._check_dead_time()
-        self._told = np.zeros(TOLD)
+        self._told = np.zeros(INFO_SIZE)
         self._seed: int | None = None
         self._episode = 0
         self._ended = True
         self._viewer: Any = None
-        self._undrawn: list[Records] = []  # readings since the last picture
+        self._undrawn: list[StructArray] = []  # readings since the last picture
         self.plant: SimulatedPlant
         self.cutting: GentleCutting
         self.specimen: Specimen
@@ -220,9 +220,9 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         super().reset(seed=seed)
         options = options or {}
         for name in options:
-            one_of("option", name, OPTIONS)
+            one_of("option", name, RESET_OPTIONS)
         if self._seed is None:
-            announce(hold, draw_all_along)
+            warn_before_first_compile(hold, sample_all_profiles)
         if seed is not None or self._seed is None:
             self._seed = int(self.np_random.integers(2**63)) if seed is None else seed
             self._episode = 0
@@ -311,10 +311,12 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _info(self) -> dict[str, Any]:
         plant, cutting, specimen = self.plant, self.cutting, self.specimen
-        tell_one(plant.cuts, cutting.episode, specimen.modulus, specimen.fracture_resistance, cutting.terms, self._told)
+        fill_info_of_one(
+            plant.cuts, cutting.episode, specimen.modulus, specimen.fracture_resistance, cutting.terms, self._told
+        )
         told = self._told.tolist()
         # With strict=True, the four zips would take a tenth of a step's time.
-        info: dict[str, Any] = {group: dict(zip(names, told[place])) for group, names, place in PLACES}  # noqa: B905
+        info: dict[str, Any] = {group: dict(zip(names, told[place])) for group, names, place in INFO_FIELDS}  # noqa: B905
         truth = info["truth"]
         truth["units"] = int(truth["units"])
         truth["specimen_class"] = specimen.specimen_class

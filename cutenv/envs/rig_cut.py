@@ -5,39 +5,41 @@ from __future__ import annotations
 import inspect
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from cutenv.compiled import announce
+from cutenv._base.validation import in_range, one_of
+from cutenv._engine.jit import warn_before_first_compile
 from cutenv.cutting.simulate import hold
 from cutenv.envs.constants import Constants
 from cutenv.envs.gentle_cut import check_rate, checked_episode, checked_length
 from cutenv.envs.rig_source import RigSource
-from cutenv.envs.rig_work import Work, numbers, shown
+from cutenv.envs.rig_work import Work, action_text, numbers
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant import Plant, SimulatedPlant
-from cutenv.rig.causes import Cause, RigStopped
+from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.contradictions import AHEAD
-from cutenv.rig.fake import FakeRig
-from cutenv.rig.guard import interrupt
-from cutenv.rig.operator import Operator
+from cutenv.rig.operation.operator import Operator
+from cutenv.rig.operation.session import RigSession
+from cutenv.rig.operation.specimen_source import SpecimenKey
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.session import RigSession
-from cutenv.rig.settings import RigSettings
-from cutenv.rig.supply import SpecimenKey
+from cutenv.rig.safety.guard import interrupt
+from cutenv.rig.safety.stop_causes import Cause, RigStopped
 from cutenv.task.beginning import drawn_length
+from cutenv.task.episode_dtypes import STOPPED
 from cutenv.task.gentle_cutting import GentleCutting
-from cutenv.task.observation import BOUND, COMPONENTS, within_reach
-from cutenv.task.records import STOPPED
+from cutenv.task.observation import CLIP, COMPONENTS, within_reach
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.specimen import CLASSES, Specimen
-from cutenv.validation import in_range, one_of
 
-OPTIONS = ("specimen", "target_length", "episode")
+if TYPE_CHECKING:
+    from cutenv.rig.fake.fake_rig import FakeRig
+
+RIG_RESET_OPTIONS = ("specimen", "target_length", "episode")
 """Options of a reset; ``specimen`` for emulated and fake rigs only."""
 _UPDATES_HZ = 1000
 _UPRIGHT = math.pi / 2
@@ -50,10 +52,10 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     state, this one uses estimates: the tip from the measured force and the mean tissue's stiffness. Reward, cost and
     end come from that estimate, and ``info["estimated"]`` is True.
 
-    Safety is below the environment (:mod:`cutenv.rig.supervisor`) and independent of it. If it stops the blade, the cut
-    ends with ``info["end"] == "stopped"`` and the cause in ``info["stop"]``; the rig stays stopped until the operator
-    agrees to a reset, which the next ``reset`` asks for. **A software stop is not a safety function: wire the stop
-    button to the drive's safe torque off.**
+    Safety is below the environment (:mod:`cutenv.rig.safety.supervisor`) and independent of it. If it stops the blade,
+    the cut ends with ``info["end"] == "stopped"`` and the cause in ``info["stop"]``; the rig stays stopped until the
+    operator agrees to a reset, which the next ``reset`` asks for. **A software stop is not a safety function: wire the
+    stop button to the drive's safe torque off.**
 
     The first ``reset`` prepares the rig (calibration, self-test, the operator's confirmation); each one moves the blade
     back to the clamp at 5 mm/s and asks for a new specimen. ``step`` waits for the end of its period on the rig's
@@ -87,9 +89,9 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     fixed_angle_deg None       angle of the blade if fixed [deg]; None: as the rig has it
     records         None       folder for a record of every cut, written while it goes on; None: none
     lower_limits    None       limits of the rig's file made lower, by name in SI: ``{"force": 5.0}``; see
-                               :data:`cutenv.rig.settings.LOWERED`
+                               :data:`cutenv.rig.config.settings.LOWERED`
     dry_run         False      cut drawn specimens on a fake with this rig's settings: nothing is connected
-    operator        None       a :class:`cutenv.rig.operator.Operator`; None: the terminal, and nobody
+    operator        None       a :class:`cutenv.rig.operation.operator.Operator`; None: the terminal, and nobody
                                for an emulated rig
     =============== ========== ========================================================================
 
@@ -142,7 +144,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.constants = Constants.from_keywords(constants, others=_ARGUMENTS)
         self.metadata = {**self.metadata, "render_fps": control_hz}
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
-        self.observation_space = spaces.Box(-BOUND, BOUND, (len(COMPONENTS),), np.float32)
+        self.observation_space = spaces.Box(-CLIP, CLIP, (len(COMPONENTS),), np.float32)
         self.render_mode = None
 
         self._source = RigSource(
@@ -200,7 +202,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             super().reset(seed=seed)
             options = options or {}
             for name in options:
-                one_of("option", name, OPTIONS)
+                one_of("option", name, RIG_RESET_OPTIONS)
             if seed is not None or self._seed is None:
                 self._seed = int(self.np_random.integers(2**63)) if seed is None else seed
                 self._episode = 0
@@ -240,7 +242,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _warm_up(self) -> None:
         """Compile a decision's kernels before a rig is connected: compiling would stall its watching threads."""
-        announce(hold)
+        warn_before_first_compile(hold)
         practice = Specimen.drawn(0, 0)
         cutting = self._cutting(SimulatedPlant(practice), practice.tissue, 0.06)
         cutting.rest(self.start_angle)
@@ -283,10 +285,11 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 raise gymnasium.error.ResetNeeded("no cut is going on: call reset() before step().")
             command = numbers(action)
             if command is None or not within_reach(command, self.fixed_angle or math.nan):
-                self._stop_for(Cause.NOT_A_NUMBER, f"the policy's action is {shown(action)}")
+                self._stop_for(Cause.NOT_A_NUMBER, f"the policy's action is {action_text(action)}")
                 self._finish(STOPPED)
                 raise ValueError(
-                    f"action = {shown(action)} must hold 2 numbers in [-1, 1] (speed, angle), none NaN or infinite."
+                    f"action = {action_text(action)} must hold 2 numbers in [-1, 1] (speed, angle), none NaN or "
+                    "infinite."
                 )
             cutting = self.cutting
             if not cutting.time:

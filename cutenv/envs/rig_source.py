@@ -6,51 +6,54 @@ import dataclasses
 import re
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import cutenv
+from cutenv._base.arrays import StructArray
 from cutenv.cutting.drive import Rig
-from cutenv.cutting.records import Records
 from cutenv.envs.constants import Constants
 from cutenv.plant.protocol import depth_along
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.provenance import Provenance
-from cutenv.rig.air_bench import AirBench
-from cutenv.rig.bench import CutBench
-from cutenv.rig.causes import Cause
+from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.config.settings import RigSettings, SensorCalibration
 from cutenv.rig.connection import EMULATOR, FAKE, operator_of
 from cutenv.rig.contradictions import refuse_contradictions
-from cutenv.rig.drivers import RigError
-from cutenv.rig.emulator.control import EmulatorControl
-from cutenv.rig.emulator.process import RunningEmulator, start
-from cutenv.rig.fake import FakeRig, FakeSensor, fake_settings
-from cutenv.rig.hardware import rig_plant
-from cutenv.rig.operator import AutomaticOperator, Operator
+from cutenv.rig.errors import RigError
+from cutenv.rig.operation.operator import AutomaticOperator, Operator
+from cutenv.rig.operation.session import RigSession
+from cutenv.rig.operation.specimen_source import SpecimenKey, SpecimensByHand
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.session import RigSession
-from cutenv.rig.settings import Calibration, RigSettings
-from cutenv.rig.supply import HandSupply, SpecimenKey
-from cutenv.rig.toml_file import read
+from cutenv.rig.safety.stop_causes import Cause
+from cutenv.rig.toml_file import read_rig_file
 from cutenv.trace import Reading
 
+if TYPE_CHECKING:
+    from cutenv.rig.emulator.control import EmulatorControl
+    from cutenv.rig.emulator.process import RunningEmulator
+    from cutenv.rig.fake.air_plant import AirPlant
+    from cutenv.rig.fake.fake_rig import FakeRig
 
-class FakeSupply:
+
+class FakeSpecimens:
     """Supply that lays drawn specimens on a fake rig."""
 
     def __init__(self, rig: FakeRig, constants: Constants) -> None:
         self._rig, self._constants = rig, constants
 
-    def lay(self, key: SpecimenKey) -> NDArray[np.float64] | None:
+    def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Lay a specimen; return None, because the caller has drawn it and knows its depth."""
+        from cutenv.rig.fake.specimen_plant import SpecimenPlant
+
         specimen, constants = key.specimen, self._constants
         if specimen is None:
             raise RigError("a fake rig cuts drawn specimens only.")
         drive = constants.drive if constants.drive != Rig() else None  # otherwise the rig's own
-        self._rig.lay(
-            lambda settings: CutBench(
+        self._rig.mount(
+            lambda settings: SpecimenPlant(
                 specimen,
                 settings,
                 drive=drive if isinstance(drive, Rig) else None,
@@ -63,17 +66,17 @@ class FakeSupply:
         return None
 
 
-class EmulatedSupply:
+class EmulatedSpecimens:
     """Supply that lays drawn specimens on an emulated rig."""
 
     def __init__(self, control: EmulatorControl) -> None:
         self._control = control
 
-    def lay(self, key: SpecimenKey) -> NDArray[np.float64] | None:
+    def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Lay a specimen; return None, because the caller has drawn it and knows its depth."""
         if key.specimen is None:
             raise RigError("an emulated rig cuts drawn specimens only.")
-        self._control.lay(key.specimen, seed=key.seed, episode=key.episode)
+        self._control.mount(key.specimen, seed=key.seed, episode=key.episode)
         return None
 
 
@@ -130,7 +133,7 @@ class RigSource:
     records : str or Path, optional
         Folder for the records of cuts.
     lower_limits : dict, optional
-        Limits to be lowered, see :meth:`cutenv.rig.settings.Limits.lowered`.
+        Limits to be lowered, see :meth:`cutenv.rig.config.settings.SafetyLimits.lowered`.
     dry_run : bool
         True to use a fake with the rig's settings instead of the rig.
 
@@ -160,14 +163,16 @@ class RigSource:
         self._rig, self._constants, self._operator = str(rig), constants, operator
         self._lower = dict(lower_limits or {})
         named = self._rig in (FAKE, EMULATOR)
-        self.settings = self._lowered(fake_settings(name=self._rig) if named else read(rig))
+        self.settings = self._lowered(fake_settings(name=self._rig) if named else read_rig_file(rig))
         if dry_run:
+            from cutenv.rig.fake.fake_rig import FakeSensor
+
             self._rig = FAKE
             self.settings = dataclasses.replace(
                 self.settings,
                 emulated=True,
                 armed_by="nobody: a dry run",
-                calibration=Calibration(date=datetime.now().date().isoformat()),
+                calibration=SensorCalibration(date=datetime.now().date().isoformat()),
                 sensor=dataclasses.replace(self.settings.sensor, rate=FakeSensor.rate),
             )
         self.draws = self._rig in (FAKE, EMULATOR)
@@ -184,17 +189,25 @@ class RigSource:
     def session(self) -> RigSession:
         """Make the session of the rig, which connects at its first cut."""
         if self._rig == FAKE:
+            from cutenv.rig.fake.fake_rig import FakeRig
+
             self.fake = fake = FakeRig(_at_clamp, self.settings)
             operator = self._operator or AutomaticOperator(self.settings)
-            return RigSession(fake.plant, operator, FakeSupply(fake, self._constants))
+            return RigSession(fake.plant, operator, FakeSpecimens(fake, self._constants))
+        from cutenv.rig.hardware import rig_plant
+
         if self._rig == EMULATOR:
+            from cutenv.rig.emulator.process import start
+
             emulator = start(free_air=True, arguments=self._emulated)
             self.emulator, self.settings = emulator, self._lowered(emulator.settings)
             operator = self._operator or AutomaticOperator(self.settings)
-            supply = EmulatedSupply(emulator.control)
+            supply = EmulatedSpecimens(emulator.control)
             return RigSession(rig_plant(self.settings), operator, supply, release=emulator.close)
         operator = self._operator or operator_of(self.settings)
-        return RigSession(rig_plant(self.settings), operator, HandSupply(lambda: read(self._rig), operator))
+        return RigSession(
+            rig_plant(self.settings), operator, SpecimensByHand(lambda: read_rig_file(self._rig), operator)
+        )
 
     def _lowered(self, settings: RigSettings) -> RigSettings:
         settings = dataclasses.replace(settings, limits=settings.limits.lowered(**self._lower))
@@ -229,7 +242,7 @@ class RigSource:
         )
         self._record = record
 
-        def keep(readings: Records) -> None:
+        def keep(readings: StructArray) -> None:
             depth = depth_along(plant, readings["position"])
             columns = [readings[field].tolist() for field in ("time", "force", "position", "speed", "angle")]
             try:
@@ -248,10 +261,12 @@ class RigSource:
             self.records.append(record.path)
 
 
-def _forget(readings: Records) -> None:
+def _forget(readings: StructArray) -> None:
     """Discard the readings."""
 
 
-def _at_clamp(settings: RigSettings) -> AirBench:
+def _at_clamp(settings: RigSettings) -> AirPlant:
     """Return the bench of a fake rig before a specimen is laid."""
-    return AirBench(settings, start=0.0)
+    from cutenv.rig.fake.air_plant import AirPlant
+
+    return AirPlant(settings, start=0.0)

@@ -57,7 +57,7 @@ def numbers(action: Any) -> NDArray[np.float64] | None:
     return command if command.shape == (2,) and np.isfinite(command).all() else None
 
 
-def shown(action: Any) -> str:
+def action_text(action: Any) -> str:
     """Return an action in short, for a message."""
     try:
         return reprlib.repr(action)

@@ -44,14 +44,14 @@ class TissueSource:
             schema = json.loads(text)["schema"]
         except (json.JSONDecodeError, KeyError, TypeError):
             schema = None
-        if schema == specimen.SCHEMA:
+        if schema == specimen.SPECIMEN_SCHEMA:
             self.specimen = Specimen.from_json(text)
-        elif schema == description.SCHEMA:
+        elif schema == description.TISSUE_SCHEMA:
             self.tissue = TissueDescription.from_json(text)
         else:
             raise ValueError(
-                f"tissue = {str(path)!r} is neither a tissue ({description.SCHEMA}) nor a specimen "
-                f"({specimen.SCHEMA}): its schema is {schema!r}."
+                f"tissue = {str(path)!r} is neither a tissue ({description.TISSUE_SCHEMA}) nor a specimen "
+                f"({specimen.SPECIMEN_SCHEMA}): its schema is {schema!r}."
             )
 
     def drawn(self, seed: int, episode: int, specimen_class: str) -> Specimen:

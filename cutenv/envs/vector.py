@@ -12,20 +12,20 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from cutenv.compiled import announce
+from cutenv._base.validation import in_range, one_of
+from cutenv._engine.jit import warn_before_first_compile
 from cutenv.envs.batch import CutBatch
-from cutenv.envs.gentle_cut import OPTIONS, GentleCutEnv
+from cutenv.envs.gentle_cut import RESET_OPTIONS, GentleCutEnv
 from cutenv.task.beginning import begin_some
 from cutenv.task.cuts import Cuts, step_some, tell_of_all
-from cutenv.task.records import ENDS
-from cutenv.task.told import CODES, PLACES, TOLD
-from cutenv.validation import in_range, one_of
+from cutenv.task.episode_dtypes import ENDS
+from cutenv.task.info import INFO_FIELDS, INFO_SIZE, INT_FIELDS
 
 _NAMED = tuple(
-    (group, "_" + group, names, tuple("_" + name for name in names), place) for group, names, place in PLACES
+    (group, "_" + group, names, tuple("_" + name for name in names), place) for group, names, place in INFO_FIELDS
 )
 """Layout of the info: groups with their masks, and within each, names, masks and columns."""
-_END, _UNITS, _OUT_OF_RANGE = range(len(CODES))
+_END, _UNITS, _OUT_OF_RANGE = range(len(INT_FIELDS))
 _END_NAMES = np.array(ENDS, dtype=object)
 
 Flags = NDArray[np.bool_]
@@ -86,7 +86,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         self.num_envs = int(num_envs)
         self.render_mode = None
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        announce(step_some, begin_some)
+        warn_before_first_compile(step_some, begin_some)
         self.single = GentleCutEnv(**keywords)  # checks the keywords, and makes the start that all share
         self.metadata = {
             **self.metadata,
@@ -123,7 +123,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         options = dict(options or {})
         which = self._masked(options.pop("reset_mask", None))
         for name in options:
-            one_of("option", name, (*OPTIONS, "reset_mask"))
+            one_of("option", name, (*RESET_OPTIONS, "reset_mask"))
         if seed is not None or not self.batch.begun[which].all():
             self.batch.give_seeds(self._seeds_of_all(seed), which, self.np_random)
         self.batch.begin(which, options)
@@ -137,7 +137,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         waiting = self._ended if self.autoreset_mode == AutoresetMode.NEXT_STEP else self._none_waits
         if waiting is self._none_waits and self._ended.any():
             raise gymnasium.error.ResetNeeded("in some environments no cut is going on: call reset() before step().")
-        told = np.empty((self.num_envs, TOLD))
+        told = np.empty((self.num_envs, INFO_SIZE))
         all_of_it: dict[str, Any] = {}
         present = np.ones(self.num_envs, bool)
         rewards, codes = self.batch.decide(
@@ -180,12 +180,12 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
 
     def _told_at_start(self, which: NDArray[np.int64], told: Numbers | None = None) -> Numbers:
         if told is None:
-            told = np.zeros((self.num_envs, TOLD))
+            told = np.zeros((self.num_envs, INFO_SIZE))
         tell_of_all(self.cuts, which, told)
         return told
 
     def _no_codes(self) -> Codes:
-        return np.zeros((len(CODES), self.num_envs), np.int64)
+        return np.zeros((len(INT_FIELDS), self.num_envs), np.int64)
 
     def _mask(self, which: NDArray[np.int64]) -> Flags:
         mask = np.zeros(self.num_envs, bool)

@@ -13,7 +13,7 @@ from cutenv.learning.options import flag_of, option
 from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import SCRIPTS
 from cutenv.policy.features import feature_count
-from cutenv.task.hidden import HIDDEN
+from cutenv.task.privileged import PRIVILEGED_FEATURES
 from cutenv.tissue.specimen import CLASSES
 
 if TYPE_CHECKING:
@@ -185,7 +185,7 @@ class PPOArguments(LearnerArguments):
     def sizes(self) -> dict[str, int]:
         """Input sizes of actor and critic, and units of a layer: keyword arguments of the actor-critic networks."""
         features = feature_count(self.history)
-        critic = features + (len(HIDDEN) if self.critic == "truth" else 0)
+        critic = features + (len(PRIVILEGED_FEATURES) if self.critic == "truth" else 0)
         return {"features": features, "critic": critic, "hidden": self.hidden}
 
 

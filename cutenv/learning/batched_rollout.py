@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.cutting.records import READING, TICK, Records
+from cutenv._base.arrays import StructArray
+from cutenv.cutting.dtypes import READING, TICK
 from cutenv.cutting.simulate import simulate
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.learning.finished_cut import FinishedCut
 from cutenv.policy import TrainedPolicy
 from cutenv.task.cuts import Cuts
+from cutenv.task.episode_dtypes import TERMS
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE, all_within_reach
-from cutenv.task.records import TERMS
 
 
 def batched_rollout(policy: TrainedPolicy, seeds: Sequence[int], arguments: Mapping[str, Any]) -> list[FinishedCut]:
@@ -56,7 +57,7 @@ def batched_rollout(policy: TrainedPolicy, seeds: Sequence[int], arguments: Mapp
     return [result[n] for n in range(len(seeds))]
 
 
-def replayed(start: Cuts, n: int, commands: np.ndarray, ticks: int, updates: int) -> Records:
+def replayed(start: Cuts, n: int, commands: np.ndarray, ticks: int, updates: int) -> StructArray:
     """Simulate cut ``n`` again by its commands, shape (decisions, 2), in [-1, 1]; return every reading."""
     readings = np.zeros(len(commands) * ticks, READING)
     speeds, angles = SPEED_SCALE * commands[:, 0], ANGLE_CENTRE + ANGLE_SCALE * commands[:, 1]

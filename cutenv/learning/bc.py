@@ -18,7 +18,7 @@ import safetensors.torch
 import torch
 from tqdm import tqdm
 
-from cutenv.atomic import replacing
+from cutenv._base.atomic_file import atomic_write
 from cutenv.learning.arguments import BadArguments, BCArguments
 from cutenv.learning.checkpoint import end_interrupted
 from cutenv.learning.cloning import Cloning, DecisionDataset, demonstrations
@@ -76,7 +76,7 @@ def save_checkpoint(path: Path, clone: Clone, cloning: Cloning, seconds: float) 
     content = {f"network.{name}": values for name, values in clone.module.state_dict().items()}
     for n, moments in cloning.optimizer.state_dict()["state"].items():
         content |= {f"adam.{n}.{name}": moments[name] for name in _MOMENTS}
-    with replacing(path) as part:
+    with atomic_write(path) as part:
         safetensors.torch.save_file(content, part, {"epoch": str(cloning.epoch), "seconds": f"{seconds:.1f}"})
 
 

@@ -101,7 +101,7 @@ class CutDataset(NamedTuple):
 
 
 def invert_dead_zone(actions: np.ndarray, width: float) -> np.ndarray:
-    """Return the actions, shape (n, 2), that :func:`cutenv.policy.past_dead_zone` maps to ``actions``."""
+    """Return the actions, shape (n, 2), that :func:`cutenv.policy.apply_dead_zone` maps to ``actions``."""
     result = np.array(actions, np.float32)
     speed = result[:, 0]
     moved = np.copysign(np.abs(speed) * (1.0 - width) + width, speed)

@@ -14,10 +14,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from cutenv.cutting.records import TICK
+from cutenv.cutting.dtypes import TICK
 from cutenv.plant import ReplayPlant
 from cutenv.plant.protocol import depth_along
-from cutenv.policy import Policy, SeesTruth
+from cutenv.policy import Policy, PrivilegedPolicy
 from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task.observation import SPEED_SCALE, to_action
 from cutenv.task.weights import Limits, RewardWeights
@@ -82,8 +82,8 @@ def simulated(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Demons
     observation, info = env.reset(seed=seed)
     policy.reset(np.random.default_rng(seed))
     cutting = env.unwrapped.cutting  # type: ignore[attr-defined]
-    if isinstance(policy, SeesTruth):
-        policy.look_into(cutting)
+    if isinstance(policy, PrivilegedPolicy):
+        policy.set_state(cutting)
     tip = {"tip_m": info["truth"]["tip_m"], "true_force_N": 0.0}
     observations, actions, rewards = [observation], [], []
     infos = [_at_rest(cutting, env.unwrapped.start_angle) | tip]  # type: ignore[attr-defined]

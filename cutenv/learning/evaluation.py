@@ -17,11 +17,11 @@ import gymnasium
 import numpy as np
 from tqdm import tqdm
 
-from cutenv.cores import set_cores
+from cutenv._engine.parallel import set_cores
 from cutenv.learning.batched_rollout import batched_rollout
 from cutenv.learning.finished_cut import FinishedCut
 from cutenv.learning.seeds import ENVIRONMENT
-from cutenv.policy import BASELINES, SHIPPED, Policy, SeesTruth, TrainedPolicy, named_policy
+from cutenv.policy import BASELINES, SHIPPED, Policy, PrivilegedPolicy, TrainedPolicy, named_policy
 
 _CHUNK = 10  # cuts in one task of a process
 _BATCH = 100  # cuts of a trained policy, which are simulated together
@@ -41,8 +41,8 @@ def finished_cut(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Fin
     policy.reset(np.random.default_rng(seed))
     unwrapped: Any = env.unwrapped
     cutting = unwrapped.cutting
-    if isinstance(policy, SeesTruth):
-        policy.look_into(cutting)
+    if isinstance(policy, PrivilegedPolicy):
+        policy.set_state(cutting)
     parts, over_limit = [], 0.0
     ended = False
     while not ended:

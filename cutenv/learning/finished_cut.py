@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.cutting.records import Records
+from cutenv._base.arrays import StructArray
 from cutenv.scoring import METRICS, Truth, score
 from cutenv.tissue.specimen import SPACING
 from cutenv.trace import Trace
@@ -36,7 +36,7 @@ class FinishedCut:
     over_limit_N : float
         Largest force above the limit [N].
     readings : Records
-        Readings at 1 kHz, :data:`cutenv.cutting.records.READING`, shape (n,); hidden tip included.
+        Readings at 1 kHz, :data:`cutenv.cutting.dtypes.READING`, shape (n,); hidden tip included.
     depth, resistance : array, shape (301,)
         Depth [m] and fracture resistance [J/m2] of the specimen along the line.
     """
@@ -47,7 +47,7 @@ class FinishedCut:
     truth: Mapping[str, Any]
     reward_totals: Mapping[str, float]
     over_limit_N: float
-    readings: Records
+    readings: StructArray
     depth: np.ndarray
     resistance: np.ndarray
 

@@ -217,7 +217,7 @@ def cloning_data(
     history, force
         See :class:`cutenv.policy.Features`.
     dead_zone : float
-        See :func:`cutenv.policy.past_dead_zone`.
+        See :func:`cutenv.policy.apply_dead_zone`.
 
     Raises
     ------

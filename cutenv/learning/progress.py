@@ -16,7 +16,7 @@ import torch
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
-from cutenv.atomic import replacing
+from cutenv._base.atomic_file import atomic_write
 from cutenv.learning.arguments import LearnerArguments, PPOArguments
 from cutenv.learning.tables import write_csv
 
@@ -219,5 +219,5 @@ class Progress(BaseCallback):
 
 def save(model: Any, path: Path) -> None:
     """Save a model atomically: an interruption leaves the last complete checkpoint."""
-    with replacing(path) as part:
+    with atomic_write(path) as part:
         model.save(part)

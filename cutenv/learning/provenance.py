@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import cutenv
-from cutenv.atomic import replacing
+from cutenv._base.atomic_file import atomic_write
 
 _CHECKOUT = Path(cutenv.__file__).parents[1]
 
@@ -57,5 +57,5 @@ def marked(facts: Mapping[str, Any]) -> str:
 
 def write_facts(run: Path, facts: Mapping[str, Any]) -> None:
     """Write ``run.json`` atomically."""
-    with replacing(run / "run.json") as part:
+    with atomic_write(run / "run.json") as part:
         part.write_text(json.dumps(facts, indent=1) + "\n")

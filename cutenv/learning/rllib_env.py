@@ -8,10 +8,10 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 
-from cutenv.cores import set_cores
+from cutenv._engine.parallel import set_cores
 from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.policy.features import extract_batch, feature_count, forget, new_memory, past_dead_zone
-from cutenv.task.observation import BOUND
+from cutenv.policy.features import apply_dead_zone, extract_batch, feature_count, forget, new_memory
+from cutenv.task.observation import CLIP
 
 _INFO = ("is_success", "_is_success")  # the rest would be copied between processes
 
@@ -53,9 +53,9 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._begins = np.zeros(num_envs, bool)
         self._fresh = True
         size = feature_count(history)
-        self.single_observation_space = gymnasium.spaces.Box(-BOUND, BOUND, (size,), np.float32)
+        self.single_observation_space = gymnasium.spaces.Box(-CLIP, CLIP, (size,), np.float32)
         self.single_action_space = self._native.single_action_space
-        self.observation_space = gymnasium.spaces.Box(-BOUND, BOUND, (num_envs, size), np.float32)
+        self.observation_space = gymnasium.spaces.Box(-CLIP, CLIP, (num_envs, size), np.float32)
         self.action_space = self._native.action_space
 
     @classmethod
@@ -83,7 +83,7 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Step every environment with its action, shape (num_envs, 2), clipped to the range."""
-        commands = past_dead_zone(np.clip(np.asarray(actions, np.float32), -1.0, 1.0), self._dead_zone)
+        commands = apply_dead_zone(np.clip(np.asarray(actions, np.float32), -1.0, 1.0), self._dead_zone)
         observations, rewards, ended, truncated, info = self._native.step(commands)
         seen = self._seen(observations)
         self._begins = ended

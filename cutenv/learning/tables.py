@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cutenv.atomic import replacing
+from cutenv._base.atomic_file import atomic_write
 
 SHOWN = ("return", "success", "tip_error_mm", "peak_force_N", "largest_jump_mm", "time_s")
 """Scores in printed tables."""
@@ -16,7 +16,7 @@ SHOWN = ("return", "success", "tip_error_mm", "peak_force_N", "largest_jump_mm",
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write rows to a CSV file, atomically; missing values become empty cells."""
     names = list(dict.fromkeys(name for row in rows for name in row))
-    with replacing(path) as part, part.open("w", newline="") as file:
+    with atomic_write(path) as part, part.open("w", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=names, restval="")
         writer.writeheader()
         writer.writerows(rows)

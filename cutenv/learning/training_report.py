@@ -14,7 +14,7 @@ from cutenv.learning.evaluation import Contestant, contestant, evaluate, run_cut
 from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS
 from cutenv.learning.statistics import best_script, differences, summarise
 from cutenv.learning.tables import SHOWN, print_differences, print_table, read_rows, write_csv
-from cutenv.policy import BASELINES, BOUND, GRID, IDLE, SCRIPTS, RandomAction
+from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE, SCRIPTS, RandomAction
 from cutenv.report import CutPicture, TrainingResult, draw_cut, write_training_page
 
 _TEXTS = ("policy", "specimen_class", "end")
@@ -62,9 +62,9 @@ def compare(
     write_csv(run / "scores.csv", rows)
     summary = summarise(rows)
     write_csv(run / "summary.csv", summary)
-    script = best_script(summary, [*GRID, *SCRIPTS])
-    feed = best_script(summary, GRID)
-    shown = [*learned, feed, *SCRIPTS, BOUND, *IDLE]
+    script = best_script(summary, [*CONSTANT_FEEDS, *SCRIPTS])
+    feed = best_script(summary, CONSTANT_FEEDS)
+    shown = [*learned, feed, *SCRIPTS, ORACLE, *NULL_POLICIES]
     paired = differences([row for row in rows if row["policy"] in shown], agent)
     write_csv(run / "differences.csv", paired)
 
@@ -91,7 +91,7 @@ def compare(
             differences=paired,
             agent=agent,
             best_script=script,
-            bound=BOUND,
+            bound=ORACLE,
             grid=grid_rows(summary),
             cuts=cuts,
             curve=curve,
@@ -100,7 +100,7 @@ def compare(
     )
     print(f"\n{len(seeds)} held-out specimens of class {arguments['specimen_class']}, mean [95 % interval]\n")
     print_table([row for row in summary if row["policy"] in shown], SHOWN[:4] + SHOWN[5:])
-    print_differences([row for row in paired if row["baseline"] in (script, feed, BOUND)])
+    print_differences([row for row in paired if row["baseline"] in (script, feed, ORACLE)])
     print(f"\nWritten to {run}/: report.html (open it in a browser), policy/ (safetensors and card, needs no torch),")
     print("scores.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json, cut.png")
 
@@ -151,7 +151,7 @@ def grid_rows(summary: Sequence[Mapping[str, Any]]) -> list[dict[str, float]]:
             **{key: values[name, "return"][key] for key in ("mean", "low_95", "high_95")},
             "success": values[name, "success"]["mean"],
         }
-        for name, (speed, angle) in GRID.items()
+        for name, (speed, angle) in CONSTANT_FEEDS.items()
     ]
 
 

@@ -1,27 +1,27 @@
 """Properties of the tissue from recorded cuts; depends on records and tissue, never on the simulator."""
 
 from cutenv.measurement.calibration import calibrate, measure_cuts, tissue_of
-from cutenv.measurement.cut import MeasuredCut, measure_cut
 from cutenv.measurement.depth import DepthProfile
-from cutenv.measurement.flaws import Flaw, flaws
 from cutenv.measurement.fracture import FractureEstimate, estimate_fracture_resistance
 from cutenv.measurement.initiation import InitiationEstimate, estimate_initiation, initiation_excess
+from cutenv.measurement.measured_cut import MeasuredCut, measure_cut
 from cutenv.measurement.modulus import ModulusEstimate, estimate_local_effective_moduli, iterate_modulus
 from cutenv.measurement.prediction import LeftOutCut, leave_one_out
 from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
 from cutenv.measurement.segments import Segment, loading_segments
+from cutenv.measurement.signal_quality import QualityIssue, quality_issues
 from cutenv.measurement.speed_dependence import SpeedDependence, fit_speed_dependence
 from cutenv.measurement.unit_resistance import UnitResistances, estimate_unit_resistances
 from cutenv.measurement.zero import SensorZero, zeroed
 
 __all__ = [
     "DepthProfile",
-    "Flaw",
     "FractureEstimate",
     "InitiationEstimate",
     "LeftOutCut",
     "MeasuredCut",
     "ModulusEstimate",
+    "QualityIssue",
     "ReturnStroke",
     "Segment",
     "SensorZero",
@@ -34,13 +34,13 @@ __all__ = [
     "estimate_unit_resistances",
     "fit_return_stroke",
     "fit_speed_dependence",
-    "flaws",
     "initiation_excess",
     "iterate_modulus",
     "leave_one_out",
     "loading_segments",
     "measure_cut",
     "measure_cuts",
+    "quality_issues",
     "tissue_of",
     "zeroed",
 ]

@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv.measurement.cut import MeasuredCut, by_specimen, measure_cut, named
+from cutenv._base.validation import in_range
 from cutenv.measurement.loading_ratio import LoadingRatio
 from cutenv.measurement.loading_ratio import loading_ratio as liver_loading_ratio
+from cutenv.measurement.measured_cut import MeasuredCut, by_specimen, measure_cut, named
 from cutenv.measurement.pooled_cuts import (
     FEWEST_FOR_CORRELATION,
     FEWEST_FOR_INCLINED,
@@ -20,7 +20,6 @@ from cutenv.measurement.pooled_cuts import (
     PooledCuts,
     resampled,
 )
-from cutenv.measurement.scatter import Variogram, cv_of, fit_variances
 from cutenv.measurement.speed_dependence import (
     BETWEEN,
     LEAST_SPEED_RATIO,
@@ -28,16 +27,15 @@ from cutenv.measurement.speed_dependence import (
     fit_speed_dependence,
     is_between_the_measured,
 )
+from cutenv.measurement.variogram import Variogram, cv_of, fit_variances
 from cutenv.measurement.zero_notes import zero_notes
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, measured_liver
-from cutenv.tissue.evidence import Calibration, Evidence
+from cutenv.tissue.parameter_provenance import Evidence, TissueCalibration
 from cutenv.tissue.slab import effective_depth
 from cutenv.tissue.specimen import SPACING, Specimen
 from cutenv.trace import Trace
-from cutenv.validation import in_range
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 Progress = Callable[[Sequence[T]], Iterable[T]]
 
@@ -51,7 +49,7 @@ _DRAWS, _DRAW_ROUNDS = 200, 4  # sampled specimens, and iterations, to find the 
 _PLACES = np.arange(0.0215, 0.12, 0.006)  # typical positions of the segments of a long cut [m]
 
 
-class Refused(NamedTuple):
+class RefusedRecord(NamedTuple):
     """A record that was left out, and the reason."""
 
     name: str
@@ -109,7 +107,7 @@ def calibrate(
 
 def measure_cuts(
     traces: Sequence[Trace], model: CutModel, *, progress: Progress[Any] | None = None
-) -> tuple[list[MeasuredCut], list[Refused]]:
+) -> tuple[list[MeasuredCut], list[RefusedRecord]]:
     """Measure every record with the loading ratio that is fitted to all of them together.
 
     The loading ratio gives the distance of the tip behind the blade; it starts as pig liver's and is replaced by the
@@ -127,7 +125,7 @@ def measure_cuts(
         If none can be measured.
     """
     cuts: list[MeasuredCut] = []
-    refused: list[Refused] = []
+    refused: list[RefusedRecord] = []
     records = named(list(traces))
     for label, trace in progress(records) if progress else records:
         try:
@@ -135,7 +133,7 @@ def measure_cuts(
             _check_angle(cut)
             cuts.append(cut)
         except (ValueError, RuntimeError) as error:
-            refused.append(Refused(label, str(error)))
+            refused.append(RefusedRecord(label, str(error)))
     if not cuts:
         reasons = "\n".join(f"  {each.name}: {each.reason}" for each in refused) or "  there is no record."
         raise ValueError(f"no record can be measured:\n{reasons}")
@@ -186,7 +184,7 @@ def tissue_of(
     name: str = "calibrated tissue",
     resamples: int = RESAMPLES,
     seed: int = 0,
-    refused: Sequence[Refused] = (),
+    refused: Sequence[RefusedRecord] = (),
 ) -> TissueDescription:
     """Combine measured cuts into a tissue description; see :func:`calibrate`."""
     check_resamples(resamples)
@@ -223,7 +221,7 @@ def tissue_of(
         element=model.element,
         formulation=model.formulation,
         poisson=model.poisson,
-        calibration=Calibration(
+        calibration=TissueCalibration(
             cuts=len(cuts),
             specimens=len(by_specimen(list(cuts))),
             evidence=tuple(evidence),
@@ -349,7 +347,7 @@ def _check_angle(cut: MeasuredCut) -> None:
 
 
 def _notes(
-    cuts: Sequence[MeasuredCut], refused: Sequence[Refused], model: CutModel, found: dict[str, float]
+    cuts: Sequence[MeasuredCut], refused: Sequence[RefusedRecord], model: CutModel, found: dict[str, float]
 ) -> list[str]:
     notes = [f"left out: {each.name}: {each.reason}" for each in refused]
     silent = sum(not len(cut.moduli) for cut in cuts)

@@ -7,15 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import trapezoid
 from scipy.optimize import least_squares
 
+from cutenv._base.arrays import Array
 from cutenv.tissue.specimen import LENGTH
 from cutenv.tissue.thickness import bulge
 from cutenv.trace import Trace
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -6,24 +6,23 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
+from cutenv._base.arrays import Array
+from cutenv._base.validation import in_range
 from cutenv.measurement.depth import DepthProfile
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio_of
 from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
 from cutenv.measurement.segments import Segment, loading_segments
-from cutenv.measurement.stiffness import carried, unit_stiffness
-from cutenv.measurement.strokes import STANDSTILL, Stroke, strokes
+from cutenv.measurement.stiffness import stiffness_ratio, unit_stiffness
+from cutenv.measurement.strokes import STANDSTILL_SPEED, Stroke, strokes
 from cutenv.measurement.zero import SensorZero, zeroed
-from cutenv.terms import MEASURABLE_DEPTH
+from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import measured_liver
 from cutenv.trace import Trace
-from cutenv.validation import in_range
 
-Array = NDArray[np.float64]
 _Stiffness = Callable[[float | Array, float], Array]  # [N/m], from tip [m] and friction per depth [N/m]
 
 FRICTION_SHARE = 0.2
@@ -188,7 +187,7 @@ def _check_speed(trace: Trace, position: Array, travel: float) -> None:
     advance = sum(position[s.stop - 1] - position[s.start] for s in strokes(trace.time, position) if s.forward)
     if advance < (1.0 - _SLOW_SHARE) * travel:
         raise ValueError(
-            f"the blade moves slower than {STANDSTILL * 1e3:g} mm/s over {1.0 - advance / travel:.0%} of the "
+            f"the blade moves slower than {STANDSTILL_SPEED * 1e3:g} mm/s over {1.0 - advance / travel:.0%} of the "
             "cut, where it counts as standing. Cut at 1 mm/s or faster, which is the measured range."
         )
 
@@ -232,7 +231,7 @@ def _ramp_stiffness(ramp: Segment, r: float, position: Array, depth: DepthProfil
     def stiffness(a: float | Array, phi: float) -> Array:
         K = max(slope - phi * rise_of_depth, _SOFTEST * slope) / r
         ramp_tip = x - (ramp.force - phi * float(depth.at(x))) / K
-        return K * carried(ramp_tip, a, depth)
+        return K * stiffness_ratio(ramp_tip, a, depth)
 
     return stiffness
 

@@ -14,20 +14,18 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
 from cutenv.measurement.depth import DepthProfile
 from cutenv.measurement.fracture import estimate_fracture_resistance
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio_of
-from cutenv.measurement.modulus import elastic_part, telling
+from cutenv.measurement.modulus import elastic_record, telling
 from cutenv.measurement.segments import Segment, loading_segments, smoothing_readings_of
-from cutenv.measurement.stiffness import carried
+from cutenv.measurement.stiffness import stiffness_ratio
 from cutenv.measurement.zero import zeroed
-from cutenv.terms import MEASURABLE_DEPTH
+from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
-
-Array = NDArray[np.float64]
 
 _FEWEST, _PARTS = 30, 4  # readings, or a quarter of the ramp, fitted for the force at its end
 _BEYOND = 3  # bins after a ramp's end within which the force must have fallen
@@ -118,7 +116,7 @@ def estimate_initiation(
     trace, _ = zeroed(trace)
     if friction_per_depth is None:
         friction_per_depth = estimate_fracture_resistance(trace, loading_ratio=loading_ratio).friction_per_depth
-    elastic = elastic_part(trace, depth, friction_per_depth)
+    elastic = elastic_record(trace, depth, friction_per_depth)
     return initiation_at(hilltops(elastic, loading_segments(elastic)), depth, model, ratio)
 
 
@@ -212,7 +210,7 @@ def initiation_at(
     K = slope / r
     middle, a = np.maximum(x_middle - F_middle / K, 0.0), np.maximum(x - F / K, 0.0)
     for _ in range(_STEPS):  # the ramp's stiffness is that at its middle; depth and kappa scale it to its end
-        there = K * carried(middle, a, depth, model)
+        there = K * stiffness_ratio(middle, a, depth, model)
         a = np.maximum(x - F / there, 0.0)
     B = depth.at(a)
     for n, (i, top) in enumerate(found):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from cutenv._base.validation import in_range
 from cutenv.tissue.description import measured_liver
-from cutenv.tissue.modulus import checked_angle, checked_speed
-from cutenv.validation import in_range
+from cutenv.tissue.effective_modulus import checked_angle, checked_speed
 
 LoadingRatio = Callable[[float, float | None], float]
 """Function from speed [m/s] and angle [rad] to r [1]."""

@@ -8,20 +8,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
+from cutenv._base.validation import in_range
 from cutenv.measurement.depth import DepthProfile
 from cutenv.measurement.fracture import FRICTION_SHARE, estimate_fracture_resistance
 from cutenv.measurement.loading_ratio import LoadingRatio, in_measured_range, loading_ratio_of
 from cutenv.measurement.return_stroke import fit_return_stroke
 from cutenv.measurement.segments import SMALLEST_DROP, Segment, loading_segments
 from cutenv.measurement.zero import zeroed
-from cutenv.terms import MEASURABLE_DEPTH
+from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
-from cutenv.validation import in_range
-
-Array = NDArray[np.float64]
 
 _RESTLESS = 1.3  # multiple of the usual scatter of a record's ramps
 _SMOOTH = 0.99  # R squared of a ramp without noise, whose bend is only that of the depth
@@ -231,7 +229,7 @@ def estimate_local_effective_moduli(
     else:
         friction = in_range("friction_per_depth", friction_per_depth, 0.0, 1e5, "N/m")
 
-    elastic = elastic_part(trace, depth, friction)
+    elastic = elastic_record(trace, depth, friction)
     ramps = loading_segments(elastic, smallest_drop=smallest_drop, smoothing_readings=smoothing_readings)
     found = moduli_of(ramps, depth, model, ratio, friction_per_depth=friction)
     if loading_ratio is None and not all(in_measured_range(s.speed) for s in found.segments if s.speed):
@@ -256,7 +254,7 @@ def _assumed_friction(
     return found.friction_per_depth, f"friction assumed to be {share} of the resistance: no return stroke past the tip"
 
 
-def elastic_part(trace: Trace, depth: DepthProfile, friction_per_depth: float) -> Trace:
+def elastic_record(trace: Trace, depth: DepthProfile, friction_per_depth: float) -> Trace:
     """Return the record with friction on the way forward subtracted from its force [N]."""
     (position,) = trace.require("position", by="elastic_part")
     return dataclasses.replace(trace, force=trace.force - friction_per_depth * depth.at(position))

@@ -7,10 +7,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.measurement.cut import MeasuredCut, by_specimen
+from cutenv._base.arrays import Array
 from cutenv.measurement.depth import fit_bulge
 from cutenv.measurement.initiation import initiation_excess
-from cutenv.measurement.scatter import (
+from cutenv.measurement.measured_cut import MeasuredCut, by_specimen
+from cutenv.measurement.speed_dependence import BETWEEN, LEAST_FIT, SpeedDependence, fit_speed_dependence
+from cutenv.measurement.variogram import (
     Places,
     Variogram,
     correlation_length,
@@ -18,10 +20,7 @@ from cutenv.measurement.scatter import (
     fit_variances,
     nested_variances,
 )
-from cutenv.measurement.speed_dependence import BETWEEN, LEAST_FIT, SpeedDependence, fit_speed_dependence
 from cutenv.tissue.description import measured_liver
-
-Array = NDArray[np.float64]
 
 FEWEST_FOR_CORRELATION = 8
 """Smallest number of cuts from which a correlation length along the cut is estimated."""

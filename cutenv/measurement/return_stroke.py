@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from cutenv._base.arrays import Array
 from cutenv.measurement.depth import DepthProfile
 from cutenv.measurement.strokes import Stroke, bin_means, bins_of_travel, strokes
 from cutenv.trace import Trace
-
-Array = NDArray[np.float64]
 
 _BIN = 0.2e-3  # [m] of travel: every position has the same weight, whatever the speed
 _TURNS = 0.4e-3  # [m] after the turn, where friction and a delayed sensor follow the reversal; left out

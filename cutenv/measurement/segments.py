@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
+from cutenv._base.validation import in_range
 from cutenv.measurement.strokes import Stroke, bin_means, bins_of_readings, strokes, turning_points
 from cutenv.trace import Trace
-from cutenv.validation import in_range
-
-Array = NDArray[np.float64]
 
 SMALLEST_DROP = 0.1
 """Default smallest significant drop [N]: twice the resolution of the thesis's sensor (section 3.1)."""
@@ -31,7 +29,7 @@ FEWEST_SMOOTHED = 3
 STRAIGHT = 0.75
 """Smallest R squared of a ramp that counts as straight: that of a rise of 0.15 N under noise of 0.025 N."""
 
-STEADY = 0.3
+STEADY_SHARE = 0.3
 """Largest relative change of speed over a ramp that counts as steady."""
 
 _AVERAGED = 10  # readings, whose means show correlated noise
@@ -116,7 +114,10 @@ class Segment:
         """
         whole = self.drop > 0.0 and not self.after_standstill
         return (
-            whole and self.r_squared >= STRAIGHT and self.speed_change is not None and abs(self.speed_change) <= STEADY
+            whole
+            and self.r_squared >= STRAIGHT
+            and self.speed_change is not None
+            and abs(self.speed_change) <= STEADY_SHARE
         )
 
     def require(self, *names: _Along, by: str) -> tuple[float, ...]:

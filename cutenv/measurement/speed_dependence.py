@@ -10,12 +10,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cutenv._base.arrays import Array
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.fall import speed_on_line
-
-Array = NDArray[np.float64]
 
 UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
 BETWEEN = math.radians(67.5)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
 from cutenv.measurement.depth import DepthProfile
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.slab import effective_depth
-
-Array = NDArray[np.float64]
 
 
 def unit_stiffness(tip: float | Array, depth: DepthProfile, model: CutModel) -> Array:
@@ -18,7 +16,9 @@ def unit_stiffness(tip: float | Array, depth: DepthProfile, model: CutModel) -> 
     return np.asarray(model.stiffness(a) * effective_depth(a, depth.at(tip)))
 
 
-def carried(known: float | Array, wanted: float | Array, depth: DepthProfile, model: CutModel | None = None) -> Array:
+def stiffness_ratio(
+    known: float | Array, wanted: float | Array, depth: DepthProfile, model: CutModel | None = None
+) -> Array:
     """Return K at the tip ``wanted`` over K at the tip ``known`` [1], of their shape.
 
     Parameters

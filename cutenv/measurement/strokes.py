@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cutenv._base.arrays import Array
 
-STANDSTILL = 0.5e-3
+STANDSTILL_SPEED = 0.5e-3
 """Speed below which the blade counts as standing [m/s]: half the lowest speed of the thesis."""
 
 _SHORTEST = 0.2e-3  # [m]
@@ -43,7 +43,7 @@ def blade_speed(time: Array, position: Array) -> Array:
 def strokes(time: Array, position: Array) -> list[Stroke]:
     """Split a record where the blade stands or turns; strokes below 0.2 mm are left out."""
     speed = blade_speed(time, position)
-    direction = np.where(np.abs(speed) > STANDSTILL, np.sign(speed), 0.0)
+    direction = np.where(np.abs(speed) > STANDSTILL_SPEED, np.sign(speed), 0.0)
     borders = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(time)]
     found = []
     for start, stop in itertools.pairwise(borders):

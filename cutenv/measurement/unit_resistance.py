@@ -11,18 +11,16 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
+from cutenv._base.validation import in_range
 from cutenv.measurement.depth import DepthProfile
 from cutenv.measurement.return_stroke import fit_return_stroke
 from cutenv.measurement.segments import SMALLEST_DROP
 from cutenv.measurement.strokes import Stroke, bin_means, bins_of_travel, strokes
 from cutenv.measurement.zero import zeroed
-from cutenv.terms import MEASURABLE_DEPTH
+from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.trace import Trace
-from cutenv.validation import in_range
-
-Array = NDArray[np.float64]
 
 _BIN = 0.1e-3  # [m] of travel
 _TURNING = 0.3e-3  # [m] next to the turn, where the blade changes its speed and friction its sign

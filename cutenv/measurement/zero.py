@@ -9,13 +9,12 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
 from cutenv.measurement.depth import DepthProfile
 from cutenv.measurement.return_stroke import fit_return_stroke
 from cutenv.trace import Trace
 
-Array = NDArray[np.float64]
 _Mean = tuple[float, float]  # mid-time [s] and mean [N] of a rest
 
 TAKEN_OFF = "zero_taken_off_N"

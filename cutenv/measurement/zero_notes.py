@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cutenv.measurement.cut import MeasuredCut
+from cutenv.measurement.measured_cut import MeasuredCut
 from cutenv.measurement.return_stroke import fit_return_stroke
 from cutenv.measurement.zero import NOTABLE
 

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.cutting.records import Records
+from cutenv._base.arrays import StructArray
 
 
 class Plant(Protocol):
@@ -18,13 +18,13 @@ class Plant(Protocol):
         """Depth of cut as measured beforehand, one value every 0.5 mm from the clamp, shape (301,) [m]."""
         ...
 
-    def advance(self, speed: float, angle: float, ticks: int) -> Records:
+    def advance(self, speed: float, angle: float, ticks: int) -> StructArray:
         """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds and return the readings.
 
         Returns
         -------
         Records
-            Readings (:data:`cutenv.cutting.records.READING`), shape (ticks,), valid until the next call.  Of the fields
+            Readings (:data:`cutenv.cutting.dtypes.READING`), shape (ticks,), valid until the next call.  Of the fields
             ``true_force``, ``elastic_force``, ``tip`` and ``jump``, those that a plant cannot know are NaN.
         """
         ...

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.cutting.records import TICK, Records
+from cutenv._base.arrays import StructArray
+from cutenv._base.validation import in_range
+from cutenv.cutting.dtypes import TICK
 from cutenv.plant.interface import Plant
 from cutenv.plant.simulator import check_angle
 from cutenv.tissue.specimen import SPACING
 from cutenv.trace import Trace
-from cutenv.validation import in_range
 
 _PATIENCE = 2.0  # multiple of a leg's ideal duration after which a blade that does not arrive is an error
 _APPROACH = 0.15  # time of travel [s] at the present speed before the end at which a leg begins to slow down
@@ -42,7 +43,7 @@ def forward_backward(
     return [Leg(position=target, speed=speed, angle=angle, dwell=0.2) for target in (first, 0.0, second, 0.0)]
 
 
-def run(plant: Plant, legs: list[Leg]) -> Records:
+def run(plant: Plant, legs: list[Leg]) -> StructArray:
     """Drive ``plant`` through ``legs`` from its present position; return every reading at 1 kHz, the first at rest.
 
     Returns
@@ -59,7 +60,7 @@ def run(plant: Plant, legs: list[Leg]) -> Records:
     """
     if not legs:
         raise ValueError("legs is empty: give at least one Leg.")
-    parts: list[Records] = [plant.advance(0.0, legs[0].angle, 1).copy()]
+    parts: list[StructArray] = [plant.advance(0.0, legs[0].angle, 1).copy()]
     position = float(parts[0]["position"][-1])
     for leg in legs:
         direction = math.copysign(1.0, leg.position - position)
@@ -86,7 +87,7 @@ def depth_along(plant: Plant, position: NDArray[np.float64]) -> NDArray[np.float
     return np.interp(position, np.arange(len(plant.depth)) * SPACING, plant.depth)
 
 
-def to_trace(plant: Plant, readings: Records, **metadata: object) -> Trace:
+def to_trace(plant: Plant, readings: StructArray, **metadata: object) -> Trace:
     """Return the readings as a rig would have recorded them: force, position, speed, angle, depth; no hidden state."""
     position = readings["position"].copy()
     return Trace(

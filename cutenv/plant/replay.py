@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.cutting.records import READING, TICK, Records
+from cutenv._base.arrays import StructArray
+from cutenv._base.validation import in_range
+from cutenv.cutting.dtypes import READING, TICK
 from cutenv.measurement.strokes import blade_speed
 from cutenv.tissue.specimen import N_POINTS, SPACING
 from cutenv.trace import Trace
-from cutenv.validation import in_range
 
 _AT_CLAMP = 0.005  # [m], largest distance from the clamp at which a cut may begin
 _FEWEST = 20.0  # readings a second; with fewer, what happened between them is unknown
@@ -31,7 +32,7 @@ class ReplayPlant:
     depth : ndarray of shape (301,)
         Depth of cut every 0.5 mm from the clamp [m], from the record; elsewhere, its nearest value.
     readings : Records
-        :data:`cutenv.cutting.records.READING`, shape (n,), time from 1 ms on; hidden fields are NaN.
+        :data:`cutenv.cutting.dtypes.READING`, shape (n,), time from 1 ms on; hidden fields are NaN.
 
     Raises
     ------
@@ -50,7 +51,7 @@ class ReplayPlant:
         grid = np.arange(int((trace.duration + _SAME) / TICK) + 1) * TICK
         as_it_is = len(grid) == len(since) and bool(np.all(np.abs(grid - since) < _SAME))
         speed = blade_speed(trace.time, position) if trace.speed is None else trace.speed
-        self.readings: Records = np.zeros(len(grid), READING)
+        self.readings: StructArray = np.zeros(len(grid), READING)
         self.readings["time"] = grid + TICK
         for name, values in {"force": force, "position": position, "speed": speed, "angle": angle}.items():
             self.readings[name] = values if as_it_is else np.interp(grid, since, values)
@@ -65,7 +66,7 @@ class ReplayPlant:
         """Milliseconds of the record that are left."""
         return len(self.readings) - self._given
 
-    def advance(self, speed: float, angle: float, ticks: int) -> Records:
+    def advance(self, speed: float, angle: float, ticks: int) -> StructArray:
         """Return the next ``ticks`` readings, whatever ``speed`` and ``angle`` are.
 
         Raises

@@ -8,13 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv._base.arrays import StructArray
+from cutenv._base.validation import array_in_range, in_range
 from cutenv.cutting.drive import Hand, Rig
+from cutenv.cutting.dtypes import READING, TICK, new_state
 from cutenv.cutting.parameters import LawParameters, law_records, profile_records
-from cutenv.cutting.records import READING, TICK, Records, new_state
 from cutenv.cutting.sensor import SensorParameters, sensor_records
 from cutenv.cutting.simulate import CUT, ENERGIES, account_one, hold
 from cutenv.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen
-from cutenv.validation import array_in_range, in_range
 
 ANGLE_RANGE = (math.radians(45.0), math.radians(90.0))
 """Measured angles of the blade [rad]."""
@@ -26,11 +27,11 @@ _FASTEST = 0.5  # [m/s]
 class Snapshot(NamedTuple):
     """Copies of the full state, from which the law can continue, each of shape (1,); hidden truth included."""
 
-    states: Records
-    profiles: Records
-    laws: Records
-    drives: Records
-    sensors: Records
+    states: StructArray
+    profiles: StructArray
+    laws: StructArray
+    drives: StructArray
+    sensors: StructArray
 
 
 class SimulatedPlant:
@@ -87,7 +88,7 @@ class SimulatedPlant:
         self._energies = np.zeros(len(ENERGIES))
         self._readings = np.zeros(1, READING)
 
-    def advance(self, speed: float, angle: float, ticks: int) -> Records:
+    def advance(self, speed: float, angle: float, ticks: int) -> StructArray:
         """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds; see :class:`~cutenv.plant.Plant`."""
         if not (-_FASTEST <= speed <= _FASTEST and _ANGLE_LOW <= angle <= _ANGLE_HIGH):
             in_range("speed", speed, -_FASTEST, _FASTEST, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
@@ -105,13 +106,13 @@ class SimulatedPlant:
         self.advance(speed, angle, ticks)
 
     @property
-    def states(self) -> Records:
-        """The hidden state, :data:`~cutenv.cutting.records.STATE`, shape (1,)."""
+    def states(self) -> StructArray:
+        """The hidden state, :data:`~cutenv.cutting.dtypes.STATE`, shape (1,)."""
         return self.cuts["state"]
 
     @property
-    def profiles(self) -> Records:
-        """The hidden truth along the cut, :data:`~cutenv.cutting.records.PROFILE`, shape (1,)."""
+    def profiles(self) -> StructArray:
+        """The hidden truth along the cut, :data:`~cutenv.cutting.dtypes.PROFILE`, shape (1,)."""
         return self.cuts["profile"]
 
     def snapshot(self) -> Snapshot:

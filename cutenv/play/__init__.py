@@ -5,9 +5,9 @@ The window needs pygame-ce and pymunk, which the extra ``cutenv[play]`` installs
 
 from __future__ import annotations
 
-from cutenv.play.cut import PlayedCut
-from cutenv.play.hand import PLAYED_HAND
+from cutenv.play.hand_model import PLAYED_HAND
 from cutenv.play.haptics import HapticDevice, Stylus, VirtualCoupling
-from cutenv.play.session import Session
+from cutenv.play.play_session import Session
+from cutenv.play.played_cut import PlayedCut
 
 __all__ = ["PLAYED_HAND", "HapticDevice", "PlayedCut", "Session", "Stylus", "VirtualCoupling"]

@@ -6,13 +6,13 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from cutenv.cutting.records import TICK
-from cutenv.play.hand import FASTEST
+from cutenv._base.validation import in_range
+from cutenv.cutting.dtypes import TICK
+from cutenv.play.hand_model import FASTEST
 from cutenv.play.haptics import Stylus
 from cutenv.tissue.specimen import LENGTH, SPACING
-from cutenv.validation import in_range
 
-UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
+_UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
 TRAVEL = LENGTH - SPACING
 """Greatest distance of the hand from the clamp [m]."""
 NOTCH = math.radians(5.0)
@@ -26,7 +26,7 @@ def _within_travel(position: float) -> float:
 
 
 def _within_angles(angle: float) -> float:
-    return min(max(angle, INCLINED), UPRIGHT)
+    return min(max(angle, INCLINED), _UPRIGHT)
 
 
 class MouseDevice:
@@ -35,11 +35,11 @@ class MouseDevice:
     coupling = None
 
     def __init__(self) -> None:
-        self.position, self.angle = 0.0, UPRIGHT
+        self.position, self.angle = 0.0, _UPRIGHT
 
     def open(self) -> None:
         """Begin a cut at the clamp, upright."""
-        self.position, self.angle = 0.0, UPRIGHT
+        self.position, self.angle = 0.0, _UPRIGHT
 
     def move(self, distance: float) -> None:
         """Move the hand by ``distance`` along the cut line [m]."""
@@ -96,7 +96,7 @@ class GamepadDevice:
         # The square leaves room for slow cuts near the middle.
         speed = FASTEST * self._stick * abs(self._stick)
         self._position = _within_travel(self._position + speed * TICK)
-        return Stylus(self._position, UPRIGHT - self._trigger * (UPRIGHT - INCLINED))
+        return Stylus(self._position, _UPRIGHT - self._trigger * (_UPRIGHT - INCLINED))
 
     def push(self, force: float) -> None:
         """Ignore the force: a gamepad cannot push along the cut, so the force is only seen."""
@@ -171,7 +171,7 @@ def simple_hand(
     def script(time: float) -> Motion:
         if time < there:
             position = speed * time
-            return Motion(position, lean if 0.005 < position < farthest - 0.015 else UPRIGHT)
-        return Motion(max(farthest - speed * (time - there), farthest - back), UPRIGHT)
+            return Motion(position, lean if 0.005 < position < farthest - 0.015 else _UPRIGHT)
+        return Motion(max(farthest - speed * (time - there), farthest - back), _UPRIGHT)
 
     return ScriptedDevice(script)

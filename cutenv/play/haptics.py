@@ -37,9 +37,9 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from cutenv.cutting.records import TICK
-from cutenv.parameter import check_parameters, parameter
-from cutenv.validation import in_range
+from cutenv._base.parameter import check_parameters, parameter
+from cutenv._base.validation import in_range
+from cutenv.cutting.dtypes import TICK
 
 
 class Stylus(NamedTuple):
@@ -125,19 +125,23 @@ class VirtualCoupling:
     """
 
     stiffness: float = parameter(
-        300.0, unit="N/m", low=0.0, high=1e6, provenance="choice", why="softer than the hand's own 400 N/m"
+        300.0, unit="N/m", low=0.0, high=1e6, provenance="choice", source="softer than the hand's own 400 N/m"
     )
-    damping: float = parameter(0.1, unit="N s/m", low=0.0, high=1e3, provenance="choice", why="a little, for the feel")
+    damping: float = parameter(
+        0.1, unit="N s/m", low=0.0, high=1e3, provenance="choice", source="a little, for the feel"
+    )
     device_damping: float = parameter(
         0.5, unit="N s/m", low=1e-6, high=1e3, provenance="assumed",
-        why="order of a desktop device's; measure yours", sweep=(0.1, 2.0),
+        source="order of a desktop device's; measure yours", sensitivity=(0.1, 2.0),
     )  # fmt: skip
     device_mass: float = parameter(
         0.1, unit="kg", low=1e-3, high=10.0, provenance="assumed",
-        why="order of a desktop device's apparent mass", sweep=(0.04, 0.3),
+        source="order of a desktop device's apparent mass", sensitivity=(0.04, 0.3),
     )  # fmt: skip
-    period: float = parameter(TICK, unit="s", low=1e-4, high=0.1, provenance="choice", why="a servo at 1 kHz")
-    force_limit: float = parameter(3.3, unit="N", low=0.01, high=100.0, provenance="choice", why="of a Touch, at peak")
+    period: float = parameter(TICK, unit="s", low=1e-4, high=0.1, provenance="choice", source="a servo at 1 kHz")
+    force_limit: float = parameter(
+        3.3, unit="N", low=0.01, high=100.0, provenance="choice", source="of a Touch, at peak"
+    )
 
     def __post_init__(self) -> None:
         check_parameters(self)

@@ -6,19 +6,19 @@ import math
 
 import numpy as np
 
-from cutenv.play.card import draw_countdown, draw_end_card, draw_ready_card
-from cutenv.play.session import Sight
+from cutenv.play.overlays import draw_countdown, draw_end_card, draw_ready_card
+from cutenv.play.play_session import ViewState
 from cutenv.viewer import chart, palette, views
 from cutenv.viewer.canvas import Canvas, Colour, Points
+from cutenv.viewer.drawn_slab import Slab, drawn_slab_of
 from cutenv.viewer.scene import (
     ForceTrace,
     Layout,
     Moment,
     blade_from_the_side,
-    depth_at,
+    depth_below,
     front_from_the_side,
 )
-from cutenv.viewer.slab import Slab, slab_of
 
 LAYOUT = Layout(
     scale=3200.0, cut_line=214.0, blade_end=572.0, chart_top=612.0, chart_bottom=692.0, column=600.0
@@ -32,7 +32,7 @@ _GRIP = 0.058  # [m] height of the fingers above the blade's lower end
 _HANDLE_LENGTH, _HANDLE_WIDTH = 0.11, 0.011  # [m]
 _RECENT = 6.0  # [s] of the trace over time
 _HAND = (0, 158, 115)
-_CALM, _WARM, _HOT = palette.STEEL, palette.COST, palette.LIMIT
+_CALM, _WARM, _HOT = palette.STEEL, palette.COST_COLOUR, palette.LIMIT
 
 
 def force_colour(force: float, allowed: float, limit: float) -> Colour:
@@ -59,12 +59,12 @@ class PlayPicture:
         self._trace: ForceTrace
         self._standing: Canvas
 
-    def draw(self, sight: Sight) -> Canvas:
+    def draw(self, sight: ViewState) -> Canvas:
         """Return the picture of this moment; the canvas is drawn again at the next call."""
         moment, canvas, layout = sight.moment, self._canvas, self.layout
         self._keep_up(sight)
         canvas.paste(self._standing)
-        depth = depth_at(moment.depth, moment.blade)
+        depth = depth_below(moment.depth, moment.blade)
         allowed, limit = moment.force_allowed_per_depth * depth, moment.force_limit_per_depth * depth
         tint = force_colour(moment.force, allowed, limit)
         views.draw_slab(canvas, layout, moment, self._slab)
@@ -90,13 +90,13 @@ class PlayPicture:
             draw_end_card(canvas, layout, sight)
         return canvas
 
-    def _keep_up(self, sight: Sight) -> None:
+    def _keep_up(self, sight: ViewState) -> None:
         """Draw what does not change during a cut, when a new one begins; add the new part of the force trace."""
         fresh = sight.serial != self._serial
         if fresh:
             self._serial, self._drawn = sight.serial, 0
             self._trace = ForceTrace()
-            self._slab = slab_of(sight.model)
+            self._slab = drawn_slab_of(sight.model)
         scale = self._trace.low, self._trace.high
         new = sight.readings[self._drawn :]
         felt = self._trace.add(new if len(new) else None)
@@ -118,9 +118,9 @@ class PlayPicture:
         return canvas
 
 
-def _draw_header(canvas: Canvas, layout: Layout, sight: Sight) -> None:
+def _draw_header(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     moment = sight.moment
-    ground, words = palette.HEADER, f"Cut gently, until the tip stands at {moment.target * 1e3:.1f} mm"
+    ground, words = palette.HEADER_COLOUR, f"Cut gently, until the tip stands at {moment.target * 1e3:.1f} mm"
     if sight.phase == "ended":
         ground = palette.SUCCESS if moment.success else palette.FAILURE
         words = moment.verdict or "given up"
@@ -131,10 +131,12 @@ def _draw_header(canvas: Canvas, layout: Layout, sight: Sight) -> None:
     canvas.text(clock, (layout.width - _MARGIN, middle), size=20, colour=palette.PAPER, anchor="midright")
     if sight.practice:
         badge = (layout.width - _MARGIN - 150, middle)
-        canvas.text("PRACTICE", badge, size=18, colour=palette.HEADER, anchor="midright", ground=palette.COST)
+        canvas.text(
+            "PRACTICE", badge, size=18, colour=palette.HEADER_COLOUR, anchor="midright", ground=palette.COST_COLOUR
+        )
 
 
-def _draw_aim(canvas: Canvas, layout: Layout, sight: Sight) -> None:
+def _draw_aim(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     """Draw the wanted position of the hand on the cut line, from above."""
     at = layout.from_above(np.array([0.0, sight.stylus.position]))
     for side in (-1.0, 1.0):
@@ -142,7 +144,7 @@ def _draw_aim(canvas: Canvas, layout: Layout, sight: Sight) -> None:
         canvas.area(outline, _HAND, palette.INK)
 
 
-def _draw_side(canvas: Canvas, layout: Layout, sight: Sight, depth: float, tint: Colour) -> None:
+def _draw_side(canvas: Canvas, layout: Layout, sight: ViewState, depth: float, tint: Colour) -> None:
     """Draw blade and handle at their angle and the hand that leads them; in practice also the crack tip and its lag."""
     moment = sight.moment
     canvas.clip(0, _SIDE_TOP, layout.column - 16, layout.blade_end + 1)
@@ -154,7 +156,7 @@ def _draw_side(canvas: Canvas, layout: Layout, sight: Sight, depth: float, tint:
     outline = _handle_from_the_side(moment.blade, angle, depth)
     blade = blade_from_the_side(moment.blade, angle, depth)
     canvas.area(layout.from_the_side(blade), tint, palette.INK)
-    canvas.area(layout.from_the_side(outline), palette.HEADER, palette.INK)
+    canvas.area(layout.from_the_side(outline), palette.HEADER_COLOUR, palette.INK)
     # The spring at the height of the fingers: from the hand to the handle.
     reach = (_GRIP - depth) / math.tan(angle)
     handle = layout.from_the_side(np.array([moment.blade + reach - 0.0035, _GRIP]))
@@ -163,7 +165,7 @@ def _draw_side(canvas: Canvas, layout: Layout, sight: Sight, depth: float, tint:
     canvas.disc(hand, 8.0, _HAND)
     canvas.unclip()
     if sight.practice:
-        tip = layout.from_the_side(np.array([moment.tip, depth_at(moment.depth, moment.tip)]))
+        tip = layout.from_the_side(np.array([moment.tip, depth_below(moment.depth, moment.tip)]))
         edge = layout.from_the_side(np.array([moment.blade, depth]))
         if moment.lag > 0.0:
             canvas.line(np.stack([tip, edge]), palette.INK, 3.0)
@@ -196,7 +198,7 @@ def _zigzag(start: Points, end: Points) -> Points:
     return points
 
 
-def _draw_force(canvas: Canvas, layout: Layout, sight: Sight, allowed: float, limit: float, tint: Colour) -> None:
+def _draw_force(canvas: Canvas, layout: Layout, sight: ViewState, allowed: float, limit: float, tint: Colour) -> None:
     """Draw the force as a number, and as a bar coloured by its share of the force allowed here."""
     left, right = layout.column, layout.width - _MARGIN
     force = sight.moment.force
@@ -214,7 +216,7 @@ def _draw_force(canvas: Canvas, layout: Layout, sight: Sight, allowed: float, li
     scale = (right - left) / (1.1 * limit)
     canvas.bar(left, top, right, bottom, palette.PANEL)
     canvas.bar(left, top, left + scale * min(abs(force), 1.1 * limit), bottom, tint)
-    canvas.dashes(_upright(left + scale * allowed, top - 3, bottom + 3), palette.COST, dash=4.0, width=2.0)
+    canvas.dashes(_upright(left + scale * allowed, top - 3, bottom + 3), palette.COST_COLOUR, dash=4.0, width=2.0)
     canvas.line(_upright(left + scale * limit, top - 3, bottom + 3), palette.LIMIT, 2.0)
     canvas.text("costs", (left + scale * allowed, bottom + 11), size=14, colour=palette.QUIET, anchor="center")
     canvas.text("limit", (left + scale * limit, bottom + 11), size=14, colour=palette.QUIET, anchor="center")
@@ -224,7 +226,7 @@ def _upright(x: float, top: float, bottom: float) -> Points:
     return np.array([[x, top], [x, bottom]])
 
 
-def _draw_recent(canvas: Canvas, layout: Layout, sight: Sight, highest: float) -> None:
+def _draw_recent(canvas: Canvas, layout: Layout, sight: ViewState, highest: float) -> None:
     """Draw the force over the last seconds, up to ``highest`` [N]."""
     left, right, top, bottom = layout.column + 16.0, float(layout.width - _MARGIN), 190.0, 272.0
     canvas.text(f"force [N], last {_RECENT:.0f} s", (left, top - 10), size=14, colour=palette.QUIET)
@@ -253,7 +255,7 @@ def _draw_rows(canvas: Canvas, layout: Layout, top: float, step: float, rows: li
         canvas.text(value, (right, y), size=21, colour=colour, anchor="midright")
 
 
-def _draw_numbers(canvas: Canvas, layout: Layout, sight: Sight) -> None:
+def _draw_numbers(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     moment = sight.moment
     to_target = (moment.target - moment.blade) * 1e3
     rows: list[tuple[str, str, Colour]] = [
@@ -267,7 +269,7 @@ def _draw_numbers(canvas: Canvas, layout: Layout, sight: Sight) -> None:
     _draw_rows(canvas, layout, 296, 25, rows)
 
 
-def _draw_hidden(canvas: Canvas, layout: Layout, sight: Sight) -> None:
+def _draw_hidden(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     """Draw quantities that cannot be measured during a cut."""
     truth, moment = sight.truth, sight.moment
     top = 440.0

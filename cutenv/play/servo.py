@@ -6,8 +6,8 @@ import threading
 import time
 from collections.abc import Callable
 
-from cutenv.cutting.records import TICK
-from cutenv.play.session import Session
+from cutenv.cutting.dtypes import TICK
+from cutenv.play.play_session import Session
 
 
 class Servo:

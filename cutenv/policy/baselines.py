@@ -23,9 +23,9 @@ SCRIPTS: dict[str, Callable[[], Policy]] = {
     "planner (nominal)": PlannerNominal,
 }
 """Scripts that an engineer would program, besides the constant feeds."""
-BOUND = "planner with truth"
+ORACLE = "planner with truth"
 """Name of the oracle: it knows the hidden state and does not compete."""
-IDLE: dict[str, Callable[[], Policy]] = {"random": RandomAction, "nothing": NoAction}
+NULL_POLICIES: dict[str, Callable[[], Policy]] = {"random": RandomAction, "nothing": NoAction}
 
 
 def feed_name(speed_cm_s: float, angle_deg: float) -> str:
@@ -33,7 +33,7 @@ def feed_name(speed_cm_s: float, angle_deg: float) -> str:
     return f"constant {speed_cm_s:.2f} cm/s {angle_deg:.0f} deg"
 
 
-GRID: dict[str, tuple[float, float]] = {
+CONSTANT_FEEDS: dict[str, tuple[float, float]] = {
     feed_name(speed, angle): (speed, angle) for speed in GRID_SPEEDS for angle in GRID_ANGLES
 }
 """Speed [cm/s] and angle [deg] of each constant feed, by name."""
@@ -44,9 +44,9 @@ def _feed(speed_cm_s: float, angle_deg: float) -> Callable[[], Policy]:
 
 
 BASELINES: dict[str, Callable[[], Policy]] = {
-    **{name: _feed(*feed) for name, feed in GRID.items()},
+    **{name: _feed(*feed) for name, feed in CONSTANT_FEEDS.items()},
     **SCRIPTS,
-    BOUND: PlannerWithTruth,
-    **IDLE,
+    ORACLE: PlannerWithTruth,
+    **NULL_POLICIES,
 }
 """All baselines by name; call a value to make the policy."""

@@ -14,17 +14,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.compiled import compiled, for_kernels
-from cutenv.cutting.records import Record, Records
-from cutenv.elementary import log, tanh
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._base.validation import in_range
+from cutenv._engine.elementary import log, tanh
+from cutenv._engine.jit import njit, njit_internal
 from cutenv.policy.tip_estimate import remember_depth, tip_behind
-from cutenv.task.estimate import PRESLIDING, dragged
-from cutenv.task.observation import BOUND, COMPONENTS, SCALES, checked_observation
-from cutenv.terms import SHALLOWEST
+from cutenv.task.observation import CLIP, COMPONENTS, SCALES, checked_observation
+from cutenv.task.tip_estimation import PRESLIDING, dragged
+from cutenv.task_quantities import SHALLOWEST
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
 from cutenv.tissue.specimen import N_POINTS, SPACING
-from cutenv.validation import in_range
 
 _NAMES = [component.name for component in COMPONENTS]
 _FORCE, _MEAN, _MIN, _MAX, _POSITION, _SPEED, _ANGLE, _DEPTH, _DISTANCE = range(9)
@@ -153,7 +153,7 @@ class Features:
         return features
 
 
-def past_dead_zone(action: NDArray[np.float32], width: float) -> NDArray[np.float32]:
+def apply_dead_zone(action: NDArray[np.float32], width: float) -> NDArray[np.float32]:
     """Apply a dead zone to the speed of actions, shape (..., 2): -width to width becomes zero, +-1 stays +-1.
 
     A policy whose actions jitter can then hold still and finish at rest.  ValueError for a width outside 0 to 0.9.
@@ -170,27 +170,27 @@ def feature_count(history: int) -> int:
     return len(COMPONENTS) + _WORKED_OUT + _CHANNELS * history
 
 
-def new_memory(cuts: int, history: int) -> tuple[Records, NDArray[np.float64]]:
+def new_memory(cuts: int, history: int) -> tuple[StructArray, NDArray[np.float64]]:
     """Return memory, shape (cuts,), and history frames, shape (cuts, history, 5), of cuts not yet begun."""
     return np.zeros(cuts, MEMORY), np.zeros((cuts, history, _CHANNELS))
 
 
 @lru_cache(maxsize=1)
-def _nothing() -> Records:
+def _nothing() -> StructArray:
     nothing = np.zeros(1, MEMORY)
     nothing["friction_per_depth"] = nominal_tissue(measured_liver())["friction_per_depth"]
     nothing["stiffness_ratio"] = 1.0
     return nothing
 
 
-def forget(memory: Records, frames: NDArray[np.float64], cuts: int | NDArray[np.int64]) -> None:
+def forget(memory: StructArray, frames: NDArray[np.float64], cuts: int | NDArray[np.int64]) -> None:
     """Reset the memory of one cut, or several, given by index."""
     memory[cuts] = _nothing()[0]
     frames[cuts] = 0.0
 
 
 def extract_batch(
-    memory: Records,
+    memory: StructArray,
     frames: NDArray[np.float64],
     observations: NDArray[np.float32],
     cuts: NDArray[np.int64] | None = None,
@@ -203,14 +203,14 @@ def extract_batch(
     return features
 
 
-@compiled
+@njit
 def extract_some(
-    memory: Records,
-    frames: Records,
-    cuts: Records,
-    nominals: Records,
-    observations: Records,
-    features: Records,
+    memory: StructArray,
+    frames: StructArray,
+    cuts: StructArray,
+    nominals: StructArray,
+    observations: StructArray,
+    features: StructArray,
 ) -> bool:
     """Fill ``features``, shape (n, size), and update the memory of the n cuts given by index.
 
@@ -226,13 +226,13 @@ def extract_some(
     return True
 
 
-@for_kernels
+@njit_internal
 def _extract(
-    memory: Record,
-    frames: Records,
-    nominal: Record,
-    observation: Records,
-    features: Records,
+    memory: Struct,
+    frames: StructArray,
+    nominal: Struct,
+    observation: StructArray,
+    features: StructArray,
 ) -> None:
     force = observation[_FORCE] * SCALES[_FORCE]
     position = max(observation[_POSITION] * SCALES[_POSITION], 0.0)
@@ -276,7 +276,7 @@ def _extract(
             features[k + _CHANNELS * i + j] = frames[i, j]
         features[k + _CHANNELS * i + 3] = (position - frames[i, 3]) / _LENGTH
     for i in range(len(features)):
-        features[i] = min(max(features[i], -BOUND), BOUND)
+        features[i] = min(max(features[i], -CLIP), CLIP)
     for i in range(len(frames) - 1, 0, -1):
         frames[i] = frames[i - 1]
     if len(frames) > 0:
@@ -287,8 +287,8 @@ def _extract(
         frames[0, 4] = observation[_ANGLE]
 
 
-@for_kernels
-def _watch(memory: Record, nominal: Record, position: float, speed: float, force: float, depth: float) -> None:
+@njit_internal
+def _watch(memory: Struct, nominal: Struct, position: float, speed: float, force: float, depth: float) -> None:
     """Update stiffness, friction and tip from the force while the blade draws back."""
     if speed < _STEADY:
         if memory.steady == 0:
@@ -319,8 +319,8 @@ def _watch(memory: Record, nominal: Record, position: float, speed: float, force
         memory.force = force
 
 
-@for_kernels
-def _find_tip(memory: Record, nominal: Record, depth: float) -> None:
+@njit_internal
+def _find_tip(memory: Struct, nominal: Struct, depth: float) -> None:
     """Locate the tip: extrapolate the straight line of the force down to friction."""
     n = memory.count
     if n < 2:

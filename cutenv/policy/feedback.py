@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array32
+from cutenv._base.validation import in_range
 from cutenv.policy.scripted import INCLINED, Script, checked_approach, checked_motion
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.policy.unloading import UPRIGHT, StopAndUnload, coasting
 from cutenv.task.observation import COMPONENTS, SCALES, to_action
-from cutenv.terms import SHALLOWEST
-from cutenv.validation import in_range
-
-Array32 = NDArray[np.float32]
+from cutenv.task_quantities import SHALLOWEST
 
 _NAMES = [component.name for component in COMPONENTS]
 _FORCE, _POSITION, _SPEED, _DEPTH, _DISTANCE = (

@@ -23,9 +23,9 @@ class Policy(Protocol):
 
 
 @runtime_checkable
-class SeesTruth(Protocol):
+class PrivilegedPolicy(Protocol):
     """A policy that is given the hidden state: an oracle to compare with, never a competitor."""
 
-    def look_into(self, cutting: GentleCutting) -> None:
+    def set_state(self, cutting: GentleCutting) -> None:
         """Take the hidden state; called after ``reset`` with the cut at its start."""
         ...

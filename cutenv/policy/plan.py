@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.compiled import compiled, for_kernels
-from cutenv.cutting.drive import made_up
-from cutenv.cutting.records import TICK, Record, Records
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.jit import njit, njit_internal
+from cutenv.cutting.drive import lag_gain
+from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.simulate import update
 from cutenv.task.assessment import assess
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
@@ -38,8 +39,8 @@ PLAN: np.dtype[Any] = np.dtype(
 """Structured dtype of a plan; commands depend on the blade's position, so that a plan does not depend on timing."""
 
 
-@compiled
-def planned_command(plan: Record, position: float) -> tuple[float, float]:
+@njit
+def planned_command(plan: Struct, position: float) -> tuple[float, float]:
     """Return speed [m/s] and angle [rad] before the stop, for a blade at ``position`` [m]."""
     k = min(max(int(position / STRETCH), 0), KNOTS - 1)
     speed = plan.last_speed if position >= plan.slow_from else plan.speed[k]
@@ -47,19 +48,19 @@ def planned_command(plan: Record, position: float) -> tuple[float, float]:
     return speed, angle
 
 
-@for_kernels
+@njit_internal
 def roll_out(
-    state: Record,
-    profile: Record,
-    law: Record,
-    drive: Record,
-    sensor: Record,
-    task: Record,
-    progress: Record,
-    plan: Record,
-    readings: Records,
-    terms: Records,
-    commands: Records,
+    state: Struct,
+    profile: Struct,
+    law: Struct,
+    drive: Struct,
+    sensor: Struct,
+    task: Struct,
+    progress: Struct,
+    plan: Struct,
+    readings: StructArray,
+    terms: StructArray,
+    commands: StructArray,
 ) -> float:
     """Follow ``plan`` to the end of the cut; return its return (sum of rewards).
 
@@ -77,7 +78,7 @@ def roll_out(
         Filled with the speeds [m/s] and angles [rad] commanded.
     """
     total = 0.0
-    share = made_up(drive, TICK)
+    share = lag_gain(drive, TICK)
     stopping = False
     rested = False
     for decision in range(len(commands)):
@@ -100,20 +101,20 @@ def roll_out(
     return total
 
 
-@compiled
+@njit
 def roll_out_all(
-    starts: Records,
-    profiles: Records,
-    laws: Records,
-    drives: Records,
-    sensors: Records,
-    tasks: Records,
-    progresses: Records,
-    plans: Records,
-    readings: Records,
-    terms: Records,
-    commands: Records,
-    returns: Records,
+    starts: StructArray,
+    profiles: StructArray,
+    laws: StructArray,
+    drives: StructArray,
+    sensors: StructArray,
+    tasks: StructArray,
+    progresses: StructArray,
+    plans: StructArray,
+    readings: StructArray,
+    terms: StructArray,
+    commands: StructArray,
+    returns: StructArray,
 ) -> None:
     """Run :func:`roll_out` for every plan, shape (n,), from one start (arrays of length 2: start, working copy)."""
     for n in range(len(plans)):

@@ -5,24 +5,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv.cutting.records import READING, Records
+from cutenv._base.arrays import Array, Array32, StructArray
+from cutenv._base.validation import in_range
+from cutenv.cutting.dtypes import READING
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.policy.plan import PLAN, UPRIGHT, planned_command, roll_out_all
 from cutenv.policy.scripted import INCLINED, Script
 from cutenv.policy.unloading import StopAndUnload
+from cutenv.task.episode_dtypes import TERMS
 from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task.observation import COMPONENTS, SCALES, to_action
-from cutenv.task.records import TERMS
 from cutenv.task.weights import Limits, RewardWeights
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.specimen import Specimen
-from cutenv.validation import in_range
-
-Array = NDArray[np.float64]
-Array32 = NDArray[np.float32]
 
 _FASTEST, _SLOWEST = 0.0254, 0.001  # [m/s]
 _DEADLINE, _TICKS = 30.0, 20  # [s], [ms]: the environment's defaults
@@ -52,7 +49,7 @@ class Search:
         self._readings, self._terms = np.zeros(cutting.ticks, READING), np.zeros(len(TERMS))
         self._commands = np.zeros((math.ceil(1e3 * cutting.deadline / cutting.ticks), 2))
 
-    def returns(self, plans: Records) -> Array:
+    def returns(self, plans: StructArray) -> Array:
         """Return the return of each plan, shape (n,)."""
         returns = np.zeros(len(plans))
         roll_out_all(
@@ -61,12 +58,12 @@ class Search:
         )  # fmt: skip
         return returns
 
-    def commands(self, plan: Records) -> Array:
+    def commands(self, plan: StructArray) -> Array:
         """Return speed [m/s] and angle [rad] at each decision of a plan, shape (1,); shape (decisions, 2)."""
         self.returns(plan)
         return self._commands.copy()
 
-    def best(self, rng: np.random.Generator, *, rounds: int, offspring: int = 16) -> tuple[Records, float]:
+    def best(self, rng: np.random.Generator, *, rounds: int, offspring: int = 16) -> tuple[StructArray, float]:
         """Search for ``rounds`` rounds; return the best plan found, shape (1,), and its return."""
         plans = self.plain_plans()
         plan, value = _better(plans, self.returns(plans), plans[:1], -math.inf)
@@ -78,7 +75,7 @@ class Search:
             size = min(1.3 * size, 1.0) if value > before else max(0.7 * size, 0.05)
         return plan, value
 
-    def plain_plans(self) -> Records:
+    def plain_plans(self) -> StructArray:
         """Return a grid of plans with one speed and one angle throughout, and many positions to stop."""
         speeds, angles = np.array([0.0254, 0.0190, 0.0127, 0.0064]), np.radians([45.0, 60.0, 90.0])
         stops = self._target + np.linspace(-0.004, 0.044, 33)  # the blade leads the tip by up to 4 cm
@@ -92,7 +89,7 @@ class Search:
         plans["rest_lag"] = 0.5e-3
         return plans
 
-    def varied(self, plan: Records, size: float, count: int, rng: np.random.Generator) -> Records:
+    def varied(self, plan: StructArray, size: float, count: int, rng: np.random.Generator) -> StructArray:
         """Return ``count`` mutations of ``plan``, shape (1,): each number is changed with a probability of 1/3."""
         plans = np.repeat(plan, count)
 
@@ -114,7 +111,7 @@ class Search:
         return plans
 
 
-def _better(plans: Records, returns: Array, plan: Records, value: float) -> tuple[Records, float]:
+def _better(plans: StructArray, returns: Array, plan: StructArray, value: float) -> tuple[StructArray, float]:
     k = int(np.argmax(returns))
     return (plans[k : k + 1].copy(), float(returns[k])) if returns[k] > value else (plan, value)
 
@@ -138,7 +135,7 @@ class PlannerWithTruth:
         self._rng = rng
         self._commands: list[tuple[float, float]] = []
 
-    def look_into(self, cutting: GentleCutting) -> None:
+    def set_state(self, cutting: GentleCutting) -> None:
         """Plan the cut that is about to begin."""
         search = Search(cutting)
         plan, _ = search.best(self._rng, rounds=self._rounds)
@@ -148,7 +145,7 @@ class PlannerWithTruth:
     def __call__(self, observation: Array32) -> Array32:
         """Return the next command of the plan, whatever the observation."""
         if not self._commands:
-            raise RuntimeError("this planner must be shown the cut: call look_into(env.unwrapped.cutting) after reset.")
+            raise RuntimeError("this planner must be shown the cut: call set_state(env.unwrapped.cutting) after reset.")
         return to_action(*self._commands.pop())
 
 
@@ -169,12 +166,12 @@ class PlannerNominal(Script):
         super().__init__(unloading)
         self._tissue = tissue or measured_liver()
         self._rounds = int(in_range("rounds", rounds, 0, 10**6, "1", "20 come within 0.002 of 200."))
-        self._plans: dict[float, Records] = {}
+        self._plans: dict[float, StructArray] = {}
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the last cut; plans are kept."""
         super().reset(rng)
-        self._plan: Records | None = None
+        self._plan: StructArray | None = None
 
     def command(self, observation: Array32) -> Array32:
         """Return the plan's command for the present position."""
@@ -183,7 +180,7 @@ class PlannerNominal(Script):
             self._plan = self.plan_for(position + float(observation[_DISTANCE]) * SCALES[_DISTANCE])
         return to_action(*planned_command(self._plan[0], position))
 
-    def plan_for(self, target: float) -> Records:
+    def plan_for(self, target: float) -> StructArray:
         """Return the plan for a target length [m], rounded to a centimetre, shape (1,); cached."""
         length = round(target, 2)
         if length not in self._plans:

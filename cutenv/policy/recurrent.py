@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv.policy.network import Network, checked_array, row_by_row
+from cutenv._base.arrays import Array32
+from cutenv.policy.actor_network import Network, checked_array, row_by_row
 
-Array32 = NDArray[np.float32]
 State = tuple[Array32, Array32]
 """Recurrent state: hidden state h and cell state c, shape (..., units) each."""
 

@@ -6,13 +6,11 @@ import math
 from abc import ABC, abstractmethod
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array32
+from cutenv._base.validation import in_range
 from cutenv.policy.unloading import UPRIGHT, StopAndUnload
 from cutenv.task.observation import to_action
-from cutenv.validation import in_range
-
-Array32 = NDArray[np.float32]
 
 INCLINED = math.radians(45.0)
 

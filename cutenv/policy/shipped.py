@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cutenv import resources
+from cutenv._base import resources
+from cutenv._base.validation import one_of
 from cutenv.policy.trained import CARD, TrainedPolicy
-from cutenv.validation import one_of
 
 _FOLDER = "policies"
 
 SHIPPED = tuple(sorted(card.parent.name for card in resources.path(_FOLDER).glob(f"*/{CARD}")))
 """Names of the policies in ``assets/policies``."""
-SHOWN = "ppo-free"
+DEFAULT_SHIPPED = "ppo-free"
 """Name of the policy that is demonstrated by default."""
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.compiled import compiled, for_kernels
-from cutenv.cutting.records import Record, Records
-from cutenv.task.estimate import PRESLIDING, dragged
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.jit import njit, njit_internal
 from cutenv.task.observation import OFFSETS, SCALES, checked_observation
-from cutenv.terms import SHALLOWEST
+from cutenv.task.tip_estimation import PRESLIDING, dragged
+from cutenv.task_quantities import SHALLOWEST
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
@@ -49,9 +49,9 @@ class TipEstimate:
         return tip
 
 
-@compiled
+@njit
 def _estimate(
-    seen: Records, nominals: Records, depths: Records, passed: int, bristle: float, before: float
+    seen: StructArray, nominals: StructArray, depths: StructArray, passed: int, bristle: float, before: float
 ) -> tuple[int, float, float, float]:
     nominal = nominals[0]
     position = max(seen[_POSITION], 0.0)
@@ -62,8 +62,8 @@ def _estimate(
     return passed, bristle, position, tip_behind(position, elastic, nominal, depths, passed)
 
 
-@compiled
-def remember_depth(depths: Records, passed: int, position: float, depth: float) -> int:
+@njit
+def remember_depth(depths: StructArray, passed: int, position: float, depth: float) -> int:
     """Fill ``depths``, shape (301,) [m], up to the blade, by linear interpolation since the last observation.
 
     ``passed`` is the number of grid points that the blade had passed; returns the number passed now.
@@ -75,8 +75,8 @@ def remember_depth(depths: Records, passed: int, position: float, depth: float) 
     return max(passed, reached)
 
 
-@for_kernels
-def tip_behind(position: float, elastic: float, nominal: Record, depths: Records, passed: int) -> float:
+@njit_internal
+def tip_behind(position: float, elastic: float, nominal: Struct, depths: StructArray, passed: int) -> float:
     """Return the tip [m] behind a blade at ``position`` [m] under an ``elastic`` force [N], in the mean tissue."""
     tip = position
     for _ in range(_ITERATIONS):

@@ -10,17 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv.atomic import replacing
-from cutenv.policy.card import PolicyCard, check_scaling, observation_scaling
-from cutenv.policy.features import FeatureBatch, past_dead_zone
-from cutenv.policy.network import Network
+from cutenv._base.arrays import Array32
+from cutenv._base.atomic_file import atomic_write
+from cutenv.policy.actor_network import Network
+from cutenv.policy.features import FeatureBatch, apply_dead_zone
+from cutenv.policy.policy_card import PolicyCard, check_scaling, observation_scaling
 from cutenv.policy.recurrent import RecurrentNetwork
 
 __all__ = ["PolicyBatch", "PolicyCard", "TrainedPolicy", "observation_scaling", "save_policy"]
 
-Array32 = NDArray[np.float32]
 
 WEIGHTS, CARD = "policy.safetensors", "card.json"
 _ACTIONS = 2
@@ -61,7 +60,7 @@ class PolicyBatch:
             actions, self._state = self._network(features, self._state)
         else:
             actions = self._network(features)
-        return past_dead_zone(np.clip(actions, np.float32(-1.0), np.float32(1.0)), self._dead_zone)
+        return apply_dead_zone(np.clip(actions, np.float32(-1.0), np.float32(1.0)), self._dead_zone)
 
 
 class TrainedPolicy:
@@ -254,7 +253,7 @@ def _content(path: Path) -> bytes:
 
 def _write(path: Path, content: bytes) -> None:
     """Write a file atomically: an interruption leaves the earlier one, or none."""
-    with replacing(path) as part:
+    with atomic_write(path) as part:
         part.write_bytes(content)
 
 

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv._base.validation import in_range
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.task.observation import COMPONENTS, SCALES, to_action
-from cutenv.validation import in_range
 
 UPRIGHT = math.pi / 2
 _DECELERATION = 0.1  # [m/s2]

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.columns import UNITS, Column, header_of, parse_header
-from cutenv.recording.errors import RecordError
 from cutenv.recording.files import load, load_one, save
 from cutenv.recording.operators import OperatorRow, load_operators
 from cutenv.recording.provenance import Provenance
+from cutenv.recording.record_errors import RecordError
 from cutenv.recording.schema import SCHEMA
 
 if TYPE_CHECKING:
-    from cutenv.recording.cuts import CutSearch
-    from cutenv.recording.foreign import Imported, load_foreign
-    from cutenv.recording.mapping import ColumnMap
+    from cutenv.recording.column_map import ColumnMap
+    from cutenv.recording.cut_detection import CutSearch
+    from cutenv.recording.importers import Imported, load_foreign
     from cutenv.recording.record import read_record
 
 __all__ = [
@@ -43,10 +43,10 @@ __all__ = [
 
 # These judge records and need the measurement code, with the tissue's model; loading alone does not wait for that.
 _WHEN_USED = {
-    "ColumnMap": "mapping",
-    "CutSearch": "cuts",
-    "Imported": "foreign",
-    "load_foreign": "foreign",
+    "ColumnMap": "column_map",
+    "CutSearch": "cut_detection",
+    "Imported": "importers",
+    "load_foreign": "importers",
     "read_record": "record",
 }
 

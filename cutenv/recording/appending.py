@@ -11,13 +11,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NoReturn, Self
 
-from cutenv.atomic import replacing
+from cutenv._base.atomic_file import atomic_write
+from cutenv._base.validation import in_range, one_of
 from cutenv.recording.columns import header_of
 from cutenv.recording.csv_file import head_text
-from cutenv.recording.errors import RecordError
 from cutenv.recording.provenance import check_operator
+from cutenv.recording.record_errors import RecordError
 from cutenv.trace import Reading, limits
-from cutenv.validation import in_range, one_of
 
 SYNCED_EVERY = 0.8
 """Time between two flushes to the disk [s]: with the duration of a flush, a second."""
@@ -171,7 +171,7 @@ class AppendingRecord:
         self.abandon()
         if self.failed is None:
             try:
-                with replacing(self.path) as part, self.path.open("rb") as grown, part.open("xb") as finished:
+                with atomic_write(self.path) as part, self.path.open("rb") as grown, part.open("xb") as finished:
                     finished.write(head)
                     grown.seek(len(self._head))
                     shutil.copyfileobj(grown, finished)

@@ -13,8 +13,8 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.recording.schema import SCHEMA, as_names, check_schema, from_json, mapping_from_json, shown, to_json
-from cutenv.recording.table import CUT, Table, parsed_headers, table_of
+from cutenv.recording.schema import SCHEMA, as_names, check_schema, from_json, mapping_from_json, shortened, to_json
+from cutenv.recording.table import CUT_COLUMN, CutTable, parsed_headers, table_of
 from cutenv.trace import Trace
 
 _ENCODING = "utf-8-sig"  # spreadsheets write a byte order mark in front
@@ -47,7 +47,7 @@ def write(traces: Sequence[Trace], path: Path) -> None:
     columns: list[Iterable[str]] = [map(repr, values.tolist()) for values in table.values]
     names = list(table.headers)
     if table.cut is not None:
-        names.insert(0, CUT)
+        names.insert(0, CUT_COLUMN)
         columns.insert(0, (f"{number:.0f}" for number in table.cut.tolist()))
     facts: dict[str, object] = {"metadata": table.shared} if table.shared else {}
     facts |= {f"metadata of cut {number}": metadata for number, metadata in table.own.items()}
@@ -67,7 +67,7 @@ def head_text(names: Sequence[str], rows: int | None, facts: Mapping[str, object
     return f"# {SCHEMA}\n{comments}{','.join(names)}\n"
 
 
-def read(path: Path) -> list[Table]:
+def read(path: Path) -> list[CutTable]:
     """Read a file as one table.
 
     Raises
@@ -89,9 +89,9 @@ def read(path: Path) -> list[Table]:
     if _ROWS in head.facts and not growing:
         _check_whole(path, head.facts[_ROWS], len(numbers))
     columns = dict(zip(head.names, numbers.T, strict=True))
-    cut = columns.pop(CUT, None)
+    cut = columns.pop(CUT_COLUMN, None)
     return [
-        Table(
+        CutTable(
             headers=tuple(columns),
             values=tuple(columns.values()),
             cut=cut,
@@ -194,7 +194,7 @@ def _check_whole(path: Path, announced: object, found: int) -> None:
     if announced != found or not ended:
         lost = "and its last line is not whole" if not ended else "rows were lost or added"
         raise ValueError(
-            f"it announces {shown(announced)} rows and holds {found}, {lost}. Take the whole file again, or delete "
+            f"it announces {shortened(announced)} rows and holds {found}, {lost}. Take the whole file again, or delete "
             "its line '# rows: ...' if it is as it should be."
         )
 
@@ -221,10 +221,10 @@ def _fault_of_numbers(path: Path, head: _Head) -> str:
             cells = text.split(",")
             if len(cells) != n:
                 what = f"{len(cells)} value{'s' * (len(cells) != 1)} for {n} columns ({', '.join(head.names)})"
-                return f"line {number}: {what}: {shown(text)}. {_cure_of_row(text, n)}"
+                return f"line {number}: {what}: {shortened(text)}. {_cure_of_row(text, n)}"
             for name, cell in zip(head.names, cells, strict=True):
                 if not _is_number(cell):
-                    what = f"{shown(cell)} is not a number" if cell.strip() else "the value is missing"
+                    what = f"{shortened(cell)} is not a number" if cell.strip() else "the value is missing"
                     return f"line {number}, column {name}: {what}. {_cure_of_cell(cell)}"
     return f"below line {head.lines} there is something that is no row of {n} numbers. Take the file again."
 

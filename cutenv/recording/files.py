@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from cutenv.atomic import replacing
+from cutenv._base.atomic_file import atomic_write
+from cutenv._base.validation import one_of
 from cutenv.recording import csv_file, hdf5_file, parquet_file
-from cutenv.recording.errors import RecordError
 from cutenv.recording.provenance import check_operator
-from cutenv.recording.table import ALONG_CUT, Table, traces_of
+from cutenv.recording.record_errors import RecordError
+from cutenv.recording.table import ALONG_CUT, CutTable, traces_of
 from cutenv.trace import Trace
-from cutenv.validation import one_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +23,7 @@ class _Format:
 
     name: str
     write: Callable[[Sequence[Trace], Path], None]
-    read: Callable[[Path], list[Table]]
+    read: Callable[[Path], list[CutTable]]
 
 
 _CSV = _Format(name="CSV", write=csv_file.write, read=csv_file.read)
@@ -78,7 +78,7 @@ def save(traces: Trace | Iterable[Trace], path: str | os.PathLike[str]) -> None:
         raise ValueError("there is no trace to save. Give one or more.")
     path = Path(path)
     chosen = _format_of(path)
-    with replacing(path) as part:
+    with atomic_write(path) as part:
         chosen.write(kept, part)
 
 

@@ -9,17 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
 from cutenv.recording.columns import header_of
-from cutenv.recording.errors import RecordError
-from cutenv.recording.extra import library
-from cutenv.recording.hdf5_heap import check_heaps
-from cutenv.recording.schema import SCHEMA, check_schema, mapping_from_json, shown, to_json
-from cutenv.recording.table import CUT, Table, parsed_headers, row_from_0
+from cutenv.recording.hdf5_integrity import check_integrity
+from cutenv.recording.optional_import import optional_import
+from cutenv.recording.record_errors import RecordError
+from cutenv.recording.schema import SCHEMA, check_schema, mapping_from_json, shortened, to_json
+from cutenv.recording.table import CUT_COLUMN, CutTable, parsed_headers, row_from_0
 from cutenv.trace import Trace
-
-Array = NDArray[np.float64]
 
 _VERSIONS = ("v110", "v110")  # oldest HDF5 that can read the file: 1.10, of 2016
 _MOST_PACKED = 2000  # greatest ratio of compression: gzip's best is 1032, with shuffling
@@ -31,7 +29,7 @@ def write(traces: Sequence[Trace], path: Path) -> None:
     In files of HDF5 before 1.10, h5py's default, the tables have no checksum, and the library loops for ever if they
     are damaged. Text is of fixed length, because text of variable length is stored without a checksum.
     """
-    h5py = library("h5py", "h5py", "HDF5")
+    h5py = optional_import("h5py", "h5py", "HDF5")
     with h5py.File(path, "w", libver=_VERSIONS) as file:
         file.attrs["schema"] = np.bytes_(SCHEMA)
         file.attrs["cuts"] = len(traces)
@@ -45,7 +43,7 @@ def write(traces: Sequence[Trace], path: Path) -> None:
                 kept.attrs["unit"] = np.bytes_(unit.replace("_", "/"))
 
 
-def read(path: Path) -> list[Table]:
+def read(path: Path) -> list[CutTable]:
     """Read a file as a table for each cut.
 
     A file from another program may use any names of groups, or have one cut's datasets at its root; a dataset without
@@ -56,8 +54,8 @@ def read(path: Path) -> list[Table]:
     ValueError
         If it is not such a file; the message names group and dataset.
     """
-    h5py = library("h5py", "h5py", "HDF5")
-    check_heaps(path)
+    h5py = optional_import("h5py", "h5py", "HDF5")
+    check_integrity(path)
     try:
         with h5py.File(path, "r") as file:
             cuts = _Reader(h5py, path).cuts(file)
@@ -65,13 +63,13 @@ def read(path: Path) -> list[Table]:
     except RecordError:
         raise
     except Exception as error:  # HDF5 raises errors of any kind for a damaged file
-        reason = shown(str(error) or type(error).__name__)
+        reason = shortened(str(error) or type(error).__name__)
         raise ValueError(f"it is no HDF5 file, or a damaged one ({reason}). Take the file again.") from None
     if schema is not None:
         check_schema(_text(schema))
         if not np.array_equal(announced, len(cuts)):
             raise ValueError(
-                f"it announces {shown(str(announced))} cuts and holds {len(cuts)}. Take the whole file again."
+                f"it announces {shortened(str(announced))} cuts and holds {len(cuts)}. Take the whole file again."
             )
     return [_table(cut, native=schema is not None) for cut in cuts]
 
@@ -114,11 +112,13 @@ class _Reader:
 
     def _member(self, group: Any, name: str) -> Any:
         if not isinstance(group.get(name, getlink=True), self.h5py.HardLink):
-            raise self._refusal(f"{shown(name)} is a link, perhaps into another file. Copy into it what it points to.")
+            raise self._refusal(
+                f"{shortened(name)} is a link, perhaps into another file. Copy into it what it points to."
+            )
         return group[name]
 
     def _numbers(self, dataset: Any) -> Array:
-        name = shown(dataset.name)
+        name = shortened(dataset.name)
         if not isinstance(dataset, self.h5py.Dataset):
             raise self._refusal(f"{name} is no dataset. A group of a cut holds datasets only.")
         if dataset.dtype.kind not in "fiu":  # text, references, objects: never unpack them
@@ -135,7 +135,7 @@ class _Reader:
         return RecordError(self.path, reason)
 
 
-def _table(cut: _Cut, *, native: bool) -> Table:
+def _table(cut: _Cut, *, native: bool) -> CutTable:
     """Return one cut as a table; errors name the group."""
     place = f"{cut.name}: " if cut.name else ""
     lengths = {header: len(values) for header, values in cut.columns.items()}
@@ -145,12 +145,12 @@ def _table(cut: _Cut, *, native: bool) -> Table:
     try:
         parsed_headers(list(cut.columns))
         if not isinstance(cut.metadata, str | bytes):
-            raise ValueError(f"the attribute metadata holds {shown(cut.metadata)}. Write JSON text.")
+            raise ValueError(f"the attribute metadata holds {shortened(cut.metadata)}. Write JSON text.")
         shared = mapping_from_json("metadata", cut.metadata)
     except ValueError as error:
         raise ValueError(f"{place}{error}") from None
-    numbers = cut.columns.pop(CUT, None)
-    return Table(
+    numbers = cut.columns.pop(CUT_COLUMN, None)
+    return CutTable(
         name=place,
         headers=tuple(cut.columns),
         values=tuple(cut.columns.values()),

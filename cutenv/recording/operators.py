@@ -8,8 +8,8 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from cutenv.recording.errors import RecordError
 from cutenv.recording.provenance import check_operator
+from cutenv.recording.record_errors import RecordError
 
 NEEDED = ("record", "operator")
 OPTIONAL = ("group", "session", "order")

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.recording.extra import library
-from cutenv.recording.schema import SCHEMA, as_mapping, as_names, check_schema, from_json, shown, to_json
-from cutenv.recording.table import CUT, Table, parsed_headers, row_from_0, table_of
+from cutenv.recording.optional_import import optional_import
+from cutenv.recording.schema import SCHEMA, as_mapping, as_names, check_schema, from_json, shortened, to_json
+from cutenv.recording.table import CUT_COLUMN, CutTable, parsed_headers, row_from_0, table_of
 from cutenv.trace import Trace
 
 _SCHEMA_KEY, _FACTS_KEY = b"cutenv_schema", b"cutenv_cuts"
@@ -24,7 +24,7 @@ def write(traces: Sequence[Trace], path: Path) -> None:
     table = table_of(traces)
     columns: dict[str, Any] = {}
     if table.cut is not None:
-        columns[CUT] = arrow.array(table.cut.astype(np.int64))
+        columns[CUT_COLUMN] = arrow.array(table.cut.astype(np.int64))
     for header, values in zip(table.headers, table.values, strict=True):
         columns[header] = arrow.array(values, from_pandas=True)  # NaN, where a cut lacks a column, becomes null
     facts = {"metadata": table.shared, "metadata_of_cut": table.own, "columns_of_cut": table.held}
@@ -32,7 +32,7 @@ def write(traces: Sequence[Trace], path: Path) -> None:
     parquet.write_table(arrow.table(columns).replace_schema_metadata(noted), path, write_page_checksum=True)
 
 
-def read(path: Path) -> list[Table]:
+def read(path: Path) -> list[CutTable]:
     """Read a file as one table.
 
     Raises
@@ -67,10 +67,10 @@ def read(path: Path) -> list[Table]:
     for name, kind in strange:
         raise ValueError(f"column {name!r} holds {kind}, no numbers. Write it as float64.")
     columns = dict(zip(names, values, strict=True))
-    cut = columns.pop(CUT, None)
+    cut = columns.pop(CUT_COLUMN, None)
     facts = _facts(notes)
     return [
-        Table(
+        CutTable(
             headers=tuple(columns),
             values=tuple(columns.values()),
             cut=cut,
@@ -96,7 +96,7 @@ def _by_cut(facts: Any, name: str, checked: Any) -> dict[int, Any]:
     found = {}
     for number, fact in as_mapping(name, facts.get(name, {})).items():
         if not (number.isascii() and number.isdigit() and len(number) < 10):
-            raise ValueError(f"{name} names cut {shown(number)}, which is no number. Save the record again.")
+            raise ValueError(f"{name} names cut {shortened(number)}, which is no number. Save the record again.")
         found[int(number)] = checked(f"{name} {number}", fact)
     return found
 
@@ -107,4 +107,4 @@ def _numbers(column: Any) -> NDArray[np.float64]:
 
 
 def _libraries() -> tuple[Any, Any]:
-    return library("pyarrow", "pyarrow", "Parquet"), library("pyarrow.parquet", "pyarrow", "Parquet")
+    return optional_import("pyarrow", "pyarrow", "Parquet"), optional_import("pyarrow.parquet", "pyarrow", "Parquet")

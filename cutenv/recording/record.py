@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from cutenv.measurement import flaws
+from cutenv.measurement import quality_issues
+from cutenv.recording.column_map import MAP_FILE, ColumnMap
 from cutenv.recording.csv_file import is_own
-from cutenv.recording.cuts import STANDARD, CutSearch, FoundCut
-from cutenv.recording.dialect import read_table
-from cutenv.recording.errors import RecordError
+from cutenv.recording.csv_sniffer import sniff_table
+from cutenv.recording.cut_detection import STANDARD, CutSearch, FoundCut
 from cutenv.recording.files import load
-from cutenv.recording.foreign import Imported, how_to_map, load_foreign
-from cutenv.recording.mapping import MAP_FILE, ColumnMap
+from cutenv.recording.importers import Imported, how_to_map, load_foreign
+from cutenv.recording.record_errors import RecordError
 
 _NAMED_INSIDE = (".parquet", ".h5", ".hdf5")  # formats that need no mapping
 
@@ -23,8 +23,8 @@ def read_record(
     """Read the cuts of a file that this package or another program wrote, and check them.
 
     A file whose headers name quantity and unit (:func:`cutenv.recording.load`) needs no mapping; its cuts are used as
-    they are. Any other text file is read by :func:`cutenv.recording.foreign.load_foreign`, through `mapping` or the one
-    saved beside it.
+    they are. Any other text file is read by :func:`cutenv.recording.importers.load_foreign`, through `mapping` or the
+    one saved beside it.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def read_record(
         if (path.parent / MAP_FILE).is_file():
             return load_foreign(path, search=search)
         try:
-            table = read_table(path)
+            table = sniff_table(path)
         except RecordError:  # no table of numbers either
             raise error from None
         cure = f"Or, if another program wrote it, leave it as it is and name its columns: {how_to_map(table)}"
@@ -75,6 +75,6 @@ def read_record(
         tared=traces,
         cuts=tuple((FoundCut(start=0, stop=len(trace)),) for trace in traces),
         traces=traces,
-        flaws=tuple(flaws(trace) for trace in traces),
+        flaws=tuple(quality_issues(trace) for trace in traces),
         notes=(f"{path.name}: {len(traces)} cut{'' if len(traces) == 1 else 's'}, as recorded.",),
     )

@@ -23,7 +23,7 @@ def check_schema(text: str) -> None:
     """
     found = re.fullmatch(rf"{_NAME}/([0-9]{{1,9}})", text)
     if not found:
-        raise ValueError(f"its schema is {shown(text)}, not {SCHEMA!r}. Save the record again with cutenv.")
+        raise ValueError(f"its schema is {shortened(text)}, not {SCHEMA!r}. Save the record again with cutenv.")
     if int(found[1]) > int(_VERSION):
         raise ValueError(
             f"its schema is {text!r}, newer than this cutenv, which reads up to {SCHEMA!r}: pip install -U cutenv"
@@ -49,7 +49,9 @@ def from_json(what: str, text: str | bytes) -> Any:
         plain = text.encode() if isinstance(text, str) else text  # text that HDF5 could not decode fails here
         return json.loads(plain.decode(), parse_constant=_no_constant)
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"{what} is not JSON ({error}): {shown(text)}. Mend it or save the record again.") from None
+        raise ValueError(
+            f"{what} is not JSON ({error}): {shortened(text)}. Mend it or save the record again."
+        ) from None
 
 
 def mapping_from_json(what: str, text: str | bytes) -> Mapping[str, Any]:
@@ -60,18 +62,18 @@ def mapping_from_json(what: str, text: str | bytes) -> Mapping[str, Any]:
 def as_mapping(what: str, value: object) -> Mapping[str, Any]:
     """Return a value from JSON if it is an object; raise ValueError otherwise."""
     if not isinstance(value, dict):
-        raise ValueError(f'{what} is {shown(value)}. Write names and values: {{"rig": "bench 2"}}.')
+        raise ValueError(f'{what} is {shortened(value)}. Write names and values: {{"rig": "bench 2"}}.')
     return value
 
 
 def as_names(what: str, value: object) -> tuple[str, ...]:
     """Return a value from JSON if it is a list of names; raise ValueError otherwise."""
     if not (isinstance(value, list) and all(isinstance(name, str) for name in value)):
-        raise ValueError(f"{what} is {shown(value)}. Save the record again.")
+        raise ValueError(f"{what} is {shortened(value)}. Save the record again.")
     return tuple(value)
 
 
-def shown(value: object) -> str:
+def shortened(value: object) -> str:
     """Return a value for a message, shortened."""
     text = ascii(value)
     return text if len(text) <= 60 else f"{text[:57]}..."

@@ -9,24 +9,22 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
 from cutenv.recording.columns import AXES, UNITS, Column, header_of, parse_header
 from cutenv.trace import Trace, limits
 
-Array = NDArray[np.float64]
-
-CUT = "cut"
+CUT_COLUMN = "cut"
 """Name of the column with the number of the cut."""
 
-ALONG = "force_along_cut"
+ALONG_KEY = "force_along_cut"
 """Key in the metadata: computation of the force along the cut from its components, one of :data:`ALONG_CUT`."""
 
 ALONG_CUT = ("norm", "x", "y", "z", "-x", "-y", "-z")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table:
+class CutTable:
     """Columns of equal length, a row for each reading, one cut after the other.
 
     Attributes
@@ -67,7 +65,7 @@ def row_from_0(row: int) -> str:
     return f"row {row} (the first is 0)"
 
 
-def table_of(traces: Sequence[Trace]) -> Table:
+def table_of(traces: Sequence[Trace]) -> CutTable:
     """Make one table of some traces, with the columns that any of them holds, NaN where one of them does not."""
     headers_of = [tuple(header_of(name, trace.force_unit) for name in trace.known) for trace in traces]
     any_of = dict.fromkeys(itertools.chain.from_iterable(headers_of))
@@ -88,7 +86,7 @@ def table_of(traces: Sequence[Trace]) -> Table:
         for header in headers
     ]
     alike = all(trace.metadata == traces[0].metadata for trace in traces)
-    return Table(
+    return CutTable(
         headers=headers,
         values=tuple(columns),
         cut=np.repeat(np.arange(float(len(traces))), [len(trace) for trace in traces]) if len(traces) > 1 else None,
@@ -108,7 +106,7 @@ def parsed_headers(names: Sequence[str]) -> list[Column | None]:
     ValueError
         If a name is unknown or repeated, or time or force is missing.
     """
-    columns = [None if name == CUT else parse_header(name) for name in names]
+    columns = [None if name == CUT_COLUMN else parse_header(name) for name in names]
     for said, count in Counter(map(_said, columns)).items():
         if count > 1:
             twins = [repr(name) for name, column in zip(names, columns, strict=True) if _said(column) == said]
@@ -120,7 +118,7 @@ def parsed_headers(names: Sequence[str]) -> list[Column | None]:
     return columns
 
 
-def traces_of(table: Table, force: str | None = None) -> list[Trace]:
+def traces_of(table: CutTable, force: str | None = None) -> list[Trace]:
     """Make a trace of every cut in a table.
 
     Parameters
@@ -153,7 +151,7 @@ def traces_of(table: Table, force: str | None = None) -> list[Trace]:
     for number, rows in blocks:
         metadata = {**table.shared, **table.own.get(number, {})}
         if labelled and not table.native:
-            metadata.setdefault(CUT, number)
+            metadata.setdefault(CUT_COLUMN, number)
         holds = table.held.get(number, table.headers)
         if unknown_names := [name for name in holds if name not in table.headers]:
             raise ValueError(f"cut {number} is said to hold {unknown_names[0]!r}, which is no column. Save it again.")
@@ -176,7 +174,7 @@ def traces_of(table: Table, force: str | None = None) -> list[Trace]:
 class _Where:
     """Map from an instant of a cut to its place in the file."""
 
-    table: Table
+    table: CutTable
     rows: slice
     cut: str
 
@@ -184,7 +182,7 @@ class _Where:
         return f"{self.cut}{self.table.place(self.rows.start + instant)}"
 
 
-def _blocks(table: Table) -> list[tuple[int, slice]]:
+def _blocks(table: CutTable) -> list[tuple[int, slice]]:
     """Return number and rows of each cut."""
     n = len(table.values[0])
     if table.cut is None:
@@ -232,9 +230,9 @@ def _trace(
         raise ValueError("it has a force in newtons and one without a unit. Keep one of them.")
     force_unit = "1" if units == {"1"} else "N"
     if components and (force is not None or "force" not in fields):
-        chosen = force if force is not None else metadata.get(ALONG, "norm")
+        chosen = force if force is not None else metadata.get(ALONG_KEY, "norm")
         fields["force"] = _along_cut(components, chosen)
-        metadata[ALONG] = chosen
+        metadata[ALONG_KEY] = chosen
     elif force is not None:
         raise ValueError(f"force={force!r} asks for components of the force, of which it holds none. Leave force= out.")
     try:
@@ -252,7 +250,7 @@ def _along_cut(components: Mapping[str, Array], chosen: object) -> Array:
     """Return the force along the cut from components, as chosen."""
     axes = [axis for axis in AXES if axis in components]
     if chosen not in ALONG_CUT:
-        raise ValueError(f"{ALONG} is {chosen!r}; it must be one of {', '.join(ALONG_CUT)}.")
+        raise ValueError(f"{ALONG_KEY} is {chosen!r}; it must be one of {', '.join(ALONG_CUT)}.")
     listed = " and ".join(f"force_{axis}" for axis in axes)
     if chosen == "norm":
         if len(axes) == 1:
@@ -286,4 +284,4 @@ def _check_time(time: Array, where: _Where) -> None:
 
 def _said(column: Column | None) -> tuple[str | None, ...]:
     """Return the quantity of a column, in whatever unit, for comparison."""
-    return (column.field, column.axis, column.force_unit) if column else (CUT,)
+    return (column.field, column.axis, column.force_unit) if column else (CUT_COLUMN,)

@@ -16,24 +16,24 @@ from cutenv.measurement import LeftOutCut, MeasuredCut, estimate_local_effective
 from cutenv.report.calibration_figures import overlay_figure, resistance_figure, speed_figure
 from cutenv.report.page import (
     Html,
+    PageSection,
     Row,
-    Section,
     definitions,
     element,
     escaped,
     folded,
+    html_table,
     joined,
     number,
     page,
     paragraph,
     picture,
-    table,
     write_page,
 )
 from cutenv.tissue import CutModel, TissueDescription
-from cutenv.tissue.evidence import Calibration
+from cutenv.tissue.parameter_provenance import TissueCalibration
 
-SCHEMA = "cutenv-calibration-card/1"
+VALIDATION_SCHEMA = "cutenv-calibration-card/1"
 _OVERLAID = 4  # cuts whose prediction is drawn
 _DISPLAYED = {"Pa": (1e-3, "kPa"), "Pa s/m": (1e-5, "kPa s/cm"), "m": (1e3, "mm"), "m/s": (1e2, "cm/s")}
 """Factor and unit for display, by SI unit."""
@@ -70,7 +70,7 @@ class ValidationCard:
         object.__setattr__(self, "left_out", leave_one_out(self.cuts, self.model))
 
     @property
-    def calibration(self) -> Calibration:
+    def calibration(self) -> TissueCalibration:
         """Data and methods behind the tissue."""
         assert self.tissue.calibration is not None, "refused above"
         return self.tissue.calibration
@@ -89,7 +89,7 @@ class ValidationCard:
         """Return the card's content as JSON text; units are in the names."""
         errors = {source: self.median_error(source) for source in ("own_rmse", "same_rmse", "other_rmse")}
         content: dict[str, Any] = {
-            "schema": SCHEMA,
+            "schema": VALIDATION_SCHEMA,
             "tissue": json.loads(self.tissue.to_json()),
             "median_prediction_error": {
                 source: None if pair is None else {"rmse_N": pair[0], "percent_of_peak": pair[1]}
@@ -157,12 +157,12 @@ def write_validation_card(path: Path, card: ValidationCard) -> Path:
         If matplotlib is not installed; the message gives the command that installs it.
     """
     sections = [
-        Section("tissue", "The tissue in numbers", _numbers(card)),
-        Section("prediction", "Predicted and measured force", _prediction(card)),
-        Section("speed", "Modulus against speed and angle", _speed(card)),
-        Section("resistance", "Fracture resistance against length", _resistance(card)),
-        Section("cuts", "Every cut", _cuts(card)),
-        Section("notes", "What a user must know", _notes(card)),
+        PageSection("tissue", "The tissue in numbers", _numbers(card)),
+        PageSection("prediction", "Predicted and measured force", _prediction(card)),
+        PageSection("speed", "Modulus against speed and angle", _speed(card)),
+        PageSection("resistance", "Fracture resistance against length", _resistance(card)),
+        PageSection("cuts", "Every cut", _cuts(card)),
+        PageSection("notes", "What a user must know", _notes(card)),
     ]
     facts = card.calibration
     subtitle = (
@@ -175,7 +175,7 @@ def write_validation_card(path: Path, card: ValidationCard) -> Path:
     return data
 
 
-def headline(card: ValidationCard) -> str:
+def calibration_headline(card: ValidationCard) -> str:
     """Return a sentence or two on how well cuts are predicted that were left out."""
     same, other, own = (card.median_error(source) for source in ("same_rmse", "other_rmse", "own_rmse"))
     parts = []
@@ -209,7 +209,7 @@ def _lead(card: ValidationCard) -> Html:
     kind = "open" if missing else "good"
     return Html(
         f'<div class="verdict {kind}">\n{paragraph("How well it predicts", "word")}\n'
-        f"{paragraph(headline(card), 'headline')}\n{paragraph(told)}</div>"
+        f"{paragraph(calibration_headline(card), 'headline')}\n{paragraph(told)}</div>"
     )
 
 
@@ -237,7 +237,7 @@ def _numbers(card: ValidationCard) -> Html:
             )
         )
     heads = [escaped(text) for text in ("", "value", "unit", "95 % interval", "provenance", "how")]
-    return table("Values, their bootstrap intervals over cuts, and their sources", heads, rows)
+    return html_table("Values, their bootstrap intervals over cuts, and their sources", heads, rows)
 
 
 def _shown(value: float) -> str:
@@ -264,7 +264,7 @@ def _prediction(card: ValidationCard) -> Html:
             "The measured displacement of the blade goes into the finite-element model with the average modulus of "
             "other cuts (thesis, section 7.4). Each ramp starts where the measured one does: its rise is predicted."
         ),
-        table("Error of the predicted force on the loading ramps, median over the cuts", heads, rows),
+        html_table("Error of the predicted force on the loading ramps, median over the cuts", heads, rows),
     ]
     shown = card.shown()
     if shown:
@@ -315,7 +315,7 @@ def _cuts(card: ValidationCard) -> Html:
             str(row["segments"]), *kilo, *rest, number(row["cut_length_cm"], 1),
         ]  # fmt: skip
         rows.append(Row([escaped(cell) for cell in cells]))
-    return folded(_count(len(card.cuts), "cut") + ", one row each", table("Every cut", heads, rows))
+    return folded(_count(len(card.cuts), "cut") + ", one row each", html_table("Every cut", heads, rows))
 
 
 def _notes(card: ValidationCard) -> Html:

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv.atomic import replacing
-from cutenv.cutting.records import Records
+from cutenv._base.arrays import Array, StructArray
+from cutenv._base.atomic_file import atomic_write
 from cutenv.report.page import label, new_figure
 from cutenv.tissue.specimen import SPACING
 
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 _TISSUE, _RUN, _FORCE, _TARGET, _ANGLE = "#f2d3c9", "#d55e00", "#0072b2", "#009e73", "#8a3ffc"
 _TOLERANCE_MM = 3.0
@@ -28,7 +26,7 @@ _WIDE, _PHONE = 9.0, 6.0  # [in] width as a file; below the second one the figur
 
 def draw_cut(
     path: Path,
-    readings: Records,
+    readings: StructArray,
     depth: Array,
     *,
     target_length: float,
@@ -42,7 +40,7 @@ def draw_cut(
     path : Path
         Path of the picture; its suffix gives the format (.png).
     readings : Records
-        The whole cut at 1 kHz, :data:`cutenv.cutting.records.READING`, shape (n,); hidden tip included.
+        The whole cut at 1 kHz, :data:`cutenv.cutting.dtypes.READING`, shape (n,); hidden tip included.
     depth : array, shape (301,)
         Depth of cut along the line [m].
     target_length : float
@@ -60,19 +58,19 @@ def draw_cut(
     figure = cut_figure(
         readings, depth, target_length=target_length, force_limit_per_depth=force_limit_per_depth, title=title
     )
-    with replacing(path) as part:
+    with atomic_write(path) as part:
         figure.savefig(part, dpi=130)
 
 
 def cut_figure(
-    readings: Records,
+    readings: StructArray,
     depth: Array,
     *,
     target_length: float,
     force_limit_per_depth: float,
     title: str = "",
     width: float = _WIDE,
-    beside: Sequence[Records] = (),
+    beside: Sequence[StructArray] = (),
 ) -> Figure:
     """Draw one cut above its force trace, speed and angle; parameters as :func:`draw_cut`, and two more.
 
@@ -116,7 +114,7 @@ def thinned(x: Array, y: Array, points: int = _POINTS) -> tuple[Array, Array]:
     return x[kept], y[kept]
 
 
-def _set_scales(trace: Axes, motion: Axes, cuts: Sequence[Records], target_mm: float) -> None:
+def _set_scales(trace: Axes, motion: Axes, cuts: Sequence[StructArray], target_mm: float) -> None:
     """Set the axes to cover all of the cuts."""
     low, high = _extremes(cuts, "force")
     trace.set_ylim(min(-0.5, 1.1 * low), 1.25 * high + 0.2)
@@ -126,12 +124,12 @@ def _set_scales(trace: Axes, motion: Axes, cuts: Sequence[Records], target_mm: f
     motion.set_xlim(-2.0, max(target_mm, 1e3 * _extremes(cuts, "position")[1]) + 8.0)
 
 
-def _extremes(cuts: Sequence[Records], name: str) -> tuple[float, float]:
+def _extremes(cuts: Sequence[StructArray], name: str) -> tuple[float, float]:
     """Return the least and greatest reading of a field over some cuts."""
     return min(float(cut[name].min()) for cut in cuts), max(float(cut[name].max()) for cut in cuts)
 
 
-def _draw_force(axes: Axes, readings: Records, depth: Array, force_limit_per_depth: float) -> None:
+def _draw_force(axes: Axes, readings: StructArray, depth: Array, force_limit_per_depth: float) -> None:
     """Draw the force over the blade's position, below the force at which the cut would be ended."""
     axes.plot(
         *thinned(1e3 * readings["position"], readings["force"]), color=_FORCE, linewidth=0.8, label="measured force"
@@ -142,7 +140,7 @@ def _draw_force(axes: Axes, readings: Records, depth: Array, force_limit_per_dep
     axes.legend(loc="upper left", framealpha=0.85, edgecolor="none", borderpad=0.1)
 
 
-def _draw_motion(axes: Axes, readings: Records) -> None:
+def _draw_motion(axes: Axes, readings: StructArray) -> None:
     """Draw speed and angle over the blade's position."""
     blade_mm = 1e3 * readings["position"]
     axes.plot(*thinned(blade_mm, 100.0 * readings["speed"]), color="black", linewidth=0.8)
@@ -153,7 +151,7 @@ def _draw_motion(axes: Axes, readings: Records) -> None:
     angle.set_ylim(40, 95)
 
 
-def _draw_side(axes: Axes, readings: Records, depth: Array) -> None:
+def _draw_side(axes: Axes, readings: StructArray, depth: Array) -> None:
     """Draw the slab from the side: the cut, its uncontrolled parts, and the end position of the blade."""
     along_mm = 1e3 * np.arange(len(depth)) * SPACING
     depth_mm = 1e3 * depth

@@ -7,17 +7,17 @@ import math
 
 from cutenv.task.assessment import FORCE_ALLOWED, LAG_ALLOWED, TIP_ERROR_CAP
 from cutenv.task.weights import RewardWeights
-from cutenv.terms import ANGLE_TOLERANCE, TIP_TOLERANCE
+from cutenv.task_quantities import ANGLE_TOLERANCE, TIP_TOLERANCE
 
 _WEIGHTS = RewardWeights()
 _IDLE_COST = _WEIGHTS.time + TIP_ERROR_CAP * _WEIGHTS.tip_error  # the whole time, and the largest tip error
 
-TERMS = {
+TERM_MEANINGS = {
     "progress": "progress",
     **{weight.name: weight.metadata["title"] for weight in dataclasses.fields(RewardWeights)},
     "safety": "ended for safety",
 }
-"""Title of each of :data:`cutenv.task.records.TERMS`."""
+"""Title of each of :data:`cutenv.task.episode_dtypes.TERMS`."""
 
 MEANINGS = (
     (

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.atomic import replacing
+from cutenv._base.atomic_file import atomic_write
 from cutenv.report.page import label, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Answer = tuple[str, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+StepResponse = tuple[str, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 """Response of an axis: name, time [s], measured and modelled position [m], each of shape (n,)."""
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#8a3ffc", "#e69f00")
@@ -24,7 +24,9 @@ _HEIGHT = 0.85  # height of a response over the distance to the next
 _LEAST = 1e-6  # [m]
 
 
-def draw_identification(path: Path, steps: Sequence[Answer], sines: Sequence[Answer], *, title: str = "") -> None:
+def draw_identification(
+    path: Path, steps: Sequence[StepResponse], sines: Sequence[StepResponse], *, title: str = ""
+) -> None:
     """Write a figure: above, measured responses as dots over the model's lines; below, the model's errors.
 
     Parameters
@@ -54,11 +56,11 @@ def draw_identification(path: Path, steps: Sequence[Answer], sines: Sequence[Ans
     rows[0][0].legend(fontsize=8, frameon=False, loc="upper left")
     if title:
         figure.suptitle(label(title), fontsize=11)
-    with replacing(path) as part:
+    with atomic_write(path) as part:
         figure.savefig(part, dpi=130)
 
 
-def _draw(above: Axes, below: Axes, answers: Sequence[Answer]) -> None:
+def _draw(above: Axes, below: Axes, answers: Sequence[StepResponse]) -> None:
     for number, (_, time, measured, model) in enumerate(answers):
         colour = _COLOURS[number % len(_COLOURS)]
         span = max(float(np.ptp(measured)), _LEAST)  # each over its own range, one above the other

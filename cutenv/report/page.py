@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NewType
 
-from cutenv.atomic import replacing
+from cutenv._base.atomic_file import atomic_write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,7 +25,7 @@ _NARROW_SCREEN = "(max-width: 700px)"
 
 
 @dataclass(frozen=True)
-class Section:
+class PageSection:
     """Section of a page: the name for links to it, its heading and its content."""
 
     key: str
@@ -70,13 +70,13 @@ def number(value: float, digits: int) -> str:
     return shown.replace("-", "\u2212")
 
 
-def estimate(mean: float, low: float, high: float, digits: int) -> Html:
+def estimate_text(mean: float, low: float, high: float, digits: int) -> Html:
     """Return a mean with its interval in small type."""
     interval = f"[{number(low, digits)}, {number(high, digits)}]"
     return Html(f'{number(mean, digits)} <span class="interval">{interval}</span>')
 
 
-def table(caption: str, headings: Sequence[Html], rows: Sequence[Row], kind: str = "") -> Html:
+def html_table(caption: str, headings: Sequence[Html], rows: Sequence[Row], kind: str = "") -> Html:
     """Return a table that scrolls sideways if the screen is too narrow for it.
 
     Parameters
@@ -179,7 +179,7 @@ def _size(figure: Figure) -> str:
     return f'width="{width:.0f}" height="{height:.0f}"'
 
 
-def page(title: str, subtitle: str, lead: Html, sections: Sequence[Section]) -> Html:
+def page(title: str, subtitle: str, lead: Html, sections: Sequence[PageSection]) -> Html:
     """Return a whole document, which forbids the browser to load anything else.
 
     Parameters
@@ -211,7 +211,7 @@ def page(title: str, subtitle: str, lead: Html, sections: Sequence[Section]) -> 
 
 def write_page(path: Path, document: Html) -> None:
     """Write a document as a whole or not at all."""
-    with replacing(path) as part:
+    with atomic_write(path) as part:
         part.write_text(document, encoding="utf-8", newline="\n")
 
 

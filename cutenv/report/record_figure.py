@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutenv.atomic import replacing
-from cutenv.measurement import Flaw
+from cutenv._base.atomic_file import atomic_write
+from cutenv.measurement import QualityIssue
 from cutenv.report.cut_figure import thinned
 from cutenv.report.page import label, new_figure
 from cutenv.trace import Trace
@@ -31,7 +31,7 @@ def draw_record(
     tared: Trace | None = None,
     quiet: slice | None = None,
     cuts: Sequence[slice] = (),
-    flaws: Sequence[Sequence[Flaw]] = (),
+    flaws: Sequence[Sequence[QualityIssue]] = (),
     title: str = "",
 ) -> None:
     """Write a picture of a whole record with the cuts and the flaws that were found in it.
@@ -61,7 +61,7 @@ def draw_record(
         If matplotlib is not installed; the message gives the command that installs it.
     """
     figure = record_figure(record, tared=tared, quiet=quiet, cuts=cuts, flaws=flaws, title=title)
-    with replacing(path) as part:
+    with atomic_write(path) as part:
         figure.savefig(part, dpi=130)
 
 
@@ -71,7 +71,7 @@ def record_figure(
     tared: Trace | None = None,
     quiet: slice | None = None,
     cuts: Sequence[slice] = (),
-    flaws: Sequence[Sequence[Flaw]] = (),
+    flaws: Sequence[Sequence[QualityIssue]] = (),
     title: str = "",
 ) -> Figure:
     """Draw the figure of :func:`draw_record`: force over time, and position below it if known."""
@@ -147,7 +147,7 @@ def _number_cuts(axes: Axes, record: Trace, cuts: Sequence[slice]) -> None:
         )
 
 
-def _mark_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[Flaw]) -> None:
+def _mark_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[QualityIssue]) -> None:
     narrowest = _NARROWEST * record.duration
     for flaw in found:
         first, last = (float(record.time[part][row]) for row in flaw.rows)
@@ -163,7 +163,7 @@ def _mark_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[Flaw]) -
         )
 
 
-def _name_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[Flaw]) -> None:
+def _name_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[QualityIssue]) -> None:
     """Label kinds of flaws at the foot of the picture, one above the other where they would overlap."""
     for number, flaw in enumerate(found):
         first, last = (float(record.time[part][row]) for row in flaw.rows)

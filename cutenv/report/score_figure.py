@@ -6,20 +6,19 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
 from cutenv.measurement import loading_segments
 from cutenv.measurement.strokes import blade_speed
 from cutenv.report.page import label, new_figure
 from cutenv.scoring import ScoreCard
-from cutenv.terms import FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
+from cutenv.task_quantities import FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
 from cutenv.trace import Trace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 _FORCE, _RAMP, _FAULT, _LIMIT, _TARGET, _SPEED, _ANGLE = (
     "0.55", "#0072b2", "#d55e00", "#b00020", "#009e73", "#0072b2", "#8a3ffc",

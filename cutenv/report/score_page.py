@@ -8,24 +8,24 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from cutenv.atomic import replacing
+from cutenv._base.atomic_file import atomic_write
 from cutenv.report.page import (
     Html,
+    PageSection,
     Row,
-    Section,
     definitions,
     element,
     escaped,
+    html_table,
     number,
     page,
     paragraph,
     picture,
-    table,
     write_page,
 )
 from cutenv.report.score_figure import score_figure
 from cutenv.scoring import METRICS, ScoreCard
-from cutenv.scoring.card import DISCLAIMER
+from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.trace import Trace
 
 _HANDY = {"m": (1e3, "mm")}
@@ -65,10 +65,10 @@ def write_score_page(path: Path, scored: ScoredRecord) -> Path:
     """
     card = scored.card
     sections = [
-        Section("cut", "The cut", _drawing(scored)),
-        Section("next", "What to try next", _advice(card)),
-        Section("metrics", "Every metric", _metrics(card)),
-        Section("meaning", "What the metrics mean", _meaning(card)),
+        PageSection("cut", "The cut", _drawing(scored)),
+        PageSection("next", "What to try next", _advice(card)),
+        PageSection("metrics", "Every metric", _metrics(card)),
+        PageSection("meaning", "What the metrics mean", _meaning(card)),
     ]
     kind = "open" if card.overall_score is None else ("good" if card.overall_score >= 50.0 else "bad")
     if kind == "good" and _SPOILS & {fault.kind for fault in card.faults}:
@@ -92,7 +92,7 @@ def write_summary(folder: Path, records: Sequence[tuple[ScoredRecord, str]]) -> 
     """
     columns = [name for name in METRICS if any(r.card.metrics[name].value is not None for r, _ in records)]
     data = folder / "scores.csv"
-    with replacing(data) as part, part.open("w", newline="", encoding="utf-8") as file:
+    with atomic_write(data) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         units = [_column(name, records[0][0].card) for name in columns]
         writer.writerow(["name", "overall_score", "tip_source", *units, "faults"])
@@ -119,7 +119,7 @@ def write_summary(folder: Path, records: Sequence[tuple[ScoredRecord, str]]) -> 
         rows.append(Row([link, *(escaped(cell) for cell in shown), faults]))
     target = folder / "summary.html"
     lead = Html(f'<div class="verdict open">{paragraph(DISCLAIMER)}</div>')
-    sections = [Section("cuts", "Every cut", table("One row a cut", heads, rows))]
+    sections = [PageSection("cuts", "Every cut", html_table("One row a cut", heads, rows))]
     write_page(target, page(f"{len(records)} scored cuts", records[0][0].card.reference, lead, sections))
     return data, target
 
@@ -184,7 +184,7 @@ def _metrics(card: ScoreCard) -> Html:
             escaped("" if weight is None else number(weight, 2)),
         ]
         rows.append(Row([title, *cells], "own" if weight is not None else ""))
-    return table("Metrics of the cut; those with a weight make the score", heads, rows)
+    return html_table("Metrics of the cut; those with a weight make the score", heads, rows)
 
 
 def _bar(percentile: float | None) -> Html:

@@ -10,33 +10,33 @@ import numpy as np
 
 from cutenv.report.page import (
     Html,
+    PageSection,
     Row,
-    Section,
     definitions,
     element,
     escaped,
     folded,
+    html_table,
     joined,
     number,
     page,
     paragraph,
     picture,
-    table,
     write_page,
 )
 from cutenv.report.study_figures import groups_figure, learning_figure, reliability_figure, typeset
 from cutenv.report.study_table import correlation, cuts_needed, spread, three_digits, write_cards
 from cutenv.scoring import METRICS
-from cutenv.scoring.card import DISCLAIMER
+from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import (
     Estimate,
     Findings,
     Intraclass,
     LearningCurve,
+    NotEstimable,
     OneWay,
     Separation,
     Study,
-    Untold,
 )
 
 _BETTER = {"lower": "less is better", "higher": "more is better", "none": "neither way is better"}
@@ -62,13 +62,13 @@ def write_study(path: Path, study: Study) -> Path:
     ImportError
         If matplotlib is not installed; the message gives the command that installs it.
     """
-    sections = [Section("metrics", f"Metrics of these {study.who}s", _metrics(study))]
+    sections = [PageSection("metrics", f"Metrics of these {study.who}s", _metrics(study))]
     if study.groups is not None:
-        sections.append(Section("groups", "Separation of the groups", _groups(study)))
+        sections.append(PageSection("groups", "Separation of the groups", _groups(study)))
     sections += [
-        Section("reliability", "Reliability", _reliability(study)),
-        Section("learning", f"Cut by cut, {study.who} by {study.who}", _learning(study)),
-        Section("meaning", "What the numbers mean", _meaning(study)),
+        PageSection("reliability", "Reliability", _reliability(study)),
+        PageSection("learning", f"Cut by cut, {study.who} by {study.who}", _learning(study)),
+        PageSection("meaning", "What the numbers mean", _meaning(study)),
     ]
     cuts, people = len(study.cuts), len(study.operators)
     groups = [group for group in dict.fromkeys(study.group_of.values()) if group]
@@ -80,7 +80,7 @@ def write_study(path: Path, study: Study) -> Path:
     return cards
 
 
-def headline(study: Study) -> str:
+def study_headline(study: Study) -> str:
     """Return the result for these people in a sentence or two, including what is open."""
     said = []
     separated = [each for each in study.findings if isinstance(each.separation, Separation)]
@@ -109,7 +109,8 @@ def headline(study: Study) -> str:
 
 def _lead(study: Study) -> Html:
     return Html(
-        f'<div class="verdict open">\n{paragraph("For research", "word")}\n{paragraph(headline(study), "headline")}\n'
+        f'<div class="verdict '
+        f'open">\n{paragraph("For research", "word")}\n{paragraph(study_headline(study), "headline")}\n'
         f"{paragraph(DISCLAIMER + ' Several metrics are looked at, and no interval is widened for that.')}</div>"
     )
 
@@ -132,7 +133,9 @@ def _metrics(study: Study) -> Html:
         ]
         rows.append(Row([_named(found), *(escaped(cell) for cell in cells)]))
     return joined(
-        table(f"Means over {study.who}s, each counting the same; and spread", [escaped(head) for head in heads], rows),
+        html_table(
+            f"Means over {study.who}s, each counting the same; and spread", [escaped(head) for head in heads], rows
+        ),
         element("ul", Html("\n".join(f"<li>{escaped(note)}</li>" for note in study.notes)))
         if study.notes
         else Html(""),
@@ -144,7 +147,7 @@ def _groups(study: Study) -> Html:
     first, second = study.groups
     rows = []
     for found in study.findings:
-        if isinstance(found.separation, Untold):
+        if isinstance(found.separation, NotEstimable):
             cells = [_said(found.separation.reason), escaped("")]
         else:
             cells = [_cell(found.separation.superiority, 2), _cell(found.separation.difference, 2)]
@@ -157,7 +160,7 @@ def _groups(study: Study) -> Html:
             f"over cuts would be too narrow. P is the probability that one of group {first} has a larger mean than one "
             f"of group {second}: 0.5 is no separation, 0 and 1 are full. In marked rows the interval excludes 0.5."
         ),
-        table(f"{first} against {second}, 95 % intervals", heads, rows),
+        html_table(f"{first} against {second}, 95 % intervals", heads, rows),
         picture(
             partial(groups_figure, study),
             f"Means of {study.who}s by group, a panel for each metric",
@@ -172,7 +175,7 @@ def _reliability(study: Study) -> Html:
     heads += ["sessions, agreement", "sessions, consistency"] if retest else []
     rows = []
     for found in study.findings:
-        if isinstance(found.reliability, Untold):
+        if isinstance(found.reliability, NotEstimable):
             cells = [_said(found.reliability.reason), escaped(""), escaped("")]
         else:
             told = found.reliability
@@ -180,7 +183,7 @@ def _reliability(study: Study) -> Html:
         if retest and isinstance(found.retest, Intraclass):
             cells += [_correlation(found.retest.agreement), _correlation(found.retest.consistency)]
         elif retest:
-            assert isinstance(found.retest, Untold)
+            assert isinstance(found.retest, NotEstimable)
             cells += [_said(found.retest.reason), escaped("")]
         rows.append(Row([_named(found), *cells]))
     parts = [
@@ -191,7 +194,7 @@ def _reliability(study: Study) -> Html:
             + " Groups that differ add to it: within one group it is less."
             * (study.groups is not None)
         ),
-        table("Intraclass correlations, 95 % intervals", [escaped(head) for head in heads], rows),
+        html_table("Intraclass correlations, 95 % intervals", [escaped(head) for head in heads], rows),
     ]
     if any(isinstance(found.reliability, OneWay) for found in study.findings):
         parts.append(
@@ -247,20 +250,20 @@ def _people(study: Study, found: Findings) -> Html:
         ]
         rows.append(Row([escaped(operator), *(escaped(cell) for cell in cells)]))
     caption = "Reached, left: number of the cut at which the sums signal that the target is reached, or left again"
-    return table(f"{_spoken(found.metric)}{_in_unit(found)}. {caption}", [escaped(head) for head in heads], rows)
+    return html_table(f"{_spoken(found.metric)}{_in_unit(found)}. {caption}", [escaped(head) for head in heads], rows)
 
 
 def _caption(found: Findings) -> str:
     target = f"Target {three_digits(found.target)}{_unit(found)} ({found.target_is})"
-    if isinstance(found.cusums, Untold):
+    if isinstance(found.cusums, NotEstimable):
         return f"{target}. No cumulative sums: {found.cusums.reason}."
     reached = sum(each.reached_at is not None for each in found.cusums.values())
     deviation = f"standard deviation of single cuts {three_digits(found.scale)}{_unit(found)}"
     return f"{target}; {deviation}. {reached} of {len(found.cusums)} reach it."
 
 
-def _change(group: str, curve: LearningCurve | Untold, found: Findings) -> str:
-    if isinstance(curve, Untold):
+def _change(group: str, curve: LearningCurve | NotEstimable, found: Findings) -> str:
+    if isinstance(curve, NotEstimable):
         return ""
     change = Estimate(value=float(curve.change[-1]), low=float(curve.change_low[-1]), high=float(curve.change_high[-1]))
     open_ = ", an interval that holds 0" if change.low <= 0.0 <= change.high else ""
@@ -293,7 +296,7 @@ def _meaning(study: Study) -> Html:
     return joined(definitions(entries), paragraph(DISCLAIMER))
 
 
-def _holds(told: Separation | Untold, value: float) -> bool:
+def _holds(told: Separation | NotEstimable, value: float) -> bool:
     return isinstance(told, Separation) and told.superiority.low <= value <= told.superiority.high
 
 

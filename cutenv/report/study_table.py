@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cutenv.atomic import replacing
+from cutenv._base.atomic_file import atomic_write
 from cutenv.report.page import number
-from cutenv.scoring.card import DISCLAIMER
-from cutenv.scoring.study import Estimate, Findings, Intraclass, OneWay, Separation, Study, Untold, numbered
+from cutenv.scoring.score_card import DISCLAIMER
+from cutenv.scoring.study import Estimate, Findings, Intraclass, NotEstimable, OneWay, Separation, Study, numbered
 
 _LONGEST = 1e4  # number of cuts beyond which "how many" is meaningless
 
@@ -29,7 +29,7 @@ def table_lines(study: Study) -> list[str]:
         reliability = found.reliability
         told = (
             reliability.reason
-            if isinstance(reliability, Untold)
+            if isinstance(reliability, NotEstimable)
             else f"{_correlation(reliability.single):21s} {_correlation(reliability.mean):21s} "
             f"{cuts_needed(reliability):>12s}"
         )
@@ -51,7 +51,7 @@ def write_cards(path: Path, study: Study) -> None:
     names = list(study.cuts[0].card.metrics)
     units = {name: study.cuts[0].card.unit(name) for name in names}
     heads = [name if unit == "1" else f"{name}_{_suffix(unit)}" for name, unit in units.items()]
-    with replacing(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+    with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["record", study.who, "group", "session", "number", "force_unit", "tip_source", *heads])
         for place, cut in numbered(study.cuts):
@@ -86,9 +86,9 @@ def cuts_needed(told: OneWay) -> str:
     return "none will do" if math.isinf(cuts) or cuts > _LONGEST else str(max(1, math.ceil(cuts)))
 
 
-def _both(told: Separation | Intraclass | Untold, first: str, second: str) -> str:
+def _both(told: Separation | Intraclass | NotEstimable, first: str, second: str) -> str:
     """Return two estimates beside each other, or the reason why there are none."""
-    if isinstance(told, Untold):
+    if isinstance(told, NotEstimable):
         return told.reason
     shown = _correlation if isinstance(told, Intraclass) else _plain_interval
     return f"{shown(getattr(told, first)):21s} {shown(getattr(told, second))}"

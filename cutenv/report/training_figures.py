@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cutenv.report.page import Html, Row, escaped, label, new_figure, number, table
+from cutenv.report.page import Html, Row, escaped, html_table, label, new_figure, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -146,7 +146,7 @@ def heat_map(grid: Sequence[Mapping[str, Any]]) -> Html:
         Row([escaped(f"{speed:g}"), *(_heat_cell(cells[speed, angle], lowest, best) for angle in angles)])
         for speed in speeds
     ]
-    return table("Return of constant feed at each speed (rows) and blade angle (columns)", headings, rows, "heat")
+    return html_table("Return of constant feed at each speed (rows) and blade angle (columns)", headings, rows, "heat")
 
 
 def _heat_cell(row: Mapping[str, Any], lowest: float, best: float) -> Html:

@@ -7,24 +7,24 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cutenv.cutting.records import Records
+from cutenv._base.arrays import StructArray
 from cutenv.report.cut_figure import cut_figure
-from cutenv.report.glossary import LIMITS, MEANINGS, TERMS
+from cutenv.report.glossary import LIMITS, MEANINGS, TERM_MEANINGS
 from cutenv.report.page import (
     Html,
+    PageSection,
     Row,
-    Section,
     definitions,
     element,
     escaped,
-    estimate,
+    estimate_text,
     folded,
+    html_table,
     joined,
     number,
     page,
     paragraph,
     picture,
-    table,
     write_page,
 )
 from cutenv.report.training_figures import costs_figure, curve_figure, heat_map, returns_figure
@@ -37,7 +37,7 @@ from cutenv.report.training_result import (
     TrainingResult,
 )
 
-__all__ = ["CutPicture", "TrainingResult", "headline", "write_training_page"]
+__all__ = ["CutPicture", "TrainingResult", "training_headline", "write_training_page"]
 
 _SHOWN_COST = 5e-4  # a smaller one is a bar without length
 
@@ -58,19 +58,19 @@ def write_training_page(path: Path, result: TrainingResult) -> None:
         If matplotlib is not installed; the message gives the command that installs it.
     """
     sections = [
-        Section("comparison", "Agent and scripts", _comparison(result)),
-        Section("differences", "Agent minus each baseline", _differences(result)),
-        Section("costs", "Where the reward goes", _costs(result)),
-        Section("grid", "Constant feed at every speed and angle", _grid(result)),
-        Section("cuts", "A cut above its force trace", _cuts(result)),
-        Section("curve", "Learning curve", _curve(result)),
-        Section("meaning", "What the numbers mean", _meaning()),
-        Section("facts", "Facts of the run", definitions(list(result.facts.items()), "facts")),
+        PageSection("comparison", "Agent and scripts", _comparison(result)),
+        PageSection("differences", "Agent minus each baseline", _differences(result)),
+        PageSection("costs", "Where the reward goes", _costs(result)),
+        PageSection("grid", "Constant feed at every speed and angle", _grid(result)),
+        PageSection("cuts", "A cut above its force trace", _cuts(result)),
+        PageSection("curve", "Learning curve", _curve(result)),
+        PageSection("meaning", "What the numbers mean", _meaning()),
+        PageSection("facts", "Facts of the run", definitions(list(result.facts.items()), "facts")),
     ]
     write_page(path, page(result.title, result.subtitle, _lead(result), sections))
 
 
-def headline(result: TrainingResult) -> tuple[str, str, str]:
+def training_headline(result: TrainingResult) -> tuple[str, str, str]:
     """Return whether the agent beats the best script: a class (good, bad, open), a few words, and sentences.
 
     The paired difference of return decides, and only if its 95 % interval excludes 0.
@@ -112,7 +112,7 @@ def _left(result: TrainingResult) -> str:
 
 
 def _lead(result: TrainingResult) -> Html:
-    kind, word, sentences = headline(result)
+    kind, word, sentences = training_headline(result)
     return Html(
         f'<div class="verdict {kind}">\n{paragraph(word, "word")}\n{paragraph(sentences, "headline")}\n'
         f"{_stronger_scripts(result)}</div>"
@@ -146,7 +146,7 @@ def _shown(row: Mapping[str, Any], column: Score) -> Html:
     mean, low, high = (column.factor * row[name] for name in ("mean", "low_95", "high_95"))
     if column.unit == "%":  # a normal interval of a share may reach beyond 0 or 100 %
         low, high = max(low, 0.0), min(high, 100.0)
-    return estimate(mean, low, high, column.digits)
+    return estimate_text(mean, low, high, column.digits)
 
 
 def _comparison(result: TrainingResult) -> Html:
@@ -165,7 +165,7 @@ def _comparison(result: TrainingResult) -> Html:
             "The best return first. The agent is judged on specimens that it has never seen, and every policy cuts the "
             "same ones."
         ),
-        table(
+        html_table(
             f"Means over {cuts:.0f} held-out specimens, with 95 % intervals",
             [Html("policy"), *map(_heading, COLUMNS)],
             rows,
@@ -193,7 +193,7 @@ def _differences(result: TrainingResult) -> Html:
             f"Paired by specimen: what {result.agent} got, less what the baseline got on the same piece of tissue. "
             "Above 0 the agent is better."
         ),
-        table(
+        html_table(
             "Mean paired differences with 95 % intervals",
             [Html("baseline"), *map(_heading, DIFFERENCES), Html("by return, the agent is")],
             rows,
@@ -215,8 +215,8 @@ def _costs(result: TrainingResult) -> Html:
     if not shown:
         return paragraph("No term of the reward was recorded, or no cost was incurred.")
     bars = [[result.bar(policy, f"reward_{term}", -1.0) for term in shown] for policy in policies]
-    names = [TERMS[term] for term in shown]
-    unpaid = [TERMS[term] for term in costs if term not in shown]
+    names = [TERM_MEANINGS[term] for term in shown]
+    unpaid = [TERM_MEANINGS[term] for term in costs if term not in shown]
     caption = "Mean cost of a cut by term of the reward, with 95 % intervals; less is better."
     if unpaid:
         caption += f" No cost was incurred for: {', '.join(unpaid)}."
@@ -237,11 +237,11 @@ def _cost_table(result: TrainingResult, policies: Sequence[str], costs: Sequence
     earned = [term for term in result.terms() if term == "progress"]
     column = Score("", "", "", 1.0, 3)
     rows = [
-        Row([escaped(TERMS[term]), *(_shown(result.score(p, f"reward_{term}"), column) for p in policies)])
+        Row([escaped(TERM_MEANINGS[term]), *(_shown(result.score(p, f"reward_{term}"), column) for p in policies)])
         for term in (*earned, *costs)
     ]
     rows.append(Row([Html("return"), *(_shown(result.score(p, "return"), column) for p in policies)], "total"))
-    return table("Terms of the reward, which add up to the return", [Html("term"), *map(escaped, policies)], rows)
+    return html_table("Terms of the reward, which add up to the return", [Html("term"), *map(escaped, policies)], rows)
 
 
 def _grid(result: TrainingResult) -> Html:
@@ -270,7 +270,7 @@ def _cuts(result: TrainingResult) -> Html:
     )
 
 
-def _cut(result: TrainingResult, cut: CutPicture, beside: Sequence[Records]) -> Html:
+def _cut(result: TrainingResult, cut: CutPicture, beside: Sequence[StructArray]) -> Html:
     last = cut.readings[-1]
     beyond_mm = 1e3 * (float(last["tip"]) - cut.target_length)
     alt = (
@@ -282,7 +282,7 @@ def _cut(result: TrainingResult, cut: CutPicture, beside: Sequence[Records]) -> 
     return joined(element("h3", _named(result, cut.policy)), picture(draw, alt, escaped(cut.caption)))
 
 
-def _drawn(cut: CutPicture, beside: Sequence[Records], width: float) -> Any:
+def _drawn(cut: CutPicture, beside: Sequence[StructArray], width: float) -> Any:
     return cut_figure(
         cut.readings,
         cut.depth,

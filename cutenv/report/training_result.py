@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.cutting.records import READING, Records
+from cutenv._base.arrays import StructArray
+from cutenv._base.validation import array_in_range, in_range, one_of
+from cutenv.cutting.dtypes import READING
 from cutenv.report.training_figures import Bar
-from cutenv.task.records import TERMS
-from cutenv.validation import array_in_range, in_range, one_of
+from cutenv.task.episode_dtypes import TERMS
 
 Rows = Sequence[Mapping[str, Any]]
 
@@ -65,7 +66,7 @@ class CutPicture:
     caption : str
         Text below the picture: the specimen, and the end.
     readings : Records
-        The whole cut at 1 kHz, :data:`cutenv.cutting.records.READING`, shape (n,); hidden tip included.
+        The whole cut at 1 kHz, :data:`cutenv.cutting.dtypes.READING`, shape (n,); hidden tip included.
     depth : array, shape (301,)
         Depth of cut along the line [m].
     target_length : float
@@ -81,7 +82,7 @@ class CutPicture:
 
     policy: str
     caption: str
-    readings: Records
+    readings: StructArray
     depth: NDArray[np.float64]
     target_length: float
     force_limit_per_depth: float

@@ -6,17 +6,15 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import NamedTuple
 
-from cutenv.rig.air_bench import AirBench
-from cutenv.rig.clock import FakeClock
-from cutenv.rig.fake import FakeRig, fake_settings
-from cutenv.rig.guard import guarded
-from cutenv.rig.hardware import rig_plant
-from cutenv.rig.operator import AutomaticOperator, Operator, TerminalOperator
+from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.devices.clock import FakeClock
+from cutenv.rig.devices.real_time import preferred
+from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
+from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.preparation import SETTLE
-from cutenv.rig.real_time import preferred
-from cutenv.rig.settings import RigSettings
-from cutenv.rig.toml_file import read
+from cutenv.rig.safety.guard import guarded
+from cutenv.rig.toml_file import read_rig_file
 
 FAKE, EMULATOR = "fake", "emulator"
 """Names that are not files: a rig in memory on its own clock, and an emulated one in its own process."""
@@ -49,15 +47,20 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
     """
     with ExitStack() as stack:
         if rig == FAKE:
-            fake = FakeRig(AirBench, fake_settings(name=FAKE), clock=clock)
+            from cutenv.rig.fake.air_plant import AirPlant
+            from cutenv.rig.fake.fake_rig import FakeRig
+
+            fake = FakeRig(AirPlant, fake_settings(name=FAKE), clock=clock)
             settings, plant = fake.settings, fake.plant
         else:
+            from cutenv.rig.hardware import rig_plant
+
             if rig == EMULATOR:
                 from cutenv.rig.emulator.process import start
 
                 settings = stack.enter_context(start(free_air=True)).settings
             else:
-                settings = read(rig)
+                settings = read_rig_file(rig)
             plant = rig_plant(settings)
             stack.enter_context(preferred())
         stack.callback(plant.close)
@@ -86,4 +89,4 @@ def settings_of(rig: str) -> RigSettings:
     FileNotFoundError, ValueError
         If its file is missing or not valid.
     """
-    return fake_settings(name=rig) if rig in (FAKE, EMULATOR) else read(rig)
+    return fake_settings(name=rig) if rig in (FAKE, EMULATOR) else read_rig_file(rig)

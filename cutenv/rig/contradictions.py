@@ -9,16 +9,16 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from cutenv.rig.canopen.bus import INTERFACES, bus_arguments
-from cutenv.rig.canopen.configuration import PRODUCER_PERIOD
-from cutenv.rig.canopen.network import DRIVE_PATIENCE
-from cutenv.rig.canopen.units import AxisUnits
-from cutenv.rig.file_keys import shown
-from cutenv.rig.force_watch import RISE_OVER
+from cutenv._base.validation import one_of
+from cutenv.rig.config.file_schema import setting_text
+from cutenv.rig.config.settings import Axis, RigSettings
+from cutenv.rig.devices.canopen.bus import INTERFACES, bus_arguments
+from cutenv.rig.devices.canopen.configuration import PRODUCER_PERIOD
+from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
+from cutenv.rig.devices.canopen.units import AxisUnits
+from cutenv.rig.operation.session import RETURN_SPEED
 from cutenv.rig.plant import REST_WITHIN, SLOW_TURN, TURN_RATE
-from cutenv.rig.session import RETURN_SPEED
-from cutenv.rig.settings import Axis, RigSettings
-from cutenv.validation import one_of
+from cutenv.rig.safety.force_monitor import RISE_OVER
 
 AHEAD = 0.010
 """Distance by which the blade is ahead of the tip in tissue [m]."""
@@ -64,7 +64,8 @@ def refuse_contradictions(settings: RigSettings) -> None:
         If keys contradict each other; names every contradiction, with keys and values as in the file.
     """
     found = [
-        f"{' and '.join(shown(settings, key) for key in each.keys)}: {each.why}" for each in contradictions(settings)
+        f"{' and '.join(setting_text(settings, key) for key in each.keys)}: {each.why}"
+        for each in contradictions(settings)
     ]
     if found:
         raise ValueError(" ".join(found))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from cutenv.rig.canopen import CanNetwork, CanopenAxis
-from cutenv.rig.clock import Clock, SystemClock
-from cutenv.rig.netft.sensor import NetftSensor
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.devices.canopen.axis import CanopenAxis
+from cutenv.rig.devices.canopen.network import CanNetwork
+from cutenv.rig.devices.clock import Clock, SystemClock
+from cutenv.rig.devices.netft.netft_sensor import NetftSensor
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.settings import RigSettings
 
 
 def rig_plant(settings: RigSettings, clock: Clock | None = None) -> RigPlant:

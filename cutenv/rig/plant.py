@@ -8,19 +8,21 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.cutting.records import READING, TICK, Records
-from cutenv.rig.causes import WATCH, Cause, RigStopped, StopReport
-from cutenv.rig.clock import Clock, Repeating
-from cutenv.rig.drivers import ForceDriver, MotionDriver, RigError, Witness
-from cutenv.rig.owner import Owner
-from cutenv.rig.quick_stops import AGAIN
+from cutenv._base.arrays import StructArray
+from cutenv._base.validation import array_in_range, in_range
+from cutenv.cutting.dtypes import READING, TICK
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.devices.clock import Clock, Repeating
+from cutenv.rig.devices.drivers import ForceDriver, MotionDriver, Observer
+from cutenv.rig.devices.owner import Owner
+from cutenv.rig.devices.samples import ForceSample, MotionSample
+from cutenv.rig.devices.timing import Timing
+from cutenv.rig.errors import RigError
 from cutenv.rig.reading_grid import ReadingGrid
-from cutenv.rig.samples import ForceSample, MotionSample
-from cutenv.rig.settings import RigSettings
-from cutenv.rig.supervisor import Supervisor
-from cutenv.rig.timing import Timing
+from cutenv.rig.safety.quick_stops import AGAIN
+from cutenv.rig.safety.stop_causes import WATCH, Cause, RigStopped, StopReport
+from cutenv.rig.safety.supervisor import Supervisor
 from cutenv.tissue.specimen import N_POINTS
-from cutenv.validation import array_in_range, in_range
 
 _LATE = 0.002  # [s] after the end of a period, from which a command counts as an overrun
 _TURN_GAIN = 16.0  # [1/s] gain of the angle's position loop, closed at every SYNC
@@ -38,7 +40,7 @@ REST_WITHIN = 2.0
 
 
 class RigPlant:
-    """A blade on a motor and a force sensor, watched by a :class:`~cutenv.rig.supervisor.Supervisor`.
+    """A blade on a motor and a force sensor, watched by a :class:`~cutenv.rig.safety.supervisor.Supervisor`.
 
     Parameters
     ----------
@@ -90,8 +92,8 @@ class RigPlant:
         self._gain = settings.calibration.gain
         self.supervisor = Supervisor(settings, clock, self._axes, rate=sensor.rate, follows=follows)
         self.depth = np.zeros(N_POINTS) if depth is None else depth
-        self.keep: Callable[[Records], None] = lambda readings: None
-        self.witness: Witness | None = None
+        self.keep: Callable[[StructArray], None] = lambda readings: None
+        self.witness: Observer | None = None
         self.timing = Timing()
         self.zero = (0.0, 0.0, 0.0)
         self._timers: list[Repeating] = []
@@ -135,7 +137,7 @@ class RigPlant:
             raise
         self._timers = [  # two, because a bus that hangs blocks the second
             self.clock.every(WATCH, self.supervisor.watch, "rig watchdog"),
-            self.clock.every(AGAIN, self.supervisor.insist, "rig quick stops"),
+            self.clock.every(AGAIN, self.supervisor.resend_stop, "rig quick stops"),
         ]
 
     def _check_rate(self) -> None:
@@ -235,7 +237,7 @@ class RigPlant:
         self._cutting = True
         self.timing = Timing()
 
-    def advance(self, speed: float, angle: float, ticks: int) -> Records:
+    def advance(self, speed: float, angle: float, ticks: int) -> StructArray:
         """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds; see :class:`~cutenv.plant.Plant`.
 
         Raises
@@ -371,7 +373,7 @@ class RigPlant:
         if self.supervisor.phase == "stopped" and self.supervisor.report is not None:
             raise RigStopped(self.supervisor.report, self._come_to_rest(self.supervisor.report))
 
-    def _come_to_rest(self, report: StopReport) -> Records:
+    def _come_to_rest(self, report: StopReport) -> StructArray:
         """Wait until the blade is at rest; return the readings of the cut until then, none outside a cut.
 
         A rig that another thread has closed reports no more, and is not waited for.
@@ -383,7 +385,7 @@ class RigPlant:
             return np.zeros(0, READING)
         return self._collect(max(math.floor((self.clock.now() - self._grid.start) / TICK) - self._grid.ticks, 1))
 
-    def _collect(self, ticks: int) -> Records:
+    def _collect(self, ticks: int) -> StructArray:
         readings = self._grid.collect(ticks)
         self.keep(readings)
         return readings

@@ -8,10 +8,11 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.cutting.records import READING, TICK, Records
-from cutenv.rig.motion_watch import STANDSTILL
-from cutenv.rig.samples import ForceSample, MotionSample, interpolated, newest_since
-from cutenv.rig.settings import RigSettings
+from cutenv._base.arrays import StructArray
+from cutenv.cutting.dtypes import READING, TICK
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.devices.samples import ForceSample, MotionSample, interpolated, newest_since
+from cutenv.rig.safety.motion_monitor import STANDSTILL_TRAVEL
 
 _OLDEST = 0.05  # [s] before a period, from which samples are still used
 _KEPT = 4.0  # [s] of samples kept
@@ -57,7 +58,7 @@ class ReadingGrid:
         """Keep a sample of an axis."""
         self._motions[axis].append(sample)
 
-    def collect(self, ticks: int) -> Records:
+    def collect(self, ticks: int) -> StructArray:
         """Return the next ``ticks`` readings: the newest force at each, the motion interpolated between samples."""
         readings = np.zeros(ticks, READING)
         for name in _UNKNOWN:
@@ -74,7 +75,7 @@ class ReadingGrid:
             readings["force"] = along[np.maximum(np.searchsorted(sensed, time, side="right") - 1, 0)]
             self.newest = float(sensed[-1])
         readings["position"], readings["speed"] = self._interpolated("blade", time)
-        readings["speed"][np.abs(readings["speed"]) < STANDSTILL] = 0.0
+        readings["speed"][np.abs(readings["speed"]) < STANDSTILL_TRAVEL] = 0.0
         if "angle" in self._motions:
             readings["angle"], _ = self._interpolated("angle", time)
         else:

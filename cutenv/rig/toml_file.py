@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.atomic import replacing
-from cutenv.rig.calibration import day_of
+from cutenv._base.atomic_file import atomic_write
+from cutenv._base.validation import in_range, one_of
+from cutenv.rig.config.depth_profile import check_depth_profile, reach_of
+from cutenv.rig.config.file_schema import FILE_UNITS, IDENTIFIED, SECTIONS, FileKey, FileSection
+from cutenv.rig.config.sensor_calibration import day_of
+from cutenv.rig.config.settings import Identified, RigSettings
 from cutenv.rig.contradictions import refuse_contradictions
-from cutenv.rig.depth_profile import check_depth_profile, reach_of
-from cutenv.rig.file_keys import IDENTIFIED, SECTIONS, UNITS, Key, Section
-from cutenv.rig.settings import Identified, RigSettings
-from cutenv.validation import in_range, one_of
 
 _TO_FILL = "# FILL IN: "
 _BEGINNING = """\
@@ -33,7 +33,7 @@ _EMULATED_BUSES, _HERE = ("socketcand", "virtual"), ("127.0.0.1", "localhost", "
 _WIDTH = 116  # characters of a comment, after its mark
 
 
-def read(path: str | os.PathLike[str]) -> RigSettings:
+def read_rig_file(path: str | os.PathLike[str]) -> RigSettings:
     """Read a rig's file.
 
     Parameters
@@ -70,7 +70,7 @@ def template(name: str = "rig") -> str:
 
 
 def to_toml(settings: RigSettings) -> str:
-    """Return the file of a rig, commented like the template, with up to 15 digits, for :func:`read`."""
+    """Return the file of a rig, commented like the template, with up to 15 digits, for :func:`read_rig_file`."""
     return _text(settings, to_fill=False)
 
 
@@ -90,7 +90,7 @@ def write_identified(path: str | os.PathLike[str], identified: Identified) -> No
     Raises
     ------
     FileNotFoundError, ValueError
-        If the file cannot be read, see :func:`read`, or the measured values are not valid in it.
+        If the file cannot be read, see :func:`read_rig_file`, or the measured values are not valid in it.
     ModuleNotFoundError
         If tomlkit is not installed.
     OSError
@@ -99,7 +99,7 @@ def write_identified(path: str | os.PathLike[str], identified: Identified) -> No
     import tomlkit
 
     path = Path(path)
-    read(path)
+    read_rig_file(path)
     with path.open(encoding="utf-8", newline="") as file:  # line endings stay as they are
         document = tomlkit.parse(file.read())
     if IDENTIFIED.name not in document:
@@ -113,7 +113,7 @@ def write_identified(path: str | os.PathLike[str], identified: Identified) -> No
             del section[key.name]
     text = tomlkit.dumps(document)
     _settings(text, path)  # write nothing that could not be read
-    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+    with atomic_write(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         file.write(text)
 
 
@@ -168,7 +168,7 @@ def _check_emulated(settings: RigSettings) -> None:
         )
 
 
-def _by_name() -> dict[str, Section]:
+def _by_name() -> dict[str, FileSection]:
     return {section.name: section for section in SECTIONS}
 
 
@@ -189,7 +189,7 @@ def _tables(content: Mapping[str, Any], path: Path) -> dict[str, Mapping[str, An
     return {"": {name: value for name, value in content.items() if name not in sections}, **tables}
 
 
-def _part(section: Section, table: Mapping[str, Any], path: Path) -> Any:
+def _part(section: FileSection, table: Mapping[str, Any], path: Path) -> Any:
     """Return a section as its dataclass, or for the top one as a dictionary by field name."""
     where = f"{path}: [{section.name}] " if section.name else f"{path}: "
     values = {}
@@ -216,14 +216,14 @@ def _made(of: type[Any], values: Mapping[str, Any], where: str) -> Any:
         raise ValueError(f"{where.removesuffix(':')}: {error}") from None
 
 
-def _value(section: Section, key: Key, raw: Any, name: str) -> Any:
+def _value(section: FileSection, key: FileKey, raw: Any, name: str) -> Any:
     """Return a value of the file in SI, with the field's type."""
     kind = section.kind(key)
     if kind is tuple:
         return _profile(key, raw, name)
     if kind is float:
         low, high = section.limits(key) or (0.0, np.inf)
-        return key.to_si(in_range(name, raw, low, high, UNITS[key.unit].sign or "1"))
+        return key.to_si(in_range(name, raw, low, high, FILE_UNITS[key.unit].sign or "1"))
     if key.field == "date":
         if raw == "" and section is not IDENTIFIED:
             return raw
@@ -241,7 +241,7 @@ def _value(section: Section, key: Key, raw: Any, name: str) -> Any:
     return one_of(name, raw, section.choices(key)) if section.choices(key) else raw
 
 
-def _profile(key: Key, raw: Any, name: str) -> tuple[tuple[float, float], ...]:
+def _profile(key: FileKey, raw: Any, name: str) -> tuple[tuple[float, float], ...]:
     if not (isinstance(raw, list) and all(isinstance(point, list) and len(point) == 2 for point in raw)):
         raise TypeError(f"{name} must be a list of [position_mm, depth_mm], such as {key.example}, got {raw!r}.")
     points = [[key.to_si(in_range(name, number, -1e3, 1e3, "mm")) for number in point] for point in raw]
@@ -259,7 +259,7 @@ def _text(settings: RigSettings, *, to_fill: bool) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _lines(section: Section, part: Any, *, to_fill: bool) -> Iterator[str]:
+def _lines(section: FileSection, part: Any, *, to_fill: bool) -> Iterator[str]:
     if section.name:
         yield f"# {section.about}"
         yield f"[{section.name}]"
@@ -276,9 +276,9 @@ def _lines(section: Section, part: Any, *, to_fill: bool) -> Iterator[str]:
             yield f"{key.name} = {_toml(section, key, value)}"
 
 
-def _comment(section: Section, key: Key) -> list[str]:
+def _comment(section: FileSection, key: FileKey) -> list[str]:
     about = [key.meaning]
-    sign = UNITS[key.unit].sign
+    sign = FILE_UNITS[key.unit].sign
     if limits := section.limits(key):
         about.append(f"{limits[0]:g} to {limits[1]:g} {sign}".rstrip() + ".")
     if choices := section.choices(key):
@@ -293,7 +293,7 @@ def _comment(section: Section, key: Key) -> list[str]:
     return lines
 
 
-def _toml(section: Section, key: Key, value: Any) -> str:
+def _toml(section: FileSection, key: FileKey, value: Any) -> str:
     kind = section.kind(key)
     if kind is float:
         return repr(key.from_si(value))

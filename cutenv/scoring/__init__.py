@@ -1,23 +1,24 @@
 """One score for people, scripts, agents and rigs, from what a rig can measure."""
 
 from cutenv.scoring import force, motion, outcome  # noqa: F401  they enter their metrics
-from cutenv.scoring.card import ScoreCard, Scored, score
-from cutenv.scoring.cut import ScoredCut, Truth
-from cutenv.scoring.faults import Fault
-from cutenv.scoring.metric import INVARIANCES, METRICS, Metric, Unavailable
+from cutenv.scoring.metric import INVARIANCES, METRICS, Metric
+from cutenv.scoring.metric_weights import ForceOnlyWeights, Weights
 from cutenv.scoring.reference import ReferenceSet
-from cutenv.scoring.weights import ForceOnlyWeights, Weights
+from cutenv.scoring.score_card import ScoreCard, Scored, score
+from cutenv.scoring.scored_cut import ScoredCut, Truth
+from cutenv.scoring.technique import TechniqueFault
+from cutenv.scoring.unavailable import Unavailable
 
 __all__ = [
     "INVARIANCES",
     "METRICS",
-    "Fault",
     "ForceOnlyWeights",
     "Metric",
     "ReferenceSet",
     "ScoreCard",
     "Scored",
     "ScoredCut",
+    "TechniqueFault",
     "Truth",
     "Unavailable",
     "Weights",

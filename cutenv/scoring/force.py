@@ -5,14 +5,13 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
 from cutenv.measurement.strokes import turning_points
-from cutenv.scoring.cut import BANDWIDTH, RATE, ScoredCut
-from cutenv.scoring.metric import Unavailable, metric
-from cutenv.terms import force_per_depth
-
-Array = NDArray[np.float64]
+from cutenv.scoring.metric import metric
+from cutenv.scoring.scored_cut import BANDWIDTH, RATE, ScoredCut
+from cutenv.scoring.unavailable import Unavailable
+from cutenv.task_quantities import force_per_depth
 
 _ALL = "any record; where position is known, while the blade advances"
 _PER_DEPTH = ("depth", "newtons")

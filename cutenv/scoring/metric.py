@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
-from cutenv.validation import one_of
+from cutenv._base.validation import one_of
 
 if TYPE_CHECKING:
-    from cutenv.scoring.cut import ScoredCut
+    from cutenv.scoring.scored_cut import ScoredCut
 
 Direction = Literal["lower", "higher", "none"]
 Invariance = Literal["time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"]
@@ -23,10 +23,6 @@ INVARIANCES: dict[Invariance, str] = {
     "units": "doubling a cut's force and depth and the slab's thickness together changes nothing",
 }
 """Invariances that a metric may promise; each has one test for all metrics that do."""
-
-
-class Unavailable(ValueError):
-    """The reason why a metric cannot be computed from a cut."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +44,7 @@ class Metric:
     invariances : tuple of str
         Names in :data:`INVARIANCES`.
     function : callable
-        Function from a :class:`~cutenv.scoring.cut.ScoredCut` to a float; raises :class:`Unavailable`.
+        Function from a :class:`~cutenv.scoring.scored_cut.ScoredCut` to a float; raises :class:`Unavailable`.
     """
 
     name: str

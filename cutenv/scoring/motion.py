@@ -7,11 +7,11 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.measurement.strokes import STANDSTILL, blade_speed, strokes
-from cutenv.scoring.cut import RATE, ScoredCut, even_instants
-from cutenv.scoring.metric import Unavailable, metric
-
-Array = NDArray[np.float64]
+from cutenv._base.arrays import Array
+from cutenv.measurement.strokes import STANDSTILL_SPEED, blade_speed, strokes
+from cutenv.scoring.metric import metric
+from cutenv.scoring.scored_cut import RATE, ScoredCut, even_instants
+from cutenv.scoring.unavailable import Unavailable
 
 _PADDING = 0.1  # rest added at either end, as a fraction of the movement: smoothness is defined from rest to rest
 _PAD_LEVEL = 4  # zero padding for the spectrum: 2^4 times the movement's length
@@ -126,7 +126,7 @@ def moving_between(cut: ScoredCut) -> tuple[int, int, NDArray[np.bool_]]:
 
 
 def _moving(cut: ScoredCut) -> NDArray[np.bool_]:
-    moving: NDArray[np.bool_] = np.abs(blade_speed(cut.time, cut.position)) > STANDSTILL
+    moving: NDArray[np.bool_] = np.abs(blade_speed(cut.time, cut.position)) > STANDSTILL_SPEED
     if not moving.any():
         raise Unavailable("the blade never moves")
     return moving

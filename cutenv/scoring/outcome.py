@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
-from cutenv import terms
-from cutenv.scoring.cut import ScoredCut
-from cutenv.scoring.metric import Unavailable, metric
+from cutenv import task_quantities
+from cutenv.scoring.metric import metric
+from cutenv.scoring.scored_cut import ScoredCut
+from cutenv.scoring.unavailable import Unavailable
 
 _FLAT = 0.1  # sine of the angle below which no blade cuts
 _TIP = ("position", "depth", "newtons", "tip")
@@ -23,7 +24,7 @@ _VALID_TIP = (
 )  # fmt: skip
 def tip_error(cut: ScoredCut) -> float:
     """Distance of the crack tip from the target at the end."""
-    return terms.tip_error(float(cut.tip[cut.end]), cut.length)
+    return task_quantities.tip_error(float(cut.tip[cut.end]), cut.length)
 
 
 @metric(
@@ -32,7 +33,7 @@ def tip_error(cut: ScoredCut) -> float:
 )  # fmt: skip
 def overshoot(cut: ScoredCut) -> float:
     """Largest distance of the crack tip beyond the target."""
-    return float(terms.overshoot(float(cut.tip[: cut.end + 1].max()), cut.length))
+    return float(task_quantities.overshoot(float(cut.tip[: cut.end + 1].max()), cut.length))
 
 
 @metric(
@@ -44,7 +45,7 @@ def wedge(cut: ScoredCut) -> float:
     angle = float(cut.angle[cut.end])
     if math.sin(angle) < _FLAT:
         raise Unavailable(f"the blade lies flat, at {math.degrees(angle):.0f} degrees")
-    return abs(float(terms.wedge(angle, 1.0)))
+    return abs(float(task_quantities.wedge(angle, 1.0)))
 
 
 @metric(
@@ -74,7 +75,7 @@ def largest_jump(cut: ScoredCut) -> float:
 )  # fmt: skip
 def mean_lag(cut: ScoredCut) -> float:
     """Mean distance of the tip behind the blade: tissue that is dragged along."""
-    return cut.mean(terms.lag(cut.position, cut.tip))
+    return cut.mean(task_quantities.lag(cut.position, cut.tip))
 
 
 @metric(

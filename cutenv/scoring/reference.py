@@ -9,21 +9,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv.resources import path as resource
+from cutenv._base.arrays import Array
+from cutenv._base.resources import path as resource
+from cutenv._base.validation import one_of
 from cutenv.scoring.metric import METRICS
-from cutenv.validation import one_of
 
-Array = NDArray[np.float64]
-
-SCHEMA = "cutenv-reference/1"
-SHIPPED = {"baselines": "reference/baselines.csv", "force-alone": "reference/force_alone.csv"}
+REFERENCE_SCHEMA = "cutenv-reference/1"
+SHIPPED_REFERENCES = {"baselines": "reference/baselines.csv", "force-alone": "reference/force_alone.csv"}
 """Reference sets that come with the package, by name: from the present tissue model, and from the first one.
 
 Records of force alone use the first, frozen: they are not cuts of ours, and their scores should not move.
 """
-FEWEST = 20
+FEWEST_REFERENCE_CUTS = 20
 """Number of cuts in a reference set below which no percentile is given."""
 _TIE = 1e-4  # tolerance relative to the value, or to the largest one: the files hold five digits
 
@@ -66,7 +64,7 @@ class ReferenceSet:
         metric = METRICS[one_of("metric", name, METRICS)]
         known = self.values.get(name, np.zeros(0))
         known = known[np.isfinite(known)]
-        if len(known) < FEWEST or metric.direction == "none":
+        if len(known) < FEWEST_REFERENCE_CUTS or metric.direction == "none":
             return None
         sign = 1.0 if metric.direction == "lower" else -1.0
         same = np.isclose(known, value, rtol=_TIE, atol=_TIE * float(np.abs(known).max()))
@@ -76,7 +74,7 @@ class ReferenceSet:
     @classmethod
     def shipped(cls, name: str = "baselines") -> ReferenceSet:
         """Load a reference set that comes with the package."""
-        return cls.load(resource(SHIPPED[one_of("reference set", name, SHIPPED)]))
+        return cls.load(resource(SHIPPED_REFERENCES[one_of("reference set", name, SHIPPED_REFERENCES)]))
 
     @classmethod
     def of(
@@ -94,7 +92,7 @@ class ReferenceSet:
 
     def save(self, path: Path) -> None:
         """Write the set as CSV: a comment line with its description, then one row per cut."""
-        head = {"schema": SCHEMA, "name": self.name, "about": self.about, "force_unit": self.force_unit}
+        head = {"schema": REFERENCE_SCHEMA, "name": self.name, "about": self.about, "force_unit": self.force_unit}
         with path.open("w", newline="", encoding="utf-8") as file:
             file.write(f"# {json.dumps(head)}\n")
             writer = csv.writer(file, lineterminator="\n")
@@ -111,7 +109,7 @@ class ReferenceSet:
             rows = list(csv.reader(file))
         try:
             head = json.loads(first.removeprefix("# "))
-            if head["schema"] != SCHEMA:
+            if head["schema"] != REFERENCE_SCHEMA:
                 raise ValueError(f"schema {head['schema']!r}")
             names, body = rows[0][1:], rows[1:]
             columns = [[float(row[k]) if row[k] else np.nan for row in body] for k in range(1, len(names) + 1)]

@@ -17,10 +17,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cutenv.compiled import compiled, for_kernels, inlined
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.jit import njit, njit_inline, njit_internal
+from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import depth_at, stiffness_at, toughness_at
-from cutenv.cutting.records import TICK, Record, Records
-from cutenv.terms import ANGLE_TOLERANCE, SHALLOWEST, TIP_TOLERANCE, force_per_depth, lag, overshoot, tip_error, wedge
+from cutenv.task_quantities import (
+    ANGLE_TOLERANCE,
+    SHALLOWEST,
+    TIP_TOLERANCE,
+    force_per_depth,
+    lag,
+    overshoot,
+    tip_error,
+    wedge,
+)
 
 FORCE_ALLOWED = 400.0
 """Force per depth of cut up to which no force cost is charged [N/m]."""
@@ -67,7 +77,7 @@ class Tally(NamedTuple):
     tip: float
     """Crack tip as assessed [m]."""
     end: int
-    """Index in :data:`~cutenv.task.records.ENDS`."""
+    """Index in :data:`~cutenv.task.episode_dtypes.ENDS`."""
     updates: int
     """Number of updates in this step."""
     out_of_range: int
@@ -88,8 +98,8 @@ class Tally(NamedTuple):
     """Integral of speed squared over travel [m3/s2]."""
 
 
-@for_kernels
-def fresh(progress: Record) -> Tally:
+@njit_internal
+def fresh(progress: Struct) -> Tally:
     """Return the tally at the beginning of a step."""
     return Tally(
         progress.position, progress.touched, progress.furthest, progress.time, progress.quiet, progress.tip,
@@ -97,10 +107,10 @@ def fresh(progress: Record) -> Tally:
     )  # fmt: skip
 
 
-@inlined
+@njit_inline
 def counted(
     tally: Tally,
-    task: Record,
+    task: Struct,
     x: float,
     velocity: float,
     force: float,
@@ -116,7 +126,7 @@ def counted(
     tally : Tally
         The tally before.
     task : Record
-        Limits and target, by name as in :data:`~cutenv.task.records.TASK`.
+        Limits and target, by name as in :data:`~cutenv.task.episode_dtypes.TASK`.
     x, velocity : float
         Position [m] and velocity [m/s] of the blade.
     force, felt : float
@@ -171,36 +181,37 @@ def counted(
     )
 
 
-@for_kernels
+@njit_internal
 def assess(
-    task: Record,
-    progress: Record,
-    profile: Record,
-    readings: Records,
+    task: Struct,
+    progress: Struct,
+    profile: Struct,
+    readings: StructArray,
     from_truth: bool,
-    tips: Records,
-    jumps: Records,
-    terms: Records,
+    tips: StructArray,
+    jumps: StructArray,
+    terms: StructArray,
 ) -> None:
     """Charge one step to the reward's terms and determine whether the task has ended.
 
     Parameters
     ----------
     task : Record
-        :data:`~cutenv.task.records.TASK`.
+        :data:`~cutenv.task.episode_dtypes.TASK`.
     progress : Record
-        :data:`~cutenv.task.records.PROGRESS`, changed in place.
+        :data:`~cutenv.task.episode_dtypes.PROGRESS`, changed in place.
     profile : Record
-        :data:`~cutenv.cutting.records.PROFILE`: the tissue, true or nominal.
+        :data:`~cutenv.cutting.dtypes.PROFILE`: the tissue, true or nominal.
     readings : Records
-        :data:`~cutenv.cutting.records.READING`, shape (ticks,).
+        :data:`~cutenv.cutting.dtypes.READING`, shape (ticks,).
     from_truth : bool
         True: force on the blade, crack tip and unstable growth are the readings' true ones. False: the force is the
         measured one and the others are estimates.
     tips, jumps : array, shape (ticks,)
         Estimates of the tip and of unstable growth at each tick [m].
     terms : array, shape (12,)
-        Filled with the terms of this step in the order of :data:`~cutenv.task.records.TERMS`; their sum is the reward.
+        Filled with the terms of this step in the order of :data:`~cutenv.task.episode_dtypes.TERMS`; their sum is the
+        reward.
     """
     tally = fresh(progress)
     for i in range(len(readings)):
@@ -221,8 +232,8 @@ def assess(
     charge(task, progress, profile, tally, readings[tally.updates - 1].angle, terms)
 
 
-@inlined
-def charge(task: Record, progress: Record, profile: Record, tally: Tally, angle: float, terms: Records) -> None:
+@njit_inline
+def charge(task: Struct, progress: Struct, profile: Struct, tally: Tally, angle: float, terms: StructArray) -> None:
     """Charge the accumulated costs of a step to the reward's terms; the blade ended at ``angle`` [rad]."""
     L = task.target
     progress.position, progress.touched, progress.furthest = tally.position, tally.touched, tally.furthest
@@ -246,8 +257,8 @@ def charge(task: Record, progress: Record, profile: Record, tally: Tally, angle:
         charge_end(task, progress, profile, terms)
 
 
-@compiled
-def charge_end(task: Record, progress: Record, profile: Record, terms: Records) -> None:
+@njit
+def charge_end(task: Struct, progress: Struct, profile: Struct, terms: StructArray) -> None:
     """Charge the terminal cost, the same for every end, and the additional cost of an end for safety."""
     x = progress.position
     a = progress.tip
@@ -261,8 +272,8 @@ def charge_end(task: Record, progress: Record, profile: Record, terms: Records) 
         terms[_SAFETY] -= task.tip_error * TIP_ERROR_CAP + task.wedge + task.stored * WORST_STORED
 
 
-@compiled
-def succeeded(task: Record, progress: Record) -> bool:
+@njit
+def succeeded(task: Struct, progress: Struct) -> bool:
     """Return True if finished, with the tip within 3 mm of the target and the blade within 10 degrees of upright."""
     near = tip_error(progress.tip, task.target) <= TIP_TOLERANCE
     upright = abs(0.5 * math.pi - progress.angle) <= ANGLE_TOLERANCE
@@ -270,8 +281,8 @@ def succeeded(task: Record, progress: Record) -> bool:
     return success
 
 
-@compiled
-def succeeded_all(tasks: Records, progresses: Records) -> Records:
+@njit
+def succeeded_all(tasks: StructArray, progresses: StructArray) -> StructArray:
     """Return :func:`succeeded` for n cuts, shape (n,)."""
     successes = np.zeros(len(tasks), np.bool_)
     for n in range(len(tasks)):

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv.compiled import compiled, compiled_for_cores, for_kernels
-from cutenv.cutting.records import Record, Records
-from cutenv.portions import Portions, claim, finish
-from cutenv.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, Integer, uniform_at
+from cutenv._base.arrays import Array, Struct, StructArray
+from cutenv._engine.jit import njit, njit_internal, njit_nogil
+from cutenv._engine.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, Integer, uniform_at
+from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.task.cuts import Cuts
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, fill
-from cutenv.terms import MEASURABLE_DEPTH
-from cutenv.tissue.drawing import draw_along, is_vascular, smooth_field
+from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.grid import N_POINTS
 from cutenv.tissue.nominal import nominal_stiffness
+from cutenv.tissue.sampling import is_vascular, sample_profiles, smooth_field
 from cutenv.tissue.slab import fill_stiffness
 
 SHORTEST, LONGEST = 0.060, 0.100
@@ -25,16 +24,14 @@ _FIRST = np.int64(0)  # not a literal, for which Numba would compile the functio
 LIVER, VASCULAR, MIXED, GIVEN = range(4)
 """Sources of specimens: sampled from a class, or one that is given."""
 
-Array = NDArray[np.float64]
 
-
-@compiled
+@njit
 def drawn_length(seed: Integer, episode: Integer) -> float:
     """Return the target length [m] sampled for a key."""
     return SHORTEST + (LONGEST - SHORTEST) * uniform_at(seed, episode, TASK, LENGTH_DRAW)
 
 
-@compiled
+@njit
 def measure_depth(seed: Integer, episode: Integer, noise: float, modes: Array, depth: Array, measured: Array) -> None:
     """Fill ``measured``, shape (301,), with the measured depth of cut [m]: true depth plus a smooth error."""
     smooth_field(seed, episode, DEPTH_ERROR, _FIRST, modes, measured)
@@ -42,8 +39,8 @@ def measure_depth(seed: Integer, episode: Integer, noise: float, modes: Array, d
         measured[i] = max(depth[i] + noise * measured[i], MEASURABLE_DEPTH)
 
 
-@for_kernels
-def expect(nominal: Record, profile: Record) -> None:
+@njit_internal
+def expect(nominal: Struct, profile: Struct) -> None:
     """Fill stiffness and toughness of a ``profile`` with those of the mean tissue at its depth of cut."""
     for i in range(N_POINTS):
         depth = profile.depth[i]
@@ -51,38 +48,38 @@ def expect(nominal: Record, profile: Record) -> None:
         profile.toughness[i] = nominal.toughness_per_depth * depth
 
 
-@compiled
-def rest(task: Record, nominal: Record, angle: float, observation: Records) -> None:
+@njit
+def rest(task: Struct, nominal: Struct, angle: float, observation: StructArray) -> None:
     """Fill the observation at the start: the blade at rest at the clamp, force tared to zero."""
     last_angle = (angle - ANGLE_CENTRE) / ANGLE_SCALE
     fill(task, nominal, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, angle, 0.0, 0.0, last_angle, observation)
 
 
-@compiled_for_cores
+@njit_nogil
 def begin_some(
-    passed: Portions,
+    passed: WorkQueue,
     core: int,
     cuts: Cuts,
     start: Cuts,
-    which: Records,
-    seeds: Records,
-    episodes: Records,
+    which: StructArray,
+    seeds: StructArray,
+    episodes: StructArray,
     source: int,
     from_truth: bool,
     target: float,
-    recipe: Records,
+    recipe: StructArray,
     modes: Array,
     depth_noise: float,
     depth_modes: Array,
-    observations: Records,
-    vascular: Records,
+    observations: StructArray,
+    vascular: StructArray,
 ) -> None:
     """Reset the cuts with indices ``which``, each from its own key, exactly as a single environment would.
 
     Parameters
     ----------
     passed, core : Portions, int
-        Work queue over ``which`` and number of the thread, see :func:`cutenv.cores.over_cores`.
+        Work queue over ``which`` and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
     cuts : Cuts
         n cuts; those in ``which`` are reset.
     start : Cuts
@@ -98,7 +95,7 @@ def begin_some(
     target : float
         Length of every cut [m]; 0: sampled.
     recipe, modes
-        See :func:`cutenv.tissue.drawing.draw_along`.
+        See :func:`cutenv.tissue.sampling.sample_profiles`.
     depth_noise, depth_modes
         See :func:`measure_depth`.
     observations : array of float32, shape (n, 12)
@@ -106,7 +103,7 @@ def begin_some(
     vascular : array of int8, shape (n,)
         1 for a sampled specimen with vessels, 0 without.
     """
-    k, end = claim(passed, core, 1)
+    k, end = next_chunk(passed, core, 1)
     while k < end:
         n = which[k]
         seed, episode = seeds[n], episodes[n]
@@ -125,7 +122,7 @@ def begin_some(
             cuts.specimens[n] = start.specimens[0]
         else:
             vessels = source == VASCULAR or (source == MIXED and is_vascular(seed, episode))
-            friction, inclined = draw_along(
+            friction, inclined = sample_profiles(
                 seed, episode, vessels, 0.0, recipe[0], modes, along.modulus, along.fracture_resistance
             )
             vascular[n] = 1 if vessels else 0
@@ -143,5 +140,5 @@ def begin_some(
         measure_depth(seed, episode, depth_noise, depth_modes, profile.depth, nominal.depth)
         expect(start.expected[0], nominal)
         rest(cuts.tasks[n], nominal, cuts.states[n].angle, observations[n])
-        finish(passed, core, 1)
-        k, end = claim(passed, core, 1)
+        mark_done(passed, core, 1)
+        k, end = next_chunk(passed, core, 1)

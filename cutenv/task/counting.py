@@ -7,14 +7,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv.compiled import for_kernels, inlined
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.jit import njit_inline, njit_internal
+from cutenv._engine.randomness import Integer
+from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import depth_at
-from cutenv.cutting.records import TICK, Record, Records
 from cutenv.cutting.row import ABREAST
-from cutenv.randomness import Integer
 from cutenv.task.assessment import Tally, counted, fresh
-from cutenv.task.estimate import estimated
 from cutenv.task.observation import fill
+from cutenv.task.tip_estimation import estimated_tip
 
 _WHOLE = ("touched", "end", "updates", "out_of_range")
 _PASSING = ("speed", "felt_low", "felt_high", "felt_sum")
@@ -40,8 +41,8 @@ COUNT: np.dtype[Any] = np.dtype(
 """Structured dtype of a row's assessment: for each lane its tally, limits, speed, and sums of the measured force."""
 
 
-@for_kernels
-def begin_count(count: Record, task: Record, progress: Record, k: Integer) -> None:
+@njit_internal
+def begin_count(count: Struct, task: Struct, progress: Struct, k: Integer) -> None:
     """Initialise lane ``k`` for a new step."""
     keep(count, k, fresh(progress))
     count.target[k], count.deadline[k] = task.target, task.deadline
@@ -50,8 +51,8 @@ def begin_count(count: Record, task: Record, progress: Record, k: Integer) -> No
     count.felt_low[k], count.felt_high[k], count.felt_sum[k] = math.inf, -math.inf, 0.0
 
 
-@inlined
-def tally_of(count: Record, k: int) -> Tally:
+@njit_inline
+def tally_of(count: Struct, k: int) -> Tally:
     """Gather the tally of lane ``k``."""
     return Tally(
         count.position[k], count.touched[k], count.furthest[k], count.time[k], count.quiet[k], count.tip[k],
@@ -60,8 +61,8 @@ def tally_of(count: Record, k: int) -> Tally:
     )  # fmt: skip
 
 
-@inlined
-def asked_of(count: Record, k: int) -> Asked:
+@njit_inline
+def asked_of(count: Struct, k: int) -> Asked:
     """Gather the task's limits of lane ``k``."""
     return Asked(
         count.target[k], count.deadline[k], count.force_limit_per_depth[k], count.friction_per_depth[k],
@@ -69,8 +70,8 @@ def asked_of(count: Record, k: int) -> Asked:
     )  # fmt: skip
 
 
-@inlined
-def keep(count: Record, k: Integer, tally: Tally) -> None:
+@njit_inline
+def keep(count: Struct, k: Integer, tally: Tally) -> None:
     """Store ``tally`` in lane ``k``."""
     count.position[k], count.touched[k], count.furthest[k] = tally.position, tally.touched, tally.furthest
     count.time[k], count.quiet[k], count.tip[k] = tally.time, tally.quiet, tally.tip
@@ -80,8 +81,8 @@ def keep(count: Record, k: Integer, tally: Tally) -> None:
     count.backward[k], count.haste[k] = tally.backward, tally.haste
 
 
-@inlined
-def count_row(row: Record, count: Record) -> int:
+@njit_inline
+def count_row(row: Struct, count: Struct) -> int:
     """Accumulate one millisecond of every lane from the true state; return how many active cuts end with it."""
     ended = 0
     for k in range(ABREAST):
@@ -98,9 +99,9 @@ def count_row(row: Record, count: Record) -> int:
     return ended
 
 
-@inlined
+@njit_inline
 def count_one(
-    row: Record, count: Record, k: int, task: Record, progress: Record, known: Record, from_truth: bool
+    row: Struct, count: Struct, k: int, task: Struct, progress: Struct, known: Struct, from_truth: bool
 ) -> int:
     """Accumulate one lane from estimated tip or motor-side position (a rig's view); return 1 if it ends."""
     felt, x, speed = row.felt[k], row.blade[k], row.speed[k]
@@ -109,7 +110,7 @@ def count_one(
     force, tip, jump = row.force[k], row.tip[k], row.jump[k]
     if not from_truth:
         force = felt
-        tip, jump = estimated(task, progress, known, count.tip[k], round(count.time[k] / TICK) + 1, x, speed, felt)
+        tip, jump = estimated_tip(task, progress, known, count.tip[k], round(count.time[k] / TICK) + 1, x, speed, felt)
     tally = counted(tally_of(count, k), asked_of(count, k), x, speed, force, felt, tip, jump, depth_at(known, x))
     keep(count, k, tally)
     count.speed[k] = speed
@@ -118,16 +119,16 @@ def count_one(
     return 1 if row.going[k] == 1 and tally.end != 0 else 0
 
 
-@inlined
+@njit_inline
 def observe_counted(
-    row: Record,
-    count: Record,
+    row: Struct,
+    count: Struct,
     k: int,
-    task: Record,
-    progress: Record,
-    nominal: Record,
-    action: Records,
-    observation: Records,
+    task: Struct,
+    progress: Struct,
+    nominal: Struct,
+    action: StructArray,
+    observation: StructArray,
 ) -> None:
     """Fill the observation of lane ``k`` like :func:`~cutenv.task.observation.observe`."""
     fill(

@@ -6,20 +6,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv.compiled import compiled, compiled_for_cores, for_kernels, inlined
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.intrinsics import as_float64_view, prefetch, without_refcount
+from cutenv._engine.jit import njit, njit_inline, njit_internal, njit_nogil
+from cutenv._engine.randomness import Integer
+from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.abreast import update_row
-from cutenv.cutting.law import place
-from cutenv.cutting.records import DRIVE, LAW, PROFILE, STATE, Record, Records
+from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, STATE
+from cutenv.cutting.law import grid_index
 from cutenv.cutting.row import ABREAST, ROW, begin, put, take
 from cutenv.cutting.sensor import SENSOR, WRAP
-from cutenv.intrinsics import as_numbers, borrowed, fetch_ahead
-from cutenv.portions import Portions, claim, finish
-from cutenv.randomness import Integer
 from cutenv.task.assessment import charge
 from cutenv.task.counting import COUNT, begin_count, count_one, count_row, observe_counted, tally_of
+from cutenv.task.episode_dtypes import PROGRESS, TASK, TERMS
+from cutenv.task.info import INFO_SIZE, INT_FIELDS, fill_info
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
-from cutenv.task.records import PROGRESS, TASK, TERMS
-from cutenv.task.told import CODES, TOLD, tell
 from cutenv.tissue.grid import N_POINTS
 from cutenv.tissue.nominal import NOMINAL
 
@@ -32,9 +33,10 @@ SPECIMEN: np.dtype[Any] = np.dtype(
 # Sizes of records in numbers.  Numba compiles a kernel anew for each literal integer argument, but not for these.
 _NONE = np.int64(0)
 _STATE, _LAW, _DRIVE, _SENSOR, _TASK, _PROGRESS, _TOLD = (
-    np.int64(size) for size in (*(kind.itemsize // 8 for kind in (STATE, LAW, DRIVE, SENSOR, TASK, PROGRESS)), TOLD)
+    np.int64(size)
+    for size in (*(kind.itemsize // 8 for kind in (STATE, LAW, DRIVE, SENSOR, TASK, PROGRESS)), INFO_SIZE)
 )
-_END, _UNITS, _OUT_OF_RANGE = range(len(CODES))
+_END, _UNITS, _OUT_OF_RANGE = range(len(INT_FIELDS))
 _LINE = 8  # 64-bit numbers in a cache line
 _AT_A_TIME = 4  # cuts of the next row that are prefetched during one millisecond of this one
 
@@ -42,18 +44,18 @@ _AT_A_TIME = 4  # cuts of the next row that are prefetched during one millisecon
 class Cuts(NamedTuple):
     """Everything about n cuts, as structured arrays of shape (n,)."""
 
-    states: Records
-    profiles: Records
-    laws: Records
-    drives: Records
-    sensors: Records
-    tasks: Records
-    progresses: Records
-    nominals: Records
+    states: StructArray
+    profiles: StructArray
+    laws: StructArray
+    drives: StructArray
+    sensors: StructArray
+    tasks: StructArray
+    progresses: StructArray
+    nominals: StructArray
     """Profiles that a rig expects."""
-    expected: Records
+    expected: StructArray
     """Mean tissue that the nominal profiles are made from; shape (1,), the same for all cuts."""
-    specimens: Records
+    specimens: StructArray
 
     @classmethod
     def empty(cls, count: int) -> Cuts:
@@ -72,26 +74,26 @@ class Cuts(NamedTuple):
         )
 
 
-@compiled_for_cores
+@njit_nogil
 def step_some(
-    passed: Portions,
+    passed: WorkQueue,
     core: int,
     cuts: Cuts,
     ticks: int,
     from_truth: bool,
-    waiting: Records,
-    actions: Records,
-    observations: Records,
-    rewards: Records,
-    codes: Records,
-    told: Records,
+    waiting: StructArray,
+    actions: StructArray,
+    observations: StructArray,
+    rewards: StructArray,
+    codes: StructArray,
+    told: StructArray,
 ) -> None:
     """Step n cuts by one decision.
 
     Parameters
     ----------
     passed, core : Portions, int
-        Work queue and number of the thread, see :func:`cutenv.cores.over_cores`.
+        Work queue and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
     cuts : Cuts
         The cuts, changed in place.
     ticks : int
@@ -103,22 +105,23 @@ def step_some(
     actions : array, shape (n, 2)
         Actions within [-1, 1].
     observations, rewards, codes, told : array, shape (n, 12) float32, (n,), (3, n) int64, (n, 30)
-        Filled: ``codes`` as :data:`~cutenv.task.told.CODES`, ``told`` by :func:`~cutenv.task.told.tell`.
+        Filled: ``codes`` as :data:`~cutenv.task.info.INT_FIELDS`, ``told`` by :func:`~cutenv.task.info.fill_info`.
     """
-    cuts = borrowed(cuts)
-    waiting, actions, observations, rewards, codes, told = borrowed(
+    cuts = without_refcount(cuts)
+    waiting, actions, observations, rewards, codes, told = without_refcount(
         (waiting, actions, observations, rewards, codes, told)
     )
     # One buffer for all rows: it stays in the first-level cache.
     rows, counts, terms = np.zeros(1, ROW), np.zeros(1, COUNT), np.empty(len(TERMS))
-    row, count, numbers = rows[0], counts[0], as_numbers(rows)
+    row, count, numbers = rows[0], counts[0], as_float64_view(rows)
     plain = (
-        as_numbers(cuts.states), as_numbers(cuts.laws), as_numbers(cuts.drives), as_numbers(cuts.sensors),
-        as_numbers(cuts.tasks), as_numbers(cuts.progresses), as_numbers(told),
+        as_float64_view(cuts.states), as_float64_view(cuts.laws), as_float64_view(cuts.drives),
+        as_float64_view(cuts.sensors),
+        as_float64_view(cuts.tasks), as_float64_view(cuts.progresses), as_float64_view(told),
     )  # fmt: skip
-    first, last = claim(passed, core, ABREAST)
+    first, last = next_chunk(passed, core, ABREAST)
     while first < last:
-        following = claim(passed, core, ABREAST)
+        following = next_chunk(passed, core, ABREAST)
         taken: Integer = _NONE
         for n in range(first, last):
             if waiting[n]:
@@ -149,12 +152,12 @@ def step_some(
                     _conclude(cuts, c, row, count, k, from_truth, actions[c], terms, observations[c], told[c])
                     rewards[c], codes[_END, c] = total(terms), cuts.progresses[c].end
                     codes[_UNITS, c], codes[_OUT_OF_RANGE, c] = row.units[k], cuts.progresses[c].out_of_range
-        finish(passed, core, last - first)
+        mark_done(passed, core, last - first)
         first, last = following
 
 
-@inlined
-def _count(cuts: Cuts, row: Record, count: Record, from_truth: bool) -> int:
+@njit_inline
+def _count(cuts: Cuts, row: Struct, count: Struct, from_truth: bool) -> int:
     """Accumulate one millisecond of a row; return how many of its cuts end with it."""
     if from_truth and row.slack == 0:
         return count_row(row, count)
@@ -166,32 +169,32 @@ def _count(cuts: Cuts, row: Record, count: Record, from_truth: bool) -> int:
     return over
 
 
-@inlined
+@njit_inline
 def _conclude(
     cuts: Cuts,
     c: int,
-    row: Record,
-    count: Record,
+    row: Struct,
+    count: Struct,
     k: int,
     from_truth: bool,
-    action: Records,
-    terms: Records,
-    observation: Records,
-    told: Records,
+    action: StructArray,
+    terms: StructArray,
+    observation: StructArray,
+    told: StructArray,
 ) -> None:
     """Compute reward terms, observation and info for the step of cut number ``c``, in lane ``k`` of a row."""
     task, progress, profile, nominal = cuts.tasks[c], cuts.progresses[c], cuts.profiles[c], cuts.nominals[c]
     charge(task, progress, profile if from_truth else nominal, tally_of(count, k), row.angle[k], terms)
     observe_counted(row, count, k, task, progress, nominal, action, observation)
     specimen = cuts.specimens[c]
-    tell(
+    fill_info(
         cuts.states[c], profile, cuts.laws[c], task, progress, specimen.modulus, specimen.fracture_resistance, terms,
         told,
     )  # fmt: skip
 
 
-@inlined
-def _fetch_some(cuts: Cuts, plain: tuple[Records, ...], i: int, first: int, last: int) -> None:
+@njit_inline
+def _fetch_some(cuts: Cuts, plain: tuple[StructArray, ...], i: int, first: int, last: int) -> None:
     """Prefetch part of the next row, cuts ``first`` to before ``last``, during millisecond ``i`` of this row.
 
     Thousands of cuts do not fit into the first-level cache.  Their records come first, because these contain the grid
@@ -204,8 +207,8 @@ def _fetch_some(cuts: Cuts, plain: tuple[Records, ...], i: int, first: int, last
         _fetch_places(cuts.states[c], cuts.profiles[c], cuts.nominals[c], cuts.specimens[c], cuts.sensors[c])
 
 
-@inlined
-def _fetch_records(records: tuple[Records, ...], n: Integer) -> None:
+@njit_inline
+def _fetch_records(records: tuple[StructArray, ...], n: Integer) -> None:
     """Prefetch the records of cut ``n``, given as flat views."""
     states, laws, drives, sensors, tasks, progresses, told = records
     _fetch_lines(states, _STATE, n)
@@ -214,33 +217,33 @@ def _fetch_records(records: tuple[Records, ...], n: Integer) -> None:
     _fetch_lines(tasks, _TASK, n)
     _fetch_lines(progresses, _PROGRESS, n)
     _fetch_lines(told, _TOLD, n)
-    fetch_ahead(sensors, _SENSOR * n)
+    prefetch(sensors, _SENSOR * n)
 
 
-@inlined
-def _fetch_lines(numbers: Records, size: Integer, n: Integer) -> None:
+@njit_inline
+def _fetch_lines(numbers: StructArray, size: Integer, n: Integer) -> None:
     """Prefetch ``size`` numbers of cut ``n``; they need not begin on a cache line."""
     for k in range(0, size - 1, _LINE):
-        fetch_ahead(numbers, size * n + k)
-    fetch_ahead(numbers, size * n + size - 1)
+        prefetch(numbers, size * n + k)
+    prefetch(numbers, size * n + size - 1)
 
 
-@inlined
-def _fetch_places(state: Record, profile: Record, nominal: Record, specimen: Record, sensor: Record) -> None:
+@njit_inline
+def _fetch_places(state: Struct, profile: Struct, nominal: Struct, specimen: Struct, sensor: Struct) -> None:
     """Prefetch the profiles at a cut's tip and blade, and its sensor's delay line."""
-    tip, blade = place(state.tip)[0], place(state.blade)[0]
-    fetch_ahead(profile.stiffness, tip)
-    fetch_ahead(profile.toughness, tip)
-    fetch_ahead(profile.depth, blade)
-    fetch_ahead(nominal.depth, blade)
-    fetch_ahead(specimen.modulus, tip)
-    fetch_ahead(specimen.fracture_resistance, tip)
+    tip, blade = grid_index(state.tip)[0], grid_index(state.blade)[0]
+    prefetch(profile.stiffness, tip)
+    prefetch(profile.toughness, tip)
+    prefetch(profile.depth, blade)
+    prefetch(nominal.depth, blade)
+    prefetch(specimen.modulus, tip)
+    prefetch(specimen.fracture_resistance, tip)
     for k in range(-2 * _LINE, 3 * _LINE, _LINE):
-        fetch_ahead(sensor.line, (state.tick + k) & WRAP)
+        prefetch(sensor.line, (state.tick + k) & WRAP)
 
 
-@for_kernels
-def total(terms: Records) -> float:
+@njit_internal
+def total(terms: StructArray) -> float:
     """Return the reward: the sum of its terms, in order."""
     reward = 0.0
     for k in range(len(terms)):
@@ -248,13 +251,13 @@ def total(terms: Records) -> float:
     return reward
 
 
-@compiled
-def tell_of_all(cuts: Cuts, which: Records, told: Records) -> None:
+@njit
+def tell_of_all(cuts: Cuts, which: StructArray, told: StructArray) -> None:
     """Fill ``told`` for the cuts with indices ``which`` at their start: no reward yet."""
     terms = np.zeros(len(TERMS))
     for n in which:
         specimen = cuts.specimens[n]
-        tell(
+        fill_info(
             cuts.states[n], cuts.profiles[n], cuts.laws[n], cuts.tasks[n], cuts.progresses[n],
             specimen.modulus, specimen.fracture_resistance, terms, told[n],
         )  # fmt: skip

@@ -5,21 +5,22 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.compiled import compiled, for_kernels
-from cutenv.cutting.records import PROFILE, Records
+from cutenv._base.arrays import StructArray
+from cutenv._engine.jit import njit, njit_internal
+from cutenv.cutting.dtypes import PROFILE
 from cutenv.plant.interface import Plant
 from cutenv.task.assessment import assess, charge_end, succeeded
 from cutenv.task.beginning import expect, rest
 from cutenv.task.cuts import total
-from cutenv.task.estimate import estimate
+from cutenv.task.episode_dtypes import ENDS, EPISODE, STOPPED, TERMS
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, SPEED_SCALE, observe
-from cutenv.task.records import ENDS, EPISODE, STOPPED, TERMS
+from cutenv.task.tip_estimation import estimate_tips
 from cutenv.task.weights import Limits, RewardWeights, task_record
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.nominal import nominal_tissue
 
 
-def nominal_profile(tissue: TissueDescription, depth: NDArray[np.float64]) -> Records:
+def nominal_profile(tissue: TissueDescription, depth: NDArray[np.float64]) -> StructArray:
     """Return the profile that a rig expects, shape (1,): mean modulus and resistance, and the measured depth [m]."""
     profile = np.zeros(1, PROFILE)
     profile["depth"] = depth
@@ -27,24 +28,25 @@ def nominal_profile(tissue: TissueDescription, depth: NDArray[np.float64]) -> Re
     return profile
 
 
-@compiled
-def _expect(nominal: Records, profiles: Records) -> None:
+@njit
+def _expect(nominal: StructArray, profiles: StructArray) -> None:
     expect(nominal[0], profiles[0])
 
 
-@compiled
+@njit
 def decide_from_truth(
-    episodes: Records,
-    truths: Records,
-    readings: Records,
-    action: Records,
-    terms: Records,
-    totals: Records,
-    observation: Records,
+    episodes: StructArray,
+    truths: StructArray,
+    readings: StructArray,
+    action: StructArray,
+    terms: StructArray,
+    totals: StructArray,
+    observation: StructArray,
 ) -> tuple[float, int, int]:
     """Assess the readings since the last decision by the hidden state, and observe; structured arrays of length 1.
 
-    Returns the reward, the end as an index in :data:`~cutenv.task.records.ENDS`, and the number of readings that count.
+    Returns the reward, the end as an index in :data:`~cutenv.task.episode_dtypes.ENDS`, and the number of readings
+    that count.
     """
     task, progress = episodes[0].task, episodes[0].progress
     assess(task, progress, truths[0], readings, True, terms, terms, terms)  # no estimates are needed
@@ -52,27 +54,27 @@ def decide_from_truth(
     return add(terms, totals), progress.end, progress.updates
 
 
-@compiled
+@njit
 def decide_from_estimate(
-    episodes: Records,
-    readings: Records,
-    tips: Records,
-    jumps: Records,
-    action: Records,
-    terms: Records,
-    totals: Records,
-    observation: Records,
+    episodes: StructArray,
+    readings: StructArray,
+    tips: StructArray,
+    jumps: StructArray,
+    action: StructArray,
+    terms: StructArray,
+    totals: StructArray,
+    observation: StructArray,
 ) -> tuple[float, int, int]:
     """Assess and observe like :func:`decide_from_truth`, with tip and runs estimated from the measured force."""
     task, progress, nominal = episodes[0].task, episodes[0].progress, episodes[0].nominal
-    estimate(task, progress, nominal, readings, tips, jumps)
+    estimate_tips(task, progress, nominal, readings, tips, jumps)
     assess(task, progress, nominal, readings, False, tips, jumps, terms)
     observe(task, nominal, readings[: progress.updates], progress.time, action, observation)
     return add(terms, totals), progress.end, progress.updates
 
 
-@for_kernels
-def add(terms: Records, totals: Records) -> float:
+@njit_internal
+def add(terms: StructArray, totals: StructArray) -> float:
     """Add the terms of a step to the totals of the episode; return the reward, the sum of the step's terms."""
     for k in range(len(terms)):
         totals[k] += terms[k]
@@ -106,7 +108,7 @@ class GentleCutting:
         weights: RewardWeights,
         limits: Limits,
         *,
-        truth: Records | None,
+        truth: StructArray | None,
         friction_per_depth: float,
         target_length: float,
         deadline: float,
@@ -132,7 +134,7 @@ class GentleCutting:
         self.episode["nominal"] = nominal_profile(tissue, plant.depth)
         self._truth = truth
         self._tips, self._jumps = np.zeros(ticks), np.zeros(ticks)
-        self._felt: Records | None = None
+        self._felt: StructArray | None = None
         self._end = 0
         self._stopped = False
         self.updates = 0
@@ -145,7 +147,7 @@ class GentleCutting:
         self.last_action = action
         return self._decide(self.plant.advance(speed, angle, self.ticks))
 
-    def stopped(self, readings: Records) -> tuple[NDArray[np.float32], float]:
+    def stopped(self, readings: StructArray) -> tuple[NDArray[np.float32], float]:
         """End a cut whose plant was stopped by the rig's safety in the step after ``readings``; a safety end.
 
         Returns
@@ -166,7 +168,7 @@ class GentleCutting:
         self._stopped = True  # whatever end the readings show
         return observation, reward
 
-    def _decide(self, readings: Records) -> tuple[NDArray[np.float32], float]:
+    def _decide(self, readings: StructArray) -> tuple[NDArray[np.float32], float]:
         self._felt = readings
         action = self.last_action
         observation = np.empty(len(COMPONENTS), np.float32)
@@ -188,28 +190,28 @@ class GentleCutting:
         return observation
 
     @property
-    def readings(self) -> Records | None:
+    def readings(self) -> StructArray | None:
         """Readings since the last decision that count; None before the first."""
         return None if self._felt is None else self._felt[: self.updates]
 
     # Properties, not attributes: a deep copy must not refer to the original's arrays.
 
     @property
-    def task(self) -> Records:
+    def task(self) -> StructArray:
         """Limits, weights and target of the task, shape (1,)."""
         return self.episode["task"]
 
     @property
-    def progress(self) -> Records:
+    def progress(self) -> StructArray:
         """State of the assessment, shape (1,)."""
         return self.episode["progress"]
 
     @property
-    def nominal(self) -> Records:
+    def nominal(self) -> StructArray:
         """The profile that a rig expects, shape (1,)."""
         return self.episode["nominal"]
 
-    def assessment(self) -> tuple[Records, Records]:
+    def assessment(self) -> tuple[StructArray, StructArray]:
         """Return copies of the task and its progress for the compiled assessment, shape (1,) each."""
         return self.task.copy(), self.progress.copy()
 

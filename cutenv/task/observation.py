@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cutenv.compiled import compiled, for_kernels
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._base.validation import in_range
+from cutenv._engine.jit import njit, njit_internal
 from cutenv.cutting.law import depth_at
-from cutenv.cutting.records import Record, Records
-from cutenv.validation import in_range
 
 SPEED_SCALE = 0.0254
 """Speed of action 1 [m/s]: the fastest measured."""
 ANGLE_CENTRE, ANGLE_SCALE = math.radians(67.5), math.radians(22.5)
 """Angle of action 0, and the half range to 45 and 90 degrees [rad]."""
 _FASTEST = 0.5  # [m/s], above which a speed looks like cm/s
-BOUND = 10.0
+CLIP = 10.0
 """Bound to which observations are clipped in either direction."""
 
 
@@ -54,9 +54,14 @@ SCALES = np.array([component.scale for component in COMPONENTS])
 OFFSETS = np.array([component.offset for component in COMPONENTS])
 
 
-@for_kernels
+@njit_internal
 def observe(
-    task: Record, measured: Record, readings: Records, time: float, last_action: Records, observation: Records
+    task: Struct,
+    measured: Struct,
+    readings: StructArray,
+    time: float,
+    last_action: StructArray,
+    observation: StructArray,
 ) -> None:
     """Fill ``observation``, shape (12,) float32, from the readings since the last decision.
 
@@ -75,10 +80,10 @@ def observe(
     )  # fmt: skip
 
 
-@for_kernels
+@njit_internal
 def fill(
-    task: Record,
-    measured: Record,
+    task: Struct,
+    measured: Struct,
     force: float,
     mean: float,
     low: float,
@@ -89,9 +94,9 @@ def fill(
     time: float,
     last_speed: float,
     last_angle: float,
-    observation: Records,
+    observation: StructArray,
 ) -> None:
-    """Fill ``observation`` from values in SI units: scaled, then clipped to :data:`BOUND`."""
+    """Fill ``observation`` from values in SI units: scaled, then clipped to :data:`CLIP`."""
     values = (
         force,
         mean,
@@ -107,11 +112,11 @@ def fill(
         last_angle,
     )
     for k in range(len(values)):
-        observation[k] = min(max((values[k] - OFFSETS[k]) / SCALES[k], -BOUND), BOUND)
+        observation[k] = min(max((values[k] - OFFSETS[k]) / SCALES[k], -CLIP), CLIP)
 
 
-@compiled
-def within_reach(action: Records, fixed_angle: float) -> bool:
+@njit
+def within_reach(action: StructArray, fixed_angle: float) -> bool:
     """Clip an action, shape (2,), to [-1, 1], or fix its angle [rad] (NaN: free); return False if it has a NaN."""
     for k in range(2):
         if math.isnan(action[k]):
@@ -122,8 +127,8 @@ def within_reach(action: Records, fixed_angle: float) -> bool:
     return True
 
 
-@compiled
-def all_within_reach(actions: Records, waiting: Records, fixed_angle: float) -> int:
+@njit
+def all_within_reach(actions: StructArray, waiting: StructArray, fixed_angle: float) -> int:
     """Clip actions, shape (n, 2), like :func:`within_reach`, not waiting ones; return the first with NaN, or -1."""
     numbers = actions.reshape(-1)
     missing = 0

@@ -13,13 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.parameter import check_parameters, parameter
-from cutenv.task.records import TASK, Records
-from cutenv.terms import FORCE_LIMIT_PER_DEPTH
+from cutenv._base.arrays import StructArray
+from cutenv._base.parameter import check_parameters, parameter
+from cutenv.task.episode_dtypes import TASK
+from cutenv.task_quantities import FORCE_LIMIT_PER_DEPTH
 
 
 def _weight(default: float, title: str, why: str) -> Any:
-    return parameter(default, unit="1", low=0.0, high=100.0, provenance="choice", why=why, title=title)
+    return parameter(default, unit="1", low=0.0, high=100.0, provenance="choice", source=why, title=title)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +63,7 @@ class Limits:
 
     force_limit_per_depth: float = parameter(
         FORCE_LIMIT_PER_DEPTH, unit="N/m", low=1.0, high=1e5, provenance="assumed",
-        why="a planner that knows the tissue never meets it", sweep=(600.0, 1500.0),
+        source="a planner that knows the tissue never meets it", sensitivity=(600.0, 1500.0),
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -77,7 +78,7 @@ def task_record(
     deadline: float,
     friction_per_depth: float,
     speeds: tuple[float, float],
-) -> Records:
+) -> StructArray:
     """Return one task as a :data:`TASK` array, shape (1,); lengths [m], times [s], friction [N/m], speeds [m/s]."""
     task = np.zeros(1, TASK)
     for field in dataclasses.fields(weights):

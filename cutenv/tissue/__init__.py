@@ -2,8 +2,8 @@
 
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, load_description, measured_liver
-from cutenv.tissue.fracture import measured_fracture_resistance
-from cutenv.tissue.modulus import local_effective_modulus, quasi_static_modulus
+from cutenv.tissue.effective_modulus import local_effective_modulus, quasi_static_modulus
+from cutenv.tissue.fracture_resistance import measured_fracture_resistance
 from cutenv.tissue.specimen import Specimen, draw_liver
 
 __all__ = [

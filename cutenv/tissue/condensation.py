@@ -15,12 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.field import field_modes, lognormal_sigma
 from cutenv.tissue.mesh import ACROSS, ALONG, ELEMENT_KINDS, CutMesh
 from cutenv.tissue.tip_response import stiffness_matrix
-
-Array = NDArray[np.float64]
 
 UNKNOWNS = 8
 """Number of unknowns kept on each border between rows."""

@@ -10,12 +10,12 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cutenv._base.validation import array_in_range, in_range, one_of
 from cutenv.tissue.elasticity import FORMULATIONS, LARGEST_POISSON, POISSON_CURE, strain_energy_density
 from cutenv.tissue.mesh import ACROSS, ALONG, ELEMENT_KINDS, CutMesh, ElementKind, checked_divisions, read_only
 from cutenv.tissue.mixed import mixed_strain_energy_density
 from cutenv.tissue.tip_interpolation import TipInterpolation
 from cutenv.tissue.tip_response import TipResponse, stiffness_matrix, tip_responses
-from cutenv.validation import array_in_range, in_range, one_of
 
 _METRES = "Lengths are in metres: 5 cm is 0.05."
 _POSITIVE_MODULUS = "It is Young's modulus in pascals, and positive."

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 
-from cutenv import resources
+from cutenv._base import resources
 
 FOLDER = "derived"
 """Folder of the assets with these files."""

@@ -13,18 +13,18 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from cutenv.parameter import check_parameters, parameter
+from cutenv._base.parameter import check_parameters, parameter
+from cutenv._base.validation import one_of
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.derivation import derived_value
-from cutenv.tissue.evidence import Calibration
+from cutenv.tissue.effective_modulus import falls, linear_fit
 from cutenv.tissue.fall import Falls, checked_falls, speed_on_line
-from cutenv.tissue.fracture import measured_fracture_resistance
-from cutenv.tissue.modulus import falls, linear_fit
+from cutenv.tissue.fracture_resistance import measured_fracture_resistance
+from cutenv.tissue.parameter_provenance import TissueCalibration
 from cutenv.tissue.slab import THICKNESS, slab_of
-from cutenv.tissue.spread import inclined_spread, mean_depth_of_cut, modulus_spread
-from cutenv.validation import one_of
+from cutenv.tissue.variance_components import inclined_spread, mean_depth_of_cut, modulus_spread
 
-SCHEMA = "cutenv-tissue/2"
+TISSUE_SCHEMA = "cutenv-tissue/2"
 _INCLINED, _UPRIGHT = math.pi / 4, math.pi / 2
 
 
@@ -47,11 +47,11 @@ class TissueDescription:
     element: str = "quad8"
     formulation: str = "plane_stress"
     poisson: float = parameter(
-        0.3, unit="1", low=0.0, high=0.499, provenance="choice", why="thesis 4.4: of the tabulated moduli"
+        0.3, unit="1", low=0.0, high=0.499, provenance="choice", source="thesis 4.4: of the tabulated moduli"
     )
     intercept_90: float = parameter(
         48.36e3, unit="Pa", low=100.0, high=1e8, provenance="measured",
-        why="LEM at v -> 0, 90 degrees: Table 5.6, depth-normalised plane stress; 48.4 kPa is 48400 Pa",
+        source="LEM at v -> 0, 90 degrees: Table 5.6, depth-normalised plane stress; 48.4 kPa is 48400 Pa",
     )  # fmt: skip
     slope_90: float = parameter(
         -1.162e6,
@@ -59,7 +59,7 @@ class TissueDescription:
         low=-1e10,
         high=1e10,
         provenance="measured",
-        why="fall of the LEM with speed, 90 degrees: Table 5.6; on average, where falls_90 has steps",
+        source="fall of the LEM with speed, 90 degrees: Table 5.6; on average, where falls_90 has steps",
     )
     falls_90: Falls = ()
     """Steps in which the LEM at 90 degrees falls, see :mod:`cutenv.tissue.fall`; if empty, it falls linearly."""
@@ -69,7 +69,7 @@ class TissueDescription:
         low=100.0,
         high=1e8,
         provenance="measured",
-        why="LEM at v -> 0, 45 degrees: fit to Table 5.6",
+        source="LEM at v -> 0, 45 degrees: fit to Table 5.6",
     )
     slope_45: float = parameter(
         -0.718e6,
@@ -77,74 +77,75 @@ class TissueDescription:
         low=-1e10,
         high=1e10,
         provenance="measured",
-        why="fall of the LEM with speed: fit to Table 5.6, 45 degrees",
+        source="fall of the LEM with speed: fit to Table 5.6, 45 degrees",
     )
     speed_min: float = parameter(
-        0.001, unit="m/s", low=0.0, high=0.1, provenance="measured", why="slowest speed of Table 5.6"
+        0.001, unit="m/s", low=0.0, high=0.1, provenance="measured", source="slowest speed of Table 5.6"
     )
     speed_max: float = parameter(
-        0.0254, unit="m/s", low=1e-4, high=0.5, provenance="measured", why="fastest speed of Table 5.6"
+        0.0254, unit="m/s", low=1e-4, high=0.5, provenance="measured", source="fastest speed of Table 5.6"
     )
     modulus: float = parameter(
         38e3, unit="Pa", low=100.0, high=1e8, provenance="derived",
-        why="mean of the material: virtual cuts of drawn specimens, taken per depth, then show Table 5.6",
+        source="mean of the material: virtual cuts of drawn specimens, taken per depth, then show Table 5.6",
     )  # fmt: skip
     modulus_between_liver_cv: float = parameter(
-        0.0, unit="1", low=0.0, high=1.0, provenance="measured", why="variance components of Tables 5.2-5.4"
+        0.0, unit="1", low=0.0, high=1.0, provenance="measured", source="variance components of Tables 5.2-5.4"
     )
     modulus_between_cut_cv: float = parameter(
         0.25, unit="1", low=0.0, high=1.0, provenance="derived",
-        why="virtual cuts show the spread between cuts of Tables 5.2-5.4, less what the field within a cut adds",
+        source="virtual cuts show the spread between cuts of Tables 5.2-5.4, less what the field within a cut adds",
     )  # fmt: skip
     modulus_within_cut_cv: float = parameter(
         0.2, unit="1", low=0.0, high=1.0, provenance="assumed",
-        why="the bulge alone explains Table 5.2, and no field does Tables 5.3 and 5.4", sweep=(0.1, 0.35),
+        source="the bulge alone explains Table 5.2, and no field does Tables 5.3 and 5.4", sensitivity=(0.1, 0.35),
     )  # fmt: skip
     inclined_between_cut_cv: float = parameter(
         0.0, unit="1", low=0.0, high=1.0, provenance="measured",
-        why="spread of the LEM at 45 degrees beyond that at 90: Table 5.6",
+        source="spread of the LEM at 45 degrees beyond that at 90: Table 5.6",
     )  # fmt: skip
     correlation_length: float = parameter(
         0.020, unit="m", low=0.005, high=0.1, provenance="assumed",
-        why="smooth and long against the lag, because a point load averages its neighbourhood", sweep=(0.015, 0.030),
+        source="smooth and long against the lag, because a point load averages its neighbourhood",
+        sensitivity=(0.015, 0.030),
     )  # fmt: skip
     fracture_resistance: float = parameter(
         211.0, unit="J/m2", low=1.0, high=1e5, provenance="derived",
-        why="virtual cuts of 1 to 4 inches have the mean apparent resistance of Table 6.1; 0.24 kJ/m2 is 240 J/m2",
+        source="virtual cuts of 1 to 4 inches have the mean apparent resistance of Table 6.1; 0.24 kJ/m2 is 240 J/m2",
     )  # fmt: skip
     fracture_between_cut_cv: float = parameter(
         0.37, unit="1", low=0.0, high=2.0, provenance="derived",
-        why="virtual cuts show the spread between cuts of Table 6.1",
+        source="virtual cuts show the spread between cuts of Table 6.1",
     )  # fmt: skip
     fracture_within_cut_cv: float = parameter(
-        0.2, unit="1", low=0.0, high=1.0, provenance="assumed", why="not measured", sweep=(0.1, 0.3)
+        0.2, unit="1", low=0.0, high=1.0, provenance="assumed", source="not measured", sensitivity=(0.1, 0.3)
     )
     friction_share: float = parameter(
         0.2, unit="1", low=0.0, high=0.9, provenance="assumed",
-        why="share of the measured resistance that is friction on the blade's faces", sweep=(0.0, 0.4),
+        source="share of the measured resistance that is friction on the blade's faces", sensitivity=(0.0, 0.4),
     )  # fmt: skip
     eta90: float = parameter(
         0.28, unit="1", low=0.0, high=0.95, provenance="derived",
-        why="unit length of Table 4.1's cut, taken for 1 cm deep (scripts/derive_eta90.py)", sweep=(0.2, 0.45),
+        source="unit length of Table 4.1's cut, taken for 1 cm deep (scripts/derive_eta90.py)", sensitivity=(0.2, 0.45),
     )  # fmt: skip
     thickness: float = parameter(
-        THICKNESS, unit="m", low=1e-3, high=0.1, provenance="measured", why="of the slab, thesis 3.2"
+        THICKNESS, unit="m", low=1e-3, high=0.1, provenance="measured", source="of the slab, thesis 3.2"
     )
     edge_depth: float = parameter(
-        0.001, unit="m", low=1e-4, high=0.05, provenance="measured", why="depth from 0 to 2 cm, thesis 5.4"
+        0.001, unit="m", low=1e-4, high=0.05, provenance="measured", source="depth from 0 to 2 cm, thesis 5.4"
     )
     crown_depth: float = parameter(
-        0.020, unit="m", low=1e-3, high=0.1, provenance="measured", why="depth from 0 to 2 cm, thesis 5.4"
+        0.020, unit="m", low=1e-3, high=0.1, provenance="measured", source="depth from 0 to 2 cm, thesis 5.4"
     )
     rise_length: float = parameter(
         0.08, unit="m", low=1e-3, high=1.0, provenance="derived",
-        why="from edge to crown: virtual cuts see the depth of Table 5.5 over Table 5.6, less its standard error",
+        source="from edge to crown: virtual cuts see the depth of Table 5.5 over Table 5.6, less its standard error",
     )  # fmt: skip
     mean_depth: float = parameter(
-        0.0149, unit="m", low=1e-4, high=0.05, provenance="measured", why="Table 5.5 over Table 5.6"
+        0.0149, unit="m", low=1e-4, high=0.05, provenance="measured", source="Table 5.5 over Table 5.6"
     )
 
-    calibration: Calibration | None = dataclasses.field(default=None, compare=False)
+    calibration: TissueCalibration | None = dataclasses.field(default=None, compare=False)
     """Evidence for a calibrated tissue; it does not count when two tissues are compared."""
 
     def __post_init__(self) -> None:
@@ -186,7 +187,7 @@ class TissueDescription:
 
     def to_json(self) -> str:
         """Return JSON text, which :meth:`from_json` reads back exactly."""
-        return json.dumps({"schema": SCHEMA, **dataclasses.asdict(self)}, indent=1)
+        return json.dumps({"schema": TISSUE_SCHEMA, **dataclasses.asdict(self)}, indent=1)
 
     @classmethod
     def from_json(cls, text: str) -> TissueDescription:
@@ -198,9 +199,9 @@ class TissueDescription:
             For another schema, an unknown or a missing field, or a value out of range.
         """
         names = {field.name for field in dataclasses.fields(cls)}
-        content = checked_fields(text, SCHEMA, names, may_miss={"calibration"})
+        content = checked_fields(text, TISSUE_SCHEMA, names, may_miss={"calibration"})
         if content.get("calibration") is not None:
-            content["calibration"] = Calibration.from_content(content["calibration"])
+            content["calibration"] = TissueCalibration.from_content(content["calibration"])
         return cls(**content)
 
 

@@ -22,7 +22,7 @@ from skfem.models.elasticity import lame_parameters as solid_lame_parameters
 from skfem.models.elasticity import linear_elasticity
 from skfem.models.elasticity import plane_stress as plane_stress_lame_parameters
 
-from cutenv.validation import in_range, one_of
+from cutenv._base.validation import in_range, one_of
 
 FORMULATIONS = ("plane_stress", "plane_strain", "solid")
 LARGEST_POISSON = 0.499

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cutenv.validation import in_range
+from cutenv._base.validation import in_range
 
 Falls = tuple[tuple[float, float, float], ...]
 """Steps of a fall: share of the whole [1], and the two speeds [m/s] between which it is linear."""

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.elementary import exp, log
+from cutenv._engine.elementary import exp, log
 
 _KNOTS = 2  # per correlation length: the covariance is then accurate to 3e-9 (Poisson summation over the knots)
 _REACH = 4  # correlation lengths beyond which a knot's weight is below 2e-7

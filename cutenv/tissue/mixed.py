@@ -24,7 +24,7 @@ from scipy.sparse.linalg import spsolve
 from skfem import Basis, BilinearForm
 from skfem.helpers import ddot, div, sym_grad
 
-from cutenv.validation import in_range
+from cutenv._base.validation import in_range
 
 
 def mixed_stiffness(

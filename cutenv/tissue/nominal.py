@@ -6,15 +6,12 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv.compiled import compiled, inlined
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.jit import njit, njit_inline
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.grid import N_POINTS
 from cutenv.tissue.slab import DEPTHS, at_depth
-
-Record = Any
-Records = NDArray[Any]
 
 _STEPS = len(DEPTHS) - 1
 
@@ -33,7 +30,7 @@ NOMINAL: np.dtype[Any] = np.dtype(
 
 
 @lru_cache(maxsize=8)
-def nominal_tissue(tissue: TissueDescription) -> Records:
+def nominal_tissue(tissue: TissueDescription) -> StructArray:
     """Return the :data:`NOMINAL` of a tissue, shape (1,), read-only."""
     nominal = np.zeros(1, NOMINAL)
     nominal["thickness"] = tissue.thickness
@@ -44,8 +41,8 @@ def nominal_tissue(tissue: TissueDescription) -> Records:
     return nominal
 
 
-@compiled
-def _fill(nominal: Records, slabs: Records, modulus: float, thickness: float) -> None:
+@njit
+def _fill(nominal: StructArray, slabs: StructArray, modulus: float, thickness: float) -> None:
     stiffness, slab = nominal[0].stiffness, slabs[0]
     for i in range(N_POINTS):
         for k in range(_STEPS + 1):
@@ -53,8 +50,8 @@ def _fill(nominal: Records, slabs: Records, modulus: float, thickness: float) ->
             stiffness[i, k] = modulus * slab.kappa[i] * effective_depth
 
 
-@inlined
-def nominal_stiffness(nominal: Record, i: int, depth: float) -> float:
+@njit_inline
+def nominal_stiffness(nominal: Struct, i: int, depth: float) -> float:
     """Return K [N/m] of the mean tissue for a tip at point ``i`` and a cut ``depth`` [m] deep."""
     level = min(depth / nominal.thickness, 1.0) * _STEPS
     k = min(int(level), _STEPS - 1)

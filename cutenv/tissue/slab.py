@@ -23,15 +23,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cutenv import resources
-from cutenv.compiled import compiled, for_kernels, inlined
+from cutenv._base import resources
+from cutenv._base.arrays import Array, Struct
+from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv.tissue.condensation import UNKNOWNS, Condensed, condensed
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.derivation import FOLDER
 from cutenv.tissue.grid import LENGTH, N_POINTS
-
-Record = Any
-Array = NDArray[np.float64]
 
 ROWS = 15
 """Number of rows of elements along the cut, one centimetre each."""
@@ -97,7 +95,7 @@ def _kept(name: str) -> dict[str, Any]:
     return content
 
 
-@compiled
+@njit
 def _prepare(slabs: Array) -> None:
     tip_stiffness(slabs[0], np.ones(ROWS), slabs[0].uniform)
     between_tips(slabs[0].tips, slabs[0].kappa)
@@ -117,7 +115,7 @@ def stiffness_along(slab: NDArray[Any], modulus: Array, depth: Array, thickness:
     return stiffness
 
 
-@compiled
+@njit
 def _stiffness_along(
     slabs: Array, modulus: Array, depth: Array, thickness: float, effective: Array, share: Array, stiffness: Array
 ) -> None:
@@ -132,7 +130,7 @@ def row_means(modulus: Array) -> Array:
     return rows
 
 
-@for_kernels
+@njit_internal
 def _fill_rows(modulus: Array, rows: Array) -> None:
     for j in range(ROWS):
         first = j * _IN_ROW
@@ -149,15 +147,15 @@ def local_modulus(rows: Array) -> Array:
     return local
 
 
-@for_kernels
+@njit_internal
 def _fill_local(rows: Array, local: Array) -> None:
     for j in range(ROWS - 1):
         local[j] = 0.5 * (rows[j] + rows[j + 1])
     local[ROWS - 1] = rows[ROWS - 1]
 
 
-@for_kernels
-def fill_stiffness(slab: Record, modulus: Array, effective: Array, share: Array, stiffness: Array) -> None:
+@njit_internal
+def fill_stiffness(slab: Struct, modulus: Array, effective: Array, share: Array, stiffness: Array) -> None:
     """Fill ``stiffness``, shape (301,), with K [N/m]; ``effective`` and ``share`` are from :func:`partial_depth`."""
     rows, local, plane = np.empty(ROWS), np.empty(ROWS), np.empty(ROWS)
     far, near = np.empty(N_POINTS), np.empty(N_POINTS)
@@ -179,8 +177,8 @@ def fill_stiffness(slab: Record, modulus: Array, effective: Array, share: Array,
         stiffness[i] = mean * (far[i] + share[i] * (near[i] - far[i])) * effective[i]
 
 
-@for_kernels
-def tip_stiffness(slab: Record, rows: Array, stiffness: Array) -> None:
+@njit_internal
+def tip_stiffness(slab: Struct, rows: Array, stiffness: Array) -> None:
     """Fill ``stiffness``, shape (15,), with the plane model's, tip on each border, for the moduli ``rows``.
 
     The matrix is block tridiagonal.  The part on either side of a border acts on it as a spring matrix: elimination
@@ -215,7 +213,7 @@ def tip_stiffness(slab: Record, rows: Array, stiffness: Array) -> None:
             _eliminate(work, coupling, beyond)
 
 
-@inlined
+@njit_inline
 def _factorise(matrix: Array) -> None:
     """Factorise in place as L D L^T, by columns: D on the diagonal, L below."""
     for p in range(UNKNOWNS):
@@ -227,13 +225,13 @@ def _factorise(matrix: Array) -> None:
             matrix[q, p] /= matrix[p, p]
 
 
-@for_kernels
+@njit_internal
 def _last_pivot(matrix: Array) -> float:
     _factorise(matrix)
     return matrix[UNKNOWNS - 1, UNKNOWNS - 1]  # type: ignore[no-any-return]
 
 
-@for_kernels
+@njit_internal
 def _eliminate(matrix: Array, coupling: Array, springs: Array) -> None:
     """Subtract C^T M^-1 C from ``springs``, for a ``matrix`` M and a ``coupling`` C, which are both overwritten."""
     _factorise(matrix)
@@ -250,7 +248,7 @@ def _eliminate(matrix: Array, coupling: Array, springs: Array) -> None:
                 springs[p, q] -= factor * coupling[k, q]
 
 
-@for_kernels
+@njit_internal
 def between_tips(at_tips: Array, along: Array) -> None:
     """Fill ``along``, shape (301,), by interpolating values at the 15 tips: PCHIP, constant below the first."""
     slopes = np.empty(ROWS)
@@ -272,7 +270,7 @@ def between_tips(at_tips: Array, along: Array) -> None:
     along[ROWS * _IN_ROW] = at_tips[last]
 
 
-@for_kernels
+@njit_internal
 def _end_slope(near: float, far: float) -> float:
     """Return PCHIP's one-sided slope at an end, shape preserved: Fritsch and Butland's three-point formula."""
     slope = 0.5 * (3.0 * near - far)
@@ -283,15 +281,15 @@ def _end_slope(near: float, far: float) -> float:
     return slope
 
 
-@for_kernels
-def partial_depth(slab: Record, depth: Array, thickness: float, effective: Array, share: Array) -> None:
+@njit_internal
+def partial_depth(slab: Struct, depth: Array, thickness: float, effective: Array, share: Array) -> None:
     """Fill ``effective`` with the effective depth T g [m] and ``share`` with c, for the depth at each of 301 points."""
     for i in range(N_POINTS):
         effective[i], share[i] = at_depth(slab, i, depth[i], thickness)
 
 
-@inlined
-def at_depth(slab: Record, i: int, depth: float, thickness: float) -> tuple[float, float]:
+@njit_inline
+def at_depth(slab: Struct, i: int, depth: float, thickness: float) -> tuple[float, float]:
     """Return T g [m] and c for a tip at point ``i``: linear in both directions, constant below the first tip."""
     place = min(max(i / _IN_ROW - 1.0, 0.0), ROWS - 1.0)
     j = min(int(place), ROWS - 2)

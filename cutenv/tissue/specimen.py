@@ -8,23 +8,22 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv.randomness import check_key
+from cutenv._base.arrays import Array
+from cutenv._base.validation import array_in_range, in_range, one_of
+from cutenv._engine.randomness import check_key
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, checked_fields, measured_liver
-from cutenv.tissue.drawing import bulge_of, draw_all_along, is_vascular, lognormal, recipe, tissue_modes
 from cutenv.tissue.field import lognormal_sigma
 from cutenv.tissue.grid import LENGTH, N_POINTS, POINTS_PER_METRE, SPACING
+from cutenv.tissue.sampling import bulge_of, is_vascular, lognormal, sample_all_profiles, sampler, tissue_modes
 from cutenv.tissue.slab import stiffness_along
-from cutenv.validation import array_in_range, in_range, one_of
 
 CLASSES = ("uniform", "liver", "vascular", "mixed")
-SCHEMA = "cutenv-specimen/2"
+SPECIMEN_SCHEMA = "cutenv-specimen/2"
 
-Array = NDArray[np.float64]
 
-__all__ = ["CLASSES", "LENGTH", "N_POINTS", "POINTS_PER_METRE", "SCHEMA", "SPACING", "Specimen", "draw_liver"]
+__all__ = ["CLASSES", "LENGTH", "N_POINTS", "POINTS_PER_METRE", "SPACING", "SPECIMEN_SCHEMA", "Specimen", "draw_liver"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -137,7 +136,8 @@ class Specimen:
         Parameters
         ----------
         rng : numpy.random.Generator
-            The only source of randomness; :func:`cutenv.randomness.generator` makes one from a seed and an episode.
+            The only source of randomness; :func:`cutenv._engine.randomness.generator` makes one from a seed and an
+            episode.
         specimen_class : {"uniform", "liver", "vascular", "mixed"}
             ``uniform`` has no spread, the mean values of ``tissue`` and its mean depth; ``vascular`` adds 1 or 2 tough
             inclusions; ``mixed`` is ``liver`` or ``vascular``, half each.
@@ -191,9 +191,9 @@ class Specimen:
         if specimen_class == "mixed":
             specimen_class = "vascular" if is_vascular(*key) else "liver"
         modulus, resistance = np.empty(N_POINTS), np.empty(N_POINTS)
-        friction, inclined_ratio = draw_all_along(
+        friction, inclined_ratio = sample_all_profiles(
             *key, specimen_class == "vascular", liver_factor or 0.0,
-            recipe(tissue), tissue_modes(tissue), modulus, resistance,
+            sampler(tissue), tissue_modes(tissue), modulus, resistance,
         )  # fmt: skip
         return cls(
             modulus=modulus,
@@ -232,12 +232,12 @@ class Specimen:
         for name in ("modulus", "fracture_resistance", "depth"):
             content[name] = content[name].tolist()
         content["tissue"] = json.loads(self.tissue.to_json())
-        return json.dumps({"schema": SCHEMA, **content})
+        return json.dumps({"schema": SPECIMEN_SCHEMA, **content})
 
     @classmethod
     def from_json(cls, text: str) -> Specimen:
         """Parse the text of :meth:`to_json`; raise ValueError for another schema, wrong fields or bad values."""
-        content = checked_fields(text, SCHEMA, {field.name for field in dataclasses.fields(cls)})
+        content = checked_fields(text, SPECIMEN_SCHEMA, {field.name for field in dataclasses.fields(cls)})
         content["tissue"] = TissueDescription.from_json(json.dumps(content["tissue"]))
         return cls(**content)
 
@@ -261,4 +261,6 @@ def draw_liver(rng: np.random.Generator, tissue: TissueDescription | None = None
 
 def _check_generator(rng: np.random.Generator) -> None:
     if not isinstance(rng, np.random.Generator):
-        raise TypeError(f"rng = {rng!r} must be a numpy.random.Generator; cutenv.randomness.generator(seed) makes one.")
+        raise TypeError(
+            f"rng = {rng!r} must be a numpy.random.Generator; cutenv._engine.randomness.generator(seed) makes one."
+        )

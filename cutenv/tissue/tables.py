@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv import resources
-from cutenv.validation import one_of
+from cutenv._base import resources
+from cutenv._base.validation import one_of
 
 _KEYS = ("title", "source", "note", "erratum", "resolution", "printed_mean", "printed_population_sd")
 
@@ -24,7 +24,7 @@ class Printed(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table:
+class ThesisTable:
     """One table of the thesis; ``table["lem_plane_stress_Pa"]`` is a read-only column.
 
     Attributes
@@ -64,7 +64,7 @@ def table_numbers() -> tuple[str, ...]:
     return tuple(stem.replace("_", ".") for stem in sorted(stems, key=lambda s: [int(n) for n in s.split("_")]))
 
 
-def table(number: str) -> Table:
+def table(number: str) -> ThesisTable:
     """Read one table of the thesis.
 
     Parameters
@@ -86,7 +86,7 @@ def table(number: str) -> Table:
     return read_table(resources.path(f"tables/table_{known.replace('.', '_')}.csv"), number=known)
 
 
-def read_table(file: Path, *, number: str) -> Table:
+def read_table(file: Path, *, number: str) -> ThesisTable:
     """Read ``file`` as the table ``number``.
 
     The format: comment lines ``# key: value`` (title and source once; note and erratum any number of times;
@@ -111,7 +111,7 @@ class _Reader:
         self.file = file
         self.line = 0
 
-    def read(self, number: str) -> Table:
+    def read(self, number: str) -> ThesisTable:
         lines = self.file.read_text(encoding="utf-8").splitlines()
         n_comments = next((i for i, text in enumerate(lines) if not text.startswith("#")), len(lines))
         comments: dict[str, list[tuple[int, str]]] = {key: [] for key in _KEYS}
@@ -137,7 +137,7 @@ class _Reader:
         values = np.array(rows, dtype=np.float64)
         values.flags.writeable = False
         resolution = self._resolution(comments["resolution"], names)
-        return Table(
+        return ThesisTable(
             number=number,
             title=self._once(comments, "title"),
             provenance=self._once(comments, "source"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cutenv.validation import in_range
+from cutenv._base.validation import in_range
 
 _SHARPNESS = 6.0  # n below: sharpness of the transition from rise to crown; infinity is a kink
 _FALL = 0.01  # length of the fall at the free end [m]: not even the blade reaches it

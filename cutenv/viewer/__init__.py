@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cutenv.viewer.cut_viewer import CutViewer
+from cutenv.viewer.drawn_slab import Slab
 from cutenv.viewer.scene import ForceTrace, Layout, Moment
-from cutenv.viewer.slab import Slab
 
 __all__ = ["CutViewer", "ForceTrace", "Layout", "Moment", "Slab"]

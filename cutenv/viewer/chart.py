@@ -33,7 +33,7 @@ def draw_axes(canvas: Canvas, layout: Layout, moment: Moment, trace: ForceTrace)
 
     canvas.clip(left, layout.chart_top, right, layout.chart_bottom)
     canvas.line(at(moment.force_limit_per_depth), palette.LIMIT, 2.0)
-    canvas.dashes(at(moment.force_allowed_per_depth), palette.COST, width=2.0)
+    canvas.dashes(at(moment.force_allowed_per_depth), palette.COST_COLOUR, width=2.0)
     canvas.unclip()
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.cutting.records import Records
+from cutenv._base.arrays import StructArray
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.viewer import chart, palette, readout, views
 from cutenv.viewer.canvas import Canvas
+from cutenv.viewer.drawn_slab import Slab, drawn_slab_of
 from cutenv.viewer.scene import ForceTrace, Layout, Moment
-from cutenv.viewer.slab import Slab, slab_of
 from cutenv.viewer.window import Window
 
 
@@ -49,7 +49,9 @@ class CutViewer:
         """True while the window is open."""
         return self._window is not None and self._window.open
 
-    def draw(self, plant: SimulatedPlant, cutting: GentleCutting, readings: Records | None = None) -> NDArray[np.uint8]:
+    def draw(
+        self, plant: SimulatedPlant, cutting: GentleCutting, readings: StructArray | None = None
+    ) -> NDArray[np.uint8]:
         """Draw the present moment.
 
         Parameters
@@ -69,7 +71,7 @@ class CutViewer:
         if fresh:
             self._cutting = cutting
             self._trace = ForceTrace()
-            self._slab = slab_of(plant.specimen.cut_model())
+            self._slab = drawn_slab_of(plant.specimen.cut_model())
         scale = self._trace.low, self._trace.high
         felt = self._trace.add(cutting.readings if readings is None else readings)
         if fresh or (self._trace.low, self._trace.high) != scale:

@@ -8,7 +8,7 @@ import numpy as np
 
 from cutenv.viewer import palette
 from cutenv.viewer.canvas import Canvas, Colour
-from cutenv.viewer.scene import Layout, Moment, depth_at
+from cutenv.viewer.scene import Layout, Moment, depth_below
 from cutenv.viewer.views import LARGEST_DISPLACEMENT, draw_band, draw_tip
 
 _SMALL, _NORMAL = 16, 19
@@ -20,7 +20,7 @@ _REWARD_REACH = 62  # [px] length of a bar for a term of 1
 
 def draw_header(canvas: Canvas, layout: Layout, moment: Moment) -> None:
     """Draw the task, or how it ended; and the time."""
-    ground = palette.HEADER
+    ground = palette.HEADER_COLOUR
     if moment.end:
         ground = palette.SUCCESS if moment.success else palette.FAILURE
     canvas.bar(0, 0, layout.width, layout.header, ground)
@@ -34,7 +34,7 @@ def draw_header(canvas: Canvas, layout: Layout, moment: Moment) -> None:
 def draw_numbers(canvas: Canvas, layout: Layout, moment: Moment) -> None:
     """Draw force, motion and positions."""
     left, right, top = layout.column, layout.width - _MARGIN, _NUMBERS
-    limit = moment.force_limit_per_depth * depth_at(moment.depth, moment.blade)
+    limit = moment.force_limit_per_depth * depth_below(moment.depth, moment.blade)
     canvas.text(f"{_rounded(moment.force, 2):.2f} N", (left, top + 9), size=46, colour=palette.FORCE)
     beside = (("force on the blade", palette.QUIET), (f"limit {limit:.2f} N", palette.LIMIT))
     for k, (words, colour) in enumerate(beside):
@@ -78,7 +78,7 @@ def draw_legend(canvas: Canvas, layout: Layout) -> None:
     for k, colour in enumerate(palette.TISSUE):
         canvas.bar(left + k, top + 41, left + k + 1, top + 56, colour)
     canvas.line(np.array([[left, top + 72], [right, top + 72]]), palette.LIMIT, 2.0)
-    canvas.dashes(np.array([[left, top + 96], [right, top + 96]]), palette.COST, width=2.0)
+    canvas.dashes(np.array([[left, top + 96], [right, top + 96]]), palette.COST_COLOUR, width=2.0)
     meanings = (
         "tip, hidden from the agent",
         "target and its tolerance",

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.cutting.records import Records
+from cutenv._base.arrays import Array, StructArray
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.assessment import FORCE_ALLOWED
 from cutenv.task.gentle_cutting import GentleCutting
-from cutenv.terms import TIP_TOLERANCE
+from cutenv.task_quantities import TIP_TOLERANCE
 from cutenv.tissue.specimen import SPACING
-
-Array = NDArray[np.float64]
 
 _BLADE_LENGTH = 0.0425  # [m] along its edge: thesis, section 3.4.1
 _BLADE_CHORD = 0.007  # [m] from edge to back
@@ -146,7 +144,7 @@ class ForceTrace:
         self._time = 0.0
         self.low, self.high = _CHART_FLOOR, _CHART_CEILING
 
-    def add(self, readings: Records | None) -> bool:
+    def add(self, readings: StructArray | None) -> bool:
         """Append new readings; return whether there were any."""
         if readings is None or readings["time"][-1] <= self._time:
             return False
@@ -178,7 +176,7 @@ def _extremes(force: Array) -> NDArray[np.int64]:
     return np.array(sorted(kept))
 
 
-def depth_at(depth: Array, along: float) -> float:
+def depth_below(depth: Array, along: float) -> float:
     """Return the depth of cut [m] at a distance from the clamp [m]; ``depth`` is spread evenly over the specimen."""
     return float(np.interp(along, np.arange(len(depth)) * SPACING, depth))
 
@@ -218,6 +216,6 @@ def blade_from_above(blade: float, angle: float, depth: float) -> tuple[Array, A
 def front_from_the_side(tip: float, angle: float, depth: Array) -> Array:
     """Return the outline of the cut part, (along, height) [m], shape (n, 2); its front is as inclined as the blade."""
     top = surface(depth)
-    end = np.array([[tip, depth_at(depth, tip)]])
+    end = np.array([[tip, depth_below(depth, tip)]])
     lower = max(tip - end[0, 1] / math.tan(angle), 0.0)
     return np.concatenate([top[top[:, 0] < tip], end, [[lower, 0.0], [0.0, 0.0]]])

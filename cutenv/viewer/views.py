@@ -8,16 +8,16 @@ import numpy as np
 
 from cutenv.viewer import palette
 from cutenv.viewer.canvas import Canvas, Colour, Points
+from cutenv.viewer.drawn_slab import Slab
 from cutenv.viewer.scene import (
     Layout,
     Moment,
     blade_from_above,
     blade_from_the_side,
-    depth_at,
+    depth_below,
     front_from_the_side,
     surface,
 )
-from cutenv.viewer.slab import Slab
 
 LARGEST_DISPLACEMENT = 0.012
 """Displacement at the dark end of the tissue's colours [m]."""
@@ -85,7 +85,7 @@ def draw_slab(canvas: Canvas, layout: Layout, moment: Moment, slab: Slab) -> Non
 
 def draw_blade_from_above(canvas: Canvas, layout: Layout, moment: Moment, colour: Colour = palette.STEEL) -> None:
     """Draw the blade's section at the surface, and the part above it."""
-    depth = depth_at(moment.depth, moment.blade)
+    depth = depth_below(moment.depth, moment.blade)
     section, overhang = blade_from_above(moment.blade, moment.angle, depth)
     canvas.area(layout.from_above(section), colour, palette.INK)
     canvas.area(layout.from_above(overhang), palette.STEEL_LIGHT, palette.INK, opacity=0.5)
@@ -121,13 +121,13 @@ def draw_from_the_side(canvas: Canvas, layout: Layout, moment: Moment) -> None:
     cut = front_from_the_side(moment.tip, moment.angle, moment.depth)
     canvas.area(layout.from_the_side(cut), palette.CUT_FACE)
 
-    depth = depth_at(moment.depth, moment.blade)
+    depth = depth_below(moment.depth, moment.blade)
     blade = layout.from_the_side(blade_from_the_side(moment.blade, moment.angle, depth))
     canvas.clip(0, layout.blade_end - 116, layout.column - 20, layout.blade_end + 1)
     canvas.area(blade, palette.STEEL, palette.INK)
     canvas.unclip()
 
-    tip = layout.from_the_side(np.array([moment.tip, depth_at(moment.depth, moment.tip)]))
+    tip = layout.from_the_side(np.array([moment.tip, depth_below(moment.depth, moment.tip)]))
     edge = layout.from_the_side(np.array([moment.blade, depth]))
     if moment.lag > 0.0:
         canvas.line(np.stack([tip, edge]), palette.INK, 3.0)

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any
 from benchmark.protocol import ENTRIES
 from cutenv.report.page import (
     Html,
+    PageSection,
     Row,
-    Section,
     definitions,
     escaped,
     folded,
+    html_table,
     joined,
     page,
     paragraph,
     picture,
-    table,
     write_page,
 )
 from cutenv.report.training_figures import Bar, returns_figure
@@ -40,13 +40,13 @@ _NOT_SAID = (
 def write_page_of(path: Path, standings: Table, about: str, origin: Mapping[str, Any]) -> None:
     """Write the page of a comparison; ``about`` explains the numbers, ``origin`` is their provenance."""
     sections = [
-        Section("table", "Standings", joined(paragraph(about), _main(standings), _picture(standings))),
-        Section("classes", "By class of specimens", _plain("Return, interquartile mean", *standings.classes())),
-        Section("ablations", "What each ablation costs", _ablations(standings)),
-        Section("robustness", "Where a constant is not what it was in training", _robustness(standings)),
-        Section("metrics", "Every metric of the score card", _metrics(standings)),
-        Section("meaning", "Limits of these results", paragraph(_NOT_SAID)),
-        Section("facts", "Facts", definitions(_facts(standings, origin), "facts")),
+        PageSection("table", "Standings", joined(paragraph(about), _main(standings), _picture(standings))),
+        PageSection("classes", "By class of specimens", _plain("Return, interquartile mean", *standings.classes())),
+        PageSection("ablations", "What each ablation costs", _ablations(standings)),
+        PageSection("robustness", "Where a constant is not what it was in training", _robustness(standings)),
+        PageSection("metrics", "Every metric of the score card", _metrics(standings)),
+        PageSection("meaning", "Limits of these results", paragraph(_NOT_SAID)),
+        PageSection("facts", "Facts", definitions(_facts(standings, origin), "facts")),
     ]
     write_page(
         path,
@@ -77,7 +77,7 @@ def _main(standings: Table) -> Html:
         chip = f' <span class="chip">{_CHIPS[kind]}</span>' if kind in _CHIPS else ""
         shown.append(Row([Html(f"{escaped(name)}{chip}"), *map(_cell, cells)], "own" if kind == "learned" else ""))
     caption = f"Held-out specimens of class {standings.headline}, the best return first"
-    return table(caption, [escaped(name) for name in (heading[0], *heading[2:])], shown)
+    return html_table(caption, [escaped(name) for name in (heading[0], *heading[2:])], shown)
 
 
 def _cell(text: str) -> Html:
@@ -91,7 +91,7 @@ def _cell(text: str) -> Html:
 
 def _plain(caption: str, heading: Sequence[str], rows: Sequence[Sequence[str]]) -> Html:
     shown = [Row([escaped(name), *map(_cell, cells)], "own" if name in ENTRIES else "") for name, *cells in rows]
-    return table(caption, [escaped(name) for name in heading], shown)
+    return html_table(caption, [escaped(name) for name in heading], shown)
 
 
 def _picture(standings: Table) -> Html:

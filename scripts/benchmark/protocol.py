@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cutenv.atomic import replacing
+from cutenv._base.atomic_file import atomic_write
 from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, VALIDATION_SEEDS
-from cutenv.policy import BOUND, IDLE, SCRIPTS
+from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
 from cutenv.tissue.specimen import CLASSES
 
 BEST_FEED = "best constant feed"
@@ -117,7 +117,7 @@ _ENTRIES = (
 )
 ENTRIES = {entry.name: entry for entry in _ENTRIES}
 """All learned agents by name."""
-SCRIPTED = (BEST_FEED, *SCRIPTS, BOUND, *IDLE)
+SCRIPTED = (BEST_FEED, *SCRIPTS, ORACLE, *NULL_POLICIES)
 """Names of all others: scripts, both planners, random and nothing."""
 
 
@@ -132,7 +132,7 @@ def keep_protocol(folder: Path, protocol: Protocol) -> None:
     if path.is_file() and json.loads(path.read_text()) != content:
         raise SystemExit(f"{folder} contains results of another protocol (see {path}); give another --out.")
     folder.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as part:
+    with atomic_write(path) as part:
         part.write_text(json.dumps(content, indent=1) + "\n")
 
 

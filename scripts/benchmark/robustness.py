@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cutenv.atomic import replacing
+from cutenv._base.atomic_file import atomic_write
+from cutenv._base.parameter import parameter_table
 from cutenv.cutting.drive import Rig
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.envs.constants import Knowledge
-from cutenv.parameter import parameter_table
 from cutenv.task.weights import Limits
 from cutenv.tissue import measured_liver
 from cutenv.tissue.description import TissueDescription
@@ -43,7 +43,7 @@ class Setting:
             return {self.constant: self.value}
         path = folder / f"{self.name}.json"
         tissue = dataclasses.replace(measured_liver(), **{self.constant: self.value})
-        with replacing(path) as part:
+        with atomic_write(path) as part:
             part.write_text(tissue.to_json())
         return {"tissue": str(path)}
 
@@ -55,6 +55,6 @@ def settings() -> Iterator[Setting]:
         of_tissue = group is TissueDescription
         for row in parameter_table(group):
             default = getattr(liver, row["name"]) if of_tissue else row["default"]
-            for value in row["sweep"] or ():
+            for value in row["sensitivity"] or ():
                 if abs(value - default) > 1e-9 * max(abs(value), abs(default)):
                     yield Setting(row["name"], row["unit"], default, value, of_tissue)

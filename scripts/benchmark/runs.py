@@ -21,10 +21,10 @@ from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.seeds import VALIDATION_SEEDS
 from cutenv.learning.statistics import best_script, summarise
 from cutenv.learning.tables import write_csv
-from cutenv.policy import BASELINES, BOUND, GRID, IDLE
+from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE
 
 SWEPT = ("PPO", "recurrent PPO", "behaviour cloning", "probe and creep", BEST_FEED)
-_CORE_SECONDS = {BOUND: 0.27, "planner (nominal)": 0.12, "nothing": 0.06, "random": 0.06}
+_CORE_SECONDS = {ORACLE: 0.27, "planner (nominal)": 0.12, "nothing": 0.06, "random": 0.06}
 """Time of one cut with its score card, on the machine of docs/results/speed.md [core s]; for the others:"""
 _CORE_SECONDS_ELSE = 0.02
 _CLONING_S, _STARTING_S = 90.0, 20.0  # time of behaviour cloning; time of any run besides training: imports, export
@@ -109,11 +109,11 @@ class Benchmark:
         )  # fmt: skip
         cutting = sum(_CORE_SECONDS.get(part.contestant, _CORE_SECONDS_ELSE) for part, _ in self.uncut()) * p.specimens
         sweeping = len(self.unswept()) * len(self.swept()) * p.sweep_specimens * 0.6 * _CORE_SECONDS_ELSE
-        feeds = 0.0 if self.feeds.is_file() or not self.uncut() else len(GRID) * p.feed_specimens * 0.012
+        feeds = 0.0 if self.feeds.is_file() or not self.uncut() else len(CONSTANT_FEEDS) * p.feed_specimens * 0.012
         statistics = sum(20.0 if name in ENTRIES else 4.0 for name in self.names) * p.resamples / 2000
         stages = {
             f"train {len(self.untrained())} agents": training / self.processes,
-            f"choose the best of {len(GRID)} constant feeds": feeds / self.processes,
+            f"choose the best of {len(CONSTANT_FEEDS)} constant feeds": feeds / self.processes,
             f"cut {len(self.uncut()) * p.specimens} specimens": cutting / self.processes,
             f"sweep {len(self.unswept())} settings of constants": sweeping / self.processes,
             "statistics": statistics,
@@ -164,10 +164,10 @@ class Benchmark:
         """Return the name of the best constant feed on validation specimens."""
         if not self.feeds.is_file():
             seeds, shared = VALIDATION_SEEDS[: self.protocol.feed_specimens], {"specimen_class": "mixed"}
-            grid = {name: Contestant(BASELINES[name]()) for name in GRID}
+            grid = {name: Contestant(BASELINES[name]()) for name in CONSTANT_FEEDS}
             write_csv(self.feeds, summarise(evaluate(grid, seeds, shared, pool=pool, description="constant feeds")))
         rows = [row | {"mean": float(row["mean"])} for row in rows_of(self.feeds)]
-        return best_script(rows, GRID)
+        return best_script(rows, CONSTANT_FEEDS)
 
     def entrant(self, part: Part, pool: Executor) -> Contestant:
         """Return the policy of a participant, and the environment that it needs."""
@@ -176,7 +176,7 @@ class Benchmark:
         if part.contestant == BEST_FEED:
             return contestant(self.best_feed(pool))
         one = contestant(part.contestant)
-        return Contestant(one.policy, {"control_hz": 10}) if part.contestant in IDLE else one
+        return Contestant(one.policy, {"control_hz": 10}) if part.contestant in NULL_POLICIES else one
 
     def cut(self, pool: Executor) -> None:
         """Evaluate the remaining participants."""

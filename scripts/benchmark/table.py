@@ -22,11 +22,11 @@ from benchmark.aggregate import (
 )
 from benchmark.page import write_page_of
 from benchmark.protocol import ENTRIES, REFERENCE, Protocol, kept_protocol, slug
-from cutenv.atomic import replacing
+from cutenv._base.atomic_file import atomic_write
 from cutenv.learning.provenance import marked
 from cutenv.learning.seeds import ENVIRONMENT
 from cutenv.learning.tables import write_csv
-from cutenv.policy import BOUND, IDLE, SCRIPTS
+from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
 
 PUBLISHED = Path(__file__).parents[2] / "assets" / "benchmark"
 """Folder of the published comparison."""
@@ -93,7 +93,7 @@ class Table:
             return "ablation" if ENTRIES[name].change else "learned"
         if name == self.script:
             return "best script"
-        return "upper bound: sees hidden state" if name == BOUND else "idle" if name in IDLE else "script"
+        return "upper bound: sees hidden state" if name == ORACLE else "idle" if name in NULL_POLICIES else "script"
 
     def difference(self, name: str, other: str, score: str = "return") -> Line | None:
         """Return a paired difference on the headline's specimens."""
@@ -268,5 +268,5 @@ def publish(folder: Path, to: Path = PUBLISHED) -> None:
     shutil.rmtree(to, ignore_errors=True)
     to.mkdir(parents=True)
     for name, content in found.items():
-        with replacing(to / name) as part:
+        with atomic_write(to / name) as part:
             part.write_bytes(content)

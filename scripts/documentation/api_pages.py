@@ -8,9 +8,15 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[2] / "cutenv"
 FOLDER = "reference/api"
-MODULES = ("cutenv.cores", "cutenv.envs.vector", "cutenv.rig.drivers", "cutenv.rig.supervisor", "cutenv.trace")
+MODULES = (
+    "cutenv._engine.parallel",
+    "cutenv.envs.vector",
+    "cutenv.rig.devices.drivers",
+    "cutenv.rig.safety.supervisor",
+    "cutenv.trace",
+)
 """Public modules that belong to no package with a list of names."""
-INTERNAL = ("cutenv.rig.canopen", "cutenv.viewer.solid")
+INTERNAL = ("cutenv.rig.devices.canopen", "cutenv.viewer.solid")
 """Packages whose names are for their neighbours only."""
 
 

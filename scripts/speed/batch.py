@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import cutenv  # noqa: F401  registers the environment
-from cutenv.compiled import compiled_for_cores
-from cutenv.cores import cores, over_cores
+from cutenv._engine.jit import njit_nogil
+from cutenv._engine.parallel import cores, parallel_for
+from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.abreast import hold_some
-from cutenv.cutting.drive import made_up
-from cutenv.cutting.records import READING, TICK
+from cutenv.cutting.drive import lag_gain
+from cutenv.cutting.dtypes import READING, TICK
 from cutenv.cutting.simulate import update
 from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.portions import Portions, claim, finish
 from cutenv.task.cuts import Cuts
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
 from speed.gymnasium_vectors import ASYNC, NATIVE, SYNC, Other, step_rate
@@ -49,11 +49,11 @@ class Rates(NamedTuple):
     """Number of environments reset per second."""
 
 
-@compiled_for_cores
-def _single_file(passed: Portions, core: int, cuts: Cuts, ticks: int, speed: float, angle: float) -> None:
+@njit_nogil
+def _single_file(passed: WorkQueue, core: int, cuts: Cuts, ticks: int, speed: float, angle: float) -> None:
     """Simulate the cuts as :func:`cutenv.cutting.abreast.hold_some` does, but one after the other."""
     readings = np.empty(ticks, READING)
-    n, end = claim(passed, core, 1)
+    n, end = next_chunk(passed, core, 1)
     while n < end:
         state, sensor, drive, law, profile = (
             cuts.states[n],
@@ -62,11 +62,11 @@ def _single_file(passed: Portions, core: int, cuts: Cuts, ticks: int, speed: flo
             cuts.laws[n],
             cuts.profiles[n],
         )
-        share = made_up(drive, TICK)
+        share = lag_gain(drive, TICK)
         for i in range(ticks):
             update(state, profile, law, drive, sensor, share, speed, angle, TICK, readings[i])
-        finish(passed, core, 1)
-        n, end = claim(passed, core, 1)
+        mark_done(passed, core, 1)
+        n, end = next_chunk(passed, core, 1)
 
 
 def rates(count: int, rounds: int | None = None) -> Rates:
@@ -90,8 +90,8 @@ def rates(count: int, rounds: int | None = None) -> Rates:
         abreast, alone = (Cuts(*(part.copy() for part in env.cuts)) for _ in range(2))
         ways = (
             lambda: env.step(actions),
-            lambda: over_cores(hold_some, count, *abreast[:5], commands, env.single.ticks, felt),  # noqa: B023
-            lambda: over_cores(_single_file, count, alone, env.single.ticks, speed, angle),  # noqa: B023
+            lambda: parallel_for(hold_some, count, *abreast[:5], commands, env.single.ticks, felt),  # noqa: B023
+            lambda: parallel_for(_single_file, count, alone, env.single.ticks, speed, angle),  # noqa: B023
         )
         for k, way in enumerate(ways):
             best[k] = min(best[k], _seconds(way))

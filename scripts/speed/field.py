@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.tissue.cut_model import CutModel
-from cutenv.viewer.slab import Slab
+from cutenv.viewer.drawn_slab import Slab
 from speed.measured import Measured, Number, at_most
 
 MESHES = ((8, 15), (40, 75))

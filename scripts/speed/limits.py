@@ -12,26 +12,27 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.compiled import compiled
-from cutenv.cores import cores
-from cutenv.cutting.records import DRIVE, LAW, STATE, Records
+from cutenv._base.arrays import StructArray
+from cutenv._engine.jit import njit
+from cutenv._engine.parallel import cores
+from cutenv.cutting.dtypes import DRIVE, LAW, STATE
 from cutenv.cutting.row import ABREAST
 from cutenv.cutting.sensor import SENSOR
+from cutenv.task.episode_dtypes import PROGRESS, TASK
+from cutenv.task.info import INFO_SIZE
 from cutenv.task.observation import COMPONENTS
-from cutenv.task.records import PROGRESS, TASK
-from cutenv.task.told import TOLD
 from speed.measured import Measured, Number
 
 
-@compiled
+@njit
 def _chain(count: int, x: float) -> float:
     for _ in range(count):
         x = x * 0.999999 + 1e-6
     return x
 
 
-@compiled
-def _in_turn(count: int, values: Records) -> None:
+@njit
+def _in_turn(count: int, values: StructArray) -> None:
     a, b, c, d, e, f = values[0], values[1], values[2], values[3], values[4], values[5]
     for _ in range(count):
         a, b, c = a * 0.999999 + 1e-6, b * 0.999999 + 1e-6, c * 0.999999 + 1e-6
@@ -39,8 +40,8 @@ def _in_turn(count: int, values: Records) -> None:
     values[0] = a + b + c + d + e + f
 
 
-@compiled
-def _row(count: int, values: Records) -> None:
+@njit
+def _row(count: int, values: StructArray) -> None:
     for _ in range(count):
         for n in range(ABREAST):
             values[n] = values[n] * 0.999999 + 1e-6
@@ -82,7 +83,7 @@ def copy_rate() -> float:
 def bytes_per_step() -> int:
     """Return the number of bytes that a control step of one cut reads or writes, in whole cache lines of 64."""
     records = sum(kind.itemsize for kind in (STATE, LAW, DRIVE, TASK, PROGRESS)) + 2 * SENSOR.itemsize
-    answers = 8 * TOLD + 4 * len(COMPONENTS) + 8 * 4
+    answers = 8 * INFO_SIZE + 4 * len(COMPONENTS) + 8 * 4
     profiles = 64 * (3 * 2 + 3 + 2)  # at the tip and at the blade; as expected; as told
     return -(-(records + answers) // 64) * 64 + profiles
 

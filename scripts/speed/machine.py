@@ -7,7 +7,7 @@ import platform
 from importlib.metadata import version
 from pathlib import Path
 
-from cutenv.cores import cores
+from cutenv._engine.parallel import cores
 
 BLAS_THREADS = "OMP_NUM_THREADS"
 """Environment variable with the number of threads of linear algebra."""

@@ -17,7 +17,7 @@ from cutenv.cutting import drive as driving
 from cutenv.cutting import law as cutting_law
 from cutenv.cutting import sensor as sensing
 from cutenv.cutting import simulate
-from cutenv.cutting.records import READING, TICK
+from cutenv.cutting.dtypes import READING, TICK
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue import Specimen
 
@@ -78,7 +78,7 @@ def operations_per_update(speed: float = 0.01, angle: float = math.radians(45.0)
         _in_counting(c[part]) for part in ("state", "profile", "law", "drive", "sensor")
     )
     reading = SimpleNamespace(**dict.fromkeys(READING.names or (), 0.0))
-    share = driving.made_up(drive, TICK)
+    share = driving.lag_gain(drive, TICK)
     _counted.clear()
     for _ in range(_UPDATES):
         simulate.update(state, profile, law, drive, sensor, share, Counting(speed), Counting(angle), TICK, reading)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import cutenv
-from cutenv.atomic import replacing
+from cutenv._base.atomic_file import atomic_write
 from speed.machine import description
 from speed.measured import Number
 
@@ -61,7 +61,7 @@ def write(path: Path, record: Record) -> None:
             for benchmark, numbers in record.numbers.items()
         },
     }
-    with replacing(path) as part:
+    with atomic_write(path) as part:
         part.write_text(json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8")
 
 

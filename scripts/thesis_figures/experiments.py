@@ -6,14 +6,14 @@ import math
 from pathlib import Path
 
 import numpy as np
-from agreement.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
 from fit_specimens import SIGNIFICANT_DROP
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
+from reproduction.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
 
+from cutenv._engine.randomness import generator
 from cutenv.measurement import ModulusEstimate, Segment, estimate_local_effective_moduli, loading_segments
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.randomness import generator
 from cutenv.tissue import CutModel, Specimen, draw_liver
 from cutenv.trace import Trace
 from thesis_figures.style import (

@@ -6,11 +6,11 @@ import math
 from pathlib import Path
 
 import numpy as np
-from agreement import drawn_livers
-from agreement.cutting import legs, protocol
-from agreement.virtual_cuts import SPEEDS, cm_s, specimen, virtual_cut
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
+from reproduction import drawn_livers
+from reproduction.cutting import legs, protocol
+from reproduction.virtual_cuts import SPEEDS, cm_s, specimen, virtual_cut
 
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue import measured_fracture_resistance

@@ -5,18 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from agreement.models import model, places
 from fit_specimens import SIGNIFICANT_DROP
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
+from reproduction.models import model, places
 from tqdm import tqdm
 
+from cutenv._engine.randomness import generator
 from cutenv.measurement import estimate_local_effective_moduli
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.randomness import generator
 from cutenv.tissue import CutModel, Specimen, quasi_static_modulus
 from cutenv.tissue.tables import table
 from thesis_figures.style import DISTANCE_LABEL, LEM_LABEL, SOLID, STRAIN, STRESS, named, panels, save

@@ -7,17 +7,17 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
-from agreement import drawn_livers
-from agreement.drawn_tables import BY_CUT, cut_means
-from agreement.virtual_cuts import cm_s, virtual_cut
 from fit_specimens import SIGNIFICANT_DROP
 from matplotlib.axes import Axes
+from reproduction import drawn_livers
+from reproduction.drawn_tables import BY_CUT, cut_means
+from reproduction.virtual_cuts import cm_s, virtual_cut
 
 from cutenv.measurement import loading_segments
 from cutenv.tissue import local_effective_modulus
-from cutenv.tissue.modulus import linear_fit, power_fit
-from cutenv.tissue.spread import CUTS_PER_LIVER
+from cutenv.tissue.effective_modulus import linear_fit, power_fit
 from cutenv.tissue.tables import table
+from cutenv.tissue.variance_components import CUTS_PER_LIVER
 from thesis_figures.experiments import KIND, TRAVEL, UNUSED, mark_segments
 from thesis_figures.style import (
     DISPLACEMENT_LABEL,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from compared_cuts import made_up_agreement, made_up_cut
 
-from cutenv.agreement import (
+from cutenv.scoring import METRICS
+from cutenv.sim_to_real import (
     MEASURES,
     Agreement,
     ClockKept,
@@ -16,8 +17,7 @@ from cutenv.agreement import (
     position_rmse,
     signed_rank_shift,
 )
-from cutenv.agreement.curves import force_offset
-from cutenv.scoring import METRICS
+from cutenv.sim_to_real.curves import force_offset
 from cutenv.trace import Trace
 
 

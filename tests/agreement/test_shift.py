@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import ttest_1samp, wilcoxon
 
-from cutenv.agreement import FEWEST, holm, mean_shift, signed_rank_shift
+from cutenv.sim_to_real import FEWEST_SPECIMENS, holm, mean_shift, signed_rank_shift
 
 TRIALS = 1500
 
@@ -21,7 +21,7 @@ def shares(shift: float, margin: float, n: int = 12) -> tuple[float, float, floa
     return np.mean([each.p_within < 0.05 for each in found]), np.mean([each.p_beyond < 0.05 for each in found]), held
 
 
-@pytest.mark.parametrize("n", [FEWEST, 12, 31])
+@pytest.mark.parametrize("n", [FEWEST_SPECIMENS, 12, 31])
 def test_chances_are_those_of_wilcoxons_test(n: int) -> None:
     d = np.random.default_rng(n).standard_normal(n) + 0.3
     shift = signed_rank_shift(d, 0.5)
@@ -37,7 +37,7 @@ def test_chances_are_those_of_wilcoxons_test(n: int) -> None:
     assert shift.p_beyond == pytest.approx(min(2.0 * min(beyond), 1.0), rel=1e-9)
 
 
-@pytest.mark.parametrize("n", [FEWEST, 9, 20])
+@pytest.mark.parametrize("n", [FEWEST_SPECIMENS, 9, 20])
 def test_the_interval_holds_just_what_the_test_does_not_refuse(n: int) -> None:
     d = np.random.default_rng(n).standard_normal(n)
     shift = signed_rank_shift(d, 1.0)
@@ -91,7 +91,7 @@ def test_holm_is_as_published() -> None:
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
 
 
-@pytest.mark.parametrize("bad", [[1.0] * (FEWEST - 1), [math.nan] * FEWEST])
+@pytest.mark.parametrize("bad", [[1.0] * (FEWEST_SPECIMENS - 1), [math.nan] * FEWEST_SPECIMENS])
 def test_too_few_differences_are_refused_and_so_is_no_number(bad: list[float]) -> None:
     with pytest.raises(ValueError, match="differences"):
         signed_rank_shift(bad, 1.0)

@@ -19,17 +19,17 @@ from gymnasium.vector import VectorEnv
 from speed.factorisation import factorising_per_tip
 
 import cutenv  # noqa: F401  registers the environment
+from cutenv._engine.work_queue import make_queue
 from cutenv.cutting.abreast import hold_some
-from cutenv.cutting.records import READING, TICK
+from cutenv.cutting.dtypes import READING, TICK
 from cutenv.cutting.simulate import simulate_some
 from cutenv.plant import SimulatedPlant
-from cutenv.portions import portions
 from cutenv.recording import AppendingRecord
 from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
 from cutenv.tissue.tip_response import stiffness_matrix, tip_responses
 from cutenv.trace import Reading
-from cutenv.viewer.slab import Slab
+from cutenv.viewer.drawn_slab import Slab
 
 pytestmark = pytest.mark.benchmark(group="ratios")
 
@@ -104,8 +104,8 @@ def abreast_and_in_single_file() -> tuple[Way, Way]:
     commands, felt = np.tile((0.005, 1.0), (256, 1)), np.empty(256)
     speeds, angles, readings = np.full((256, 1), 0.005), np.full((256, 1), 1.0), np.zeros((256, 20), READING)
     return (
-        lambda: hold_some(portions(256), 0, *rows, commands, 20, felt),
-        lambda: simulate_some(portions(256), 0, *files, speeds, angles, TICK, readings),
+        lambda: hold_some(make_queue(256), 0, *rows, commands, 20, felt),
+        lambda: simulate_some(make_queue(256), 0, *files, speeds, angles, TICK, readings),
     )
 
 

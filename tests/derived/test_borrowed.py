@@ -9,8 +9,8 @@ import numba
 import numpy as np
 import pytest
 
-from cutenv.compiled import compiled
-from cutenv.intrinsics import as_numbers, borrowed
+from cutenv._engine.intrinsics import as_float64_view, without_refcount
+from cutenv._engine.jit import njit
 
 
 @numba.njit
@@ -32,8 +32,8 @@ def of_all(tables, totals):
 
 @numba.njit
 def of_all_lent(tables, totals):
-    lent = borrowed(tables)
-    (filled,) = borrowed((totals,))
+    lent = without_refcount(tables)
+    (filled,) = without_refcount((totals,))
     row = lent[0][0]
     for n in range(len(filled)):
         if filled[n] == 0.0:
@@ -73,7 +73,7 @@ def test_no_reference_is_counted_to_what_is_lent():
 
 def test_plain_python_is_given_the_arrays_themselves():
     given = tables()
-    assert borrowed(given) is given
+    assert without_refcount(given) is given
 
 
 KIND = np.dtype([("a", "f8"), ("b", "f8", (3,))])
@@ -81,7 +81,7 @@ KIND = np.dtype([("a", "f8"), ("b", "f8", (3,))])
 
 @numba.njit
 def doubled(records):
-    numbers = as_numbers(records)
+    numbers = as_float64_view(records)
     for k in range(len(numbers)):
         numbers[k] *= 2.0
 
@@ -90,13 +90,13 @@ def doubled(records):
 def own_numbers(count):
     records = np.zeros(count, KIND)
     records[count - 1].b[2] = 7.0
-    return as_numbers(records)
+    return as_float64_view(records)
 
 
 def test_numbers_of_records_are_the_records_own_memory():
     records = np.zeros(2, KIND)
     records["a"], records["b"] = (1.0, 2.0), ((3.0, 4.0, 5.0), (6.0, 7.0, 8.0))
-    assert as_numbers(records).tolist() == [1.0, 3.0, 4.0, 5.0, 2.0, 6.0, 7.0, 8.0]
+    assert as_float64_view(records).tolist() == [1.0, 3.0, 4.0, 5.0, 2.0, 6.0, 7.0, 8.0]
     before = sys.getrefcount(records)
     doubled(records)
     assert records["b"].tolist() == [[6.0, 8.0, 10.0], [12.0, 14.0, 16.0]]
@@ -133,9 +133,9 @@ def test_garbage_is_collected_again_once_a_kernel_is_compiled_even_in_vain(monke
 
     for function in (kernel, in_vain):
         monkeypatch.setattr(function, "__module__", "cutenv.made_up")
-    compiled(kernel)(1.0)
+    njit(kernel)(1.0)
     with pytest.raises(numba.errors.TypingError):
-        compiled(in_vain)(2)
+        njit(in_vain)(2)
     assert collected
     assert not any(collected)
     assert gc.isenabled()

@@ -16,17 +16,17 @@ import pytest
 from led_cut import UPRIGHT, changed_law, constant_feed, homogeneous, lead, lead_by, liver
 
 import cutenv
-from cutenv.cores import over_cores
+from cutenv._engine.parallel import parallel_for
+from cutenv._engine.randomness import generator
+from cutenv._engine.work_queue import make_queue
 from cutenv.cutting.abreast import hold_some
-from cutenv.cutting.drive import Hand, Rig, made_up
+from cutenv.cutting.drive import Hand, Rig, lag_gain
+from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, READING, STATE, TICK, new_state
 from cutenv.cutting.law import LONGEST_ADVANCE
 from cutenv.cutting.parameters import law_records, profile_records
-from cutenv.cutting.records import DRIVE, LAW, PROFILE, READING, STATE, TICK, new_state
 from cutenv.cutting.row import ABREAST
 from cutenv.cutting.sensor import SENSOR, SensorParameters, sensor_records
 from cutenv.cutting.simulate import follow, simulate, simulate_some, update
-from cutenv.portions import portions
-from cutenv.randomness import generator
 from cutenv.tissue.specimen import Specimen
 
 Cases = dict[str, Any]
@@ -92,7 +92,7 @@ def instants(cases: Cases) -> Cases:
             record = [now[name][0] for name in ORDER[:5]]
             update(
                 *record,
-                made_up(record[3], TICK),
+                lag_gain(record[3], TICK),
                 float(command["speeds"][0, 0]),
                 float(command["angles"][0, 0]),
                 TICK,
@@ -128,7 +128,7 @@ def abreast(cases: Cases, ticks: int) -> Cases:
     felt = np.zeros(c["speeds"].shape)
     for k in range(felt.shape[1]):
         commands, last = np.stack((c["speeds"][:, k], c["angles"][:, k]), axis=1), np.zeros(len(felt))
-        hold_some(portions(len(felt)), 0, *(c[name] for name in ORDER[:5]), commands, ticks, last)
+        hold_some(make_queue(len(felt)), 0, *(c[name] for name in ORDER[:5]), commands, ticks, last)
         felt[:, k] = last
     return c | {"felt": felt}
 
@@ -193,7 +193,7 @@ def test_over_a_cut_plain_python_and_compiled_agree_on_units_and_crack(cases, tm
 
 def batch(cases: Cases) -> Cases:
     c = copied(cases)
-    over_cores(simulate_some, CUTS, *(c[name] for name in ORDER), TICK, c["readings"])
+    parallel_for(simulate_some, CUTS, *(c[name] for name in ORDER), TICK, c["readings"])
     return c
 
 

@@ -11,7 +11,7 @@ import pytest
 from led_cut import LedCut, changed_law, constant_feed, homogeneous, lead, lead_by, liver, residual_of
 
 from cutenv.tissue.cut_model import CutModel
-from cutenv.tissue.modulus import local_effective_modulus
+from cutenv.tissue.effective_modulus import local_effective_modulus
 
 DEPTH, TOUGHNESS = 0.02, 211.0 * 0.02  # B [m], R B [N]
 MODEL = CutModel()

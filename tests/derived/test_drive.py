@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from led_cut import INCLINED, UPRIGHT, homogeneous
 
-from cutenv.cutting.drive import Hand, Rig, advance_command, made_up, motion
+from cutenv.cutting.drive import Hand, Rig, advance_command, lag_gain, motion
+from cutenv.cutting.dtypes import STATE, TICK, new_state
 from cutenv.cutting.friction import deflected, grip
 from cutenv.cutting.parameters import LawParameters, law_records
-from cutenv.cutting.records import STATE, TICK, new_state
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue.specimen import Specimen
@@ -40,7 +40,7 @@ def drive_blade(
 def commanded(target: float, ticks: int, rig: Rig, *, dt: float = TICK, travel: float = 0.15) -> Any:
     """Speed of the rig's carriage after every tick [m/s]."""
     state, drive = new_state(1, UPRIGHT)[0], rig.records(travel)[0]
-    speeds, share = np.empty(ticks), made_up(drive, dt)
+    speeds, share = np.empty(ticks), lag_gain(drive, dt)
     for i in range(ticks):
         advance_command(state, drive, share, target, dt)
         speeds[i] = state.hand_speed
@@ -146,7 +146,7 @@ def coasting(mass: float, friction: float, presliding: float) -> Any:
     state.speed = 0.02
     places = []
     for _ in range(1000):
-        dx = motion(state, drive, made_up(drive, TICK), 0.0, 0.0, grip(law, depth, state.bristle), TICK)
+        dx = motion(state, drive, lag_gain(drive, TICK), 0.0, 0.0, grip(law, depth, state.bristle), TICK)
         state.bristle = deflected(law, state.bristle, dx)
         state.blade += dx
         places.append(float(state.blade))

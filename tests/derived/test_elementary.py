@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 
 import cutenv
-from cutenv import elementary
-from cutenv.compiled import compiled
-from cutenv.elementary import cotangent, exp, log, tanh
+from cutenv._engine import elementary
+from cutenv._engine.elementary import cotangent, exp, log, tanh
+from cutenv._engine.jit import njit
 
 Function = Callable[[float], float]
 RNG = np.random.default_rng(1)
@@ -47,7 +47,7 @@ CASES = [
 NAMES = ["exp", "log", "tanh", "cotangent"]
 
 
-@compiled
+@njit
 def all_of(which: int, x: np.ndarray, y: np.ndarray) -> None:
     """Fill ``y`` with one of the functions of ``x``: a loop, as kernels have them."""
     for i in range(len(x)):
@@ -160,7 +160,7 @@ def test_other_kernels_fail_the_check(broken):
         check_plain_arithmetic(broken)
 
 
-KERNELS = {"compiled", "compiled_for_cores", "for_kernels", "inlined"}
+KERNELS = {"njit", "njit_nogil", "njit_internal", "njit_inline"}
 EXACT = {"copysign", "floor", "ceil", "trunc", "fabs", "sqrt", "isnan", "isinf", "isfinite"}
 """Of ``math``: alike in every library."""
 INEXACT = re.compile(r"a?(?:sin|cos|tan)h?|arc\w+|atan2|hypot|exp2?|expm1|log(?:2|10|1p)?|(?:float_)?power|pow|cbrt|"
@@ -204,13 +204,14 @@ def of_the_machine(source: str) -> list[str]:
 def check_nothing_of_the_machine(source: str, name: str) -> None:
     found = of_the_machine(source)
     assert not found, (
-        f"{name}: {'; '.join(found)}. Libraries differ in last places: use cutenv.elementary; for a power multiply."
+        f"{name}: {'; '.join(found)}. Libraries differ in last places: use cutenv._engine.elementary; for a power "
+        "multiply."
     )
 
 
 def test_kernels_take_nothing_from_the_machines_libraries():
     sources = {path: path.read_text() for path in sorted(Path(inspect.getfile(cutenv)).parent.rglob("*.py"))}
-    with_kernels = {path: source for path, source in sources.items() if "cutenv.compiled import" in source}
+    with_kernels = {path: source for path, source in sources.items() if "cutenv._engine.jit import" in source}
     assert len(with_kernels) > 20
     for path, source in with_kernels.items():
         check_nothing_of_the_machine(source, path.name)
@@ -233,6 +234,6 @@ def test_kernels_take_nothing_from_the_machines_libraries():
 @pytest.mark.parametrize("decorator", sorted(KERNELS))
 def test_what_the_machine_computes_is_found_in_a_kernel(decorator, expression):
     source = f"from math import sin as sine\n@{decorator}\ndef kernel(x, n):\n    return 1.0 + {expression}\n"
-    with pytest.raises(AssertionError, match=r"use cutenv\.elementary"):
+    with pytest.raises(AssertionError, match=r"use cutenv\._engine\.elementary"):
         check_nothing_of_the_machine(source, "made up")
     check_nothing_of_the_machine(source.replace(f"@{decorator}\n", ""), "made up")

@@ -12,10 +12,10 @@ from cutenv.cutting.law import loading_ratio
 from cutenv.cutting.parameters import law_records
 from cutenv.tissue import Specimen, measured_liver
 from cutenv.tissue.description import TissueDescription, tables_only
+from cutenv.tissue.effective_modulus import falls, linear_fit
 from cutenv.tissue.fall import checked_falls, end_of_fall, speed_on_line
-from cutenv.tissue.modulus import falls, linear_fit
-from cutenv.tissue.spread import inclined_spread
 from cutenv.tissue.tables import table
+from cutenv.tissue.variance_components import inclined_spread
 
 LIVER = measured_liver()
 SPEEDS = np.array([0.0, 0.0005, 0.001, 0.002, 0.0038, 0.006, 0.0127, 0.015, 0.0165, 0.02, 0.0254, 0.05])

@@ -11,7 +11,7 @@ from foreign_script import foreign_records as fr
 from recorded_cut import recorded_cut
 
 from cutenv.cutting.sensor import SensorParameters
-from cutenv.measurement import flaws
+from cutenv.measurement import quality_issues
 from cutenv.trace import Trace
 
 SENSORS = [
@@ -35,8 +35,8 @@ def test_an_honest_cut_has_no_flaw(kind: str, sensor: SensorParameters) -> None:
         for trace in (cut.trace, cut.forward().trace):
             for stride in (1, 10):
                 part = trace.select(slice(None, None, stride))
-                assert flaws(part) == ()
-                assert flaws(force_only(part)) == ()
+                assert quality_issues(part) == ()
+                assert quality_issues(force_only(part)) == ()
 
 
 def friction(*, noise: float, resolution: float, depth: np.ndarray | None = None) -> Trace:
@@ -59,8 +59,8 @@ def friction(*, noise: float, resolution: float, depth: np.ndarray | None = None
 @pytest.mark.parametrize("depth", [None, np.array([0.001, 0.015, 0.02, 0.02, 0.018])])
 def test_friction_alone_is_no_stuck_sensor(noise: float, resolution: float, depth: np.ndarray | None) -> None:
     trace = friction(noise=noise, resolution=resolution, depth=depth)
-    assert flaws(trace) == ()
-    assert flaws(force_only(trace)) == ()
+    assert quality_issues(trace) == ()
+    assert quality_issues(force_only(trace)) == ()
 
 
 @pytest.mark.parametrize("kind", ["held reading", "dead zone", "filter", "unit 1"])
@@ -76,13 +76,13 @@ def test_what_electronics_do_is_no_flaw(kind: str) -> None:
     else:
         force = force / force.max()
     trace = dataclasses.replace(trace, force=force, force_unit="1" if kind == "unit 1" else "N")
-    assert flaws(trace) == ()
-    assert flaws(force_only(trace)) == ()
+    assert quality_issues(trace) == ()
+    assert quality_issues(force_only(trace)) == ()
 
 
 def check_found(trace: Trace, kind: str, rows: tuple[int, int], *, off: int, refuse: bool) -> None:
     """One flaw of this kind, at these rows, and none of another kind."""
-    found = flaws(trace)
+    found = quality_issues(trace)
     assert [flaw.kind for flaw in found] == [kind]
     assert found[0].rows == pytest.approx(rows, abs=off)
     assert found[0].refuse == refuse
@@ -122,7 +122,7 @@ def test_clipping_is_found_from_the_first_flat_top_to_the_last(sensor: SensorPar
     limit = 0.8 * cut.force.max()  # between the least and the greatest force of the cut
     tops = np.flatnonzero(cut.force >= limit)
     clipped = Trace(time=cut.time, force=sign * np.minimum(cut.force, limit))
-    found = [flaw for flaw in flaws(clipped) if flaw.kind == "clipping"]
+    found = [flaw for flaw in quality_issues(clipped) if flaw.kind == "clipping"]
     assert len(found) == 1
     assert found[0].refuse
     first, last = found[0].rows
@@ -148,10 +148,10 @@ def test_a_gap_in_which_the_blade_stood_is_worth_a_look() -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_reversed_force_is_refused_where_the_motion_is_known(seed: int) -> None:
     trace, _ = fr.reversed_sign(fr.one_cut(seed), np.random.default_rng(seed))
-    found = [flaw for flaw in flaws(trace) if flaw.kind == "reversed"]
+    found = [flaw for flaw in quality_issues(trace) if flaw.kind == "reversed"]
     assert [flaw.refuse for flaw in found] == [True]
     assert "force=-column" in found[0].message
-    assert [flaw.refuse for flaw in flaws(force_only(trace)) if flaw.kind == "reversed"] == [False]
+    assert [flaw.refuse for flaw in quality_issues(force_only(trace)) if flaw.kind == "reversed"] == [False]
 
 
 def test_a_constant_force_is_refused() -> None:
@@ -164,7 +164,7 @@ def test_a_constant_force_is_refused() -> None:
 def test_a_short_record_is_refused() -> None:
     cut = recorded_cut("2 cm", speed=0.01, turns=(0.02,)).trace
     check_found(cut.select(slice(1000, 1049)), "short", (0, 48), off=0, refuse=True)
-    assert flaws(cut.select(slice(1000, 1050))) == ()
+    assert quality_issues(cut.select(slice(1000, 1050))) == ()
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -173,16 +173,16 @@ def test_an_irregular_clock_is_worth_a_look(seed: int) -> None:
     trace, rows = fr.clock(force_only(cut), np.random.default_rng(seed))
     check_found(trace, "clock", rows, off=20, refuse=False)
     jitter = 1e-4 * np.random.default_rng(seed).standard_normal(len(cut)).clip(-3, 3)
-    assert flaws(dataclasses.replace(force_only(cut), time=cut.time + jitter)) == ()
+    assert quality_issues(dataclasses.replace(force_only(cut), time=cut.time + jitter)) == ()
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0, -1.0])
 def test_a_speed_that_disagrees_with_the_position_is_worth_a_look(factor: float) -> None:
     cut = recorded_cut("2 cm", speed=0.01, turns=(0.02, 0.0)).trace
-    found = flaws(dataclasses.replace(cut, speed=factor * cut.speed))
+    found = quality_issues(dataclasses.replace(cut, speed=factor * cut.speed))
     assert [(flaw.kind, flaw.refuse) for flaw in found] == [("speed", False)]
     assert f"{1 / factor:.2g} times as fast" in found[0].message
-    unsigned = flaws(dataclasses.replace(cut, speed=np.abs(cut.speed)))
+    unsigned = quality_issues(dataclasses.replace(cut, speed=np.abs(cut.speed)))
     assert [flaw.kind for flaw in unsigned] == ["speed"]
 
 
@@ -192,7 +192,7 @@ def test_flaws_come_in_order_of_time() -> None:
     force[4000:5000] = force[4000]
     kept = np.ones(len(cut), bool)
     kept[2000:2200] = False
-    found = flaws(dataclasses.replace(cut, force=force).select(kept))
+    found = quality_issues(dataclasses.replace(cut, force=force).select(kept))
     assert [flaw.kind for flaw in found] == ["gap", "stuck"]
     assert found[0].rows[1] < found[1].rows[0]
 
@@ -200,7 +200,7 @@ def test_flaws_come_in_order_of_time() -> None:
 @pytest.mark.parametrize("seed", range(20))
 def test_valid_records_with_mild_noise_are_accepted(seed: int) -> None:
     record = fr.valid_record(seed)
-    assert flaws(dataclasses.replace(record.trace, force=record.trace.force - record.offset)) == ()
+    assert quality_issues(dataclasses.replace(record.trace, force=record.trace.force - record.offset)) == ()
 
 
 @pytest.mark.parametrize("n", [2, 3, 60])
@@ -210,4 +210,4 @@ def test_any_trace_can_be_judged(n: int, force: float) -> None:
     for values in (np.full(n, force), force * np.arange(n), np.where(np.arange(n) == 1, force, 0.0)):
         for unit in ("N", "1"):
             trace = Trace(time=time, force=values, position=0.001 * time, speed=np.zeros(n), force_unit=unit)
-            assert all(0 <= flaw.rows[0] <= flaw.rows[1] < n for flaw in flaws(trace))
+            assert all(0 <= flaw.rows[0] <= flaw.rows[1] < n for flaw in quality_issues(trace))

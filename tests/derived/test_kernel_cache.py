@@ -10,29 +10,29 @@ from pathlib import Path
 
 import pytest
 
-import cutenv.compiled
-from cutenv.compiled import kernel_folder, source_digest
+import cutenv._engine.jit
+from cutenv._engine.jit import kernel_folder, source_digest
 
 LAW = """
-from package.compiled import {door}
+from package._engine.jit import {door}
 
 @{door}
 def force(x: float) -> float:
     return {factor} * x
 """
 CALLER = """
-from package.compiled import compiled
+from package._engine.jit import njit
 from package.law import force
 
-@compiled
+@njit
 def twice(x: float) -> float:
     return 2.0 * force(x)
 
-@compiled
+@njit
 def thrice(x: float) -> float:
     return 3.0 * force(x)
 """
-DOORS = ("compiled", "for_kernels", "inlined")
+DOORS = ("njit", "njit_internal", "njit_inline")
 
 
 @pytest.fixture
@@ -41,13 +41,14 @@ def package(tmp_path: Path) -> Path:
     folder = tmp_path / "package"
     folder.mkdir()
     (folder / "__init__.py").touch()
-    (folder / "compiled.py").write_text(Path(cutenv.compiled.__file__).read_text())
+    (folder / "_engine").mkdir()
+    (folder / "_engine" / "jit.py").write_text(Path(cutenv._engine.jit.__file__).read_text())
     (folder / "caller.py").write_text(CALLER)
     write_law(folder, 3.0)
     return folder
 
 
-def write_law(package: Path, factor: float, door: str = "compiled") -> None:
+def write_law(package: Path, factor: float, door: str = "njit") -> None:
     (package / "law.py").write_text(LAW.format(factor=factor, door=door))
 
 
@@ -65,7 +66,7 @@ def answer(package: Path, kernel: str = "caller.twice", **environment: str) -> f
     return float(done.stdout)
 
 
-def check_edit_of_an_inlined_function_is_seen(package: Path, door: str = "compiled", **environment: str) -> None:
+def check_edit_of_an_inlined_function_is_seen(package: Path, door: str = "njit", **environment: str) -> None:
     write_law(package, 3.0, door)
     assert answer(package, **environment) == 6.0
     assert list(package.parent.rglob("*.nbi"))
@@ -105,7 +106,7 @@ def test_the_same_holds_where_the_user_chose_the_cache(package, tmp_path):
 
 
 def test_a_cache_that_is_not_named_after_the_source_would_run_yesterdays_law(package):
-    door = package / "compiled.py"
+    door = package / "_engine" / "jit.py"
     door.write_text(door.read_text().replace("return content.hexdigest()[:16]", 'return "always"'))
     with pytest.raises(AssertionError):
         check_edit_of_an_inlined_function_is_seen(package)
@@ -153,8 +154,9 @@ def test_the_first_use_says_that_it_compiles_and_the_second_says_nothing(tmp_pat
 def test_the_notice_of_compiling_stands_on_a_line_of_its_own_beside_a_progress_bar(tmp_path):
     pytest.importorskip("tqdm", reason="progress bars are an extra: pip install 'cutenv[view]'")
     use = (
-        "from tqdm import tqdm; from cutenv.compiled import announce; from cutenv.cutting.simulate import hold\n"
-        "with tqdm(total=5, desc='cutting') as bar: announce(hold)"
+        "from tqdm import tqdm; from cutenv._engine.jit import warn_before_first_compile; from "
+        "cutenv.cutting.simulate import hold\n"
+        "with tqdm(total=5, desc='cutting') as bar: warn_before_first_compile(hold)"
     )
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     ran = subprocess.run([sys.executable, "-c", use], capture_output=True, check=True, env=environment)

@@ -9,7 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from cutenv.tissue.modulus import (
+from cutenv.tissue.effective_modulus import (
     PowerFit,
     SpeedFit,
     linear_fit,

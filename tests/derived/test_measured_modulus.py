@@ -17,7 +17,7 @@ from cutenv.measurement import (
     loading_segments,
 )
 from cutenv.tissue.cut_model import CutModel
-from cutenv.tissue.modulus import local_effective_modulus
+from cutenv.tissue.effective_modulus import local_effective_modulus
 from cutenv.trace import Trace
 
 SPEEDS = (0.001, 0.0127, 0.0254)

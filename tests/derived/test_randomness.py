@@ -10,8 +10,8 @@ import numba
 import numpy as np
 import pytest
 
-from cutenv import randomness
-from cutenv.randomness import generator, normal_at, philox
+from cutenv._engine import randomness
+from cutenv._engine.randomness import generator, normal_at, philox
 
 # Known answers of the Random123 library, file kat_vectors: counter, key, result.
 ONES = 0xFFFFFFFF

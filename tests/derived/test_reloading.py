@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from led_cut import INCLINED, UPRIGHT, LedCut, changed_law, constant_feed, homogeneous, lead, lead_by, through
 
-from cutenv.randomness import generator
+from cutenv._engine.randomness import generator
 from cutenv.tissue.specimen import Specimen
 
 SPEEDS = [0.001, 0.0038, 0.0089, 0.0127, 0.0165, 0.0216, 0.0254]  # [m/s]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cutenv import resources
+from cutenv._base import resources
 
 
 @pytest.fixture

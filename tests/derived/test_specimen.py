@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from led_cut import liver
 
-from cutenv.randomness import generator
+from cutenv._engine.randomness import generator
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.slab import effective_depth

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from cutenv.validation import array_in_range, in_range, one_of
+from cutenv._base.validation import array_in_range, in_range, one_of
 
 
 @pytest.mark.parametrize("value", [0.0, 0.5, 1, 1.0, np.float64(0.25), np.float32(0.25), np.int64(1), np.array(0.5)])

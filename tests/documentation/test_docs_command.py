@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from cutenv import resources
+from cutenv._base import resources
 from cutenv.cli import main
 from cutenv.commands import docs
 

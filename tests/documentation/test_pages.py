@@ -18,9 +18,9 @@ import pytest
 
 from cutenv import cli
 from cutenv.recording import UNITS, load, load_operators
-from cutenv.rig.causes import STILL
+from cutenv.rig.config.settings import SafetyLimits
 from cutenv.rig.emulator.faults import FAULTS
-from cutenv.rig.settings import Limits
+from cutenv.rig.safety.stop_causes import STILL
 from cutenv.task.weights import RewardWeights
 
 ROOT = Path(__file__).parents[2]
@@ -157,7 +157,7 @@ def test_the_weights_that_are_listed_are_those_of_the_reward():
 
 def test_the_limits_that_are_listed_are_the_defaults():
     page = (DOCS / "rig" / "what-stops-it.md").read_text(encoding="utf-8")
-    limits = Limits()
+    limits = SafetyLimits()
     for value in (
         f"{limits.force:g} N, or all three together beyond {limits.force_norm:g} N",
         f"faster than {limits.force_rise:g} N/s",

@@ -184,7 +184,7 @@ def test_a_value_out_of_range_is_refused_by_field_value_range_and_cure(call, fie
 
 
 def test_a_refusal_without_a_cure_would_be_noticed():
-    from cutenv.validation import in_range
+    from cutenv._base.validation import in_range
 
     with pytest.raises(AssertionError):
         check_refusal(lambda: in_range("depth", 2, 0.0, 0.1, "m"), "depth", "2 m")

@@ -16,8 +16,8 @@ from cutenv.cutting.drive import Rig
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.policy import ConstantFeed, NoAction
-from cutenv.task.observation import BOUND, COMPONENTS
-from cutenv.task.records import ENDS, TERMS
+from cutenv.task.episode_dtypes import ENDS, TERMS
+from cutenv.task.observation import CLIP, COMPONENTS
 from cutenv.task.weights import Limits, RewardWeights
 from cutenv.tissue.specimen import CLASSES
 
@@ -118,11 +118,11 @@ def test_the_spaces_are_those_of_the_docstring():
     assert str(env.action_space).replace(".0", "") == "Box(-1, 1, (2,), float32)"
     assert "``Box(-1, 1, (2,), float32)``" in section(DOC, "Action")
     size = len(COMPONENTS)
-    assert f"``Box(-{BOUND:g}, {BOUND:g}, ({size},), float32)``" in section(DOC, "Observation")
+    assert f"``Box(-{CLIP:g}, {CLIP:g}, ({size},), float32)``" in section(DOC, "Observation")
     assert env.observation_space.shape == (size,)
     assert env.observation_space.dtype == np.float32
-    assert (env.observation_space.high == BOUND).all()
-    assert (env.observation_space.low == -BOUND).all()
+    assert (env.observation_space.high == CLIP).all()
+    assert (env.observation_space.low == -CLIP).all()
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cutenv.cutting.records import READING
+from cutenv.cutting.dtypes import READING
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.task.records import ENDS, TERMS
+from cutenv.task.episode_dtypes import ENDS, TERMS
 from cutenv.tissue.cut_model import CutModel
 from cutenv.viewer import ForceTrace, Layout, Moment, Slab, palette
-from cutenv.viewer.scene import blade_from_above, blade_from_the_side, depth_at, front_from_the_side
-from cutenv.viewer.slab import half_gap
+from cutenv.viewer.drawn_slab import half_gap
+from cutenv.viewer.scene import blade_from_above, blade_from_the_side, depth_below, front_from_the_side
 
 LAYOUT = Layout()
 
@@ -232,7 +232,7 @@ def test_a_moment_tells_what_the_rig_and_the_truth_know(env: GentleCutEnv) -> No
     assert math.degrees(moment.angle) == pytest.approx(67.5)
     assert moment.target == 0.08
     assert moment.force_limit_per_depth == 1000.0
-    assert depth_at(moment.depth, moment.blade) == pytest.approx(env.specimen.tissue.mean_depth)
+    assert depth_below(moment.depth, moment.blade) == pytest.approx(env.specimen.tissue.mean_depth)
 
 
 def test_the_terms_shown_add_up_to_the_return(env: GentleCutEnv) -> None:

@@ -245,7 +245,7 @@ def test_human_mode_shows_the_picture_in_a_window_and_closes_it(window_env: Gent
     assert window_env.render() is None
     window = pygame.display.get_surface()
     assert window.get_size() == (LAYOUT.width, LAYOUT.height)
-    assert tuple(window.get_at((2, 2)))[:3] == palette.HEADER
+    assert tuple(window.get_at((2, 2)))[:3] == palette.HEADER_COLOUR
     window_env.close()
     assert not pygame.display.get_init()
     window_env.close()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from whole_cut import CRUISE, FASTEST, INCLINED, UPRIGHT, Cut, cut, interval, make
 
+from cutenv._engine.randomness import generator
 from cutenv.policy import (
     ConstantFeed,
     FastThenSlow,
@@ -18,7 +19,6 @@ from cutenv.policy import (
     ProbeAndCreep,
     RandomAction,
 )
-from cutenv.randomness import generator
 from cutenv.task.weights import DRAFT
 from cutenv.tissue import Specimen
 from cutenv.tissue.specimen import SPACING

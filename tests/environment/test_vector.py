@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.testing import assert_array_equal
 
 import cutenv  # noqa: F401  registers the environment
-from cutenv import cores
+from cutenv._engine import parallel
 from cutenv.cutting.row import ABREAST
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.tissue import Specimen, measured_liver
@@ -156,16 +156,16 @@ def test_the_order_and_size_of_a_batch_do_not_matter():
 
 @pytest.fixture
 def _own_cores():
-    before = cores.cores()
+    before = parallel.cores()
     yield
-    cores.set_cores(before)
+    parallel.set_cores(before)
 
 
 @pytest.mark.usefixtures("_own_cores")
 def test_the_number_of_cores_does_not_matter():
     answers = []
     for count in (1, 3):
-        cores.set_cores(count)
+        parallel.set_cores(count)
         env = gymnasium.make_vec(ENVIRONMENT, num_envs=100, **SHORT)
         rng = np.random.default_rng(4)
         seen = [env.reset(seed=0)[0]]

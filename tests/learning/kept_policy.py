@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from cutenv.policy.actor_network import Network
 from cutenv.policy.features import Features
-from cutenv.policy.network import Network
 from cutenv.policy.trained import CARD, WEIGHTS, TrainedPolicy
 from cutenv.task.observation import COMPONENTS
 

@@ -14,7 +14,17 @@ from baseline_table import findings, grid_lines, repaid, report, table
 from cutenv.learning.evaluation import run_cut
 from cutenv.learning.seeds import ENVIRONMENT
 from cutenv.learning.tables import write_csv
-from cutenv.policy import BOUND, GRID, IDLE, SCRIPTS, ConstantFeed, NoAction, ProbeAndCreep, RandomAction, feed_name
+from cutenv.policy import (
+    CONSTANT_FEEDS,
+    NULL_POLICIES,
+    ORACLE,
+    SCRIPTS,
+    ConstantFeed,
+    NoAction,
+    ProbeAndCreep,
+    RandomAction,
+    feed_name,
+)
 from cutenv.task.weights import DRAFT, RewardWeights
 
 OTHER = RewardWeights(
@@ -66,12 +76,12 @@ CORNER, MIDDLE = feed_name(2.54, 45), feed_name(1.27, 45)
 
 def made_up(**means: float) -> list[dict]:
     """Rows of every baseline on four specimens; returns spread by 0.1 about the mean that is given, 0.3 else."""
-    named = {"corner": CORNER, "middle": MIDDLE, "probing": "probe and creep", "bound": BOUND, "nothing": "nothing"}
+    named = {"corner": CORNER, "middle": MIDDLE, "probing": "probe and creep", "bound": ORACLE, "nothing": "nothing"}
     given = {named[name]: mean for name, mean in means.items()}
     rows = []
-    for policy in (*GRID, *SCRIPTS, BOUND, *IDLE):
+    for policy in (*CONSTANT_FEEDS, *SCRIPTS, ORACLE, *NULL_POLICIES):
         for seed in range(4):
-            idle = policy in IDLE
+            idle = policy in NULL_POLICIES
             value = given.get(policy, -1.0 if idle else 0.3) + (0.0 if idle else 0.1 * (seed % 2 - 0.5))
             end = "deadline" if idle else "finished"
             row = {"policy": policy, "seed": seed, "end": end, "draft_end": end, "return": value}
@@ -110,7 +120,7 @@ def test_finished_cuts_that_score_no_better_than_doing_nothing_are_counted():
 
 def test_force_limits_that_the_bound_meets_are_counted_for_either_reward():
     rows = made_up()
-    bounds = [row for row in rows if row["policy"] == BOUND]
+    bounds = [row for row in rows if row["policy"] == ORACLE]
     bounds[0]["end"] = bounds[0]["draft_end"] = bounds[1]["draft_end"] = "force_limit"
     assert findings(rows, "return")[4].endswith("in 1 of 4 cuts")
     assert findings(rows, "draft_return")[4].endswith("in 2 of 4 cuts")
@@ -127,7 +137,7 @@ def test_the_grid_shows_each_feed_where_it_belongs():
 def test_the_report_names_every_script_the_best_feed_the_bound_and_both_rewards():
     text = report(made_up(middle=0.6), "liver")
     assert "class liver, 4 specimens" in text
-    for name in (*SCRIPTS, MIDDLE, BOUND, *IDLE, "rewards as drafted", "rewards as it is"):
+    for name in (*SCRIPTS, MIDDLE, ORACLE, *NULL_POLICIES, "rewards as drafted", "rewards as it is"):
         assert name in text
     assert CORNER not in text.splitlines()[3:]
 

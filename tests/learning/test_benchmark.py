@@ -21,10 +21,10 @@ from benchmark.robustness import settings
 from benchmark.runs import Benchmark, Part, differs
 from benchmark.table import markdown, origin_of, publish, read_table, write_leaderboard, write_tables
 
+from cutenv._base.parameter import parameter_table
 from cutenv.learning.arguments import PPOArguments
 from cutenv.learning.evaluation import workers
 from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
-from cutenv.parameter import parameter_table
 from cutenv.policy import Features, Network, save_policy
 from cutenv.tissue.description import TissueDescription
 
@@ -286,7 +286,7 @@ def test_seeds_of_training_runs_validation_and_test_are_disjoint():
 def test_every_constant_of_the_parameter_table_that_has_a_range_is_swept(tmp_path):
     swept = {setting.constant for setting in settings()}
     assert {"motor_lag", "acceleration", "force_noise", "force_delay", "force_limit_per_depth"} <= swept
-    assert {row["name"] for row in parameter_table(TissueDescription) if row["sweep"]} <= swept
+    assert {row["name"] for row in parameter_table(TissueDescription) if row["sensitivity"]} <= swept
     for setting in settings():
         env = gymnasium.make(ENVIRONMENT, **setting.arguments(tmp_path))
         env.reset(seed=1)

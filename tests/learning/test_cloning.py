@@ -8,21 +8,21 @@ import pytest
 torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
 from cutenv.learning.cloning import CutDataset, DecisionDataset, Demonstrations, clone, demonstrations, invert_dead_zone  # noqa: E402
-from cutenv.policy import ConstantFeed, past_dead_zone  # noqa: E402
+from cutenv.policy import ConstantFeed, apply_dead_zone  # noqa: E402
 from cutenv.sb3 import FeatureVecEnv  # noqa: E402
 
 
 def test_what_stands_before_the_dead_zone_comes_out_of_it_again():
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 2)).astype(np.float32)
     actions[0, 0] = 0.0
-    assert past_dead_zone(invert_dead_zone(actions, 0.25), 0.25) == pytest.approx(actions, abs=1e-6)
+    assert apply_dead_zone(invert_dead_zone(actions, 0.25), 0.25) == pytest.approx(actions, abs=1e-6)
     assert invert_dead_zone(actions, 0.25)[0, 0] == 0.0
 
 
 def test_demonstrations_are_what_the_script_does_whatever_noise_is_added():
     environments = FeatureVecEnv(range(4), history=0, dead_zone=0.25, control_hz=10)
     taught = demonstrations(environments, lambda: ConstantFeed(speed=0.0127), decisions=40, noise=0.3, seed=1).actions
-    speed, angle = past_dead_zone(taught.reshape(-1, 2), 0.25).T
+    speed, angle = apply_dead_zone(taught.reshape(-1, 2), 0.25).T
     assert taught.shape == (10, 4, 2)
     assert speed == pytest.approx(0.5, abs=1e-6)
     assert angle == pytest.approx(1.0)

@@ -16,7 +16,7 @@ minari = pytest.importorskip("minari", reason="data sets are an extra: pip insta
 pytest.importorskip("h5py", reason="data sets are an extra: pip install 'cutenv[data]'")
 
 from cutenv.commands.datasets import Arguments, cuts_of  # noqa: E402
-from cutenv.cutting.records import TICK  # noqa: E402
+from cutenv.cutting.dtypes import TICK  # noqa: E402
 from cutenv.learning.demonstration import ESTIMATED, FELT, HIDDEN, recorded  # noqa: E402
 from cutenv.learning.minari_datasets import (  # noqa: E402
     cloning_data,
@@ -25,7 +25,7 @@ from cutenv.learning.minari_datasets import (  # noqa: E402
     write,
 )
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace  # noqa: E402
-from cutenv.policy import Features, past_dead_zone  # noqa: E402
+from cutenv.policy import Features, apply_dead_zone  # noqa: E402
 from cutenv.recording import save  # noqa: E402
 from cutenv.task.observation import in_units  # noqa: E402
 from cutenv.tissue import Specimen  # noqa: E402
@@ -178,7 +178,7 @@ def test_lessons_are_the_features_that_an_agent_sees_and_the_actions_before_its_
     shown, taught = cloning_data(dataset, history=2, dead_zone=0.25)
     cuts = list(cloning_data_by_cut(dataset, history=2, dead_zone=0.25))
     assert (np.concatenate([own for own, _ in cuts]) == shown).all()
-    assert past_dead_zone(taught, 0.25) == pytest.approx(
+    assert apply_dead_zone(taught, 0.25) == pytest.approx(
         np.concatenate([episode.actions for episode in dataset.iterate_episodes()]), abs=1e-6
     )
     features = Features(history=2)

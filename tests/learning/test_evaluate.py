@@ -28,7 +28,7 @@ from cutenv.policy import (
     RandomAction,
     save_policy,
 )
-from cutenv.task.records import TERMS
+from cutenv.task.episode_dtypes import TERMS
 
 # Two policies on three specimens: differences of return 0.2, 0.1 and 0.3; of success 1, 0 and 0.
 ROWS = [
@@ -131,9 +131,9 @@ def test_a_policy_that_sees_the_truth_is_shown_it_and_no_other():
     shown = []
 
     class Planner(PlannerWithTruth):
-        def look_into(self, cutting):
+        def set_state(self, cutting):
             shown.append(cutting)
-            super().look_into(cutting)
+            super().set_state(cutting)
 
     env = gymnasium.make(ENVIRONMENT, deadline_s=2.0)
     run_cut(env, Planner(rounds=0), 0)

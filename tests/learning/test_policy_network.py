@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from kept_policy import ABOUT, FEATURES, SIZE, actions, observations
 
-from cutenv.policy.features import Features, past_dead_zone
-from cutenv.policy.network import ACTIVATIONS, Network
+from cutenv.policy.actor_network import ACTIVATIONS, Network
+from cutenv.policy.features import Features, apply_dead_zone
 from cutenv.policy.trained import TrainedPolicy, save_policy
-from cutenv.task.observation import BOUND
+from cutenv.task.observation import CLIP
 
 pytest.importorskip("safetensors", reason="policies are kept with an extra: pip install 'cutenv[rl]'")
 
@@ -20,7 +20,7 @@ pytest.importorskip("safetensors", reason="policies are kept with an extra: pip 
 def spaces() -> gymnasium.Env:
     """What PPO must know of an environment to build its networks, and no more."""
     env = gymnasium.Env()
-    env.observation_space = gymnasium.spaces.Box(-BOUND, BOUND, (SIZE,), np.float32)
+    env.observation_space = gymnasium.spaces.Box(-CLIP, CLIP, (SIZE,), np.float32)
     env.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
     return env
 
@@ -54,7 +54,7 @@ def difference(model, own: Network, size: float) -> float:
     return float(np.abs(np.clip(own(features), -1.0, 1.0) - theirs).max())
 
 
-@pytest.mark.parametrize("size", [0.1, 3.0, BOUND])
+@pytest.mark.parametrize("size", [0.1, 3.0, CLIP])
 def test_the_network_acts_as_the_learner_does(learner, size):
     model, activation = learner
     own = Network.from_state_dict(actor(model), activation)
@@ -93,7 +93,7 @@ def test_a_policy_from_its_folder_acts_as_the_learner_does_throughout_a_cut(lear
         seen = observations(30, seed)
         features.reset()
         expected = [
-            past_dead_zone(model.predict(features(observation), deterministic=True)[0], ABOUT["dead_zone"])
+            apply_dead_zone(model.predict(features(observation), deterministic=True)[0], ABOUT["dead_zone"])
             for observation in seen
         ]
         np.testing.assert_allclose(actions(policy, seen), expected, rtol=0.0, atol=2e-5)

@@ -11,7 +11,7 @@ pytest.importorskip("tqdm", reason="the comparison needs an extra: pip install '
 from benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, Protocol, content_of
 from benchmark.table import PUBLISHED, Table, about, earlier, origin_of, read_table
 
-from cutenv.policy import BOUND, IDLE, SCRIPTS
+from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
 
 TRAINED = {name: len(Protocol().training_seeds) for name in ENTRIES}
 
@@ -37,13 +37,13 @@ def test_everyone_has_cut_every_specimen_of_every_class(table, name):
 
 
 def test_the_planner_that_is_shown_the_truth_is_above_all(table):
-    bound = table.line(BOUND, table.headline, "return")
-    others = [table.line(name, table.headline, "return") for name in (*ENTRIES, *SCRIPTED) if name != BOUND]
+    bound = table.line(ORACLE, table.headline, "return")
+    others = [table.line(name, table.headline, "return") for name in (*ENTRIES, *SCRIPTED) if name != ORACLE]
     assert bound.interval.low > max(line.interval.high for line in others)
 
 
 def test_scripts_and_agents_are_above_chance_and_idleness(table):
-    idle = max(table.line(name, table.headline, "return").interval.high for name in IDLE)
+    idle = max(table.line(name, table.headline, "return").interval.high for name in NULL_POLICIES)
     for name in (BEST_FEED, *SCRIPTS, *ENTRIES):
         assert table.line(name, table.headline, "return").interval.low > idle
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cutenv.policy import FeatureBatch, Features, Network, RecurrentNetwork, TrainedPolicy, save_policy
-from cutenv.policy.card import PolicyCard
+from cutenv.policy.policy_card import PolicyCard
 from cutenv.policy.trained import CARD
 from cutenv.task.observation import COMPONENTS
 

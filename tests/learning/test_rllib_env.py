@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 
 from cutenv.learning.rllib_env import RunnerEnv
-from cutenv.policy import Features, past_dead_zone
+from cutenv.policy import Features, apply_dead_zone
 
 SHORT = {"history": 2, "dead_zone": 0.25, "control_hz": 10, "deadline_s": 1.0, "specimen_class": "liver"}
 
@@ -32,7 +32,7 @@ def test_features_rewards_and_ends_are_those_of_single_environments_cut_after_cu
                 expected[n], begins[n] = features[n](env.reset()[0]), False
                 assert rewards[n] == 0.0
                 continue
-            command = past_dead_zone(np.clip(actions[n], -1.0, 1.0), 0.25)
+            command = apply_dead_zone(np.clip(actions[n], -1.0, 1.0), 0.25)
             observation, reward, begins[n], _, info = env.step(command)
             expected[n] = features[n](observation)
             assert (rewards[n], ended[n]) == (reward, begins[n])

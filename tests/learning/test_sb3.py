@@ -13,9 +13,9 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from cutenv.learning.seeds import ENVIRONMENT
-from cutenv.policy import Features, past_dead_zone
+from cutenv.policy import Features, apply_dead_zone
 from cutenv.sb3 import FeatureVecEnv, NativeVecEnv
-from cutenv.task.hidden import HIDDEN
+from cutenv.task.privileged import PRIVILEGED_FEATURES
 
 SEEDS = (3, 8, 21)
 KEYWORDS = {"specimen_class": "mixed", "control_hz": 10, "deadline_s": 4.0}
@@ -35,7 +35,7 @@ def many(decisions: int, **keywords) -> tuple[np.ndarray, np.ndarray, np.ndarray
         seen.append(shown)
         rewards.append(reward)
         ends.append(done)
-    return np.array(seen)[..., : -len(HIDDEN)], np.array(rewards), np.array(ends)
+    return np.array(seen)[..., : -len(PRIVILEGED_FEATURES)], np.array(rewards), np.array(ends)
 
 
 def one(number: int, decisions: int, **keywords) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -43,7 +43,7 @@ def one(number: int, decisions: int, **keywords) -> tuple[np.ndarray, np.ndarray
     env, features = gymnasium.make(ENVIRONMENT, **KEYWORDS, **keywords), Features(history=2)
     seen, rewards, ends = [features(env.reset(seed=SEEDS[number])[0])], [], []
     for chosen in actions(decisions)[:, number]:
-        observation, reward, done, _, _ = env.step(past_dead_zone(np.clip(chosen, -1.0, 1.0), 0.25))
+        observation, reward, done, _, _ = env.step(apply_dead_zone(np.clip(chosen, -1.0, 1.0), 0.25))
         if done:
             observation = env.reset()[0]
             features.reset()
@@ -68,7 +68,7 @@ def test_another_dead_zone_would_be_noticed():
     other.reset()
     for chosen in actions(5):
         shown = other.step(chosen)[0]
-    assert not np.array_equal(shown[:, : -len(HIDDEN)], seen[-1])
+    assert not np.array_equal(shown[:, : -len(PRIVILEGED_FEATURES)], seen[-1])
 
 
 def test_they_begin_with_the_episode_that_is_asked_for_and_go_on_from_it():
@@ -106,7 +106,9 @@ def test_the_hidden_state_is_the_tip_first_of_all():
     for chosen in actions(15):
         seen = environments.step(chosen)[0]
     cuts = environments.native.cuts
-    assert seen[:, -len(HIDDEN)] == pytest.approx(100.0 * (cuts.tasks["target"] - cuts.states["tip"]), abs=1e-5)
+    assert seen[:, -len(PRIVILEGED_FEATURES)] == pytest.approx(
+        100.0 * (cuts.tasks["target"] - cuts.states["tip"]), abs=1e-5
+    )
 
 
 def test_adapted_as_it_is_it_does_what_stable_baselines_own_list_of_environments_does():

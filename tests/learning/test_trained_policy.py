@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from kept_policy import ABOUT, SIZE, actions, network, observations
 
 from cutenv.policy import trained
-from cutenv.policy.network import ACTIVATIONS, Network
+from cutenv.policy.actor_network import ACTIVATIONS, Network
 from cutenv.policy.trained import CARD, WEIGHTS, PolicyCard, TrainedPolicy, save_policy
 from cutenv.task.observation import COMPONENTS
 

@@ -9,7 +9,7 @@ pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip in
 
 from cutenv.learning.tables import read_rows
 from cutenv.learning.training_report import grid_rows, shown_facts, typical
-from cutenv.policy import GRID, GRID_ANGLES, GRID_SPEEDS
+from cutenv.policy import CONSTANT_FEEDS, GRID_ANGLES, GRID_SPEEDS
 
 
 def test_the_cut_that_is_drawn_is_the_agents_median_one():
@@ -22,7 +22,7 @@ def test_the_cut_that_is_drawn_is_the_agents_median_one():
 def test_the_grid_has_a_cell_for_every_speed_and_angle():
     summary = [
         {"policy": name, "score": score, "mean": speed * angle, "low_95": 0.0, "high_95": 1.0}
-        for name, (speed, angle) in GRID.items()
+        for name, (speed, angle) in CONSTANT_FEEDS.items()
         for score in ("return", "success")
     ]
     rows = grid_rows(summary)

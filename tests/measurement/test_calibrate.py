@@ -13,7 +13,7 @@ from recorded_cut import recorded_cut
 from virtual_session import MODEL, traces
 
 from cutenv.measurement import calibrate, measure_cut, measure_cuts
-from cutenv.measurement.cut import named
+from cutenv.measurement.measured_cut import named
 from cutenv.tissue import TissueDescription
 from cutenv.trace import Trace
 

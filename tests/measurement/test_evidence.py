@@ -15,10 +15,10 @@ from whole_cut import cut as play
 from whole_cut import make, steady
 
 from cutenv.measurement import MeasuredCut, calibrate, measure_cuts, tissue_of
-from cutenv.measurement.calibration import Refused
+from cutenv.measurement.calibration import RefusedRecord
 from cutenv.measurement.pooled_cuts import FEWEST_FOR_CORRELATION, FIELDS, NOT_RESAMPLED
 from cutenv.tissue import CutModel, TissueDescription, load_description, measured_liver
-from cutenv.tissue.evidence import Calibration, Evidence
+from cutenv.tissue.parameter_provenance import Evidence, TissueCalibration
 
 LIVER = measured_liver()
 UPRIGHT = math.radians(80.0)
@@ -29,7 +29,7 @@ def tissue_from(chosen: Callable[[MeasuredCut], bool] = lambda _: True, **option
     return tissue_of([cut for cut in cuts() if chosen(cut)], MODEL, **options)
 
 
-def calibration_of(tissue: TissueDescription) -> Calibration:
+def calibration_of(tissue: TissueDescription) -> TissueCalibration:
     assert tissue.calibration is not None
     return tissue.calibration
 
@@ -191,7 +191,7 @@ def test_cuts_that_are_together_no_tissue_are_refused_with_the_number() -> None:
 
 
 def test_json_gives_back_every_number_and_what_it_rests_on(tmp_path: Any) -> None:
-    tissue = tissue_from(resamples=30, refused=[Refused("bad <cut>", "no force")])
+    tissue = tissue_from(resamples=30, refused=[RefusedRecord("bad <cut>", "no force")])
     path = tmp_path / "tissue.json"
     path.write_text(tissue.to_json())
     again = load_description(path)
@@ -233,7 +233,7 @@ def test_a_tissue_without_calibration_is_read_as_before() -> None:
 
 
 def test_evidence_of_something_that_was_not_asked_for_is_refused_by_name() -> None:
-    facts = Calibration(cuts=1, specimens=1, evidence=(Evidence(name="eta90", provenance="measured", how="so"),))
+    facts = TissueCalibration(cuts=1, specimens=1, evidence=(Evidence(name="eta90", provenance="measured", how="so"),))
     with pytest.raises(ValueError, match=r"field must be one of 'eta90', got 'eta'. Did you mean 'eta90'"):
         facts.of("eta")
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from cutenv.measurement.scatter import (
+from cutenv.measurement.variogram import (
     CENTRES,
     Variogram,
     correlation_length,
@@ -16,7 +16,7 @@ from cutenv.measurement.scatter import (
     mean_field_variance,
     nested_variances,
 )
-from cutenv.tissue.spread import variance_components
+from cutenv.tissue.variance_components import variance_components
 
 LENGTH, SD = 0.020, 0.2
 """Of the drawn fields: correlation length [m], standard deviation of the logarithm."""

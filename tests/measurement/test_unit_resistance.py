@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from cutenv._engine.randomness import generator
 from cutenv.measurement import UnitResistances, estimate_unit_resistances
 from cutenv.plant.protocol import to_trace
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.randomness import generator
 from cutenv.tissue import Specimen, measured_liver
 from cutenv.tissue.specimen import N_POINTS, SPACING
 from cutenv.trace import Trace

@@ -14,7 +14,7 @@ from virtual_session import traces
 from cutenv import cli
 from cutenv.measurement import calibrate, calibration
 from cutenv.recording import save
-from cutenv.recording.mapping import MAP_FILE, ColumnMap
+from cutenv.recording.column_map import MAP_FILE, ColumnMap
 from cutenv.tissue import CutModel, load_description
 from cutenv.trace import Trace
 

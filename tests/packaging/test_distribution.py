@@ -24,8 +24,8 @@ name = cutenv.policy.SHIPPED[0]
 print(cutenv.__file__, name, cutenv.policy.shipped(name).card.sha256, sep="\\n")
 """
 READ_A_TABLE = """
-import cutenv, cutenv.resources
-table = cutenv.resources.path("tables/table_6_1.csv")
+import cutenv, cutenv._base.resources
+table = cutenv._base.resources.path("tables/table_6_1.csv")
 print(cutenv.__version__, cutenv.__file__, table, len(table.read_text()), sep="\\n")
 """
 

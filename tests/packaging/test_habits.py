@@ -46,15 +46,18 @@ def test_layers_import_downwards() -> None:
 @pytest.mark.parametrize(
     ("module", "line", "contract"),
     [
-        ("validation", "from cutenv.tissue import tables", "a layer imports downwards only"),
+        ("_base/validation", "from cutenv.tissue import tables", "a layer imports downwards only"),
         ("tissue/elasticity", "import gymnasium", "gymnasium is imported by environments and learners alone"),
-        ("validation", "import torch", "learning libraries are imported by"),
+        ("_base/validation", "import torch", "learning libraries are imported by"),
         ("commands/train", "import stable_baselines3", "learning libraries are imported by"),
         ("envs/vector", "import cutenv.sb3", "a layer imports downwards only"),
-        ("play/hand", "import pymunk", "the drawn handle alone is moved by pymunk"),
-        ("validation", "import matplotlib.pyplot", "drawing is done by the viewer and the report"),
+        ("play/hand_model", "import pymunk", "the drawn handle alone is moved by pymunk"),
+        ("_base/validation", "import matplotlib.pyplot", "drawing is done by the viewer and the report"),
         ("measurement/simulating", "import cutenv.cutting.law", "measurement and scoring never see"),
         ("utils", "import math", "a layer imports downwards only"),
+        ("scoring/card_reader", "import cutenv._engine.jit", "the compiled engine is private"),
+        ("trace", "import cutenv.scoring.metric", "inside a wing, too"),
+        ("rig/config/settings", "import cutenv.rig.plant", "inside the rig imports go one way"),
     ],
 )
 def test_a_broken_layer_is_noticed(copy: Path, module: str, line: str, contract: str) -> None:

@@ -129,10 +129,10 @@ def test_the_help_of_score_loads_nothing_that_scores() -> None:
 
 
 def test_the_help_of_score_names_every_shipped_reference() -> None:
-    from cutenv.scoring.reference import SHIPPED
+    from cutenv.scoring.reference import SHIPPED_REFERENCES
 
     reference = next(action for action in parser_of("score")._actions if action.dest == "reference")
-    assert all(name in (reference.help or "") for name in SHIPPED)
+    assert all(name in (reference.help or "") for name in SHIPPED_REFERENCES)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signal that stands for Ctrl-C to one process")

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from cutenv.rig.drivers import RigError
 from cutenv.rig.emulator import process
+from cutenv.rig.errors import RigError
 
 ROOT = Path(__file__).parents[2]
 PORTABLE = ROOT / "tests" / "portable.txt"

@@ -8,7 +8,7 @@ from typing import Any
 
 from cutenv.play.devices import ScriptedDevice, simple_hand
 from cutenv.play.haptics import Stylus, VirtualCoupling
-from cutenv.play.session import Session
+from cutenv.play.play_session import Session
 
 COUPLING = VirtualCoupling()
 TARGET = 0.07

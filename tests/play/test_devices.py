@@ -7,7 +7,7 @@ import math
 import pytest
 
 from cutenv.play.devices import DEAD_ZONE, NOTCH, GamepadDevice, Motion, MouseDevice, ScriptedDevice, simple_hand
-from cutenv.play.hand import FASTEST
+from cutenv.play.hand_model import FASTEST
 
 UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
 

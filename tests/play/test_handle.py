@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cutenv.cutting.drive import Hand, made_up, motion
+from cutenv.cutting.drive import Hand, lag_gain, motion
+from cutenv.cutting.dtypes import TICK, new_state
 from cutenv.cutting.friction import Grip
-from cutenv.cutting.records import TICK, new_state
-from cutenv.play.handle import GRIP_STIFFNESS, Handle
+from cutenv.play.handle_body import GRIP_STIFFNESS, Handle
 
 pytest.importorskip("pymunk", reason='playing is an extra: pip install "cutenv[play]"')
 
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 def compiled_step(hand: Hand, ticks: int) -> Array:
     """The blade after a hand that has jumped by STEP, shape (ticks,) [m]."""
     state, drive = new_state(1, UPRIGHT)[0], hand.records(0.149)[0]
-    share = made_up(drive, TICK)
+    share = lag_gain(drive, TICK)
     state.hand = STEP
     blades = []
     for _ in range(ticks):
@@ -72,7 +72,7 @@ def test_another_mass_or_stiffness_is_noticed() -> None:
 def test_a_moving_hand_leads_both_alike() -> None:
     hand, speed = Hand(), 0.02
     state, drive = new_state(1, UPRIGHT)[0], hand.records(0.149)[0]
-    share, handle = made_up(drive, TICK), Handle(hand)
+    share, handle = lag_gain(drive, TICK), Handle(hand)
     ours, theirs = [], []
     for _ in range(1000):
         state.blade += motion(state, drive, share, speed, 0.0, NO_FRICTION, TICK)

@@ -14,8 +14,8 @@ from played import COUPLING, TARGET, Pushing, run
 
 from cutenv.play.devices import GamepadDevice, MouseDevice, simple_hand
 from cutenv.play.haptics import FeltForce, HapticDevice, Stylus, VirtualCoupling
+from cutenv.play.play_session import Session
 from cutenv.play.servo import Servo
-from cutenv.play.session import Session
 
 
 def energy_made(felt: FeltForce, positions: list[float], blades: list[float]) -> float:

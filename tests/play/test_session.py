@@ -12,10 +12,10 @@ from played import DATE, TARGET, run, session
 
 from cutenv import cli
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.play import cut as played_cut
+from cutenv.play import played_cut as played_cut
 from cutenv.play.devices import Motion, MouseDevice, ScriptedDevice, simple_hand
-from cutenv.play.hand import FASTEST
-from cutenv.play.session import GIVEN_UP, LONGEST_STALL, Session
+from cutenv.play.hand_model import FASTEST
+from cutenv.play.play_session import GIVEN_UP, LONGEST_STALL, Session
 from cutenv.recording import load_one
 
 

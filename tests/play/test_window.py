@@ -13,13 +13,13 @@ import pytest
 from played import TARGET, Pushing, run, session
 
 from cutenv import cli
-from cutenv.play.card import fault_lines
 from cutenv.play.devices import GamepadDevice, Motion, MouseDevice, ScriptedDevice
+from cutenv.play.overlays import fault_lines
 from cutenv.play.picture import LAYOUT, PlayPicture, force_colour
-from cutenv.play.session import GIVEN_UP, Session, Sight
-from cutenv.play.window import PlayWindow
+from cutenv.play.play_session import GIVEN_UP, Session, ViewState
+from cutenv.play.play_window import PlayWindow
 from cutenv.recording import load_one
-from cutenv.scoring import Fault
+from cutenv.scoring import TechniqueFault
 from cutenv.viewer import palette
 from cutenv.viewer.canvas import Canvas
 
@@ -188,7 +188,7 @@ def test_a_device_that_pushes_is_served_beside_the_pictures_and_let_go_with_the_
     window = PlayWindow(played)
     draw, pictures = PlayPicture.draw, []
 
-    def draw_some(self: PlayPicture, sight: Sight) -> Canvas:
+    def draw_some(self: PlayPicture, sight: ViewState) -> Canvas:
         pictures.append(len(sight.readings))
         if window._window.open and (pictures[-1] > 300 or len(pictures) > 2000):
             press(pygame.K_ESCAPE)
@@ -265,10 +265,10 @@ def test_the_same_advice_is_given_once() -> None:
     played.begin()
     run(played)
     lurches = [
-        Fault(kind="lurch", time=t, position=0.05, says=f"lurched at {t:.0f} s", try_next="lean more")
+        TechniqueFault(kind="lurch", time=t, position=0.05, says=f"lurched at {t:.0f} s", try_next="lean more")
         for t in (1.0, 2.0)
     ]
-    short = Fault(kind="short", time=3.0, position=0.07, says="ended short", try_next="lead farther")
+    short = TechniqueFault(kind="short", time=3.0, position=0.07, says="ended short", try_next="lead farther")
     lines = fault_lines(dataclasses.replace(played.card, faults=(*lurches, short)))
     assert [words for words, _, _ in lines] == [
         "Ended short",
@@ -283,7 +283,7 @@ def test_the_same_advice_is_given_once() -> None:
 
 def test_the_colour_of_the_force_goes_from_steel_over_amber_to_vermilion() -> None:
     assert force_colour(0.0, 4.0, 10.0) == palette.STEEL
-    assert force_colour(4.0, 4.0, 10.0) == palette.COST
+    assert force_colour(4.0, 4.0, 10.0) == palette.COST_COLOUR
     assert force_colour(-12.0, 4.0, 10.0) == palette.LIMIT
 
 

@@ -10,15 +10,25 @@ import numpy as np
 import pytest
 from whole_cut import make
 
-from cutenv.policy import BASELINES, BOUND, GRID, IDLE, SCRIPTS, Features, SeesTruth, TipEstimate, feed_name
+from cutenv.policy import (
+    BASELINES,
+    CONSTANT_FEEDS,
+    NULL_POLICIES,
+    ORACLE,
+    SCRIPTS,
+    Features,
+    PrivilegedPolicy,
+    TipEstimate,
+    feed_name,
+)
 from cutenv.task.observation import SPEED_SCALE, in_units
 
 
 def test_the_names_are_the_grid_the_scripts_the_bound_and_the_idle():
-    assert list(BASELINES) == [*GRID, *SCRIPTS, BOUND, *IDLE]
-    assert len(GRID) == 7 * 4
+    assert list(BASELINES) == [*CONSTANT_FEEDS, *SCRIPTS, ORACLE, *NULL_POLICIES]
+    assert len(CONSTANT_FEEDS) == 7 * 4
     assert set(SCRIPTS) == {"fast then slow", "90-45-90", "force feedback", "probe and creep", "planner (nominal)"}
-    assert set(IDLE) == {"random", "nothing"}
+    assert set(NULL_POLICIES) == {"random", "nothing"}
 
 
 def first_command(name: str, policy) -> tuple[float, float]:
@@ -29,23 +39,23 @@ def first_command(name: str, policy) -> tuple[float, float]:
     return 100.0 * SPEED_SCALE * float(known["last_speed"]), 67.5 + 22.5 * float(known["last_angle"])
 
 
-@pytest.mark.parametrize("name", GRID)
+@pytest.mark.parametrize("name", CONSTANT_FEEDS)
 def test_a_constant_feed_is_what_its_name_says(name):
-    speed, angle = GRID[name]
+    speed, angle = CONSTANT_FEEDS[name]
     assert name == feed_name(speed, angle) == f"constant {speed:.2f} cm/s {angle} deg"
     assert first_command(name, BASELINES[name]()) == pytest.approx((speed, angle), abs=1e-5)
 
 
 def test_the_grid_spans_what_was_measured():
-    speeds, angles = zip(*GRID.values(), strict=True)
+    speeds, angles = zip(*CONSTANT_FEEDS.values(), strict=True)
     assert (min(speeds), max(speeds)) == (0.10, 2.54)
     assert (min(angles), max(angles)) == (45, 90)
 
 
 def test_only_the_bound_is_shown_the_hidden_state():
-    sees = [name for name, policy in BASELINES.items() if isinstance(policy(), SeesTruth)]
-    assert sees == [BOUND]
-    assert [name for name, policy in BASELINES.items() if hasattr(policy(), "look_into")] == [BOUND]
+    sees = [name for name, policy in BASELINES.items() if isinstance(policy(), PrivilegedPolicy)]
+    assert sees == [ORACLE]
+    assert [name for name, policy in BASELINES.items() if hasattr(policy(), "set_state")] == [ORACLE]
 
 
 def test_all_others_are_given_an_observation_and_nothing_else():
@@ -56,7 +66,7 @@ def test_all_others_are_given_an_observation_and_nothing_else():
         assert list(inspect.signature(feeling.__call__).parameters) == ["self", "observation"]
 
 
-@pytest.mark.parametrize("name", [name for name in BASELINES if name != BOUND])
+@pytest.mark.parametrize("name", [name for name in BASELINES if name != ORACLE])
 def test_a_baseline_that_was_pickled_acts_as_before(name):
     policy = BASELINES[name]()
     copy = pickle.loads(pickle.dumps(policy))
@@ -73,9 +83,9 @@ def test_a_baseline_that_was_pickled_acts_as_before(name):
 
 
 def test_the_bound_can_be_pickled_too():
-    planner = pickle.loads(pickle.dumps(BASELINES[BOUND]()))
+    planner = pickle.loads(pickle.dumps(BASELINES[ORACLE]()))
     env = make(specimen_class="uniform")
     observation, _ = env.reset(seed=0)
     planner.reset(np.random.default_rng(0))
-    planner.look_into(env.unwrapped.cutting)
+    planner.set_state(env.unwrapped.cutting)
     assert math.isfinite(float(np.sum(planner(observation))))

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from observed import observed
 from whole_cut import CRUISE, INCLINED, UPRIGHT, cut, make
 
-from cutenv.policy import ConstantFeed, Features, ProbeAndCreep, RandomAction, features, past_dead_zone
+from cutenv.policy import ConstantFeed, Features, ProbeAndCreep, RandomAction, apply_dead_zone, features
 from cutenv.policy.features import MEMORY, extract_batch, feature_count, forget, new_memory
-from cutenv.task.observation import BOUND, COMPONENTS, to_action
+from cutenv.task.observation import CLIP, COMPONENTS, to_action
 
 N = len(COMPONENTS)
 PROBED, TO_TARGET, STIFFNESS = N + 5, N + 6, N + 9  # numbers of features
@@ -39,7 +39,7 @@ def test_there_are_as_many_as_it_says(history):
 
 
 SEEN = st.lists(
-    st.lists(st.floats(-BOUND, BOUND, width=32), min_size=N, max_size=N).map(np.float32), min_size=1, max_size=12
+    st.lists(st.floats(-CLIP, CLIP, width=32), min_size=N, max_size=N).map(np.float32), min_size=1, max_size=12
 )
 
 
@@ -47,14 +47,14 @@ SEEN = st.lists(
 def test_they_are_finite_and_bounded_whatever_is_observed(seen):
     found = all_features(seen)
     assert np.isfinite(found).all()
-    assert np.abs(found).max() <= BOUND
+    assert np.abs(found).max() <= CLIP
 
 
 @pytest.mark.parametrize("policy", [RandomAction(), ProbeAndCreep(), ConstantFeed(speed=0.02, angle=INCLINED)])
 def test_they_are_of_order_one_in_a_cut(policy):
     found = np.concatenate([all_features(observations(seed, policy, deadline_s=15.0)) for seed in range(3)])
     assert np.isfinite(found).all()
-    assert np.abs(found).max() <= BOUND
+    assert np.abs(found).max() <= CLIP
     assert np.mean(np.abs(found) < 3.0) > 0.9
 
 
@@ -169,16 +169,16 @@ def test_nothing_hidden_reaches_them():
     tree = ast.parse(Path(features.__file__).read_text(encoding="utf-8"))
     rooms = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
     assert {room for room in rooms if room.startswith("cutenv.")} == {
-        "cutenv.compiled",
-        "cutenv.cutting.records",
-        "cutenv.elementary",
+        "cutenv._engine.jit",
+        "cutenv.cutting.dtypes",
+        "cutenv._engine.elementary",
         "cutenv.policy.tip_estimate",
-        "cutenv.task.estimate",
+        "cutenv.task.tip_estimation",
         "cutenv.task.observation",
         "cutenv.tissue.description",
         "cutenv.tissue.nominal",
         "cutenv.tissue.specimen",
-        "cutenv.validation",
+        "cutenv._base.validation",
     }
     assert not {"true_force", "elastic_force", "jump"} & set(MEMORY.names)
 
@@ -187,12 +187,12 @@ def test_a_dead_zone_maps_small_speeds_to_rest_and_keeps_the_ends_and_the_angle(
     speeds = np.float32([-1.0, -0.625, -0.25, -0.1, 0.0, 0.2, 0.25, 0.625, 1.0])
     actions = np.stack([speeds, np.linspace(-1.0, 1.0, len(speeds), dtype=np.float32)], axis=1)
     before = actions.copy()
-    mapped = past_dead_zone(actions, 0.25)
+    mapped = apply_dead_zone(actions, 0.25)
     np.testing.assert_allclose(mapped[:, 0], [-1.0, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 1.0], atol=1e-6)
     np.testing.assert_array_equal(mapped[:, 1], actions[:, 1])
     np.testing.assert_array_equal(actions, before)
-    np.testing.assert_array_equal(past_dead_zone(actions[3], 0.25), mapped[3])
-    np.testing.assert_array_equal(past_dead_zone(actions, 0.0), actions)
+    np.testing.assert_array_equal(apply_dead_zone(actions[3], 0.25), mapped[3])
+    np.testing.assert_array_equal(apply_dead_zone(actions, 0.0), actions)
     assert mapped.dtype == np.float32
 
 

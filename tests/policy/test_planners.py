@@ -40,7 +40,7 @@ def cut_as_planned(env, seed: int, planner: PlannerWithTruth) -> Planned:
     planner.reset(np.random.default_rng(seed))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(planning.Search, "best", noting)
-        planner.look_into(env.unwrapped.cutting)
+        planner.set_state(env.unwrapped.cutting)
     return Planned(values[0], go_on(env, planner, observation))
 
 
@@ -83,7 +83,7 @@ def test_a_plan_for_another_specimen_is_not_what_happens_so_the_check_can_fail()
     planner = PlannerWithTruth(rounds=0)
     planner.reset(np.random.default_rng(1))
     env.reset(seed=1)
-    planner.look_into(env.unwrapped.cutting)
+    planner.set_state(env.unwrapped.cutting)
     observation, _ = env.reset(seed=2)
     with pytest.raises(AssertionError):
         check_planned(planned._replace(record=go_on(env, planner, observation)))
@@ -106,7 +106,7 @@ def test_looking_into_a_cut_changes_nothing_of_it():
         feed.reset(np.random.default_rng(0))
         planner.reset(np.random.default_rng(0))
         if looks:
-            planner.look_into(env.unwrapped.cutting)
+            planner.set_state(env.unwrapped.cutting)
         record = go_on(env, feed, observation)
         readings.append((record.readings, record.rewards, record.observations))
     for without, with_a_look in zip(*readings, strict=True):
@@ -116,14 +116,14 @@ def test_looking_into_a_cut_changes_nothing_of_it():
 def test_without_a_look_at_the_cut_it_says_what_is_missing():
     planner = PlannerWithTruth(rounds=0)
     planner.reset(np.random.default_rng(0))
-    with pytest.raises(RuntimeError, match=r"look_into\(env\.unwrapped\.cutting\)"):
+    with pytest.raises(RuntimeError, match=r"set_state\(env\.unwrapped\.cutting\)"):
         planner(observed())
     env = make(specimen_class="uniform")
     env.reset(seed=0)
-    planner.look_into(env.unwrapped.cutting)
+    planner.set_state(env.unwrapped.cutting)
     planner(observed())
     planner.reset(np.random.default_rng(0))
-    with pytest.raises(RuntimeError, match="look_into"):
+    with pytest.raises(RuntimeError, match="set_state"):
         planner(observed())
 
 
@@ -138,7 +138,7 @@ def test_a_plant_that_is_no_simulation_cannot_be_looked_into():
     planner = PlannerWithTruth()
     planner.reset(np.random.default_rng(0))
     with pytest.raises(TypeError, match="need a SimulatedPlant to simulate, got Rig"):
-        planner.look_into(cutting)
+        planner.set_state(cutting)
 
 
 def commands(planner: PlannerNominal, seed: int) -> np.ndarray:

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("safetensors", reason="trained policies are an extra: pip install 'cutenv[view]'")
 
 import cutenv  # noqa: F401
-from cutenv import resources
+from cutenv._base import resources
 from cutenv.policy import SHIPPED, Network, TrainedPolicy, named_policy, save_policy, shipped
 from cutenv.policy.features import feature_count
 

@@ -7,13 +7,15 @@ import pytest
 from observed import observed
 from whole_cut import CRUISE, FASTEST, INCLINED, UPRIGHT, cut, make
 
-from cutenv.policy import BASELINES, BOUND, GRID, GRID_SPEEDS, IDLE, ConstantFeed, StopAndUnload
+from cutenv.policy import BASELINES, CONSTANT_FEEDS, GRID_SPEEDS, NULL_POLICIES, ORACLE, ConstantFeed, StopAndUnload
 from cutenv.policy.unloading import coasting
 from cutenv.task.observation import in_units, to_action
 
 QUIET = {"force_noise": 0.0, "force_resolution": 0.0, "depth_noise": 0.0}
-TOO_SLOW = [name for name, (speed, _) in GRID.items() if speed == min(GRID_SPEEDS)]  # 30 mm in the time there is
-ENDING = [name for name in BASELINES if name not in (BOUND, *IDLE, *TOO_SLOW)]
+TOO_SLOW = [
+    name for name, (speed, _) in CONSTANT_FEEDS.items() if speed == min(GRID_SPEEDS)
+]  # 30 mm in the time there is
+ENDING = [name for name in BASELINES if name not in (ORACLE, *NULL_POLICIES, *TOO_SLOW)]
 
 
 def coasted(speed: float) -> float:

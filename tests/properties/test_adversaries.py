@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from led_cut import LedCut, changed_law, homogeneous, lead, lead_by, residual_of, turning_work
 
+from cutenv._engine.randomness import generator
 from cutenv.cutting.parameters import LawParameters
-from cutenv.randomness import generator
 from cutenv.tissue.specimen import SPACING, Specimen
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from led_cut import INCLINED, UPRIGHT, LedCut, changed_law, constant_feed, homogeneous, lead, lead_by, liver
 
-from cutenv.randomness import generator
+from cutenv._engine.randomness import generator
 from cutenv.tissue.specimen import Specimen
 
 COARSE, FINE = 1e-3, 1e-4  # [s]

@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from cutenv.tissue.modulus import local_effective_modulus
-from cutenv.tissue.tables import Table
+from cutenv.tissue.effective_modulus import local_effective_modulus
+from cutenv.tissue.tables import ThesisTable
 
 FORMULATIONS = ("plane_stress", "plane_strain")
 
@@ -19,20 +19,20 @@ def check_printed(value: float, printed: float, resolution: float) -> None:
     assert abs(value - printed) <= resolution / 2 * (1 + 1e-9), f"{value:g} is not printed as {printed:g}"
 
 
-def check_average_row(table: Table, column: str, statistic: str, ddof: int = 0) -> None:
+def check_average_row(table: ThesisTable, column: str, statistic: str, ddof: int = 0) -> None:
     """The printed "Average" row is the ``statistic`` ("mean" or "sd") of the rows of ``column``."""
     printed = (table.printed_mean if statistic == "mean" else table.printed_population_sd)[column]
     rows = table[column]
     check_printed(rows.mean() if statistic == "mean" else rows.std(ddof=ddof), *printed)
 
 
-def check_average_row_fails_with_sample_sd(table: Table, column: str) -> None:
+def check_average_row_fails_with_sample_sd(table: ThesisTable, column: str) -> None:
     """With ddof = 1 the same check must not pass, or it would not tell the two standard deviations apart."""
     with pytest.raises(AssertionError, match="is not printed as"):
         check_average_row(table, column, "sd", ddof=1)
 
 
-def check_ratio(table: Table, row: int, numerator: str, ratio: float) -> None:
+def check_ratio(table: ThesisTable, row: int, numerator: str, ratio: float) -> None:
     """``ratio`` is that of two rounded moduli, plane over brick: some unrounded pair rounds to all three."""
     half = table.resolution[numerator] / 2
     plane, brick = table[numerator][row], table["lem_hex20_Pa"][row]
@@ -42,7 +42,7 @@ def check_ratio(table: Table, row: int, numerator: str, ratio: float) -> None:
     assert smallest - slack <= ratio <= largest + slack, f"{plane:g} over {brick:g} is not {ratio:g}"
 
 
-def check_falls_with_speed(table: Table) -> None:
+def check_falls_with_speed(table: ThesisTable) -> None:
     """Every mean LEM of a table by speed is larger at the slowest speed than at the fastest."""
     for name, values in table.columns.items():
         if name.startswith("lem_"):
@@ -50,7 +50,7 @@ def check_falls_with_speed(table: Table) -> None:
             assert measured[0] > measured[-1], name
 
 
-def cases_by_speed(table: Table, misses: set[tuple[int, int, str]]) -> list:
+def cases_by_speed(table: ThesisTable, misses: set[tuple[int, int, str]]) -> list:
     """One case per printed mean of a table by speed; ``misses`` are those that the straight line misses."""
     reason = "the straight line of the thesis passes this mean at more than the printed SD"
     return [
@@ -61,7 +61,7 @@ def cases_by_speed(table: Table, misses: set[tuple[int, int, str]]) -> list:
 
 
 def check_fit_within_scatter(
-    table: Table, row: int, angle_deg: int, formulation: str, *, of_angle_deg: int | None = None, **hypotheses
+    table: ThesisTable, row: int, angle_deg: int, formulation: str, *, of_angle_deg: int | None = None, **hypotheses
 ) -> None:
     """The fit (of the same angle, unless said otherwise) passes the printed mean within the printed SD."""
     speed = table["speed_cm_s"][row] / 100

@@ -17,10 +17,10 @@ PAIRS = 2000
 
 @pytest.fixture(scope="module")
 def agreement() -> Iterator[SimpleNamespace]:
-    """The modules under scripts/agreement that are tested here."""
+    """The modules under scripts/reproduction that are tested here."""
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(SCRIPTS))
-        from agreement import drawn_livers, scatter, virtual_cuts
+        from reproduction import drawn_livers, scatter, virtual_cuts
 
         yield SimpleNamespace(drawn_livers=drawn_livers, scatter=scatter, virtual_cuts=virtual_cuts)
 

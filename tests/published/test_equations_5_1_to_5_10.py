@@ -10,9 +10,9 @@ import pytest
 from printed_digits import check_printed
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-from agreement.printed_equations import LINEAR, POWER
+from reproduction.printed_equations import LINEAR, POWER
 
-from cutenv.tissue.modulus import linear_fit, power_fit
+from cutenv.tissue.effective_modulus import linear_fit, power_fit
 from cutenv.tissue.tables import table
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from led_cut import changed_law, homogeneous, lead, lead_by, liver, through
 
+from cutenv._engine.randomness import generator
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant import SimulatedPlant, forward_backward, run
-from cutenv.randomness import generator
 from cutenv.tissue.specimen import Specimen
 
 INCH = 0.0254

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from printed_digits import FORMULATIONS, check_ratio
 
-from cutenv.tissue.tables import Table, table
+from cutenv.tissue.tables import ThesisTable, table
 
 T = table("4.2")
 ROWS = range(len(T["distance_cm"]))
 
 
-def check_softer_than_quad8(linear: Table, quadratic: Table, names: tuple[str, str], formulation: str) -> None:
+def check_softer_than_quad8(
+    linear: ThesisTable, quadratic: ThesisTable, names: tuple[str, str], formulation: str
+) -> None:
     """A softer element needs a larger modulus for the same force."""
     linear_lem = linear[f"lem_{names[0]}_{formulation}_Pa"]
     assert (linear_lem > quadratic[f"lem_{names[1]}_{formulation}_Pa"]).all()

@@ -59,13 +59,13 @@ def check_agrees(program: ModuleType, name: str) -> None:
         assert len(misses) == KNOWN_MISSES.get(name, 0), misses
 
 
-@pytest.mark.parametrize("name", names("agreement"))
+@pytest.mark.parametrize("name", names("reproduction"))
 def test_comparison_agrees_but_for_the_known_misses(program: ModuleType, name: str) -> None:
     check_agrees(program, name)
 
 
 def test_every_comparison_and_every_figure_is_tested(program: ModuleType) -> None:
-    assert names("agreement") == list(program.COMPARISONS)
+    assert names("reproduction") == list(program.COMPARISONS)
     assert names("thesis_figures") == list(program.FIGURES)
 
 
@@ -90,7 +90,7 @@ def stiffer_in_plane_strain(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_another_mesh_model_column_or_displacement_is_noticed(
     program: ModuleType, monkeypatch: pytest.MonkeyPatch, name: str, module: str, constant: str, wrong: Any
 ) -> None:
-    monkeypatch.setattr(f"agreement.{module}.{constant}", wrong)
+    monkeypatch.setattr(f"reproduction.{module}.{constant}", wrong)
     with pytest.raises(AssertionError):
         check_agrees(program, name)
 
@@ -98,7 +98,7 @@ def test_another_mesh_model_column_or_displacement_is_noticed(
 @pytest.fixture
 def other_livers(program: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Livers three times as stiff and as tough as those that were measured: four cuts tell no less."""
-    from agreement import drawn_livers
+    from reproduction import drawn_livers
 
     liver = drawn_livers.measured_liver()
     threefold = {name: 3.0 * getattr(liver, name) for name in ("modulus", "fracture_resistance")}
@@ -118,7 +118,7 @@ def test_livers_three_times_as_stiff_and_tough_are_noticed(program: ModuleType) 
 def test_friction_that_is_assumed_instead_of_measured_is_noticed(
     program: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from agreement import friction
+    from reproduction import friction
 
     right = friction.estimate_fracture_resistance
     monkeypatch.setattr(

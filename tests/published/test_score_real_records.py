@@ -12,7 +12,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from cutenv.scoring.study import OneWay, Study, Untold, one_way_reliability
+from cutenv.scoring.study import NotEstimable, OneWay, Study, one_way_reliability
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 SCRIPT = SCRIPTS / "score_real_records.py"
@@ -53,7 +53,7 @@ def test_every_cut_has_every_metric_that_force_alone_can_tell(scored: Study) -> 
     ]
     assert all(found.missing == 0 for found in scored.findings)
     assert scored.notes == ()
-    assert all(isinstance(found.separation, Untold) for found in scored.findings), "who made a trial is not known"
+    assert all(isinstance(found.separation, NotEstimable) for found in scored.findings), "who made a trial is not known"
 
 
 @recorded

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from cutenv.tissue.cut_model import CutModel
-from cutenv.tissue.tables import Table, table
+from cutenv.tissue.tables import ThesisTable, table
 
 FOUR_NODES, EIGHT_NODES = table("4.2"), table("4.1")
 ROWS = range(len(FOUR_NODES["distance_cm"]))
@@ -32,7 +32,7 @@ def name_of(row: int) -> str:
 def ratio_in_the_table(row: int, formulation: str) -> tuple[float, float]:
     """LEM of the 4-node column over that of the 8-node one, and the relative rounding of the print."""
 
-    def printed(source: Table, column: str) -> tuple[float, float]:
+    def printed(source: ThesisTable, column: str) -> tuple[float, float]:
         return source[column][row], source.resolution[column] / 2 / source[column][row]
 
     four, rounding_4 = printed(FOUR_NODES, f"lem_quad4_{formulation}_Pa")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutenv.tissue.fracture import measured_fracture_resistance
+from cutenv.tissue.fracture_resistance import measured_fracture_resistance
 from cutenv.tissue.tables import table
 
 T = table("6.1")

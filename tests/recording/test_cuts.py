@@ -10,7 +10,7 @@ import pytest
 from recorded_cut import recorded_cut
 
 from cutenv.cutting.sensor import SensorParameters
-from cutenv.recording.cuts import CutSearch, find_cuts, find_tare
+from cutenv.recording.cut_detection import CutSearch, find_cuts, find_tare
 from cutenv.trace import Trace
 
 MILD = SensorParameters(force_noise=0.02, force_resolution=0.0)

@@ -19,9 +19,9 @@ from recorded_cut import recorded_cut
 
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.recording import RecordError
-from cutenv.recording.cuts import CutSearch
-from cutenv.recording.foreign import Imported, load_foreign
-from cutenv.recording.mapping import ColumnMap
+from cutenv.recording.column_map import ColumnMap
+from cutenv.recording.cut_detection import CutSearch
+from cutenv.recording.importers import Imported, load_foreign
 from cutenv.trace import Trace
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "scalpel_excision_forces.csv"

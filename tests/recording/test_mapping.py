@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cutenv.recording import RecordError
-from cutenv.recording.mapping import MAP_FILE, ColumnMap, Expression, parse_expression
+from cutenv.recording.column_map import MAP_FILE, ColumnMap, Expression, parse_expression
 
 
 def test_the_command_line_is_read() -> None:

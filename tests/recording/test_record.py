@@ -13,7 +13,7 @@ from recorded_cut import recorded_cut
 
 from cutenv import recording
 from cutenv.recording import RecordError, save
-from cutenv.recording.mapping import ColumnMap
+from cutenv.recording.column_map import ColumnMap
 from cutenv.recording.record import read_record
 from cutenv.trace import Trace
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from recorded_cut import recorded_cut
 
-from cutenv.cutting.records import TICK
+from cutenv.cutting.dtypes import TICK
 from cutenv.plant import ReplayPlant, to_trace
 from cutenv.tissue.specimen import SPACING
 from cutenv.trace import Trace

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.cutting.records import READING
+from cutenv.cutting.dtypes import READING
 from cutenv.report.training_page import CutPicture, TrainingResult
 from cutenv.report.training_result import COLUMNS
 

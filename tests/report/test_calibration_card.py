@@ -19,8 +19,13 @@ from reading import Page
 from virtual_session import MODEL, cuts, silent
 
 from cutenv.measurement import MeasuredCut, leave_one_out, tissue_of
-from cutenv.measurement.calibration import Refused
-from cutenv.report.calibration_card import SCHEMA, ValidationCard, headline, write_validation_card
+from cutenv.measurement.calibration import RefusedRecord
+from cutenv.report.calibration_card import (
+    VALIDATION_SCHEMA,
+    ValidationCard,
+    calibration_headline,
+    write_validation_card,
+)
 from cutenv.tissue import TissueDescription, measured_liver
 
 HOSTILE = "<script>document.title='taken'</script>\"' onload=alert(1) $\\frac{x}$ & 100%"
@@ -34,7 +39,7 @@ def card_of(some: list[MeasuredCut], **options: Any) -> ValidationCard:
 @functools.cache
 def card() -> ValidationCard:
     """Of two livers, some cuts of which show no modulus; and one record was left out."""
-    return card_of(cuts()[6:], refused=[Refused("bad record", "no force")])
+    return card_of(cuts()[6:], refused=[RefusedRecord("bad record", "no force")])
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +62,7 @@ def content(written: Path) -> dict[str, Any]:
 
 
 def test_the_data_hold_the_tissue_as_it_is_used(content: dict[str, Any]) -> None:
-    assert content["schema"] == SCHEMA
+    assert content["schema"] == VALIDATION_SCHEMA
     again = TissueDescription.from_json(json.dumps(content["tissue"]))
     assert again == card().tissue
     assert again.calibration == card().calibration
@@ -104,9 +109,9 @@ def test_the_page_shows_every_cut_and_every_note(page: Page) -> None:
 
 
 def test_the_page_says_how_well_it_predicts_in_newtons_and_percent(page: Page) -> None:
-    assert headline(card()) in page.text
-    assert re.search(r"own specimen to 0\.\d\d N, \d+\.\d % of the peak", headline(card()))
-    assert "from another specimen to" in headline(card())
+    assert calibration_headline(card()) in page.text
+    assert re.search(r"own specimen to 0\.\d\d N, \d+\.\d % of the peak", calibration_headline(card()))
+    assert "from another specimen to" in calibration_headline(card())
 
 
 def test_curves_are_drawn_from_the_best_prediction_to_the_worst() -> None:
@@ -144,7 +149,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A card of records and a tissue with names that would do harm."""
     path = tmp_path_factory.mktemp("hostile") / "card.html"
     named = [renamed(cut, f"{n} {HOSTILE}", HOSTILE) for n, cut in enumerate(cuts()[:2])]
-    refused = [Refused(HOSTILE, HOSTILE)]
+    refused = [RefusedRecord(HOSTILE, HOSTILE)]
     write_validation_card(path, card_of(named, resamples=0, name=HOSTILE, refused=refused))
     return path
 
@@ -176,8 +181,8 @@ def test_where_nothing_can_be_predicted_the_card_says_so(tmp_path: Path) -> None
     nothing = ValidationCard(tissue=card().tissue, model=MODEL, cuts=[silent(cuts()[0])])
     write_validation_card(tmp_path / "card.html", nothing)
     page = Page((tmp_path / "card.html").read_text(encoding="utf-8"))
-    assert headline(nothing) in page.text
-    assert "there is no force to predict" in headline(nothing)
+    assert calibration_headline(nothing) in page.text
+    assert "there is no force to predict" in calibration_headline(nothing)
     assert nothing.shown() == []
 
 

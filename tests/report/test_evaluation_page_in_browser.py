@@ -17,9 +17,9 @@ from compared_cuts import made_up_agreement
 from reading import Page
 from test_page_in_browser import DESK, PHONE, SCREENS, check_can_be_read, check_fetches_nothing, check_fits
 
-from cutenv.agreement import ClockKept
-from cutenv.report.evaluation import UNPAIRED, Evaluation
-from cutenv.report.evaluation_page import headline, write_evaluation
+from cutenv.sim_to_real import ClockKept
+from cutenv.sim_to_real.evaluation import UNPAIRED, Evaluation
+from cutenv.sim_to_real.evaluation_page import evaluation_headline, write_evaluation
 
 pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no chromium: apt-get install chromium")
 
@@ -71,7 +71,7 @@ def test_what_is_folded_fits_too(browser: Browser, page: Path, width: int) -> No
 
 def test_the_page_says_verdict_margins_and_lateness(page: Path) -> None:
     read = " ".join(Page(page.read_text(encoding="utf-8")).text.split())
-    assert headline(evaluation(offset=0.3)) in read
+    assert evaluation_headline(evaluation(offset=0.3)) in read
     assert "7 of 4000 commands were more than 2 ms late" in read
     assert "Holm" in read
     assert "nan" not in read.lower().split()
@@ -85,9 +85,9 @@ def test_sides_without_a_specimen_in_common_are_said_to_be(tmp_path: Path) -> No
 
 
 def test_the_headline_says_what_is_so() -> None:
-    assert "measures differ: " in headline(evaluation(offset=0.3))
-    assert "specimens would do" in headline(evaluation(offset=0.05))
-    assert "are within their margins" in headline(evaluation())
+    assert "measures differ: " in evaluation_headline(evaluation(offset=0.3))
+    assert "specimens would do" in evaluation_headline(evaluation(offset=0.05))
+    assert "are within their margins" in evaluation_headline(evaluation())
 
 
 def test_so_few_specimens_that_nothing_could_differ_are_said_to_be() -> None:

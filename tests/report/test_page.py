@@ -7,7 +7,7 @@ import re
 import pytest
 from reading import Page
 
-from cutenv.report.page import Html, Row, Section, escaped, estimate, number, page, table
+from cutenv.report.page import Html, PageSection, Row, escaped, estimate_text, html_table, number, page
 from cutenv.report.training_figures import heat_map
 
 
@@ -20,16 +20,18 @@ def test_a_number_has_a_true_minus_and_no_negative_zero(value: float, digits: in
 
 
 def test_an_estimate_reads_as_mean_and_interval() -> None:
-    assert "".join(re.split(r"<[^>]*>", estimate(0.5, -0.25, 1.25, 2))) == "0.50 [\u22120.25, 1.25]"
+    assert "".join(re.split(r"<[^>]*>", estimate_text(0.5, -0.25, 1.25, 2))) == "0.50 [\u22120.25, 1.25]"
 
 
 def test_a_ragged_table_is_refused() -> None:
     with pytest.raises(ValueError, match="row 1 of table 'Scores' has 1 cells for 2 columns"):
-        table("Scores", [Html("a"), Html("b")], [Row([Html("1"), Html("2")]), Row([Html("1")])])
+        html_table("Scores", [Html("a"), Html("b")], [Row([Html("1"), Html("2")]), Row([Html("1")])])
 
 
 def test_a_page_is_a_whole_document_in_a_language_for_any_screen() -> None:
-    document = page("A & B", "of <today>", Html("<p>lead</p>"), [Section("one", "First & last", Html("<p>body</p>"))])
+    document = page(
+        "A & B", "of <today>", Html("<p>lead</p>"), [PageSection("one", "First & last", Html("<p>body</p>"))]
+    )
     assert document.startswith("<!DOCTYPE html>")
     found = Page(document)
     elements = [(name, attributes.get("name", attributes.get("lang", ""))) for name, attributes in found.elements]

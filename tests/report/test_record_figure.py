@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
 
-from cutenv.measurement import Flaw
+from cutenv.measurement import QualityIssue
 from cutenv.report import draw_record
 from cutenv.report.record_figure import record_figure
 from cutenv.trace import Trace
@@ -20,8 +20,8 @@ FORCE = 0.4 + np.where((TIME > 2) & (TIME < 5), 3.0, 0.0)
 RECORD = Trace(time=TIME, force=FORCE, position=np.clip(0.01 * (TIME - 2), 0.0, 0.03))
 TARED = Trace(time=TIME, force=FORCE - 0.4, position=RECORD.position)
 CUTS = [slice(2000, 3000), slice(4000, 5000)]
-FLAW = Flaw(kind="stuck", rows=(100, 200), message="the sensor shows 3 N", refuse=True)
-LOOK = Flaw(kind="gap", rows=(10, 11), message="nothing was recorded", refuse=False)
+FLAW = QualityIssue(kind="stuck", rows=(100, 200), message="the sensor shows 3 N", refuse=True)
+LOOK = QualityIssue(kind="gap", rows=(10, 11), message="nothing was recorded", refuse=False)
 
 
 def spans(axes: Any) -> list[tuple[float, float]]:

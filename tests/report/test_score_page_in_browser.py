@@ -17,7 +17,7 @@ from test_page_in_browser import SCREENS, check_can_be_read, check_fetches_nothi
 
 from cutenv.report.score_page import ScoredRecord, write_score_page, write_summary
 from cutenv.scoring import ReferenceSet, score
-from cutenv.scoring.card import DISCLAIMER
+from cutenv.scoring.score_card import DISCLAIMER
 
 pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no chromium: apt-get install chromium")
 

@@ -23,8 +23,8 @@ from test_page_in_browser import (
     check_fits,
 )
 
-from cutenv.report.study_page import headline, write_study
-from cutenv.scoring.card import DISCLAIMER
+from cutenv.report.study_page import study_headline, write_study
+from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import Study
 
 pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no chromium: apt-get install chromium")
@@ -67,17 +67,17 @@ def test_what_is_folded_fits_too(browser: Browser, page: Path, width: int) -> No
 def test_the_page_says_what_it_is_not(page: Path) -> None:
     read = Page(page.read_text(encoding="utf-8"))
     assert read.text.count(DISCLAIMER) >= 3
-    assert headline(study()) in " ".join(read.text.split())
+    assert study_headline(study()) in " ".join(read.text.split())
     assert "nan" not in read.text.lower().split()
 
 
 def test_the_headline_counts_what_separates() -> None:
     of = study(metrics=("force_rate",))
-    assert headline(of).startswith(
+    assert study_headline(of).startswith(
         "1 of 1 metrics distinguish novice from expert (95 % interval without 0.5). Larger in novice: force rate."
     )
     mixed = [replace(cut, group="odd" if int(cut.operator[-1]) % 2 else "even") for cut in of.cuts]
-    assert "None of 1 metrics" in headline(Study(name="mixed", cuts=mixed, metrics=("force_rate",)))
+    assert "None of 1 metrics" in study_headline(Study(name="mixed", cuts=mixed, metrics=("force_rate",)))
 
 
 def test_a_group_that_is_too_small_is_said_to_be(tmp_path: Path) -> None:

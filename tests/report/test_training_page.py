@@ -19,7 +19,7 @@ import made_up_result as made_up
 from made_up_result import AGENT, BOUND, OTHER, SCRIPT, result
 
 from cutenv.report import training_page, write_training_page
-from cutenv.report.training_page import headline
+from cutenv.report.training_page import training_headline
 from cutenv.report.training_result import COLUMNS, DIFFERENCES, TrainingResult
 
 
@@ -164,7 +164,7 @@ def test_facts_captions_and_limits_are_on_the_page(document: str) -> None:
 def test_the_headline_is_what_the_paired_difference_says(
     mean: float, half: float, kind: str, claim: str, numbers: str
 ) -> None:
-    found, _, sentences = headline(result(differences=made_up.differences(mean, half)))
+    found, _, sentences = training_headline(result(differences=made_up.differences(mean, half)))
     sentences = sentences.replace("\u00a0", " ")
     assert found == kind
     assert sentences.startswith(f"{claim} ({SCRIPT})")
@@ -175,7 +175,7 @@ def test_the_headline_is_what_the_paired_difference_says(
 
 
 def test_without_a_bound_nothing_is_said_of_it() -> None:
-    assert "bound" not in headline(result(bound=None))[2]
+    assert "bound" not in training_headline(result(bound=None))[2]
 
 
 def test_an_agent_above_the_bound_has_nothing_left() -> None:
@@ -183,7 +183,7 @@ def test_an_agent_above_the_bound_has_nothing_left() -> None:
     for row in changed:
         if (row["policy"], row["score"]) == (BOUND, "return"):
             row.update(made_up.row(0.6, 0.01))
-    assert "Nothing is left to the upper bound" in headline(result(summary=changed))[2]
+    assert "Nothing is left to the upper bound" in training_headline(result(summary=changed))[2]
 
 
 def test_a_script_above_the_best_one_is_not_hidden(tmp_path: Path) -> None:

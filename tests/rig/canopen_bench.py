@@ -7,9 +7,10 @@ from collections.abc import Iterator
 
 from made_up_drive import Ear, MadeUpDrive
 
-from cutenv.rig.canopen import CanNetwork, CanopenAxis
-from cutenv.rig.clock import SystemClock
-from cutenv.rig.settings import Axis, Bus
+from cutenv.rig.config.settings import Axis, Bus
+from cutenv.rig.devices.canopen.axis import CanopenAxis
+from cutenv.rig.devices.canopen.network import CanNetwork
+from cutenv.rig.devices.clock import SystemClock
 
 
 class Bench:

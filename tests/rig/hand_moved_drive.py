@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 from cutenv.rig.emulator.assembly import BLADE
-from cutenv.rig.emulator.axis import EmulatedAxis
+from cutenv.rig.emulator.emulated_axis import EmulatedAxis
 from cutenv.rig.emulator.hub import Frame
 from cutenv.rig.emulator.motor import Mechanics
 from cutenv.rig.emulator.node import Node

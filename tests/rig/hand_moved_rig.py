@@ -11,18 +11,19 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from cutenv.rig.canopen import CanNetwork, CanopenAxis
-from cutenv.rig.canopen.objects import SYNC_FRAME
-from cutenv.rig.clock import FakeClock
-from cutenv.rig.drivers import ForceListener
-from cutenv.rig.emulator.axis import EmulatedAxis
+from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.config.settings import Axis, Bus, RigSettings
+from cutenv.rig.devices.canopen.axis import CanopenAxis
+from cutenv.rig.devices.canopen.network import CanNetwork
+from cutenv.rig.devices.canopen.objects import SYNC_FRAME
+from cutenv.rig.devices.clock import FakeClock
+from cutenv.rig.devices.drivers import ForceListener
+from cutenv.rig.devices.samples import DriveState, ForceSample
+from cutenv.rig.emulator.emulated_axis import EmulatedAxis
 from cutenv.rig.emulator.hub import Frame
 from cutenv.rig.emulator.motor import Mechanics
 from cutenv.rig.emulator.node import Node
-from cutenv.rig.fake import fake_settings
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.samples import DriveState, ForceSample
-from cutenv.rig.settings import Axis, Bus, RigSettings
 
 TICK = 0.001  # [s]
 SETTLE = 0.15  # [s]: the axis has sent samples and a heartbeat

@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from cutenv.rig.fake import FakeRig, fake_rig, fake_settings
+from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.fake.fake_rig import FakeRig, fake_rig
 from cutenv.tissue.specimen import Specimen
 
 SETTLE = 0.15  # [s]: every axis has sent samples and a heartbeat

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cutenv.cutting.drive import Rig, advance_command, delayed, made_up
-from cutenv.cutting.records import STATE, TICK
-from cutenv.rig.identification.experiment import Recorded, estimated
-from cutenv.rig.identification.plan import Plan
+from cutenv.cutting.drive import Rig, advance_command, delayed_command, lag_gain
+from cutenv.cutting.dtypes import STATE, TICK
+from cutenv.rig.config.settings import Axis, RigSettings
+from cutenv.rig.identification.experiment import Recorded, identification_from
+from cutenv.rig.identification.motion_plan import Plan
 from cutenv.rig.identification.recording import Stretch
 from cutenv.rig.identification.result import Identification
-from cutenv.rig.settings import Axis, RigSettings
 
 SYNC = 5  # ticks
 AXIS = Axis()
@@ -38,11 +38,11 @@ class MadeUpAxis:
         drives, states = self.drive.records(2.0), np.zeros(1, STATE)
         states["hand"] = states["blade"] = 1.0
         drive, state = drives[0], states[0]
-        share = made_up(drive, TICK)
+        share = lag_gain(drive, TICK)
         rows = []
         for tick, command in enumerate(commands):
             before = float(state.hand)
-            advance_command(state, drive, share, delayed(state, drive, float(command)), TICK)
+            advance_command(state, drive, share, delayed_command(state, drive, float(command)), TICK)
             dx = state.hand - state.blade
             if dx < 0.0:
                 dx = min(dx + drive.backlash, 0.0)
@@ -97,4 +97,4 @@ def identified(axis: MadeUpAxis, **force: float) -> Identification:
         for sign in (1, -1)
     )
     sines = tuple(axis.sine(*sine, sine.duration) for sine in plan.sines)
-    return estimated(settings, plan, Recorded(steps, sines, axis.turns(plan), made_up_force(**force), 1000.0))
+    return identification_from(settings, plan, Recorded(steps, sines, axis.turns(plan), made_up_force(**force), 1000.0))

@@ -8,12 +8,16 @@ from typing import Any
 
 from hypothesis import strategies as st
 
+from cutenv.rig.config.settings import Identified, RigSettings, SensorCalibration
 from cutenv.rig.emulator.assembly import BLADE, HINGE
-from cutenv.rig.settings import Calibration, Identified, RigSettings
 
 PROFILE = ((0.0, 0.0081), (0.005, 0.0124), (0.15, 0.0175))
 USUAL = RigSettings(
-    name="bench", armed_by="a test", depth_profile=PROFILE, calibration=Calibration(date="2026-03-01"), blade=BLADE
+    name="bench",
+    armed_by="a test",
+    depth_profile=PROFILE,
+    calibration=SensorCalibration(date="2026-03-01"),
+    blade=BLADE,
 )
 FREE = dataclasses.replace(USUAL, angle_mode="free", angle=HINGE)
 _WHOLE = {"node": (1, 127), "pulses": (1, 10**6), "bitrate": (10_000, 1_000_000)}

@@ -12,10 +12,10 @@ from made_ready import ready_rig
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.recording import load_one
 from cutenv.recording.appending import AppendingRecord
-from cutenv.rig.causes import Cause, RigStopped
-from cutenv.rig.drivers import RigError
-from cutenv.rig.real_time import preferred
-from cutenv.rig.samples import DriveState
+from cutenv.rig.devices.real_time import preferred
+from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.errors import RigError
+from cutenv.rig.safety.stop_causes import Cause, RigStopped
 
 UPRIGHT = math.pi / 2
 

@@ -11,9 +11,9 @@ import pytest
 from canopen_bench import Bench, kept_benches
 from made_up_drive import until
 
-from cutenv.rig.drivers import RigError
-from cutenv.rig.samples import DriveState
-from cutenv.rig.settings import Axis
+from cutenv.rig.config.settings import Axis
+from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.errors import RigError
 
 
 @pytest.fixture

@@ -13,11 +13,12 @@ import can
 import pytest
 from made_up_drive import Ear, MadeUpDrive, until
 
-from cutenv.rig.canopen import CanNetwork, CanopenAxis
-from cutenv.rig.canopen.bus import bus_arguments, open_bus
-from cutenv.rig.clock import SystemClock
-from cutenv.rig.drivers import RigError
-from cutenv.rig.settings import Axis, Bus
+from cutenv.rig.config.settings import Axis, Bus
+from cutenv.rig.devices.canopen.axis import CanopenAxis
+from cutenv.rig.devices.canopen.bus import bus_arguments, open_bus
+from cutenv.rig.devices.canopen.network import CanNetwork
+from cutenv.rig.devices.clock import SystemClock
+from cutenv.rig.errors import RigError
 
 
 @pytest.fixture
@@ -100,7 +101,7 @@ def test_a_library_that_is_missing_is_named_for_the_command_line_to_cure(monkeyp
 
 
 def test_the_package_is_imported_without_the_libraries_of_its_extra():
-    code = "import sys, cutenv.rig.canopen; assert not {'can', 'canopen', 'serial'} & set(sys.modules)"
+    code = "import sys, cutenv.rig.devices.canopen; assert not {'can', 'canopen', 'serial'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
 

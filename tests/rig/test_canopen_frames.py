@@ -9,13 +9,14 @@ from collections.abc import Iterator
 import pytest
 from made_up_drive import Ear, MadeUpDrive, until
 
-from cutenv.rig.canopen import CanNetwork, CanopenAxis
-from cutenv.rig.canopen.dictionary import Dictionary
-from cutenv.rig.canopen.objects import CONTROLWORD, STATUSWORD, drive_state, error_meaning
-from cutenv.rig.clock import FakeClock, SystemClock
-from cutenv.rig.drivers import RigError
-from cutenv.rig.samples import DriveState
-from cutenv.rig.settings import Axis, Bus
+from cutenv.rig.config.settings import Axis, Bus
+from cutenv.rig.devices.canopen.axis import CanopenAxis
+from cutenv.rig.devices.canopen.network import CanNetwork
+from cutenv.rig.devices.canopen.objects import CONTROLWORD, STATUSWORD, drive_state, error_meaning
+from cutenv.rig.devices.canopen.sdo_channel import SdoChannel
+from cutenv.rig.devices.clock import FakeClock, SystemClock
+from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.errors import RigError
 
 
 @pytest.fixture
@@ -65,7 +66,7 @@ def test_sync_and_heartbeat_are_sent_as_often_as_the_settings_say(drive):
 
 def test_an_sdo_download_is_the_standards(drive, network):
     network.join(member := Nobody())
-    dictionary = Dictionary(network, 1, "blade")
+    dictionary = SdoChannel(network, 1, "blade")
     dictionary.put(CONTROLWORD, 0x06)
     frames = drive.frames()
     assert (0x601, bytes.fromhex("2B 40 60 00 06 00 00 00")) in frames
@@ -207,7 +208,7 @@ def test_100000_frames_of_garbage_harm_nothing(drive, axis, ear, network):
 
 def test_an_sdo_answer_of_garbage_is_an_error_that_names_the_object(drive, network):
     network.join(member := Nobody())
-    dictionary = Dictionary(network, 1, "blade")
+    dictionary = SdoChannel(network, 1, "blade")
     dictionary._client.RESPONSE_TIMEOUT = 0.01
     drive.mute = True
     draw = random.Random(2)

@@ -10,9 +10,9 @@ import pytest
 from canopen_bench import Bench, kept_benches
 from made_up_drive import FAULT, QUICK_STOP, SWITCHED_ON, until
 
-from cutenv.rig.canopen import CanopenAxis
-from cutenv.rig.drivers import RigError
-from cutenv.rig.samples import DriveState
+from cutenv.rig.devices.canopen.axis import CanopenAxis
+from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.errors import RigError
 
 
 @pytest.fixture
@@ -246,7 +246,7 @@ def test_a_drive_in_quick_stop_by_itself_is_not_set_going_again(benches):
 def test_an_axis_that_is_abandoned_hears_no_heartbeat_until_it_is_cleared(benches):
     bench = benches().ready()
     until(lambda: {0x080, 0x77F} <= {number for number, _ in bench.drive.frames()})
-    bench.axis.abandon("it ignores the quick stop")
+    bench.axis.withhold_heartbeat("it ignores the quick stop")
     time.sleep(0.1)
     bench.drive.frames()
     time.sleep(0.3)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutenv.rig.canopen.units import AxisUnits
-from cutenv.rig.settings import Axis
+from cutenv.rig.config.settings import Axis
+from cutenv.rig.devices.canopen.units import AxisUnits
 
 AXES = st.builds(
     Axis,

@@ -13,19 +13,20 @@ import pytest
 
 from cutenv import cli
 from cutenv.commands.rig.check import as_json, lines
-from cutenv.rig.air_bench import AirBench
-from cutenv.rig.causes import Cause
+from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.devices.samples import DriveState
 from cutenv.rig.emulator.process import start
-from cutenv.rig.fake import FakeRig, Faults, fake_settings
+from cutenv.rig.fake.air_plant import AirPlant
+from cutenv.rig.fake.fake_rig import FakeRig, Faults
 from cutenv.rig.hardware import rig_plant
-from cutenv.rig.inspection import Inspection, inspect
-from cutenv.rig.preparation import SETTLE
-from cutenv.rig.samples import DriveState
+from cutenv.rig.operation.preflight import SETTLE
+from cutenv.rig.operation.self_check import Inspection, inspect
+from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import to_toml
 
 
 def inspected(**faults: object) -> Inspection:
-    rig = FakeRig(AirBench, fake_settings())
+    rig = FakeRig(AirPlant, fake_settings())
     rig.plant.open()
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
     for name, value in faults.items():

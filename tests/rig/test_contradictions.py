@@ -20,17 +20,17 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from cutting_rig import CuttingRig
 
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.rig.air_bench import AirBench
-from cutenv.rig.bench import CutBench
-from cutenv.rig.causes import Cause, RigStopped
+from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.contradictions import contradictions
 from cutenv.rig.emulator.process import start
-from cutenv.rig.fake import FakeRig, FakeSensor
-from cutenv.rig.operator import AutomaticOperator
-from cutenv.rig.session import RigSession
-from cutenv.rig.settings import RigSettings
-from cutenv.rig.supply import SpecimenKey
-from cutenv.rig.toml_file import read, to_toml
+from cutenv.rig.fake.air_plant import AirPlant
+from cutenv.rig.fake.fake_rig import FakeRig, FakeSensor
+from cutenv.rig.fake.specimen_plant import SpecimenPlant
+from cutenv.rig.operation.operator import AutomaticOperator
+from cutenv.rig.operation.session import RigSession
+from cutenv.rig.operation.specimen_source import SpecimenKey
+from cutenv.rig.safety.stop_causes import Cause, RigStopped
+from cutenv.rig.toml_file import read_rig_file, to_toml
 from cutenv.tissue.specimen import Specimen
 
 ATTEMPTS = 8  # at half a second of cutting in which the host does not stall
@@ -91,10 +91,10 @@ def test_a_contradiction_is_refused_with_both_keys(tmp_path: Path, name: str) ->
     settings, changes, keys = CONTRADICTORY[name]
     file = tmp_path / "rig.toml"
     file.write_text(to_toml(settings))
-    read(file)
+    read_rig_file(file)
     file.write_text(to_toml(changed(settings, changes)))
     with pytest.raises(ValueError, match=r"rig\.toml") as caught:
-        read(file)
+        read_rig_file(file)
     for key in keys:
         assert key in str(caught.value)
 
@@ -102,11 +102,11 @@ def test_a_contradiction_is_refused_with_both_keys(tmp_path: Path, name: str) ->
 def test_a_calibration_of_today_is_read(tmp_path: Path) -> None:
     file = tmp_path / "rig.toml"
     file.write_text(to_toml(with_value(USUAL, "calibration", "date", date.today().isoformat())))
-    read(file)
+    read_rig_file(file)
     tomorrow = date.today() + timedelta(days=1)
     file.write_text(to_toml(with_value(USUAL, "calibration", "date", tomorrow.isoformat())))
     with pytest.raises(ValueError, match="in the future"):
-        read(file)
+        read_rig_file(file)
 
 
 def test_a_limit_that_is_lowered_to_nothing_is_refused_before_anything_is_connected() -> None:
@@ -137,11 +137,11 @@ def cut_on_a_fake(settings: RigSettings) -> None:
     """Prepare, lay a specimen, and cut in it for a second as fast as actions may; then end the cut."""
     settings = dataclasses.replace(settings, emulated=True, calibration=USUAL.calibration)
     specimen = Specimen.drawn(3, 0)
-    rig = FakeRig(lambda settings: AirBench(settings, start=0.0), settings, depth=specimen.depth)
+    rig = FakeRig(lambda settings: AirPlant(settings, start=0.0), settings, depth=specimen.depth)
 
     class Supply:
-        def lay(self, key: SpecimenKey) -> None:
-            rig.lay(lambda settings: CutBench(specimen, settings))
+        def mount(self, key: SpecimenKey) -> None:
+            rig.mount(lambda settings: SpecimenPlant(specimen, settings))
 
     with RigSession(rig.plant, AutomaticOperator(settings), Supply(), today=date(2026, 3, 1)) as session:
         session.next_cut(SpecimenKey(seed=3, episode=0), settings.fixed_angle)
@@ -181,7 +181,7 @@ def test_what_is_accepted_can_be_cut_with_on_the_emulator(tmp_path: Path, name: 
     with start(free_air=True) as emulator:
         settings = dataclasses.replace(emulator.settings, depth_profile=USUAL.depth_profile)
         file.write_text(to_toml(changed(settings, AT_THE_EDGE[name])))
-        rig = CuttingRig(read(file), emulator.control)
+        rig = CuttingRig(read_rig_file(file), emulator.control)
         try:
             for attempt in range(ATTEMPTS):
                 rig.begin(attempt)

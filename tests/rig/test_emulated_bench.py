@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from cutenv.commands.rig.emulate import _options, _parser
+from cutenv.cutting.dtypes import READING, TICK, new_state
 from cutenv.cutting.parameters import LawParameters, law_records, profile_records
-from cutenv.cutting.records import READING, TICK, new_state
 from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.cutting.simulate import follow
 from cutenv.envs.constants import Constants
 from cutenv.envs.rig_source import emulator_arguments
-from cutenv.rig.drivers import RigError
-from cutenv.rig.emulator.bench import Bench, Laid
+from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
+from cutenv.rig.errors import RigError
 from cutenv.tissue.specimen import Specimen
 
 UPRIGHT = math.pi / 2
@@ -23,8 +23,8 @@ WAY = np.concatenate([np.linspace(0.0, 0.04, 2001)[1:], np.linspace(0.04, 0.035,
 
 
 def laid(seed=3, episode=1, sensor=None, law=None):
-    bench, what = Bench(sensor, law), Laid(seed=seed, episode=episode)
-    bench.lay(what.drawn(), what, position=0.0, angle=UPRIGHT)
+    bench, what = EmulatedTissue(sensor, law), Laid(seed=seed, episode=episode)
+    bench.mount(what.drawn(), what, position=0.0, angle=UPRIGHT)
     return bench
 
 
@@ -86,16 +86,16 @@ def test_free_air_is_felt_as_nothing():
 
 
 def test_a_specimen_is_laid_only_with_the_blade_at_the_clamp():
-    bench, what = Bench(), Laid()
+    bench, what = EmulatedTissue(), Laid()
     with pytest.raises(RigError, match=r"30\.0 mm: drive it to the clamp"):
-        bench.lay(what.drawn(), what, position=0.03, angle=UPRIGHT)
+        bench.mount(what.drawn(), what, position=0.03, angle=UPRIGHT)
 
 
 def test_an_added_force_is_felt_and_outlives_a_specimen():
     bench = laid(sensor=SensorParameters(force_noise=0.0, force_delay=0.0))
     bench.add_force(25.0)
     assert bench.advance(0.0, UPRIGHT) == 25.0
-    bench.lay(Laid().drawn(), Laid(), position=0.0, angle=UPRIGHT)
+    bench.mount(Laid().drawn(), Laid(), position=0.0, angle=UPRIGHT)
     assert bench.advance(0.0, UPRIGHT) == 25.0
     bench.add_force(0.0)
     assert bench.advance(0.0, UPRIGHT) == 0.0

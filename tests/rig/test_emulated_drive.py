@@ -9,8 +9,8 @@ from hand_moved_drive import INCREMENT, MILLI_RPM_PER_M_S, SYNC, HandMovedDrive
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutenv.cutting.drive import Rig, advance_command, made_up
-from cutenv.cutting.records import TICK, new_state
+from cutenv.cutting.drive import Rig, advance_command, lag_gain
+from cutenv.cutting.dtypes import TICK, new_state
 from cutenv.rig.emulator.hub import Frame
 
 
@@ -205,7 +205,7 @@ def test_a_commanded_step_and_stop_is_the_simulated_drives_within_a_tenth_of_a_m
     simulated, state = Rig().records(travel=0.149)[0], new_state(1, 1.5)[0]
     for i, position in enumerate(positions):
         target = speed if i < 1000 else 0.0
-        advance_command(state, simulated, made_up(simulated, TICK), target, TICK)
+        advance_command(state, simulated, lag_gain(simulated, TICK), target, TICK)
         assert position == pytest.approx(float(state.hand), abs=0.1e-3)
 
 

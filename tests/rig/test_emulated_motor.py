@@ -5,17 +5,25 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutenv.cutting.drive import Rig, advance_command, made_up
-from cutenv.cutting.records import TICK, new_state
+from cutenv.cutting.drive import Rig, advance_command, lag_gain
+from cutenv.cutting.dtypes import TICK, new_state
 from cutenv.rig.emulator.assembly import BLADE, HINGE
-from cutenv.rig.emulator.motor import RAMP, VELOCITY, Mechanics, force_per_ampere, hinge, motor_record, turn_motor
+from cutenv.rig.emulator.motor import (
+    MODE_RAMP,
+    MODE_VELOCITY,
+    Mechanics,
+    force_per_ampere,
+    hinge,
+    motor_record,
+    turn_motor,
+)
 
 SPEEDS = [0.01, 0.0254, -0.01]
 
 
 def emulated(mechanics=None, *, axis=BLADE, position=0.05):
     motors = motor_record(axis, mechanics or Mechanics(), position=position, margin=0.003)
-    motors["mode"] = VELOCITY
+    motors["mode"] = MODE_VELOCITY
     motors["acceleration"] = motors["deceleration"] = axis.acceleration
     motors["ramp"], motors["fastest"] = axis.quick_stop, axis.speed
     motors["strongest"] = axis.current_limit * force_per_ampere(axis, mechanics or Mechanics())
@@ -37,7 +45,7 @@ def simulated(targets, position=0.05):
     state.hand = position
     positions = np.empty(len(targets))
     for i, target in enumerate(targets):
-        advance_command(state, drive, made_up(drive, TICK), target, TICK)
+        advance_command(state, drive, lag_gain(drive, TICK), target, TICK)
         positions[i] = state.hand
     return positions
 
@@ -88,7 +96,7 @@ def test_a_motor_without_power_coasts_against_friction_and_stays():
 def test_the_ramp_of_a_stop_knows_no_lag():
     motors = emulated()
     led(motors, np.full(800, 0.0254))
-    motors["mode"] = RAMP
+    motors["mode"] = MODE_RAMP
     demands = led(motors, np.zeros(40), field="demand")
     assert demands[9] == pytest.approx(0.0254 - 0.010, abs=2e-5)
     assert demands[-1] == 0.0

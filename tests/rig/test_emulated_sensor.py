@@ -12,9 +12,9 @@ from collections.abc import Iterator
 import pytest
 from sensor_stream import LOADS, Feed, wait_for
 
-from cutenv.rig.clock import FakeClock
-from cutenv.rig.emulator.sensor import SensorServer
-from cutenv.rig.netft.packets import Record, Status, parse_record
+from cutenv.rig.devices.clock import FakeClock
+from cutenv.rig.devices.netft.packets import SensorPacket, SensorStatus, parse_packet
+from cutenv.rig.emulator.sensor_server import SensorServer
 
 START = bytes.fromhex("1234 0002 00000000")
 STOP = bytes.fromhex("1234 0000 00000000")
@@ -41,10 +41,10 @@ class Wire:
     def next(self) -> bytes:
         return self._socket.recv(2048)
 
-    def record(self) -> Record:
-        return parse_record(self.next())
+    def record(self) -> SensorPacket:
+        return parse_packet(self.next())
 
-    def rest(self) -> list[Record]:
+    def rest(self) -> list[SensorPacket]:
         """What has arrived; on the loop-back, what was sent is there."""
         self._socket.settimeout(0.05)
         records = []
@@ -154,9 +154,9 @@ def test_bias_makes_the_present_load_zero(server, wire):
 
 
 def test_reset_clears_the_latch_and_no_other_status(server, wire):
-    server.faults.status = Status.MONITOR_CONDITION | Status.ERROR
+    server.faults.status = SensorStatus.MONITOR_CONDITION | SensorStatus.ERROR
     wire.ask(RESET_LATCH)
-    wait_for(lambda: server.faults.status == Status.ERROR)
+    wait_for(lambda: server.faults.status == SensorStatus.ERROR)
 
 
 def test_garbage_is_counted_and_everything_goes_on(server, wire):

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 import pytest
 from hand_moved_drive import INCREMENT, SYNC, HandMovedDrive
 
-from cutenv.rig.drivers import RigError
 from cutenv.rig.emulator.assembly import EmulatedRig, Options
 from cutenv.rig.emulator.faults import FAULTS, parsed_fault
+from cutenv.rig.errors import RigError
 
 
 class HandMovedRig(HandMovedDrive):

@@ -18,9 +18,9 @@ import can
 import canopen
 import pytest
 
-from cutenv.rig.drivers import RigError
 from cutenv.rig.emulator.control import EmulatorControl
 from cutenv.rig.emulator.process import RunningEmulator, start
+from cutenv.rig.errors import RigError
 
 PATIENCE = 10.0  # [s], far beyond what is needed
 

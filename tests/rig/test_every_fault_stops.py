@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from made_ready import SETTLE, ready_rig
 
-from cutenv.rig.causes import Cause, RigStopped, detection_times
-from cutenv.rig.drivers import RigError
-from cutenv.rig.fake import FakeRig, Faults
-from cutenv.rig.samples import DriveState
+from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.errors import RigError
+from cutenv.rig.fake.fake_rig import FakeRig, Faults
+from cutenv.rig.safety.stop_causes import Cause, RigStopped, detection_times
 
 INSTANTS = 1000
 PERIOD = 20  # [ms]
@@ -132,7 +132,7 @@ def begin_again(rig: FakeRig) -> None:
     """The operator resets, lays a new specimen, and cuts go on."""
     rig.faults.__dict__.update(vars(Faults()))
     rig.plant.supervisor.reset(agreed=True)
-    rig.lay()
+    rig.mount()
     rig.plant.power()
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
     rig.plant.supervisor.release()

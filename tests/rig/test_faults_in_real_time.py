@@ -103,10 +103,10 @@ def test_a_force_that_is_the_tissues_own_is_no_trial_of_another_fault():
 CUT = """
 import sys
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.rig.causes import RigStopped
+from cutenv.rig.safety.stop_causes import RigStopped
 from cutenv.rig.emulator.control import EmulatorControl
-from cutenv.rig.operator import AutomaticOperator
-from cutenv.rig.toml_file import read
+from cutenv.rig.operation.operator import AutomaticOperator
+from cutenv.rig.toml_file import read_rig_file
 
 class LaysSpecimens(AutomaticOperator):
     def ask_ready(self, what):
@@ -114,7 +114,7 @@ class LaysSpecimens(AutomaticOperator):
         return True
 
 rig = sys.argv[1]
-env = RigCutEnv(rig=rig, operator=LaysSpecimens(read(rig)), records=sys.argv[3], target_length=0.1)
+env = RigCutEnv(rig=rig, operator=LaysSpecimens(read_rig_file(rig)), records=sys.argv[3], target_length=0.1)
 
 def reset():
     for _ in range(20):  # a busy host may stop the rig while it is made ready

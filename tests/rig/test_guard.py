@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from made_ready import ready_rig
 
-from cutenv.rig.causes import Cause, RigStopped
-from cutenv.rig.guard import guarded
+from cutenv.rig.safety.guard import guarded
+from cutenv.rig.safety.stop_causes import Cause, RigStopped
 
 HERE = Path(__file__).parent
 UPRIGHT = 1.5707963
@@ -21,9 +21,9 @@ CHILD = """
 import os, sys, time
 sys.path.insert(0, {here!r})
 from made_ready import ready_rig
-from cutenv.rig.causes import RigStopped
-from cutenv.rig.clock import SystemClock
-from cutenv.rig.guard import guarded
+from cutenv.rig.safety.stop_causes import RigStopped
+from cutenv.rig.devices.clock import SystemClock
+from cutenv.rig.safety.guard import guarded
 rig = ready_rig()
 supervisor = rig.plant.supervisor
 supervisor._clock = SystemClock()

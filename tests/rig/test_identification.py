@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from made_up_axis import MadeUpAxis, identified, made_up_force
 
 from cutenv.cutting.drive import Rig
-from cutenv.rig.drivers import RigError
-from cutenv.rig.identification import friction, response, sensor_noise
-from cutenv.rig.identification.plan import Plan
+from cutenv.rig.config.settings import Identified, RigSettings, SafetyLimits
+from cutenv.rig.errors import RigError
+from cutenv.rig.identification import axis_friction, response, sensor_noise
+from cutenv.rig.identification.motion_plan import Plan
 from cutenv.rig.identification.recording import Stretch
 from cutenv.rig.identification.result import Identification
 from cutenv.rig.identification.sensor_noise import longest_still, sensor_at_rest
-from cutenv.rig.settings import Identified, Limits, RigSettings
 
 AXES = {
     "plain": Rig(),
@@ -70,7 +70,7 @@ def test_an_axis_is_found_as_it_was_made(name: str) -> None:
         check(found, truth)
     if truth.backlash:
         check_backlash(found, truth)
-    assert value(found, "friction") == pytest.approx(22.0, abs=3.0 * (found["friction"].error or 0.0) + 0.3)
+    assert value(found, "friction") == pytest.approx(22.0, abs=3.0 * (found["axis_friction"].error or 0.0) + 0.3)
 
 
 def _late_commands(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -93,9 +93,9 @@ def _without_lag(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _play_from_the_end_of_a_leg(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = friction._leg
+    right = axis_friction._leg
     monkeypatch.setattr(
-        friction, "_leg", lambda turns, number: (lambda leg: (0.5 * leg[0], leg[1]))(right(turns, number))
+        axis_friction, "_leg", lambda turns, number: (lambda leg: (0.5 * leg[0], leg[1]))(right(turns, number))
     )
 
 
@@ -219,7 +219,7 @@ def test_a_plan_stays_where_commands_are_not_made_smaller(position: float) -> No
 
 def test_a_travel_that_is_too_short_is_refused() -> None:
     with pytest.raises(RigError, match="too short for this"):
-        Plan.within(RigSettings(limits=Limits(low=0.0, high=0.02)), 0.01)
+        Plan.within(RigSettings(limits=SafetyLimits(low=0.0, high=0.02)), 0.01)
 
 
 @pytest.mark.parametrize(("noise", "resolution"), [(0.02, 0.05), (0.02, 0.0), (0.05, 0.05), (0.01, 0.03)])

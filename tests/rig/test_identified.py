@@ -5,8 +5,8 @@ from __future__ import annotations
 import gymnasium
 
 import cutenv  # noqa: F401  registers the environment
-from cutenv.rig.identified import SIMULATED, environment_arguments
-from cutenv.rig.settings import Identified
+from cutenv.rig.config.identified import SIMULATED, environment_arguments
+from cutenv.rig.config.settings import Identified
 
 
 def test_only_what_was_measured_is_passed_on() -> None:

@@ -11,20 +11,21 @@ import pytest
 
 from cutenv import cli
 from cutenv.cutting.drive import Rig
-from cutenv.rig.air_bench import AirBench
-from cutenv.rig.causes import Cause, RigStopped
-from cutenv.rig.fake import FakeRig, fake_settings
-from cutenv.rig.identification import Plan, estimated, perform
-from cutenv.rig.operator import AutomaticOperator
-from cutenv.rig.preparation import SETTLE, prepare
-from cutenv.rig.settings import Identified, RigSettings
-from cutenv.rig.toml_file import read, to_toml, write_identified
+from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.config.settings import Identified, RigSettings
+from cutenv.rig.fake.air_plant import AirPlant
+from cutenv.rig.fake.fake_rig import FakeRig
+from cutenv.rig.identification import Plan, identification_from, perform
+from cutenv.rig.operation.operator import AutomaticOperator
+from cutenv.rig.operation.preflight import SETTLE, prepare
+from cutenv.rig.safety.stop_causes import Cause, RigStopped
+from cutenv.rig.toml_file import read_rig_file, to_toml, write_identified
 
 DEPTH = ((0.0, 0.02), (0.149, 0.02))
 
 
 def prepared(drive: Rig) -> FakeRig:
-    rig = FakeRig(lambda settings: AirBench(settings, drive=drive), fake_settings())
+    rig = FakeRig(lambda settings: AirPlant(settings, drive=drive), fake_settings())
     rig.plant.open()
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
     prepare(rig.plant, AutomaticOperator(rig.settings), today=date.today())
@@ -42,7 +43,7 @@ def test_the_experiment_finds_the_drive_of_a_rig_and_brings_the_blade_back() -> 
     rig = prepared(Rig(motor_lag=0.055, dead_time=0.006))
     before = rig.plant.position
     plan = Plan.within(rig.settings, before)
-    found = estimated(rig.settings, plan, perform(rig.plant, plan))
+    found = identification_from(rig.settings, plan, perform(rig.plant, plan))
     assert found["motor_lag"].value == pytest.approx(0.055, rel=0.05)
     assert found["dead_time"].value == pytest.approx(0.006, abs=0.002)
     assert found["acceleration"].value == pytest.approx(0.1, rel=0.05)
@@ -86,7 +87,7 @@ def test_the_simulator_takes_what_was_identified(tmp_path: Path) -> None:
     path = file_of(tmp_path / "rig.toml")
     found = Identified(date="2026-03-01", motor_lag=0.055, dead_time=0.006, backlash=80e-6, friction=20.0)
     write_identified(path, found)
-    assert read(path).identified == found
+    assert read_rig_file(path).identified == found
     constants = gymnasium.make("cutenv/GentleCut-v1", rig=str(path)).unwrapped.constants
     assert constants.drive == Rig(motor_lag=0.055, dead_time=0.006, backlash=80e-6)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from cutenv import cli
-from cutenv.rig.toml_file import read, template
+from cutenv.rig.toml_file import read_rig_file, template
 
 
 def test_a_new_file_is_the_template_with_the_rig_s_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -16,7 +16,7 @@ def test_a_new_file_is_the_template_with_the_rig_s_name(tmp_path: Path, capsys: 
     assert path.read_text(encoding="utf-8") == template('bench "2"')
     assert "nothing moves while armed_by is empty" in capsys.readouterr().out
     with pytest.raises(ValueError, match="only a person can supply"):
-        read(path)
+        read_rig_file(path)
 
 
 def test_without_a_name_the_rig_is_called_as_its_file(tmp_path: Path) -> None:

@@ -17,12 +17,23 @@ import pytest
 
 from cutenv import cli
 from cutenv.commands.rig.terminal_keys import TerminalKeys, terminal_keys
-from cutenv.rig.air_bench import AirBench
-from cutenv.rig.causes import Cause, RigStopped
-from cutenv.rig.fake import FakeRig, fake_settings
-from cutenv.rig.jog import HELD, SPEED, STOPS_WITHIN, TOP_SPEED, TURN_RATE, Jog, Key, KeyDecoder, jog
-from cutenv.rig.operator import AutomaticOperator
-from cutenv.rig.preparation import SETTLE, prepare
+from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.fake.air_plant import AirPlant
+from cutenv.rig.fake.fake_rig import FakeRig
+from cutenv.rig.operation.jogging import (
+    HELD,
+    JOG_TURN_RATE,
+    SPEED,
+    STOPS_WITHIN,
+    TOP_SPEED,
+    Jog,
+    JogKey,
+    KeyDecoder,
+    jog,
+)
+from cutenv.rig.operation.operator import AutomaticOperator
+from cutenv.rig.operation.preflight import SETTLE, prepare
+from cutenv.rig.safety.stop_causes import Cause, RigStopped
 
 REPEAT = 0.033  # [s] between two of a held key
 
@@ -30,7 +41,7 @@ REPEAT = 0.033  # [s] between two of a held key
 class Fingers:
     """A keyboard on a fake clock: keys are held from when to when, repeated as a terminal does."""
 
-    def __init__(self, rig: FakeRig, *held: tuple[Key, float, float], pause: float = 0.3) -> None:
+    def __init__(self, rig: FakeRig, *held: tuple[JogKey, float, float], pause: float = 0.3) -> None:
         self.rig, self.start = rig, rig.clock.now()
         self.due = sorted((moment, key) for key, begin, end in held for moment in self._repeats(begin, end, pause))
         self.seen: list[tuple[float, float, float]] = []  # time, position, speed
@@ -41,7 +52,7 @@ class Fingers:
         count = max(int((end - begin - pause) / REPEAT) + 1, 0)
         return [begin] + [begin + pause + k * REPEAT for k in range(count)]
 
-    def read(self) -> list[Key]:
+    def read(self) -> list[JogKey]:
         now = self.rig.clock.now() - self.start
         blade = self.rig.plant.supervisor.blade
         assert blade is not None
@@ -57,23 +68,23 @@ class Fingers:
 
 @pytest.fixture
 def rig() -> FakeRig:
-    rig = FakeRig(AirBench, fake_settings())
+    rig = FakeRig(AirPlant, fake_settings())
     rig.plant.open()
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
     prepare(rig.plant, AutomaticOperator(rig.settings), today=date.today())
     return rig
 
 
-def jogged(rig: FakeRig, *held: tuple[Key, float, float], speed: float = SPEED) -> tuple[Fingers, list[str]]:
-    fingers, shown = Fingers(rig, *held, (Key.QUIT, 4.0, 4.0)), []
+def jogged(rig: FakeRig, *held: tuple[JogKey, float, float], speed: float = SPEED) -> tuple[Fingers, list[str]]:
+    fingers, shown = Fingers(rig, *held, (JogKey.QUIT, 4.0, 4.0)), []
     jog(rig.plant, fingers, Jog(speed, turns=True), shown.append)
     return fingers, shown
 
 
-@pytest.mark.parametrize(("key", "sign"), [(Key.FORWARD, 1), (Key.BACK, -1)])
+@pytest.mark.parametrize(("key", "sign"), [(JogKey.FORWARD, 1), (JogKey.BACK, -1)])
 @pytest.mark.parametrize("speed", [SPEED, TOP_SPEED])
 def test_a_held_arrow_moves_the_blade_and_a_released_one_lets_it_rest(
-    rig: FakeRig, key: Key, sign: int, speed: float
+    rig: FakeRig, key: JogKey, sign: int, speed: float
 ) -> None:
     fingers, _ = jogged(rig, (key, 0.5, 2.5), speed=speed)
     moved = sign * (fingers.position(2.5) - fingers.position(0.4))
@@ -86,37 +97,37 @@ def test_a_held_arrow_moves_the_blade_and_a_released_one_lets_it_rest(
 
 
 def test_a_tapped_arrow_moves_the_blade_as_little_as_the_bound_says(rig: FakeRig) -> None:
-    fingers, _ = jogged(rig, (Key.FORWARD, 0.5, 0.5))
+    fingers, _ = jogged(rig, (JogKey.FORWARD, 0.5, 0.5))
     moved = fingers.position(3.9) - fingers.position(0.4)
     assert 0.5 * SPEED * HELD < moved <= SPEED * (STOPS_WITHIN + 0.04) + 0.05e-3
 
 
 def test_any_other_key_stops_a_held_one_at_once(rig: FakeRig) -> None:
-    fingers, _ = jogged(rig, (Key.FORWARD, 0.5, 1.5), (Key.OTHER, 1.5, 1.5))
+    fingers, _ = jogged(rig, (JogKey.FORWARD, 0.5, 1.5), (JogKey.OTHER, 1.5, 1.5))
     assert fingers.position(3.9) - fingers.position(1.5) < SPEED * (0.05 + 0.1)
 
 
 def test_up_and_down_turn_the_blade(rig: FakeRig) -> None:
-    jogged(rig, (Key.SLANT, 0.5, 2.5))
+    jogged(rig, (JogKey.SLANT, 0.5, 2.5))
     turned = rig.plant.angle
-    assert rig.settings.fixed_angle - turned == pytest.approx(TURN_RATE * (2.0 - 0.3 + HELD), rel=0.25)
+    assert rig.settings.fixed_angle - turned == pytest.approx(JOG_TURN_RATE * (2.0 - 0.3 + HELD), rel=0.25)
 
 
 def test_without_a_hinge_up_and_down_do_nothing() -> None:
     controls = Jog(turns=False)
-    controls.press([Key.SLANT], 1.0)
+    controls.press([JogKey.SLANT], 1.0)
     assert controls.command(1.01) == (0.0, 0.0)
 
 
 def test_the_end_of_travel_is_not_passed(rig: FakeRig) -> None:
     rig.plant.travel(rig.settings.limits.high - 0.006, speed=0.02)
-    fingers, _ = jogged(rig, (Key.FORWARD, 0.1, 3.5), speed=TOP_SPEED)
+    fingers, _ = jogged(rig, (JogKey.FORWARD, 0.1, 3.5), speed=TOP_SPEED)
     assert fingers.position(3.9) < rig.settings.limits.high
     assert rig.plant.supervisor.report is None
 
 
 def test_a_fault_stops_the_blade_though_the_key_is_held(rig: FakeRig) -> None:
-    fingers = Fingers(rig, (Key.FORWARD, 0.2, 3.0), (Key.QUIT, 4.0, 4.0))
+    fingers = Fingers(rig, (JogKey.FORWARD, 0.2, 3.0), (JogKey.QUIT, 4.0, 4.0))
 
     def push(now: float) -> None:
         if now > 1.0:
@@ -148,7 +159,7 @@ def test_arrows_are_read_however_their_bytes_come(whole: bool) -> None:
     data, decoder = b"\x1b[C\x1bOD\x1b[A\x1b[Bxq", KeyDecoder()
     parts = [data] if whole else [data[k : k + 1] for k in range(len(data))]
     keys = [key for part in parts for key in decoder.feed(part)]
-    assert keys == [Key.FORWARD, Key.BACK, Key.UPRIGHT, Key.SLANT, Key.OTHER, Key.QUIT]
+    assert keys == [JogKey.FORWARD, JogKey.BACK, JogKey.UPRIGHT, JogKey.SLANT, JogKey.OTHER, JogKey.QUIT]
 
 
 def test_the_terminal_is_as_before_whatever_happens() -> None:
@@ -161,7 +172,7 @@ def test_the_terminal_is_as_before_whatever_happens() -> None:
                 assert termios.tcgetattr(source) != before
                 os.write(keyboard, b"\x1b[C")
                 assert select.select([source], [], [], 10.0)[0]
-                assert keys.read() == [Key.FORWARD]
+                assert keys.read() == [JogKey.FORWARD]
                 raise RuntimeError("in the middle")
 
         with pytest.raises(RuntimeError, match="in the middle"):
@@ -173,7 +184,7 @@ def test_the_terminal_is_as_before_whatever_happens() -> None:
 def test_a_terminal_that_is_gone_says_quit() -> None:
     keyboard, terminal = pty.openpty()
     os.close(keyboard)
-    assert TerminalKeys(terminal).read() == [Key.QUIT]
+    assert TerminalKeys(terminal).read() == [JogKey.QUIT]
     os.close(terminal)
 
 

@@ -16,10 +16,10 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
-from cutenv.rig.causes import Cause
-from cutenv.rig.drivers import RigError
-from cutenv.rig.latch import NEXT, Event, Latch, Phase
-from cutenv.rig.samples import DriveState
+from cutenv.rig.devices.latch import NEXT, Event, Latch, Phase
+from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.errors import RigError
+from cutenv.rig.safety.stop_causes import Cause
 
 LATE = st.sampled_from([WAY, 0.010, 0.025, 0.045])
 """Ways of the drive's frames to the rig [s]: the host stalls, and samples tell what was true before a stop."""

@@ -14,10 +14,11 @@ from made_up_drive import Ear, MadeUpDrive, until
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.recording import load_one
 from cutenv.recording.appending import AppendingRecord
-from cutenv.rig.canopen import CanNetwork, CanopenAxis
-from cutenv.rig.causes import Cause
-from cutenv.rig.clock import SystemClock
-from cutenv.rig.settings import Axis, Bus
+from cutenv.rig.config.settings import Axis, Bus
+from cutenv.rig.devices.canopen.axis import CanopenAxis
+from cutenv.rig.devices.canopen.network import CanNetwork
+from cutenv.rig.devices.clock import SystemClock
+from cutenv.rig.safety.stop_causes import Cause
 from cutenv.trace import Reading
 
 

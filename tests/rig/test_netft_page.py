@@ -8,9 +8,9 @@ import time
 
 import pytest
 
-from cutenv.rig.drivers import RigError
-from cutenv.rig.emulator.sensor import SensorServer
-from cutenv.rig.netft.page import LARGEST, parse_page, read_page
+from cutenv.rig.devices.netft.settings_page import LARGEST, parse_page, read_page
+from cutenv.rig.emulator.sensor_server import SensorServer
+from cutenv.rig.errors import RigError
 
 PAGE = (
     "<?xml version='1.0'?><netft><cfgcpf>{cpf}</cfgcpf><cfgcpt>{cpt}</cfgcpt>"

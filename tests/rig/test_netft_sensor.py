@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from sensor_stream import LOADS, Feed, Kept, settings_of, settle, streaming, wait_for
 
-from cutenv.rig.clock import FakeClock, SystemClock
-from cutenv.rig.drivers import ForceDriver, RigError
-from cutenv.rig.emulator.sensor import SensorServer
-from cutenv.rig.netft.packets import Record, Status, record_bytes
-from cutenv.rig.netft.sensor import STEADY, NetftSensor
-from cutenv.rig.settings import Sensor
+from cutenv.rig.config.settings import SensorSettings
+from cutenv.rig.devices.clock import FakeClock, SystemClock
+from cutenv.rig.devices.drivers import ForceDriver
+from cutenv.rig.devices.netft.netft_sensor import STEADY_FORCE, NetftSensor
+from cutenv.rig.devices.netft.packets import SensorPacket, SensorStatus, packet_bytes
+from cutenv.rig.emulator.sensor_server import SensorServer
+from cutenv.rig.errors import RigError
 
 COUNTS = (1_500_000, -2_250_000, 3_000_000, 100_000, -200_000, 300_000)
 
@@ -24,7 +25,7 @@ COUNTS = (1_500_000, -2_250_000, 3_000_000, 100_000, -200_000, 300_000)
 def send(server, *sequences, counts=COUNTS):
     """Records as no healthy sensor would number them."""
     for sequence in sequences:
-        server.send_bytes(record_bytes(Record(sequence % 2**32, 0, 0, counts)))
+        server.send_bytes(packet_bytes(SensorPacket(sequence % 2**32, 0, 0, counts)))
 
 
 def sequences(kept, since=0):
@@ -156,7 +157,9 @@ def test_packets_from_another_address_are_told_and_never_read(server):
     with streaming(server) as (sensor, kept):
         before, ports = len(kept.samples), sensor._socket.getsockname()[1]
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-            stranger.sendto(record_bytes(Record(kept.samples[-1].sequence + 1, 0, 0, (0,) * 6)), ("127.0.0.1", ports))
+            stranger.sendto(
+                packet_bytes(SensorPacket(kept.samples[-1].sequence + 1, 0, 0, (0,) * 6)), ("127.0.0.1", ports)
+            )
             wait_for(lambda: kept.complaints)
             assert f"from 127.0.0.1:{stranger.getsockname()[1]}" in kept.complaints[0]
         assert len(kept.samples) == before
@@ -165,7 +168,7 @@ def test_packets_from_another_address_are_told_and_never_read(server):
 
 def test_a_bad_status_and_saturation_are_passed_on(server):
     with streaming(server) as (_, kept):
-        server.faults.status = Status.MONITOR_CONDITION
+        server.faults.status = SensorStatus.MONITOR_CONDITION
         server.send(LOADS)
         server.faults.status, server.faults.saturated = 0, True
         server.send(LOADS)
@@ -263,7 +266,7 @@ def test_no_zero_is_taken_from_a_moving_force(server):
         before = len(kept.samples)
         rising = threading.Thread(target=lambda: rise(feed), daemon=True)
         rising.start()
-        with pytest.raises(RigError, match=rf"moved by .* more than {STEADY:g} N"):
+        with pytest.raises(RigError, match=rf"moved by .* more than {STEADY_FORCE:g} N"):
             sensor.tare(300)
         rising.join()
         feed.close()
@@ -295,7 +298,7 @@ def test_noise_alone_is_no_motion(server):
 
 def test_no_zero_is_taken_from_a_bad_status(server):
     with streaming(server) as (sensor, _):
-        server.faults.status = Status.ERROR | Status.GAGE_OUT_OF_RANGE
+        server.faults.status = SensorStatus.ERROR | SensorStatus.GAGE_OUT_OF_RANGE
         feed = Feed(server)
         with pytest.raises(RigError, match="0x88000000: error, strain gage out of range"):
             sensor.tare()
@@ -331,7 +334,7 @@ def test_where_no_page_answers_nothing_is_opened(server):
 
 
 def test_an_address_that_is_none_is_a_readable_error(server):
-    settings = Sensor(address="no.such.host.invalid", page=server.page)
+    settings = SensorSettings(address="no.such.host.invalid", page=server.page)
     with pytest.raises(RigError, match=r"no\.such\.host\.invalid:49152 cannot be reached.*sensor\.address"):
         NetftSensor(settings, SystemClock()).open(Kept())
 

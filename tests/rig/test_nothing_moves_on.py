@@ -7,10 +7,10 @@ import math
 import pytest
 from made_ready import ready_rig
 
-from cutenv.rig.causes import Cause, RigStopped
-from cutenv.rig.fake import FakeRig
-from cutenv.rig.quick_stops import AGAIN, DEAF, INSIST
-from cutenv.rig.samples import DriveState
+from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.fake.fake_rig import FakeRig
+from cutenv.rig.safety.quick_stops import AGAIN, RESEND_STOP_AFTER, WITHHOLD_HEARTBEAT_AFTER
+from cutenv.rig.safety.stop_causes import Cause, RigStopped
 
 UPRIGHT, LEANING = math.pi / 2, math.radians(60.0)
 PERIOD = 20  # [ms]
@@ -37,7 +37,7 @@ def test_a_quick_stop_that_is_lost_is_sent_again_until_the_drive_obeys(lost):
     sent = [time for time, what in rig.blade.sent if what == "quick stop"]
     assert len(sent) == lost + 1
     assert sent[0] == report.commanded
-    assert sent[1] <= report.commanded + INSIST + SYNC
+    assert sent[1] <= report.commanded + RESEND_STOP_AFTER + SYNC
     assert rig.blade.state is DriveState.QUICK_STOP
     assert report.standstill is not None
     assert rig.bench.motion[1] == 0.0
@@ -51,7 +51,11 @@ def test_a_drive_that_never_obeys_is_left_by_the_heartbeat():
     pass_time(rig, 0.2)
     (abandoned,) = (time for time, what in rig.blade.sent if what == "abandoned")
     report = rig.plant.supervisor.report
-    assert INSIST + DEAF <= abandoned - report.commanded <= INSIST + DEAF + 2 * SYNC + 1e-9
+    assert (
+        RESEND_STOP_AFTER + WITHHOLD_HEARTBEAT_AFTER
+        <= abandoned - report.commanded
+        <= RESEND_STOP_AFTER + WITHHOLD_HEARTBEAT_AFTER + 2 * SYNC + 1e-9
+    )
     assert "our heartbeat ends" in report.detail
     assert report.standstill is not None
 

@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from cutenv.rig.drivers import RigError
-from cutenv.rig.operator import AutomaticOperator, Operator, ScriptedOperator, TerminalOperator
-from cutenv.rig.settings import RigSettings
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.errors import RigError
+from cutenv.rig.operation.operator import AutomaticOperator, Operator, ScriptedOperator, TerminalOperator
 
 
 class Person:

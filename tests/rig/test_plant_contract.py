@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from made_ready import ready_rig, release
 
-from cutenv.cutting.records import READING, TICK
+from cutenv.cutting.dtypes import READING, TICK
 from cutenv.plant import Leg, Plant, SimulatedPlant, run, to_trace
-from cutenv.rig.causes import RigStopped
+from cutenv.rig.devices.real_time import preferred
 from cutenv.rig.emulator.process import start
-from cutenv.rig.fake import replayed_rig
+from cutenv.rig.fake.fake_rig import replayed_rig
 from cutenv.rig.hardware import rig_plant
-from cutenv.rig.preparation import SETTLE
-from cutenv.rig.real_time import preferred
+from cutenv.rig.operation.preflight import SETTLE
+from cutenv.rig.safety.stop_causes import RigStopped
 from cutenv.tissue.specimen import N_POINTS, Specimen
 
 UPRIGHT = math.pi / 2

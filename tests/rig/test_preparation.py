@@ -7,15 +7,16 @@ from datetime import date, timedelta
 
 import pytest
 
-from cutenv.rig.bench import CutBench
-from cutenv.rig.causes import Cause, RigStopped
-from cutenv.rig.clock import FakeClock
-from cutenv.rig.drivers import RigError
-from cutenv.rig.fake import FakeRig, fake_rig, fake_settings
-from cutenv.rig.operator import AutomaticOperator, ScriptedOperator
-from cutenv.rig.preparation import SETTLE, prepare
-from cutenv.rig.samples import DriveState
-from cutenv.rig.settings import Calibration, Sensor
+from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.config.settings import SensorCalibration, SensorSettings
+from cutenv.rig.devices.clock import FakeClock
+from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.errors import RigError
+from cutenv.rig.fake.fake_rig import FakeRig, fake_rig
+from cutenv.rig.fake.specimen_plant import SpecimenPlant
+from cutenv.rig.operation.operator import AutomaticOperator, ScriptedOperator
+from cutenv.rig.operation.preflight import SETTLE, prepare
+from cutenv.rig.safety.stop_causes import Cause, RigStopped
 from cutenv.tissue.specimen import Specimen
 
 TODAY = date.today()
@@ -52,7 +53,7 @@ def test_a_sound_rig_is_ready_and_says_what_was_found():
 
 
 def test_a_sensor_that_sends_at_another_rate_than_the_file_says_is_refused():
-    rig = fake_rig(Specimen.drawn(3, 0), fake_settings(sensor=Sensor(rate=7000.0)))
+    rig = fake_rig(Specimen.drawn(3, 0), fake_settings(sensor=SensorSettings(rate=7000.0)))
     with pytest.raises(RigError, match="sends 1000 readings a second, but the rig's file has 7000"):
         rig.plant.open()
     rig.plant.close()
@@ -61,10 +62,10 @@ def test_a_sensor_that_sends_at_another_rate_than_the_file_says_is_refused():
 @pytest.mark.parametrize(
     ("calibration", "because"),
     [
-        (Calibration(date=""), "never checked"),
-        (Calibration(date=(TODAY - timedelta(days=400)).isoformat()), "400 days ago"),
-        (Calibration(date=(TODAY + timedelta(days=2)).isoformat()), "in the future"),
-        (Calibration(date="last week"), "is not a date"),
+        (SensorCalibration(date=""), "never checked"),
+        (SensorCalibration(date=(TODAY - timedelta(days=400)).isoformat()), "400 days ago"),
+        (SensorCalibration(date=(TODAY + timedelta(days=2)).isoformat()), "in the future"),
+        (SensorCalibration(date="last week"), "is not a date"),
     ],
 )
 def test_without_a_valid_calibration_nothing_moves(calibration, because):
@@ -139,7 +140,7 @@ def test_what_is_lowered_stays_lowered():
 def test_a_stop_before_the_first_cut_holds_no_readings_and_is_told_at_once():
     """There is no beginning yet that they could be counted from: not that of the clock, days ago."""
     specimen = Specimen.drawn(3, 0)
-    rig = FakeRig(lambda settings: CutBench(specimen, settings), fake_settings(), clock=FakeClock(1e6))
+    rig = FakeRig(lambda settings: SpecimenPlant(specimen, settings), fake_settings(), clock=FakeClock(1e6))
     rig.plant.open()
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
     prepare(rig.plant, AutomaticOperator(rig.settings), today=TODAY)

@@ -7,13 +7,13 @@ from datetime import date
 import pytest
 from hand_moved_rig import HandMovedRig
 
-from cutenv.rig.causes import Cause, RigStopped
-from cutenv.rig.drivers import RigError
-from cutenv.rig.latch import Phase
-from cutenv.rig.motion_watch import CREEP
-from cutenv.rig.operator import AutomaticOperator, ScriptedOperator
-from cutenv.rig.preparation import prepare, return_inside
-from cutenv.rig.samples import DriveState
+from cutenv.rig.devices.latch import Phase
+from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.errors import RigError
+from cutenv.rig.operation.operator import AutomaticOperator, ScriptedOperator
+from cutenv.rig.operation.preflight import prepare, return_inside
+from cutenv.rig.safety.motion_monitor import CREEP
+from cutenv.rig.safety.stop_causes import Cause, RigStopped
 
 HIGH, LOW = 0.148, -0.001  # [m]
 BEYOND = [0.14802, 0.1485, 0.1489, 0.1495, -0.0015, -0.0025]

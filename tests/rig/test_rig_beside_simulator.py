@@ -7,14 +7,21 @@ import json
 
 import pytest
 
-from cutenv.agreement import Agreement
 from cutenv.commands.rig import main
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.envs.side_by_side import SideBySide, cut_on_rig, cut_once, side_by_side, simulate, simulator_like
 from cutenv.policy import BASELINES
 from cutenv.recording import load_one
-from cutenv.rig.causes import Cause
-from cutenv.rig.operator import ScriptedOperator
+from cutenv.rig.operation.operator import ScriptedOperator
+from cutenv.rig.safety.stop_causes import Cause
+from cutenv.sim_to_real import Agreement
+from cutenv.sim_to_real.paired_experiment import (
+    PairedCuts,
+    cut_on_rig,
+    cut_once,
+    paired_experiment,
+    simulate_cuts,
+    simulator_like,
+)
 
 SPECIMENS, DRAWS, SEED = 14, 3, 11
 SHORT = {"target_length": 0.04, "specimen_class": "liver"}
@@ -27,7 +34,7 @@ def feed():
 @pytest.fixture(scope="module")
 def simulated():
     with_rig = RigCutEnv(rig="fake", **SHORT)
-    return simulate(simulator_like(with_rig, **SHORT), feed(), seed=SEED, specimens=SPECIMENS, draws=DRAWS)
+    return simulate_cuts(simulator_like(with_rig, **SHORT), feed(), seed=SEED, specimens=SPECIMENS, draws=DRAWS)
 
 
 def verdict_of(simulated, **constants):
@@ -161,7 +168,7 @@ def test_a_person_who_stops_it_gets_what_was_cut():
 
 
 def test_specimens_that_nobody_drew_are_compared_unpaired(simulated):
-    shifted = SideBySide(
+    shifted = PairedCuts(
         simulator=simulated, rig=[cuts[0] for cuts in simulated[:7]], paired=False, clock=None, between=[]
     )
     assert not shifted.agreement.paired
@@ -171,7 +178,7 @@ def test_specimens_that_nobody_drew_are_compared_unpaired(simulated):
 def test_few_specimens_are_refused_before_anything_moves():
     env = RigCutEnv(rig="fake")
     with pytest.raises(ValueError, match="specimens = 3"):
-        side_by_side(env, simulator_like(env), feed(), specimens=3)
+        paired_experiment(env, simulator_like(env), feed(), specimens=3)
     assert env._session is None
 
 

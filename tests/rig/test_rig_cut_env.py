@@ -14,11 +14,12 @@ from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.policy import BASELINES
 from cutenv.recording import load_one
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
-from cutenv.rig.causes import Cause
-from cutenv.rig.drivers import RigError
-from cutenv.rig.fake import Faults, fake_settings
-from cutenv.rig.operator import ScriptedOperator
-from cutenv.rig.samples import DriveState
+from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.errors import RigError
+from cutenv.rig.fake.fake_rig import Faults
+from cutenv.rig.operation.operator import ScriptedOperator
+from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import to_toml
 from cutenv.scoring import score
 
@@ -159,13 +160,13 @@ def test_the_way_back_is_without_a_turn_and_the_turn_at_the_clamp_slow(env):
 
 
 def test_hands_are_asked_into_the_travel_of_powerless_drives_only(env):
-    states, laid = [], env.session._supply.lay
+    states, laid = [], env.session._supply.mount
 
     def lay(key):
         states.append((fake_of(env).blade.state, fake_of(env).angle.state))
         return laid(key)
 
-    env.session._supply.lay = lay
+    env.session._supply.mount = lay
     cut(env, until=30)
     env.reset()
     assert states == [(DriveState.DISABLED, DriveState.DISABLED)] * 2
@@ -174,7 +175,7 @@ def test_hands_are_asked_into_the_travel_of_powerless_drives_only(env):
 
 @pytest.mark.parametrize(("force", "known"), [(-3.0, False), (1.5, False), (0.5, True)])
 def test_a_blade_that_touches_something_is_found_out_by_its_zero(env, force, known):
-    laid = env.session._supply.lay
+    laid = env.session._supply.mount
 
     def lay(key):
         depth = laid(key)
@@ -182,7 +183,7 @@ def test_a_blade_that_touches_something_is_found_out_by_its_zero(env, force, kno
         return depth
 
     cut(env, until=30)
-    env.session._supply.lay = lay
+    env.session._supply.mount = lay
     if known:
         env.reset()  # a sensor drifts by so much
         return
@@ -212,7 +213,7 @@ def test_after_a_stop_in_tissue_force_counts_from_the_zero_in_air(env):
 
 
 def test_a_blade_that_was_pushed_while_the_specimen_was_laid_is_found_out(env):
-    laid = env.session._supply.lay
+    laid = env.session._supply.mount
 
     def push(key):
         depth = laid(key)
@@ -221,10 +222,10 @@ def test_a_blade_that_was_pushed_while_the_specimen_was_laid_is_found_out(env):
             fake_of(env).bench.step(0.02, 0.0, False)
         return depth
 
-    env.session._supply.lay = push
+    env.session._supply.mount = push
     with pytest.raises(RigError, match="was moved to"):
         env.reset(seed=1)
-    env.session._supply.lay = laid
+    env.session._supply.mount = laid
     before = len(env.session.operator.asked)
     env.reset()
     assert any("will move" in asked for asked in env.session.operator.asked[before:])  # hands may still be there

@@ -8,11 +8,11 @@ import pytest
 from hand_moved_drive import MILLI_RPM_PER_M_S
 from hand_moved_rig import HandMovedRig
 
-from cutenv.rig.canopen.objects import command_of_another
-from cutenv.rig.causes import Cause, RigStopped
-from cutenv.rig.drivers import RigError
-from cutenv.rig.latch import Phase
-from cutenv.rig.samples import DriveState
+from cutenv.rig.devices.canopen.objects import command_of_another
+from cutenv.rig.devices.latch import Phase
+from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.errors import RigError
+from cutenv.rig.safety.stop_causes import Cause, RigStopped
 
 ALLOWED = 0.001  # [m]
 STILL = 1e-4  # [m/s]

@@ -14,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_up_settings import measured, nearly_usual
 
-from cutenv.rig.file_keys import SECTIONS
-from cutenv.rig.settings import Calibration, Identified, RigSettings
-from cutenv.rig.toml_file import read, template, to_toml, write_identified
+from cutenv.rig.config.file_schema import SECTIONS
+from cutenv.rig.config.settings import Identified, RigSettings, SensorCalibration
+from cutenv.rig.toml_file import read_rig_file, template, to_toml, write_identified
 
 FILLED = template("bench 2").replace("\n# FILL IN: ", "\n")
 PROFILE = ((0.0, 0.0081), (0.005, 0.0124), (0.15, 0.0175))
@@ -36,7 +36,7 @@ def changed(old: str, new: str) -> str:
 def test_the_template_is_refused_until_filled_in_and_lists_what_is_missing(file: Path) -> None:
     file.write_text(template())
     with pytest.raises(ValueError, match="only a person can supply") as caught:
-        read(file)
+        read_rig_file(file)
     for name in (
         "depth_profile", "bus.interface", "blade.gear", "blade.lead_mm", "blade.pulses", "sensor.address",
         "calibration.date",
@@ -47,17 +47,17 @@ def test_the_template_is_refused_until_filled_in_and_lists_what_is_missing(file:
 
 def test_the_template_filled_in_has_the_defaults(file: Path) -> None:
     file.write_text(FILLED)
-    settings = read(file)
+    settings = read_rig_file(file)
     assert settings == RigSettings(
         name="bench 2",
         depth_profile=((0.0, 0.0081), (0.005, 0.0124), (0.020, 0.017), (0.150, 0.0175)),
-        calibration=Calibration(date="2026-03-01"),
+        calibration=SensorCalibration(date="2026-03-01"),
     )
 
 
 def test_a_rig_from_the_template_is_armed_by_nobody(file: Path) -> None:
     file.write_text(FILLED)
-    assert read(file).armed_by == ""
+    assert read_rig_file(file).armed_by == ""
     assert 'armed_by = ""' in template()
 
 
@@ -67,7 +67,7 @@ def test_the_commented_second_axis_is_read_when_its_comment_marks_are_taken_off(
     block = re.sub(r"^# (FILL IN: )?", "", re.sub(r"^# ", "", block, flags=re.M), flags=re.M)
     block = "\n".join(line for line in block.splitlines() if re.match(r"\[angle\]|\w+ = ", line))
     file.write_text(before.replace('= "fixed"', '= "free"') + block + "\n\n" + after)
-    axis = read(file).angle
+    axis = read_rig_file(file).angle
     assert axis is not None
     assert (axis.node, axis.lead, axis.low) == (2, 2 * math.pi, math.radians(44.0))
 
@@ -75,7 +75,7 @@ def test_the_commented_second_axis_is_read_when_its_comment_marks_are_taken_off(
 def test_a_second_axis_has_no_defaults_of_a_screw(file: Path) -> None:
     file.write_text(FILLED + "\n[angle]\nnode = 2\n")
     with pytest.raises(ValueError, match=r"angle.gear, angle.lead_deg, angle.pulses, angle.low_deg, angle.high_deg"):
-        read(file)
+        read_rig_file(file)
 
 
 def test_units_of_the_file_become_si(file: Path) -> None:
@@ -91,7 +91,7 @@ def test_units_of_the_file_become_si(file: Path) -> None:
     }.items():
         text = text.replace(old, new, 1)
     file.write_text(text + "backlash_um = 25.0\nmotor_lag_ms = 41.5\n")
-    settings = read(file)
+    settings = read_rig_file(file)
     limits = settings.limits
     assert (limits.force, limits.speed, limits.stale_force, limits.lost_force) == (7.0, 0.0254, 0.0125, 0.07)
     assert (settings.fixed_angle, settings.blade.lead, settings.blade.acceleration) == (math.pi / 4, 0.00127, 0.25)
@@ -158,19 +158,19 @@ def test_what_is_wrong_is_said_with_file_section_key_and_unit(file: Path, name: 
     change, message = REFUSED[name]
     file.write_text(changed(*change))
     with pytest.raises(ValueError, match=message) as caught:
-        read(file)
+        read_rig_file(file)
     assert str(caught.value).startswith(f"{file}")
 
 
 def test_a_file_that_is_not_there_is_answered_with_the_command(file: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"cutenv rig init .*rig\.toml"):
-        read(file)
+        read_rig_file(file)
 
 
 def test_what_is_no_text_is_refused(file: Path) -> None:
     file.write_bytes(b'name = "Pr\xfcfstand"\n')
     with pytest.raises(ValueError, match="not UTF-8 text"):
-        read(file)
+        read_rig_file(file)
 
 
 @st.composite
@@ -187,7 +187,7 @@ def any_settings(draw: st.DrawFn) -> RigSettings:
         bus=dataclasses.replace(settings.bus, channel=draw(text), node=draw(st.integers(3, 127))),
         blade=dataclasses.replace(settings.blade, direction=draw(st.sampled_from([1, -1]))),
         sensor=dataclasses.replace(settings.sensor, cut_axis=draw(st.sampled_from("xyz"))),
-        calibration=Calibration(date=draw(st.sampled_from(["", "2026-03-01", "2026-03-01T14:05:00"]))),
+        calibration=SensorCalibration(date=draw(st.sampled_from(["", "2026-03-01", "2026-03-01T14:05:00"]))),
         identified=draw(measured()),
         depth_profile=(*profile, (0.15 + draw(st.floats(0.0, 0.1)), 0.01)),
     )
@@ -197,7 +197,7 @@ def any_settings(draw: st.DrawFn) -> RigSettings:
 def test_what_is_written_is_read_back(tmp_path_factory: pytest.TempPathFactory, settings: RigSettings) -> None:
     file = tmp_path_factory.mktemp("rig") / "rig.toml"
     file.write_text(to_toml(settings), encoding="utf-8")
-    again = read(file)
+    again = read_rig_file(file)
     assert close(dataclasses.asdict(again), dataclasses.asdict(settings))
     assert to_toml(again) == to_toml(settings)
 
@@ -223,9 +223,9 @@ MEASURED = Identified(date="2026-04-01", motor_lag=0.0415, dead_time=0.012, back
 
 def test_what_was_identified_is_read_back(file: Path) -> None:
     file.write_text(FILLED)
-    before = read(file)
+    before = read_rig_file(file)
     write_identified(file, MEASURED)
-    assert read(file) == dataclasses.replace(before, identified=MEASURED)
+    assert read_rig_file(file) == dataclasses.replace(before, identified=MEASURED)
     assert "motor_lag_ms = 41.5\n" in file.read_text()
 
 
@@ -248,14 +248,14 @@ def test_all_the_rest_of_the_file_stays_as_it_was(file: Path, place: str) -> Non
              "backlash_um = 25.0", "force_noise_N = 0.019"}  # fmt: skip
     rest = [line for line in written.split("\n") if line.strip() and line.strip() not in added]
     assert rest == [line for line in text.split("\n") if line.strip() and line.strip() != "[identified]"]
-    assert read(file).identified == MEASURED
+    assert read_rig_file(file).identified == MEASURED
 
 
 def test_a_second_measurement_takes_the_place_of_the_first_and_keeps_comments(file: Path) -> None:
     file.write_text(FILLED + "motor_lag_ms = 40.0  # by hand\nfriction_N = 3.0\n")
     write_identified(file, Identified(motor_lag=0.05))
     assert "motor_lag_ms = 50.0  # by hand\n" in file.read_text()
-    assert read(file).identified == Identified(motor_lag=0.05)
+    assert read_rig_file(file).identified == Identified(motor_lag=0.05)
 
 
 def test_a_measurement_that_the_file_cannot_hold_leaves_it_as_it_was(file: Path) -> None:
@@ -270,4 +270,4 @@ def test_a_measurement_that_the_file_cannot_hold_leaves_it_as_it_was(file: Path)
 def test_an_empty_date_of_a_measurement_is_none(file: Path) -> None:
     file.write_text(FILLED + 'date = ""\n')
     with pytest.raises(ValueError, match=r"\[identified\] date = '' is not a date"):
-        read(file)
+        read_rig_file(file)

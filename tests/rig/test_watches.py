@@ -10,17 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutenv.rig.cadence import SURPLUS, Cadence
-from cutenv.rig.causes import STILL, Cause
-from cutenv.rig.fake import fake_settings
-from cutenv.rig.following import Following
-from cutenv.rig.force_watch import ForceWatch
-from cutenv.rig.motion_watch import MotionWatch
-from cutenv.rig.samples import DriveState, ForceSample, MotionSample
-from cutenv.rig.settings import Identified, Limits
+from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.config.settings import Identified, SafetyLimits
+from cutenv.rig.devices.samples import DriveState, ForceSample, MotionSample
+from cutenv.rig.safety.following_monitor import FollowingMonitor
+from cutenv.rig.safety.force_monitor import ForceMonitor
+from cutenv.rig.safety.motion_monitor import MotionMonitor
+from cutenv.rig.safety.sample_rate_monitor import SURPLUS, SampleRateMonitor
+from cutenv.rig.safety.stop_causes import STILL, Cause
 
 SYNC = 0.005
-LIMITS = Limits()
+LIMITS = SafetyLimits()
 
 
 def reading(n: int, force=(0.0, 0.0, 0.0), *, time=None, status=0, lost=0, counts=None, sequence=None) -> ForceSample:
@@ -31,8 +31,8 @@ def reading(n: int, force=(0.0, 0.0, 0.0), *, time=None, status=0, lost=0, count
 
 
 def causes(samples: list[ForceSample]) -> list[Cause | None]:
-    watch = ForceWatch(LIMITS, 1000.0)
-    return [breach and breach.cause for breach in map(watch.felt, samples)]
+    watch = ForceMonitor(LIMITS, 1000.0)
+    return [breach and breach.cause for breach in map(watch.check, samples)]
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -102,13 +102,13 @@ def test_readings_that_come_later_than_they_did():
 def moving(commands: list[float], speeds: list[float], *, positions=None, settings=None, state=DriveState.ENABLED):
     """Causes for a blade that has those speeds at every SYNC."""
     settings = settings or fake_settings()
-    watch = MotionWatch(settings, follows=True)
+    watch = MotionMonitor(settings, follows=True)
     x, found = 0.02, []
     for n, (command, speed) in enumerate(zip(commands, speeds, strict=True)):
         x += speed * SYNC
         position = x if positions is None else positions[n]
         watch.note("blade", MotionSample(SYNC * n, position, speed, 0.0, state))
-        breach = watch.judge("blade", command)
+        breach = watch.check("blade", command)
         found.append(breach and breach.cause)
     return found
 
@@ -157,7 +157,7 @@ def test_a_standing_encoder_is_stuck_after_60_ms_of_expected_motion():
 def test_a_stalled_computer_gets_many_samples_at_once_and_none_is_doubled():
     random = np.random.default_rng(1)
     for stall in (0.02, 0.1, 0.24):
-        cadence = Cadence(SYNC)
+        cadence = SampleRateMonitor(SYNC)
         most, due = -math.inf, 0.0
         for n in range(2000):
             due = SYNC * n + random.uniform(0.0, 0.9 * SYNC)
@@ -172,7 +172,7 @@ def test_a_stalled_computer_gets_many_samples_at_once_and_none_is_doubled():
 
 
 def test_following_forgets_small_differences_and_finds_lasting_ones():
-    following = Following(lag=0.04, acceleration=0.1, sync=SYNC, slow=0.001, unmoved=5e-6)
+    following = FollowingMonitor(lag=0.04, acceleration=0.1, sync=SYNC, slow=0.001, unmoved=5e-6)
     off = 0.0
     for n in range(400):
         off = following.watch(MotionSample(SYNC * n, 0.01 * 1.02 * SYNC * n, 0.0102, 0.0, DriveState.ENABLED), 0.01)[1]
@@ -182,33 +182,33 @@ def test_following_forgets_small_differences_and_finds_lasting_ones():
 
 
 def test_the_angle_has_its_own_limits():
-    watch = MotionWatch(fake_settings(), follows=True)
+    watch = MotionMonitor(fake_settings(), follows=True)
     for degrees, breached in ((90.0, False), (91.5, True), (45.0, False), (43.0, True)):
         watch.note("angle", MotionSample(0.0, math.radians(degrees), 0.0, 0.0, DriveState.ENABLED))
-        breach = watch.judge("angle", 0.0)
+        breach = watch.check("angle", 0.0)
         assert (breach is not None and breach.cause is Cause.ANGLE) is breached
 
 
 def test_limits_on_the_command_line_may_only_be_lower():
-    assert Limits().lowered(force=5.0).force == 5.0
-    assert Limits().lowered(force=None) == Limits()
+    assert SafetyLimits().lowered(force=5.0).force == 5.0
+    assert SafetyLimits().lowered(force=None) == SafetyLimits()
     with pytest.raises(ValueError, match=r"force = 16 is above 15.*only be lower"):
-        Limits().lowered(force=16.0)
+        SafetyLimits().lowered(force=16.0)
     with pytest.raises(ValueError, match="force_norm"):
-        Limits().lowered(forse_norm=1.0)
+        SafetyLimits().lowered(forse_norm=1.0)
     with pytest.raises(ValueError, match="stale_force"):  # what protects by being short is not the command line's
-        Limits().lowered(stale_force=0.01)
-    assert dataclasses.replace(Limits(), force=20.0).force == 20.0
+        SafetyLimits().lowered(stale_force=0.01)
+    assert dataclasses.replace(SafetyLimits(), force=20.0).force == 20.0
 
 
 def noisy(count: int, *, frozen: int | None, at: int = 0, moving=lambda n: True, identified=None) -> int | None:
     """Reading after ``at`` in which a force that stands from there on is found; torques and other forces flicker."""
-    watch = ForceWatch(LIMITS, 1000.0, identified)
+    watch = ForceMonitor(LIMITS, 1000.0, identified)
     for n in range(1, count):
         counts = [3 * n % 7, 5 * n % 11, 2 * n % 5, n, n, n]
         if frozen is not None and n >= at:
             counts[frozen] = 4
-        breach = watch.felt(reading(n, counts=tuple(counts)), moving=moving(n))
+        breach = watch.check(reading(n, counts=tuple(counts)), moving=moving(n))
         if breach is not None:
             assert breach.cause is Cause.FORCE_AXIS, breach
             assert f"the {'xyz'[frozen]} force stays" in breach.detail

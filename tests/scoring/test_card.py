@@ -12,9 +12,9 @@ import pytest
 from scored_cuts import CUTS, TARGET, changed, cut
 
 from cutenv.scoring import METRICS, ForceOnlyWeights, ReferenceSet, ScoreCard, Truth, Weights, score
-from cutenv.scoring.card import FEWEST_WEIGHT
-from cutenv.scoring.reference import FEWEST
-from cutenv.scoring.weights import as_mapping
+from cutenv.scoring.metric_weights import weights_by_metric
+from cutenv.scoring.reference import FEWEST_REFERENCE_CUTS
+from cutenv.scoring.score_card import FEWEST_WEIGHT
 
 UPRIGHT = "upright, and back"
 ALONE = "force alone, 30 Hz"
@@ -116,7 +116,7 @@ def test_a_blade_that_hardly_cuts_is_steady_and_scores_little() -> None:
 
 @pytest.mark.parametrize("weights", [Weights(), ForceOnlyWeights()])
 def test_weights_are_of_metrics_that_have_a_direction_and_sum_to_one(weights: Weights | ForceOnlyWeights) -> None:
-    named = as_mapping(weights)
+    named = weights_by_metric(weights)
     assert sum(named.values()) == pytest.approx(1.0)
     assert all(METRICS[name].direction != "none" for name in named)
     assert not {"peak_force", "peak_force_per_depth"} & set(named)
@@ -133,7 +133,7 @@ def test_weights_that_do_not_sum_to_one_are_refused() -> None:
 
 def test_force_alone_is_scored_by_its_own_weights_and_says_so() -> None:
     card = cards()[ALONE]
-    assert set(card.weights) == set(as_mapping(ForceOnlyWeights()))
+    assert set(card.weights) == set(weights_by_metric(ForceOnlyWeights()))
     assert card.tip_source == "unknown"
     assert "tip: unknown; force alone is judged" in card.notes
     assert "position was not recorded" in card.metrics["idle_time"].unavailable
@@ -159,8 +159,8 @@ def test_percentiles_are_the_share_that_is_worse() -> None:
 
 
 def test_a_percentile_within_few_cuts_says_nothing() -> None:
-    assert reference(cuts=FEWEST).percentile("duration", 0.0) == 100.0
-    assert reference(cuts=FEWEST - 1).percentile("duration", 0.0) is None
+    assert reference(cuts=FEWEST_REFERENCE_CUTS).percentile("duration", 0.0) == 100.0
+    assert reference(cuts=FEWEST_REFERENCE_CUTS - 1).percentile("duration", 0.0) is None
 
 
 def test_little_known_is_no_score_of_the_whole() -> None:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scored_cuts import TARGET, changed
 
+from cutenv._engine.randomness import generator
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.randomness import generator
 from cutenv.scoring import METRICS, ScoredCut, Truth, Unavailable, Weights, score
 from cutenv.scoring.motion import log_jerk, spectral_arc_length
 from cutenv.tissue import Specimen, measured_liver

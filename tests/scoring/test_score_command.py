@@ -15,7 +15,7 @@ from cutenv import cli
 from cutenv.recording import save
 from cutenv.report.score_page import ScoredRecord, write_score_page
 from cutenv.scoring import METRICS, ReferenceSet, score
-from cutenv.scoring.reference import FEWEST
+from cutenv.scoring.reference import FEWEST_REFERENCE_CUTS
 from cutenv.trace import Trace
 
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
@@ -115,10 +115,10 @@ def test_a_folder_of_ones_own_people_is_a_reference(tmp_path: Path, capsys: pyte
     people = tmp_path / "people"
     people.mkdir()
     rng = np.random.default_rng(0)
-    for number in range(FEWEST):
+    for number in range(FEWEST_REFERENCE_CUTS):
         trace = cut(UPRIGHT)
         noisy = dataclasses.replace(
-            trace, force=(0.5 + number / FEWEST) * trace.force + rng.normal(0, 0.01, len(trace))
+            trace, force=(0.5 + number / FEWEST_REFERENCE_CUTS) * trace.force + rng.normal(0, 0.01, len(trace))
         )
         save(noisy, people / f"{number}.csv")
     save(named(UPRIGHT, "mine"), tmp_path / "mine.csv")
@@ -126,7 +126,7 @@ def test_a_folder_of_ones_own_people_is_a_reference(tmp_path: Path, capsys: pyte
         capsys, tmp_path / "mine.csv", "--target-length", "75mm", "--reference", people, "--out", tmp_path
     )
     assert status == 0, err
-    assert f"compared with people ({FEWEST} cuts" in out
+    assert f"compared with people ({FEWEST_REFERENCE_CUTS} cuts" in out
     percentile = json.loads((tmp_path / "mine_score.json").read_text())["metrics"]["peak_force"]["percentile"]
     assert 30.0 < percentile < 70.0  # the middle one of those forces
 

@@ -20,11 +20,11 @@ from cutenv.scoring.study import (
     Estimate,
     Intraclass,
     LearningCurve,
+    NotEstimable,
     OneWay,
     Separation,
     StudiedCut,
     Study,
-    Untold,
     cusum,
     intraclass_correlation,
     learning_curve,
@@ -330,7 +330,7 @@ def test_experts_are_told_from_novices_and_only_novices_learn() -> None:
     assert isinstance(novice, LearningCurve)
     assert isinstance(expert, LearningCurve)
     assert novice.change_high[-1] < 0.0 < expert.change_high[-1]
-    assert not isinstance(found.cusums, Untold)
+    assert not isinstance(found.cusums, NotEstimable)
     assert sorted(name for name, sums in found.cusums.items() if sums.reached_at) == ["E01", "E02", "E03", "E04"]
     assert found.target_is == "mean of group expert"
 
@@ -338,7 +338,7 @@ def test_experts_are_told_from_novices_and_only_novices_learn() -> None:
 def test_a_metric_without_a_better_way_has_no_target_to_reach() -> None:
     found = study(metrics=("crest_factor",)).findings[0]
     assert METRICS["crest_factor"].direction == "none"
-    assert found.cusums == Untold("neither way is better, so no target is reached")
+    assert found.cusums == NotEstimable("neither way is better, so no target is reached")
     assert isinstance(found.reliability, OneWay)
 
 
@@ -355,9 +355,9 @@ def test_too_few_people_get_metrics_reasons_and_no_nan() -> None:
     cuts = [cut(code, {"force_rate": value}, group=code[0]) for code in ("N1", "E1") for value in (1.0, 1.0)]
     of = Study(name="two", cuts=cuts, metrics=("force_rate",))
     found = of.findings[0]
-    assert found.reliability == Untold("fewer than 3 operators with two cuts or more")
-    assert found.separation == Untold("fewer than 4 operators in a group (1 and 1)")
-    assert found.cusums == Untold("no operator's cuts differ")
+    assert found.reliability == NotEstimable("fewer than 3 operators with two cuts or more")
+    assert found.separation == NotEstimable("fewer than 4 operators in a group (1 and 1)")
+    assert found.cusums == NotEstimable("no operator's cuts differ")
     assert "nan" not in "\n".join(table_lines(of))
 
 
@@ -365,7 +365,7 @@ def test_of_three_groups_two_must_be_named() -> None:
     cuts = [cut(f"{g}{i}", {"force_rate": float(i)}, group=g) for g in "ABC" for i in (1, 2, 3, 5)]
     unnamed = Study(name="three", cuts=cuts, metrics=("force_rate",))
     assert unnamed.notes == ("of the groups A, B, C no two were named: their separation is not computed",)
-    assert unnamed.findings[0].separation == Untold("the study has no two groups")
+    assert unnamed.findings[0].separation == NotEstimable("the study has no two groups")
     named = Study(name="three", cuts=cuts, metrics=("force_rate",), groups=("C", "A"))
     assert isinstance(named.findings[0].separation, Separation)
     assert named.notes == ()

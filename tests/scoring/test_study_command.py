@@ -12,7 +12,7 @@ from made_up_study import CUTS, EXPERTS, NOVICES, study, write_records
 from cutenv.commands import study as command
 from cutenv.recording import RecordError, load_operators, save
 from cutenv.scoring import METRICS
-from cutenv.scoring.card import DISCLAIMER
+from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.trace import Trace
 
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import cutenv  # noqa: F401  registers the environment
-from cutenv import terms
-from cutenv.compiled import compiled
+from cutenv import task_quantities
+from cutenv._engine.jit import njit
 from cutenv.plant import to_trace
 from cutenv.policy import BASELINES
 from cutenv.scoring import ScoreCard, Truth, score
-from cutenv.scoring.faults import FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
+from cutenv.scoring.technique import FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
 from cutenv.task.weights import Limits, RewardWeights
 from cutenv.trace import Trace
 
@@ -58,24 +58,24 @@ def test_a_cut_near_the_clamp_is_scored_with_the_depth_that_the_reward_divides_b
     force = 0.3 * np.sin(np.pi * time / 2.0)
     trace = Trace(time=time, force=force, position=0.01 * time, depth=depth)
     card = score(trace, target_length=0.02)
-    floored = np.maximum(depth, terms.SHALLOWEST)
-    assert terms.SHALLOWEST == 0.001
+    floored = np.maximum(depth, task_quantities.SHALLOWEST)
+    assert task_quantities.SHALLOWEST == 0.001
     assert card["peak_force_per_depth"] == pytest.approx((force / floored).max(), rel=1e-12)
-    assert card["peak_force_per_depth"] < 0.75 * (force / np.maximum(depth, 0.5 * terms.SHALLOWEST)).max()
+    assert card["peak_force_per_depth"] < 0.75 * (force / np.maximum(depth, 0.5 * task_quantities.SHALLOWEST)).max()
 
 
 def test_limits_are_stated_once() -> None:
-    assert Limits().force_limit_per_depth == FORCE_LIMIT_PER_DEPTH == terms.FORCE_LIMIT_PER_DEPTH
+    assert Limits().force_limit_per_depth == FORCE_LIMIT_PER_DEPTH == task_quantities.FORCE_LIMIT_PER_DEPTH
 
 
-@compiled
+@njit
 def _in_a_kernel(tip: float, target: float, blade: float, angle: float) -> tuple[float, float, float, float, float]:
     return (
-        terms.tip_error(tip, target),
-        terms.overshoot(tip, target),
-        terms.lag(blade, tip),
-        terms.force_per_depth(tip, blade),
-        terms.wedge(angle, 0.02),
+        task_quantities.tip_error(tip, target),
+        task_quantities.overshoot(tip, target),
+        task_quantities.lag(blade, tip),
+        task_quantities.force_per_depth(tip, blade),
+        task_quantities.wedge(angle, 0.02),
     )
 
 
@@ -83,10 +83,10 @@ def _in_a_kernel(tip: float, target: float, blade: float, angle: float) -> tuple
 def test_a_term_is_the_same_in_a_kernel_and_for_arrays(tip: float) -> None:
     target, blade, angle = 0.06, 0.065, 0.9
     for_arrays = (
-        terms.tip_error(np.array([tip]), target),
-        terms.overshoot(np.array([tip]), target),
-        terms.lag(np.array([blade]), np.array([tip])),
-        terms.force_per_depth(np.array([tip]), np.array([blade])),
+        task_quantities.tip_error(np.array([tip]), target),
+        task_quantities.overshoot(np.array([tip]), target),
+        task_quantities.lag(np.array([blade]), np.array([tip])),
+        task_quantities.force_per_depth(np.array([tip]), np.array([blade])),
     )
     terms_of_all = [float(value[0]) for value in for_arrays]
-    assert _in_a_kernel(tip, target, blade, angle) == (*terms_of_all, terms.wedge(angle, 0.02))
+    assert _in_a_kernel(tip, target, blade, angle) == (*terms_of_all, task_quantities.wedge(angle, 0.02))

@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cutenv.viewer.solid import scalpel
-from cutenv.viewer.solid.scalpel import Pose, blade, edge_outline, handle, pose
+from cutenv.viewer.solid.scalpel import ScalpelPose, blade, edge_outline, handle, pose
 from cutenv.viewer.solid.solids import Surface, box
 
 
-def standing(vertices: np.ndarray, at: Pose) -> np.ndarray:
+def standing(vertices: np.ndarray, at: ScalpelPose) -> np.ndarray:
     """Places (across, along, height) of the scalpel's own: turned about its thickness, then moved, as the page does."""
     phi = at.angle - math.pi / 2
     x, y, z = vertices.T
@@ -28,7 +28,7 @@ def standing(vertices: np.ndarray, at: Pose) -> np.ndarray:
     )
 
 
-def check_stands(at: Pose, position: float, depth: float) -> None:
+def check_stands(at: ScalpelPose, position: float, depth: float) -> None:
     """The edge meets the surface at the position, and the lowest point is the depth below it, at the lower face."""
     y, z = edge_outline(400).T
     edge = standing(np.stack([np.zeros_like(y), y, z], axis=-1), at)
@@ -77,7 +77,7 @@ def test_a_hole_is_noticed() -> None:
 
 def test_the_blade_has_the_measures_of_a_number_10() -> None:
     size = np.ptp(blade().vertices, axis=0)
-    assert size == pytest.approx([scalpel.THICKNESS, scalpel.CHORD, scalpel.BLADE_LENGTH], rel=1e-9)
+    assert size == pytest.approx([scalpel.BLADE_THICKNESS, scalpel.CHORD, scalpel.BLADE_LENGTH], rel=1e-9)
     edge = edge_outline()
     slope = np.diff(edge[:, 0]) / np.maximum(np.diff(edge[:, 1]), 1e-12)
     assert (np.diff(slope) <= 1e-9).all()  # the belly is convex, and straight at the end

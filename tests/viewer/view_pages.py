@@ -12,7 +12,7 @@ import numpy as np
 from recorded_cut import recorded_cut
 
 from cutenv.viewer.solid import ShownCut
-from cutenv.viewer.solid.page import view_page
+from cutenv.viewer.solid.view_page import view_page
 
 INSTANTS = 40
 

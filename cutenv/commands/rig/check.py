@@ -14,9 +14,9 @@ from typing import Any
 
 from cutenv.commands.options import RIG, command_parser
 from cutenv.rig.connection import connected, settings_of
-from cutenv.rig.drivers import RigError
-from cutenv.rig.inspection import Inspection, inspect
-from cutenv.rig.preparation import Check, may_move
+from cutenv.rig.errors import RigError
+from cutenv.rig.operation.preflight import Check, may_move
+from cutenv.rig.operation.self_check import Inspection, inspect
 
 
 def main(argv: Sequence[str]) -> int:

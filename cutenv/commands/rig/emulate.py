@@ -47,7 +47,7 @@ def _options(arguments: argparse.Namespace) -> Options:
     from cutenv.cutting.parameters import LawParameters
     from cutenv.cutting.sensor import SensorParameters
     from cutenv.rig.emulator.assembly import Options
-    from cutenv.rig.emulator.bench import Laid
+    from cutenv.rig.emulator.emulated_tissue import Laid
     from cutenv.rig.emulator.motor import Mechanics, hinge
     from cutenv.tissue.description import load_description
 

@@ -20,7 +20,7 @@ from cutenv.commands.options import (
 
 if TYPE_CHECKING:
     from cutenv.envs.rig_cut import RigCutEnv
-    from cutenv.report.evaluation import Evaluation
+    from cutenv.sim_to_real.evaluation import Evaluation
 
 AGREE, DIFFER, BAD = 0, 1, 2
 _OF_BOTH = ("control_hz", "deadline_s", "angle_mode", "fixed_angle_deg")
@@ -29,7 +29,7 @@ _PAGE, _RECORDS = "evaluation.html", "records"
 
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0 if both agree or it is open, 1 if they differ, 2 for a bad option or rig."""
-    from cutenv.rig.drivers import RigError
+    from cutenv.rig.errors import RigError
 
     arguments = _parser().parse_args(argv)
     try:
@@ -45,13 +45,13 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _evaluated(arguments: argparse.Namespace) -> Evaluation:
-    from cutenv.agreement import FEWEST
     from cutenv.commands.rig.run import chosen_policy
     from cutenv.envs.rig_cut import RigCutEnv
-    from cutenv.envs.side_by_side import save_records, side_by_side, simulator_like
-    from cutenv.report.evaluation import Evaluation
-    from cutenv.rig.drivers import RigError
-    from cutenv.rig.identified import environment_arguments
+    from cutenv.rig.config.identified import environment_arguments
+    from cutenv.rig.errors import RigError
+    from cutenv.sim_to_real import FEWEST_SPECIMENS
+    from cutenv.sim_to_real.evaluation import Evaluation
+    from cutenv.sim_to_real.paired_experiment import paired_experiment, save_records, simulator_like
 
     _check_out(arguments)
     policy, wanted = chosen_policy(arguments.policy)
@@ -69,15 +69,15 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
         simulated = {name: value for name, value in shared.items() if name not in ("angle_mode", "fixed_angle_deg")}
         simulator = simulator_like(rig, **simulated)
         with _Progress(arguments.specimens) as told:
-            cuts = side_by_side(
+            cuts = paired_experiment(
                 rig, simulator, policy,
                 seed=arguments.seed, specimens=arguments.specimens, draws=arguments.draws, told=told,
             )  # fmt: skip
         given = environment_arguments(rig.settings.identified)
         name = _rig_name(arguments.rig, rig)
-    if len(cuts.rig) < FEWEST:
+    if len(cuts.rig) < FEWEST_SPECIMENS:
         said = "; ".join(cuts.between)
-        raise RigError(f"{len(cuts.rig)} specimens were cut on the rig, and {FEWEST} are needed. {said}")
+        raise RigError(f"{len(cuts.rig)} specimens were cut on the rig, and {FEWEST_SPECIMENS} are needed. {said}")
     if out is not None:
         save_records(out / _RECORDS / "simulator", cuts.simulator, {"policy": arguments.policy})
     return Evaluation(
@@ -119,11 +119,11 @@ def _check_out(arguments: argparse.Namespace) -> None:
 
 
 def _write(arguments: argparse.Namespace, evaluation: Evaluation) -> None:
-    from cutenv.atomic import replacing
-    from cutenv.report.evaluation_page import write_evaluation
+    from cutenv._base.atomic_file import atomic_write
+    from cutenv.sim_to_real.evaluation_page import write_evaluation
 
     if arguments.json is not None:
-        with replacing(arguments.json) as part:
+        with atomic_write(arguments.json) as part:
             part.write_text(evaluation.to_json() + "\n", encoding="utf-8")
         print(f"json: {arguments.json}")
     if arguments.out is not None:
@@ -157,7 +157,7 @@ class _Progress:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from cutenv.envs.side_by_side import DRAWS
+    from cutenv.sim_to_real.paired_experiment import DRAWS
 
     parser = command_parser(
         "rig evaluate",

@@ -13,12 +13,12 @@ from datetime import date
 from pathlib import Path
 
 from cutenv.commands.options import RIG, command_parser
-from cutenv.rig.causes import RigStopped
+from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.connection import EMULATOR, FAKE, connected, operator_of
-from cutenv.rig.drivers import RigError
-from cutenv.rig.identification import Identification, Plan, estimated, perform
-from cutenv.rig.preparation import prepare
-from cutenv.rig.settings import RigSettings
+from cutenv.rig.errors import RigError
+from cutenv.rig.identification import Identification, Plan, identification_from, perform
+from cutenv.rig.operation.preflight import prepare
+from cutenv.rig.safety.stop_causes import RigStopped
 from cutenv.rig.toml_file import write_identified
 
 
@@ -37,7 +37,7 @@ def main(argv: Sequence[str]) -> int:
                 raise RigError("the operator has not confirmed: nothing was measured.")
             recorded = perform(rig.plant, plan, tell=print)
             rig.plant.halt()
-        _report(estimated(settings, plan, recorded), settings, arguments)
+        _report(identification_from(settings, plan, recorded), settings, arguments)
     except RigStopped as stop:
         print(f"cutenv rig identify: stopped: {stop}", file=sys.stderr)
         return 1

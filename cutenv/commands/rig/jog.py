@@ -14,12 +14,12 @@ from datetime import date
 
 from cutenv.commands.options import RIG, command_parser
 from cutenv.commands.rig.terminal_keys import check_terminal, terminal_keys
-from cutenv.rig.causes import RigStopped
-from cutenv.rig.clock import PacedClock
 from cutenv.rig.connection import connected, operator_of
-from cutenv.rig.drivers import RigError
-from cutenv.rig.jog import SPEED, TOP_SPEED, Jog, jog
-from cutenv.rig.preparation import prepare
+from cutenv.rig.devices.clock import PacedClock
+from cutenv.rig.errors import RigError
+from cutenv.rig.operation.jogging import SPEED, TOP_SPEED, Jog, jog
+from cutenv.rig.operation.preflight import prepare
+from cutenv.rig.safety.stop_causes import RigStopped
 
 _CLEAR_LINE = "\r\x1b[K"
 

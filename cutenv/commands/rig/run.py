@@ -27,7 +27,7 @@ _LATE = ("force stale", "force late", "motion stale", "clock overrun", "heartbea
 
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0 if all cuts ended by themselves, 3 if one was stopped, 2 if something is bad."""
-    from cutenv.rig.drivers import RigError
+    from cutenv.rig.errors import RigError
 
     arguments = _parser().parse_args(argv)
     try:
@@ -55,11 +55,11 @@ def chosen_policy(name: str) -> tuple[Policy, dict[str, Any]]:
         If there is no such policy.
     """
     from cutenv.policy import BASELINES, named_policy
-    from cutenv.policy.interface import SeesTruth
+    from cutenv.policy.interface import PrivilegedPolicy
 
     if name in BASELINES:
         policy = BASELINES[name]()
-        if isinstance(policy, SeesTruth):
+        if isinstance(policy, PrivilegedPolicy):
             raise ValueError(f"policy {name!r} is shown the hidden state, which no rig knows. Take another.")
         return policy, {}
     module, colon, made = name.partition(":")
@@ -100,7 +100,7 @@ def _dry_run(arguments: argparse.Namespace) -> int:
     """Cut a drawn specimen on a fake with the rig's settings, and print every frame that would command a drive."""
     import numpy as np
 
-    from cutenv.rig.dry_run import Transcript
+    from cutenv.rig.operation.dry_run import Transcript
 
     policy, keywords = chosen_policy(arguments.policy)
     env = _environment(arguments, keywords).rehearsal()
@@ -120,7 +120,7 @@ def _dry_run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from cutenv.rig.causes import BY_PEOPLE
+    from cutenv.rig.safety.stop_causes import BY_PEOPLE
 
     policy, keywords = chosen_policy(arguments.policy)
     env = _environment(arguments, keywords, records=arguments.out)
@@ -133,7 +133,7 @@ def _run(arguments: argparse.Namespace) -> int:
     try:
         for number in range(arguments.cuts):
             print(f"cut {number + 1} of {arguments.cuts} ...", file=sys.stderr, flush=True)
-            told = cut(env, policy, seed=arguments.seed, episode=number)
+            told = cut_and_report(env, policy, seed=arguments.seed, episode=number)
             stopped += told["end"] == "stopped"
             print(_line(number, told, env), flush=True)
             if arguments.json is not None:
@@ -150,12 +150,12 @@ def rehearse(env: RigCutEnv, policy: Policy, *, seed: int) -> None:
     """Cut once on a fake with the rig's settings, so that a policy compiles, or fails, before the rig moves."""
     fake = env.rehearsal()
     try:
-        cut(fake, policy, seed=seed, episode=0)
+        cut_and_report(fake, policy, seed=seed, episode=0)
     finally:
         fake.close()
 
 
-def cut(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -> dict[str, Any]:
+def cut_and_report(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -> dict[str, Any]:
     """Cut once; return the result as a dictionary for JSON."""
     import numpy as np
 

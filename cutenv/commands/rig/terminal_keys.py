@@ -8,29 +8,32 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TextIO
 
-from cutenv.rig.drivers import RigError
-from cutenv.rig.jog import Key, KeyDecoder
+from cutenv.rig.errors import RigError
+from cutenv.rig.operation.jogging import JogKey, KeyDecoder
 
 
 class TerminalKeys:
-    """:class:`cutenv.rig.jog.Keyboard` that reads a terminal in cbreak mode; see :func:`terminal_keys`."""
+    """:class:`cutenv.rig.operation.jogging.Keyboard` that reads a terminal in cbreak mode.
+
+    See :func:`terminal_keys`.
+    """
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
         self._decoder = KeyDecoder()
 
-    def read(self) -> list[Key]:
+    def read(self) -> list[JogKey]:
         """Return the keys pressed since the last call; a terminal that is gone yields quit."""
         import select
 
-        keys: list[Key] = []
+        keys: list[JogKey] = []
         while select.select([self._descriptor], [], [], 0.0)[0]:
             try:
                 data = os.read(self._descriptor, 1024)
             except OSError:  # hung up
                 data = b""
             if not data:
-                return [*keys, Key.QUIT]
+                return [*keys, JogKey.QUIT]
             keys += self._decoder.feed(data)
         return keys
 

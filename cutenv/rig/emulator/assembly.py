@@ -11,20 +11,20 @@ from typing import Any, Literal
 
 import numpy as np
 
+from cutenv._base.validation import in_range, one_of
+from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.parameters import LawParameters
-from cutenv.cutting.records import TICK
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import check_angle
-from cutenv.rig.drivers import RigError
-from cutenv.rig.emulator.axis import EmulatedAxis
-from cutenv.rig.emulator.bench import Bench, Laid
+from cutenv.rig.config.settings import Axis
+from cutenv.rig.emulator.emulated_axis import EmulatedAxis
+from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
 from cutenv.rig.emulator.faults import FAULTS
 from cutenv.rig.emulator.hub import Frame, Hub
 from cutenv.rig.emulator.motor import Mechanics, hinge
 from cutenv.rig.emulator.node import Node
-from cutenv.rig.emulator.sensor import SensorServer
-from cutenv.rig.settings import Axis
-from cutenv.validation import in_range, one_of
+from cutenv.rig.emulator.sensor_server import SensorServer
+from cutenv.rig.errors import RigError
 
 BLADE = Axis(low=-0.002, high=0.149)
 """Axis of the emulated rig's carriage."""
@@ -121,7 +121,7 @@ class EmulatedRig:
         self._due: float | None = None  # end of the next millisecond; None: time stands still
         self._still = _STANDS_AFTER
         self._planned: list[tuple[float, str, dict[str, Any]]] = []
-        self.bench: Bench = Bench(self.options.sensor, self.options.law)
+        self.bench: EmulatedTissue = EmulatedTissue(self.options.sensor, self.options.law)
         self.axes: dict[str, EmulatedAxis] = {
             "blade": EmulatedAxis(
                 "blade", self.options.blade_axis, self.options.blade_mechanics, position=0.0, margin=0.003
@@ -132,7 +132,7 @@ class EmulatedRig:
                 "angle", self.options.hinge_axis, self.options.hinge_mechanics, position=self.options.angle, margin=0.05
             )
         if self.options.laid is not None:
-            self.lay(self.options.laid)
+            self.mount(self.options.laid)
         self._noise = np.random.default_rng(0).standard_normal((4096, 5)) * _OTHER_NOISE
         self._noise_rows = [tuple(row) for row in self._noise.tolist()]
         self._ticks = 0
@@ -168,11 +168,11 @@ class EmulatedRig:
 
     # Requests of the control port.
 
-    def lay(self, laid: Laid) -> None:
+    def mount(self, laid: Laid) -> None:
         """Lay a fresh specimen; see :meth:`Bench.lay`."""
         specimen = laid.drawn()
         with self.lock:
-            self.bench.lay(specimen, laid, position=float(self.axes["blade"].motor["carriage"]), angle=self.angle)
+            self.bench.mount(specimen, laid, position=float(self.axes["blade"].motor["carriage"]), angle=self.angle)
 
     def inject(self, name: str, given: dict[str, Any]) -> dict[str, Any]:
         """Start a fault now; return its parameters.

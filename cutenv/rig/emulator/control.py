@@ -11,13 +11,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from cutenv.rig.drivers import RigError
+from cutenv._base.validation import in_range, one_of
 from cutenv.rig.emulator.assembly import EmulatedRig
-from cutenv.rig.emulator.bench import Laid
+from cutenv.rig.emulator.emulated_tissue import Laid
 from cutenv.rig.emulator.faults import FAULTS
+from cutenv.rig.errors import RigError
 from cutenv.tissue.description import load_description
 from cutenv.tissue.specimen import Specimen
-from cutenv.validation import in_range, one_of
 
 _LONGEST = 1 << 16  # bytes of a request
 _PATIENCE = 30.0  # [s] for a silent client
@@ -36,7 +36,7 @@ def _specimen(rig: EmulatedRig, request: Request) -> Request:
         tissue=None if tissue is None else load_description(Path(str(tissue))),
         specimen=Specimen.from_json(str(request["json"])) if "json" in request else None,
     )
-    rig.lay(laid)
+    rig.mount(laid)
     return {"seed": laid.seed, "episode": laid.episode, "class": laid.specimen_class}
 
 
@@ -228,7 +228,7 @@ class EmulatorControl:
         extra = {} if tissue is None else {"tissue": str(Path(tissue).absolute())}
         return self.ask("specimen", seed=seed, episode=episode, **{"class": specimen_class}, **extra)
 
-    def lay(self, specimen: Specimen, *, seed: int = 0, episode: int = 0) -> Request:
+    def mount(self, specimen: Specimen, *, seed: int = 0, episode: int = 0) -> Request:
         """Lay a given specimen; seed and episode select the sensor's noise."""
         return self.ask(
             "specimen", seed=seed, episode=episode, json=specimen.to_json(), **{"class": specimen.specimen_class}

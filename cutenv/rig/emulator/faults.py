@@ -4,15 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+from cutenv._base.validation import in_range, one_of
 from cutenv.rig.emulator.node import Emergency
-from cutenv.validation import in_range, one_of
 
 if TYPE_CHECKING:
-    from cutenv.rig.emulator.assembly import EmulatedRig
+    from cutenv.rig.emulator.emulated_axis import EmulatedAxis
+    from cutenv.rig.emulator.emulated_tissue import EmulatedTissue
+    from cutenv.rig.emulator.node import Node
+    from cutenv.rig.emulator.sensor_server import SensorServer
 
 Parameters = dict[str, Any]
+
+
+class FaultyRig(Protocol):
+    """Parts of an emulated rig that a fault changes."""
+
+    nodes: dict[str, Node]
+    axes: dict[str, EmulatedAxis]
+    sensor: SensorServer
+    bench: EmulatedTissue
+    intruders: dict[str, float]
+
+    def now(self) -> float:
+        """Return the time on the emulated rig's clock [s]."""
+        ...
 
 
 class Range(NamedTuple):
@@ -25,15 +42,15 @@ class Range(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fault:
+class InjectedFault:
     """Fault that can be started and ended.
 
     Faults with ``of_axis`` take the parameter ``axis``, "blade" or "angle", besides their own.
     """
 
     summary: str
-    begin: Callable[[EmulatedRig, Parameters], None]
-    end: Callable[[EmulatedRig, Parameters], None]
+    begin: Callable[[FaultyRig, Parameters], None]
+    end: Callable[[FaultyRig, Parameters], None]
     parameters: dict[str, Range] = field(default_factory=dict)
     of_axis: bool = False
 
@@ -57,8 +74,8 @@ class Fault:
         return checked
 
 
-def _of_node(attribute: str, summary: str) -> Fault:
-    return Fault(
+def _of_node(attribute: str, summary: str) -> InjectedFault:
+    return InjectedFault(
         summary=summary,
         of_axis=True,
         begin=lambda rig, p: setattr(rig.nodes[p["axis"]], attribute, True),
@@ -66,48 +83,48 @@ def _of_node(attribute: str, summary: str) -> Fault:
     )
 
 
-def _of_motor(entry: str, summary: str, value: float | str, healthy: float, **parameters: Range) -> Fault:
+def _of_motor(entry: str, summary: str, value: float | str, healthy: float, **parameters: Range) -> InjectedFault:
     """Make a fault that is one number of the motor's record: ``value``, or the parameter of that name."""
 
-    def begin(rig: EmulatedRig, given: Parameters) -> None:
+    def begin(rig: FaultyRig, given: Parameters) -> None:
         rig.axes[given["axis"]].motor[entry] = given[value] if isinstance(value, str) else value
 
-    def end(rig: EmulatedRig, given: Parameters) -> None:
+    def end(rig: FaultyRig, given: Parameters) -> None:
         rig.axes[given["axis"]].motor[entry] = healthy
 
-    return Fault(summary=summary, of_axis=True, parameters=parameters, begin=begin, end=end)
+    return InjectedFault(summary=summary, of_axis=True, parameters=parameters, begin=begin, end=end)
 
 
-def _of_sensor(attribute: str, summary: str, value: Any, healthy: Any, **parameters: Range) -> Fault:
+def _of_sensor(attribute: str, summary: str, value: Any, healthy: Any, **parameters: Range) -> InjectedFault:
     """Make a fault of the sensor: ``value``, or the parameter of that name."""
 
-    def begin(rig: EmulatedRig, given: Parameters) -> None:
+    def begin(rig: FaultyRig, given: Parameters) -> None:
         wanted = given[value] if isinstance(value, str) else value
         setattr(rig.sensor.faults, attribute, type(healthy)(wanted))
 
-    def end(rig: EmulatedRig, given: Parameters) -> None:
+    def end(rig: FaultyRig, given: Parameters) -> None:
         setattr(rig.sensor.faults, attribute, healthy)
 
-    return Fault(summary=summary, parameters=parameters, begin=begin, end=end)
+    return InjectedFault(summary=summary, parameters=parameters, begin=begin, end=end)
 
 
-def _fail(rig: EmulatedRig, given: Parameters) -> None:
+def _fail(rig: FaultyRig, given: Parameters) -> None:
     rig.nodes[given["axis"]].failure = int(given["code"])
 
 
-def _mend(rig: EmulatedRig, given: Parameters) -> None:
+def _mend(rig: FaultyRig, given: Parameters) -> None:
     rig.nodes[given["axis"]].failure = 0
 
 
-def _power(on: bool) -> Callable[[EmulatedRig, Parameters], None]:
+def _power(on: bool) -> Callable[[FaultyRig, Parameters], None]:
     return lambda rig, given: rig.nodes[given["axis"]].power(on, rig.now())
 
 
-FAULTS: dict[str, Fault] = {
+FAULTS: dict[str, InjectedFault] = {
     "heartbeat_lost": _of_node("heartbeat_lost", "the drive sends no heartbeats; all else goes on"),
     "bus_off": _of_node("bus_off", "the drive neither sends nor receives frames; its motor goes on"),
     "doubled_frames": _of_node("doubles", "every frame to and from the drive comes twice"),
-    "stuck_encoder": Fault(
+    "stuck_encoder": InjectedFault(
         summary="position and velocity stand still while the motor turns",
         of_axis=True,
         begin=lambda rig, p: rig.axes[p["axis"]].stick(True),
@@ -122,21 +139,21 @@ FAULTS: dict[str, Fault] = {
         "runaway", "the drive takes a speed of its own instead of the target; it still obeys a stop",
         "speed", float("nan"), speed=Range(0.05, -0.2, 0.2, "m/s or rad/s"),
     ),
-    "drive_fault": Fault(
+    "drive_fault": InjectedFault(
         summary="the drive finds something wrong and takes its torque away at once (0x2310: over-current)",
         of_axis=True, begin=_fail, end=_mend, parameters={"code": Range(Emergency.OVER_CURRENT, 1, 0xFFFF, "1")},
     ),
-    "second_master": Fault(
+    "second_master": InjectedFault(
         summary="another master enables the drive and commands a speed, every millisecond",
         of_axis=True, parameters={"speed": Range(0.03, -0.2, 0.2, "m/s or rad/s")},
         begin=lambda rig, p: rig.intruders.update({p["axis"]: p["speed"]}),
         end=lambda rig, p: rig.intruders.clear(),
     ),
-    "power_loss": Fault(
+    "power_loss": InjectedFault(
         summary="the drive is silent and the motor coasts; at the end it restarts",
         of_axis=True, begin=_power(False), end=_power(True),
     ),
-    "over_force": Fault(
+    "over_force": InjectedFault(
         summary="a force is added to the tissue's",
         begin=lambda rig, p: rig.bench.add_force(p["force_N"]),
         end=lambda rig, p: rig.bench.add_force(0.0),

@@ -14,17 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.compiled import compiled, for_kernels
-from cutenv.cutting.records import Record, Records
-from cutenv.elementary import exp
-from cutenv.parameter import check_parameters, parameter
-from cutenv.rig.settings import Axis
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._base.parameter import check_parameters, parameter
+from cutenv._engine.elementary import exp
+from cutenv._engine.jit import njit, njit_internal
+from cutenv.rig.config.settings import Axis
 
 SUBSTEP = 5e-5
 """Time step of the equations of motion [s]."""
 _SUBSTEPS = 20  # a millisecond
 _DELAYS = 128  # commands under way at most, one a millisecond
-OFF, VELOCITY, RAMP = 0, 1, 2
+MODE_OFF, MODE_VELOCITY, MODE_RAMP = 0, 1, 2
 """Modes of the drive: no torque; follow the target speed; bring the demanded speed to zero by the ramp alone."""
 
 
@@ -38,37 +38,42 @@ class Mechanics:
         low=0.0,
         high=1.0,
         provenance="assumed",
-        why="as the simulated rig's: time constant of a target",
+        source="as the simulated rig's: time constant of a target",
     )
     dead_time: float = parameter(
-        0.0, unit="s", low=0.0, high=0.1, provenance="choice", why="between a target and the first motion"
+        0.0, unit="s", low=0.0, high=0.1, provenance="choice", source="between a target and the first motion"
     )
     backlash: float = parameter(
-        20e-6, unit="m or rad", low=0.0, high=0.01, provenance="assumed", why="of a preloaded screw"
+        20e-6, unit="m or rad", low=0.0, high=0.01, provenance="assumed", source="of a preloaded screw"
     )
     friction: float = parameter(
-        20.0, unit="N or N m", low=0.0, high=1000.0, provenance="assumed", why="Coulomb's, of motor, gear and screw"
+        20.0, unit="N or N m", low=0.0, high=1000.0, provenance="assumed", source="Coulomb's, of motor, gear and screw"
     )
     viscosity: float = parameter(
-        300.0, unit="N s/m or N m s/rad", low=0.0, high=1e5, provenance="assumed", why="of motor, gear and screw"
+        300.0, unit="N s/m or N m s/rad", low=0.0, high=1e5, provenance="assumed", source="of motor, gear and screw"
     )
     rotor_inertia: float = parameter(
-        1e-6, unit="kg m2", low=1e-9, high=1e-3, provenance="assumed", why="of a motor of 22 mm with its gear"
+        1e-6, unit="kg m2", low=1e-9, high=1e-3, provenance="assumed", source="of a motor of 22 mm with its gear"
     )
     torque_constant: float = parameter(
-        0.02, unit="N m/A", low=1e-4, high=1.0, provenance="assumed", why="of such a motor"
+        0.02, unit="N m/A", low=1e-4, high=1.0, provenance="assumed", source="of such a motor"
     )
     mass: float = parameter(
-        1.5, unit="kg or kg m2", low=1e-6, high=100.0, provenance="assumed", why="carriage, sensor and blade"
+        1.5, unit="kg or kg m2", low=1e-6, high=100.0, provenance="assumed", source="carriage, sensor and blade"
     )
     carriage_friction: float = parameter(
-        2.0, unit="N or N m", low=0.0, high=100.0, provenance="assumed", why="Coulomb's, of the guide"
+        2.0, unit="N or N m", low=0.0, high=100.0, provenance="assumed", source="Coulomb's, of the guide"
     )
     stiffness: float = parameter(
-        1.5e6, unit="N/m or N m/rad", low=1.0, high=1e8, provenance="assumed", why="of screw and nut"
+        1.5e6, unit="N/m or N m/rad", low=1.0, high=1e8, provenance="assumed", source="of screw and nut"
     )
     loop: float = parameter(
-        0.0025, unit="s", low=0.001, high=0.02, provenance="assumed", why="time constant of the drive's velocity loop"
+        0.0025,
+        unit="s",
+        low=0.001,
+        high=0.02,
+        provenance="assumed",
+        source="time constant of the drive's velocity loop",
     )
 
     def __post_init__(self) -> None:
@@ -137,7 +142,7 @@ MOTOR: np.dtype[Any] = np.dtype(
 """Layout of one axis's state and parameters."""
 
 
-def motor_record(axis: Axis, mechanics: Mechanics, *, position: float, margin: float) -> Records:
+def motor_record(axis: Axis, mechanics: Mechanics, *, position: float, margin: float) -> StructArray:
     """Return one axis at rest at ``position``, shape (1,); its mechanical ends are ``margin`` beyond its travel."""
     motors = np.zeros(1, MOTOR)
     for name in ("lag", "backlash", "friction", "viscosity", "mass", "carriage_friction", "stiffness", "loop"):
@@ -158,11 +163,11 @@ def force_per_ampere(axis: Axis, mechanics: Mechanics) -> float:
 _AT_REST = 1e-5  # [m/s or rad/s] below which a demanded speed becomes zero, as in the simulator's drive
 
 
-@for_kernels
-def govern(motor: Record, target: float, dt: float) -> None:
+@njit_internal
+def govern(motor: Struct, target: float, dt: float) -> None:
     """Advance the demanded speed toward the target, by lag and acceleration limits, or down the ramp of a stop."""
     before = motor.demand
-    if motor.mode == RAMP:
+    if motor.mode == MODE_RAMP:
         rate = motor.ramp
         demand = math.copysign(max(abs(before) - rate * dt, 0.0), before)
     else:
@@ -180,15 +185,15 @@ def govern(motor: Record, target: float, dt: float) -> None:
     motor.demand = demand
 
 
-@for_kernels
+@njit_internal
 def rubbed(speed: float, force: float, friction: float, inertia: float, dt: float) -> float:
     """Return the speed after ``dt`` under ``force`` and Coulomb friction, which never reverses a motion."""
     free = speed + force * dt / inertia
     return math.copysign(max(abs(free) - friction * dt / inertia, 0.0), free)
 
 
-@compiled
-def turn_motor(motors: Records, load: float) -> None:
+@njit
+def turn_motor(motors: StructArray, load: float) -> None:
     """Advance one axis, shape (1,), by a millisecond while ``load`` acts on its carriage (negative: to the clamp)."""
     motor = motors[0]
     dt = SUBSTEP
@@ -201,7 +206,7 @@ def turn_motor(motors: Records, load: float) -> None:
     gain_integral = gain / (4.0 * motor.loop)
     damping = 0.4 * math.sqrt(motor.stiffness * motor.mass)
     for _ in range(_SUBSTEPS):
-        if motor.mode == OFF:
+        if motor.mode == MODE_OFF:
             motor.demand = 0.0
             motor.demand_position = motor.position
             motor.integral = 0.0

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from enum import IntEnum
 from typing import Any
 
-from cutenv.rig.emulator.axis import EmulatedAxis
-from cutenv.rig.emulator.dictionary import Abort, Dictionary, Entry, Refused, epos4
+from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.emulator.emulated_axis import EmulatedAxis
 from cutenv.rig.emulator.hub import Frame
+from cutenv.rig.emulator.object_dictionary import Abort, ObjectDictionary, ObjectEntry, SdoAbort, epos4
 from cutenv.rig.emulator.process_data import ProcessData, check_mapping
 from cutenv.rig.emulator.sdo import SdoServer
-from cutenv.rig.emulator.state import FAULT_RESET, POWERED, Command, after, command
-from cutenv.rig.samples import DriveState
+from cutenv.rig.emulator.state_machine import FAULT_RESET_BIT, POWERED, DriveCommand, after, command
 
 _ENABLE = 0x0F  # controlword
 _SAVE = 0x65766173  # "save", backwards
@@ -77,7 +77,7 @@ class Node:
         self.failure = 0
         self._put = send
         self._happened = happened
-        self.dictionary = Dictionary(epos4(self.number), self._written)
+        self.dictionary = ObjectDictionary(epos4(self.number), self._written)
         axis.commission(self.dictionary)
         self.dictionary.keep()
         self._powered = True
@@ -153,34 +153,34 @@ class Node:
         if before is Nmt.OPERATIONAL and self.nmt is not Nmt.OPERATIONAL and self.state in POWERED:
             self._connection_lost()
 
-    def _write_all(self, writes: list[tuple[Entry, bytes]]) -> None:
+    def _write_all(self, writes: list[tuple[ObjectEntry, bytes]]) -> None:
         for entry, data in sorted(writes, key=lambda write: write[0].index == 0x6040):  # targets before the command
             try:
                 self.dictionary.write(entry.index, entry.sub, data)
-            except Refused:
+            except SdoAbort:
                 continue  # a PDO has no answer: the standard lets the device ignore a value that it cannot take
 
-    def _written(self, entry: Entry, value: int) -> None:
+    def _written(self, entry: ObjectEntry, value: int) -> None:
         if entry.index == 0x6040:
             self._control(value)
         elif 0x1400 <= entry.index < 0x1C00:
             check_mapping(self.dictionary, entry, value)
         elif entry.index == 0x1010:
             if value != _SAVE:
-                raise Refused(Abort.VALUE)
+                raise SdoAbort(Abort.VALUE)
             self.dictionary.keep()
         elif entry.index == 0x1016:
             self._master = None
         elif entry.index == 0x60A9 and self.state in POWERED:
-            raise Refused(Abort.DEVICE_STATE)
+            raise SdoAbort(Abort.DEVICE_STATE)
 
     def _control(self, controlword: int) -> None:
         before, self._controlword = self._controlword, controlword
-        if command(controlword) is Command.QUICK_STOP and command(before) is not Command.QUICK_STOP:
+        if command(controlword) is DriveCommand.QUICK_STOP and command(before) is not DriveCommand.QUICK_STOP:
             self._happened("quick stop received", axis=self.axis.name)
         if self.state is DriveState.FAULT and self.failure:
             return  # the fault's cause is still there
-        if controlword & FAULT_RESET and not before & FAULT_RESET and self.dictionary[0x1001]:
+        if controlword & FAULT_RESET_BIT and not before & FAULT_RESET_BIT and self.dictionary[0x1001]:
             self._clear()
         option = self.dictionary[0x605A]
         new = after(self.state, controlword, before, quick_stop_option=option)

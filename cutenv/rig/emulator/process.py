@@ -19,15 +19,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from cutenv.atomic import replacing
-from cutenv.compiled import announce
-from cutenv.rig.drivers import RigError
+from cutenv._base.atomic_file import atomic_write
+from cutenv._engine.jit import warn_before_first_compile
+from cutenv.rig.config.settings import Bus, RigSettings, SensorCalibration, SensorSettings
+from cutenv.rig.devices.real_time import prefer
 from cutenv.rig.emulator.assembly import BLADE, HINGE, EmulatedRig, Options
-from cutenv.rig.emulator.bench import Laid, feel
 from cutenv.rig.emulator.control import ControlServer, EmulatorControl
+from cutenv.rig.emulator.emulated_tissue import Laid, feel
 from cutenv.rig.emulator.motor import turn_motor
-from cutenv.rig.real_time import prefer
-from cutenv.rig.settings import Bus, Calibration, RigSettings, Sensor
+from cutenv.rig.errors import RigError
 from cutenv.rig.toml_file import to_toml
 from cutenv.tissue.grid import N_POINTS, SPACING
 
@@ -39,7 +39,7 @@ _SWITCH = 0.0005  # [s] after which a thread lets another one run: a millisecond
 
 def warm_up() -> None:
     """Compile, or load from disk, the kernels of a millisecond, before anybody waits for it."""
-    announce(feel, turn_motor)
+    warn_before_first_compile(feel, turn_motor)
     rig = EmulatedRig(Options(laid=Laid(specimen_class="liver")))
     try:
         for axis in rig.axes.values():
@@ -107,7 +107,7 @@ def serve(
             laid = options.laid or Laid()
             depth = laid.drawn().depth
             profile = tuple((k * SPACING, round(float(depth[k]), 6)) for k in range(0, N_POINTS, 20))
-            with replacing(file) as part:
+            with atomic_write(file) as part:
                 part.write_text(to_toml(replace(settings, depth_profile=profile)), encoding="utf-8")
         print(json.dumps(ready), flush=True)
         rig.run()
@@ -138,8 +138,8 @@ def emulated_settings(
         bus=Bus(interface="socketcand", channel="vcan0", host=host, port=ready["can"]),
         blade=BLADE,
         angle=HINGE if angle_mode == "free" else None,
-        sensor=Sensor(address=host, port=ready["sensor"], page=ready["page"]),
-        calibration=Calibration(date=datetime.date.today().isoformat()),
+        sensor=SensorSettings(address=host, port=ready["sensor"], page=ready["page"]),
+        calibration=SensorCalibration(date=datetime.date.today().isoformat()),
         emulated=True,
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cutenv.rig.emulator.dictionary import Abort, Dictionary, Entry, Refused
+from cutenv.rig.emulator.object_dictionary import Abort, ObjectDictionary, ObjectEntry, SdoAbort
 
 _INVALID = 0x80000000
 _IDENTIFIER = 0x7FF
@@ -16,7 +16,7 @@ def _parts(mapped: int) -> tuple[int, int, int]:
     return mapped >> 16, mapped >> 8 & 0xFF, mapped & 0xFF
 
 
-def check_mapping(dictionary: Dictionary, entry: Entry, value: int) -> None:
+def check_mapping(dictionary: ObjectDictionary, entry: ObjectEntry, value: int) -> None:
     """Raise Refused for a write to 1400, 1600, 1800, 1A00 or their successors that the standard does not allow.
 
     Raises
@@ -29,10 +29,10 @@ def check_mapping(dictionary: Dictionary, entry: Entry, value: int) -> None:
     valid = not dictionary[settings, 1] & _INVALID
     if entry.index == settings:
         if entry.sub == 1 and valid and not value & _INVALID and value != dictionary[settings, 1]:
-            raise Refused(Abort.DEVICE_STATE)
+            raise SdoAbort(Abort.DEVICE_STATE)
         return
     if valid or (entry.sub > 0 and dictionary[entry.index, 0] > 0):
-        raise Refused(Abort.DEVICE_STATE)  # first the COB-ID must be made invalid and the number of objects 0
+        raise SdoAbort(Abort.DEVICE_STATE)  # first the COB-ID must be made invalid and the number of objects 0
     if entry.sub > 0:
         _check_mapped(dictionary, value, "T" if sends else "R")
         return
@@ -41,16 +41,16 @@ def check_mapping(dictionary: Dictionary, entry: Entry, value: int) -> None:
         _check_mapped(dictionary, dictionary[entry.index, sub], "T" if sends else "R")
         bits += dictionary[entry.index, sub] & 0xFF
     if bits > 64:
-        raise Refused(Abort.PDO_LENGTH)
+        raise SdoAbort(Abort.PDO_LENGTH)
 
 
-def _check_mapped(dictionary: Dictionary, mapped: int, way: str) -> None:
+def _check_mapped(dictionary: ObjectDictionary, mapped: int, way: str) -> None:
     if mapped == 0:
         return
     index, sub, bits = _parts(mapped)
     found = dictionary.entry(index, sub)
     if way not in found.mappable or bits != found.bits:
-        raise Refused(Abort.NOT_MAPPABLE)
+        raise SdoAbort(Abort.NOT_MAPPABLE)
 
 
 @dataclass
@@ -62,24 +62,24 @@ class _Pdo:
     last: bytes = b""
     last_sent: float = -1.0
 
-    def cob(self, dictionary: Dictionary) -> int | None:
+    def cob(self, dictionary: ObjectDictionary) -> int | None:
         """Return the identifier; None if the PDO is not in use."""
         cob = dictionary[self.settings, 1]
         return None if cob & _INVALID else cob & _IDENTIFIER
 
-    def places(self, dictionary: Dictionary) -> list[tuple[int, int, int]]:
+    def places(self, dictionary: ObjectDictionary) -> list[tuple[int, int, int]]:
         return [_parts(dictionary[self.mapping, sub]) for sub in range(1, dictionary[self.mapping, 0] + 1)]
 
 
 class ProcessData:
     """All PDOs of a node."""
 
-    def __init__(self, dictionary: Dictionary) -> None:
+    def __init__(self, dictionary: ObjectDictionary) -> None:
         self._dictionary = dictionary
         self._received = [_Pdo(0x1400 + i, 0x1600 + i) for i in range(4)]
         self._sent = [_Pdo(0x1800 + i, 0x1A00 + i) for i in range(4)]
 
-    def received(self, identifier: int, data: bytes) -> list[tuple[Entry, bytes]]:
+    def received(self, identifier: int, data: bytes) -> list[tuple[ObjectEntry, bytes]]:
         """Return the writes of a received frame; a synchronous RPDO's are kept for :meth:`synchronised`."""
         writes = []
         for pdo in self._received:
@@ -91,7 +91,7 @@ class ProcessData:
                 writes += self._unpacked(pdo, data)
         return writes
 
-    def synchronised(self) -> list[tuple[Entry, bytes]]:
+    def synchronised(self) -> list[tuple[ObjectEntry, bytes]]:
         """Return the writes that have waited for this SYNC."""
         writes = []
         for pdo in self._received:
@@ -136,7 +136,7 @@ class ProcessData:
             dictionary.packed(dictionary.entry(index, sub)) for index, sub, bits in pdo.places(dictionary) if bits
         )
 
-    def _unpacked(self, pdo: _Pdo, data: bytes) -> list[tuple[Entry, bytes]]:
+    def _unpacked(self, pdo: _Pdo, data: bytes) -> list[tuple[ObjectEntry, bytes]]:
         places = pdo.places(self._dictionary)
         if len(data) < sum(bits for *_, bits in places) // 8:
             return []  # a frame that is too short is not used at all (CiA 301)

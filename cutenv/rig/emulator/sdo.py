@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from cutenv.rig.emulator.dictionary import Abort, Dictionary, Refused
+from cutenv.rig.emulator.object_dictionary import Abort, ObjectDictionary, SdoAbort
 
 _HEAD = struct.Struct("<BHB")
 _LONGEST = 256  # bytes of a segmented download: no object is longer
@@ -14,7 +14,7 @@ _TOGGLE = 0x10
 class SdoServer:
     """Server that answers the eight bytes of a request with eight bytes."""
 
-    def __init__(self, dictionary: Dictionary) -> None:
+    def __init__(self, dictionary: ObjectDictionary) -> None:
         self._dictionary = dictionary
         self._place = (0, 0)
         self._upload: bytes | None = None  # rest to be sent
@@ -43,8 +43,8 @@ class SdoServer:
                     return self._begin_upload(request)
                 case _:
                     self._place = _HEAD.unpack_from(request)[1:]
-                    raise Refused(Abort.COMMAND)
-        except Refused as refused:
+                    raise SdoAbort(Abort.COMMAND)
+        except SdoAbort as refused:
             self._upload = self._download = None
             return struct.pack("<BHBI", 0x80, *self._place, refused.code)
 
@@ -57,7 +57,7 @@ class SdoServer:
             self._dictionary.write(*self._place, request[4 : 4 + size])
         else:
             if self._dictionary.entry(*self._place).access == "ro":
-                raise Refused(Abort.READ_ONLY)
+                raise SdoAbort(Abort.READ_ONLY)
             self._download, self._toggle = bytearray(), 0
         return _HEAD.pack(0x60, *self._place) + bytes(4)
 
@@ -68,11 +68,11 @@ class SdoServer:
 
     def _go_on_download(self, request: bytes) -> bytes:
         if self._download is None:
-            raise Refused(Abort.COMMAND)
+            raise SdoAbort(Abort.COMMAND)
         toggle = self._toggled(request)
         self._download += request[1 : 8 - (request[0] >> 1 & 0x07)]
         if len(self._download) > _LONGEST:
-            raise Refused(Abort.LENGTH)
+            raise SdoAbort(Abort.LENGTH)
         if request[0] & 0x01:  # the last
             data, self._download = bytes(self._download), None
             self._dictionary.write(*self._place, data)
@@ -90,7 +90,7 @@ class SdoServer:
 
     def _go_on_upload(self, request: bytes) -> bytes:
         if self._upload is None:
-            raise Refused(Abort.COMMAND)
+            raise SdoAbort(Abort.COMMAND)
         toggle = self._toggled(request)
         part, rest = self._upload[:7], self._upload[7:]
         self._upload = rest or None
@@ -99,6 +99,6 @@ class SdoServer:
     def _toggled(self, request: bytes) -> int:
         toggle = request[0] & _TOGGLE
         if toggle != self._toggle:
-            raise Refused(Abort.TOGGLE)
+            raise SdoAbort(Abort.TOGGLE)
         self._toggle ^= _TOGGLE
         return toggle

@@ -8,16 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cutenv.cutting.records import TICK
-from cutenv.rig.drivers import RigError
-from cutenv.rig.identification.friction import Friction, Play, Unseen, coulomb_friction, play
-from cutenv.rig.identification.plan import Plan
-from cutenv.rig.identification.recording import Array, Recorder, Stretch
+from cutenv._base.arrays import Array
+from cutenv.cutting.dtypes import TICK
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.errors import RigError
+from cutenv.rig.identification.axis_friction import Friction, Play, Unseen, coulomb_friction, play
+from cutenv.rig.identification.motion_plan import Plan
+from cutenv.rig.identification.recording import Recorder, Stretch
 from cutenv.rig.identification.response import Response, SineCheck, check_sine, fit_response
-from cutenv.rig.identification.result import Estimate, Identification
-from cutenv.rig.identification.sensor_noise import BLOCK, longest_still, sensor_at_rest
+from cutenv.rig.identification.result import Identification, IdentifiedValue
+from cutenv.rig.identification.sensor_noise import NOISE_BLOCK, longest_still, sensor_at_rest
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.settings import RigSettings
 
 APPROACH = 0.005
 """Speed of the approach to where the experiment starts [m/s]."""
@@ -166,7 +167,7 @@ class _Moves:
         return self._recorded(moves)
 
 
-def estimated(settings: RigSettings, plan: Plan, recorded: Recorded) -> Identification:
+def identification_from(settings: RigSettings, plan: Plan, recorded: Recorded) -> Identification:
     """Estimate a rig's constants from recorded arrays; takes some seconds, so close the rig before.
 
     Raises
@@ -191,9 +192,9 @@ def estimated(settings: RigSettings, plan: Plan, recorded: Recorded) -> Identifi
     return Identification(plan=plan, estimates=estimates, response=response, checks=checks, steps=steps, sines=sines)
 
 
-def _of_response(response: Response) -> list[Estimate]:
+def _of_response(response: Response) -> list[IdentifiedValue]:
     fitted = f"least squares on {1e6 * response.misfit:.0f} um of misfit in the steps"
-    limit = Estimate(
+    limit = IdentifiedValue(
         name="acceleration",
         value=response.acceleration,
         error=None if response.acceleration is None else response.acceleration_error,
@@ -202,8 +203,8 @@ def _of_response(response: Response) -> list[Estimate]:
         else "slope of the fast steps; " + fitted,
     )
     return [
-        Estimate(name="motor_lag", value=response.lag, error=response.lag_error, how=fitted),
-        Estimate(
+        IdentifiedValue(name="motor_lag", value=response.lag, error=response.lag_error, how=fitted),
+        IdentifiedValue(
             name="dead_time",
             value=max(response.dead_time, 0.0),
             error=response.dead_time_error,
@@ -213,46 +214,50 @@ def _of_response(response: Response) -> list[Estimate]:
     ]
 
 
-def _of_play(found: Play | Unseen) -> Estimate:
+def _of_play(found: Play | Unseen) -> IdentifiedValue:
     if isinstance(found, Unseen):
-        return Estimate(name="backlash", value=None, error=None, how=found.why)
+        return IdentifiedValue(name="backlash", value=None, error=None, how=found.why)
     how = f"way after slow reversals until torque rises by {found.carriage:.1f} N"
-    return Estimate(name="backlash", value=found.backlash, error=found.error, how=how)
+    return IdentifiedValue(name="backlash", value=found.backlash, error=found.error, how=how)
 
 
-def _of_friction(found: Friction | Unseen) -> Estimate:
+def _of_friction(found: Friction | Unseen) -> IdentifiedValue:
     if isinstance(found, Unseen):
-        return Estimate(name="friction", value=None, error=None, how=found.why)
+        return IdentifiedValue(name="friction", value=None, error=None, how=found.why)
     how = f"torque at steady speeds both ways; {found.viscous:.0f} N s/m besides"
-    return Estimate(name="friction", value=found.coulomb, error=found.error, how=how)
+    return IdentifiedValue(name="friction", value=found.coulomb, error=found.error, how=how)
 
 
-def _of_axes(axes: Array, rate: float) -> list[Estimate]:
+def _of_axes(axes: Array, rate: float) -> list[IdentifiedValue]:
     names = ("force_still_x", "force_still_y", "force_still_z")
     if not len(axes):
-        return [Estimate(name=name, value=None, error=None, how="the axes were not recorded") for name in names]
+        return [IdentifiedValue(name=name, value=None, error=None, how="the axes were not recorded") for name in names]
     how = "longest run of equal readings that noise allows, or three times the longest seen"
     return [
-        Estimate(name=name, value=longest_still(axes[:, number], rate), error=None, how=how)
+        IdentifiedValue(name=name, value=longest_still(axes[:, number], rate), error=None, how=how)
         for number, name in enumerate(names)
     ]
 
 
-def _of_sensor(force: Array, rate: float) -> list[Estimate]:
+def _of_sensor(force: Array, rate: float) -> list[IdentifiedValue]:
     names = ("force_noise", "force_resolution", "force_drift")
     found = sensor_at_rest(force, rate)
     if found is None:
-        return [Estimate(name=name, value=None, error=None, how="all readings at rest are equal") for name in names]
+        return [
+            IdentifiedValue(name=name, value=None, error=None, how="all readings at rest are equal") for name in names
+        ]
     unseen = f"no walk of the zero is seen: below {found.drift_seen:.2g} N"
     return [
-        Estimate(
+        IdentifiedValue(
             name="force_noise", value=found.noise, error=found.noise_error, how="readings at rest, before rounding"
         ),
-        Estimate(name="force_resolution", value=found.resolution, error=None, how="smallest step of the readings"),
-        Estimate(
+        IdentifiedValue(
+            name="force_resolution", value=found.resolution, error=None, how="smallest step of the readings"
+        ),
+        IdentifiedValue(
             name="force_drift",
             value=found.drift,
             error=found.drift_error,
-            how=f"{'walk of the zero' if found.drift else unseen}; likelihood of {1e3 * BLOCK:g} ms means",
+            how=f"{'walk of the zero' if found.drift else unseen}; likelihood of {1e3 * NOISE_BLOCK:g} ms means",
         ),
     ]

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv.rig.samples import ForceSample, MotionSample
-
-Array = NDArray[np.float64]
+from cutenv._base.arrays import Array
+from cutenv.rig.devices.samples import ForceSample, MotionSample
 
 
 @dataclass(frozen=True, kw_only=True)

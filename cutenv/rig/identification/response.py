@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from cutenv.compiled import compiled
-from cutenv.cutting.drive import Rig, advance_command, made_up
-from cutenv.cutting.records import STATE, Records
-from cutenv.rig.identification.recording import Array, Stretch
+from cutenv._base.arrays import Array, StructArray
+from cutenv._engine.jit import njit
+from cutenv.cutting.drive import Rig, advance_command, lag_gain
+from cutenv.cutting.dtypes import STATE
+from cutenv.rig.identification.recording import Stretch
 
 _DT = 0.5e-3  # [s] step of the model: its lag is exact for any, and a command is late by less than half of it
 _FAR = 100.0  # [m] start of the model's carriage, far from any end stop
@@ -68,10 +69,10 @@ class SineCheck(NamedTuple):
     """Measured phase minus the modelled [rad]."""
 
 
-@compiled
-def _follow(drives: Records, states: Records, targets: Array, dt: float, positions: Array) -> None:
+@njit
+def _follow(drives: StructArray, states: StructArray, targets: Array, dt: float, positions: Array) -> None:
     drive, state = drives[0], states[0]
-    share = made_up(drive, dt)
+    share = lag_gain(drive, dt)
     for k in range(len(targets)):
         positions[k] = state.hand
         advance_command(state, drive, share, targets[k], dt)

@@ -9,21 +9,22 @@ from datetime import date
 
 import numpy as np
 
+from cutenv._base.arrays import Array
+from cutenv._base.parameter import parameter_table
 from cutenv.cutting.drive import Rig
 from cutenv.cutting.sensor import SensorParameters
-from cutenv.parameter import parameter_table
-from cutenv.rig.file_keys import IDENTIFIED, UNITS, Key
-from cutenv.rig.identification.plan import Plan
-from cutenv.rig.identification.recording import Array, Stretch
+from cutenv.rig.config.file_schema import FILE_UNITS, IDENTIFIED, FileKey
+from cutenv.rig.config.settings import Identified
+from cutenv.rig.identification.motion_plan import Plan
+from cutenv.rig.identification.recording import Stretch
 from cutenv.rig.identification.response import Response, SineCheck
-from cutenv.rig.settings import Identified
 
 _DIGITS = 2  # of a standard error, to which a value is rounded
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimate:
-    """Estimate of one constant, under its name in :class:`~cutenv.rig.settings.Identified`; SI.
+class IdentifiedValue:
+    """Estimate of one constant, under its name in :class:`~cutenv.rig.config.settings.Identified`; SI.
 
     Attributes
     ----------
@@ -69,13 +70,13 @@ class Identification:
     """
 
     plan: Plan
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[IdentifiedValue, ...]
     response: Response
     checks: tuple[SineCheck, ...]
     steps: tuple[Stretch, ...]
     sines: tuple[Stretch, ...]
 
-    def __getitem__(self, name: str) -> Estimate:
+    def __getitem__(self, name: str) -> IdentifiedValue:
         """Return the estimate of that name."""
         return next(each for each in self.estimates if each.name == name)
 
@@ -94,7 +95,7 @@ class Identification:
             each = self[key.field]
             rows.append(
                 (
-                    f"{key.field} [{UNITS[key.unit].sign}]",
+                    f"{key.field} [{FILE_UNITS[key.unit].sign}]",
                     _shown(key, each.rounded) if each.value is not None else "-",
                     "-" if each.error is None else f"{key.from_si(each.error):.2g}",
                     _shown(key, getattr(before, key.field)),
@@ -132,7 +133,7 @@ class Identification:
         return aligned(rows)
 
 
-def _shown(key: Key, value: float | None) -> str:
+def _shown(key: FileKey, value: float | None) -> str:
     return "-" if value is None else f"{key.from_si(value):.4g}"
 
 

@@ -10,9 +10,9 @@ from scipy.fft import dst
 from scipy.optimize import minimize, minimize_scalar
 from scipy.special import erf, ndtr
 
-from cutenv.rig.identification.recording import Array
+from cutenv._base.arrays import Array
 
-BLOCK = 0.2
+NOISE_BLOCK = 0.2
 """Time over which the zero is assumed constant [s]."""
 _FEWEST = 25  # blocks
 _FINE = 0.5  # [1] ratio to the spread, below which a step has no effect
@@ -86,10 +86,12 @@ def sensor_at_rest(force: Array, rate: float) -> SensorAtRest | None:
     ValueError
         If there are too few readings.
     """
-    size = round(BLOCK * rate)
+    size = round(NOISE_BLOCK * rate)
     blocks = len(force) // size
     if blocks < _FEWEST:
-        raise ValueError(f"{len(force) / rate:.1f} s of readings are too few: give {_FEWEST * BLOCK:g} s or more.")
+        raise ValueError(
+            f"{len(force) / rate:.1f} s of readings are too few: give {_FEWEST * NOISE_BLOCK:g} s or more."
+        )
     levels = np.unique(force)
     steps = np.diff(levels)
     steps = steps[steps > _DUST * np.ptp(force)]
@@ -103,7 +105,7 @@ def sensor_at_rest(force: Array, rate: float) -> SensorAtRest | None:
         zeros = by_block.mean(axis=1)
     else:
         noise, zeros = _unrounded(by_block, resolution, spread)
-    drift, error, seen = _walk(zeros, BLOCK)
+    drift, error, seen = _walk(zeros, NOISE_BLOCK)
     return SensorAtRest(
         resolution=resolution,
         noise=noise,

@@ -4,7 +4,7 @@ from cutenv.scoring.study.estimate import Estimate
 from cutenv.scoring.study.learning import Cusum, LearningCurve, cusum, learning_curve
 from cutenv.scoring.study.reliability import Intraclass, OneWay, intraclass_correlation, one_way_reliability
 from cutenv.scoring.study.separation import Separation, separation
-from cutenv.scoring.study.study import Findings, StudiedCut, Study, Untold, numbered
+from cutenv.scoring.study.study import Findings, NotEstimable, StudiedCut, Study, numbered
 
 __all__ = [
     "Cusum",
@@ -12,11 +12,11 @@ __all__ = [
     "Findings",
     "Intraclass",
     "LearningCurve",
+    "NotEstimable",
     "OneWay",
     "Separation",
     "StudiedCut",
     "Study",
-    "Untold",
     "cusum",
     "intraclass_correlation",
     "learning_curve",

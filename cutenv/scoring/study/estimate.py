@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from cutenv.validation import array_in_range
-
-Array = NDArray[np.float64]
+from cutenv._base.arrays import Array
+from cutenv._base.validation import array_in_range
 
 CONFIDENCE = 0.95
 """Default level of confidence of every interval."""
-FEWEST = 3
+FEWEST_PEOPLE = 3
 """Smallest number of people (rows, groups) for statistics about people."""
 _LARGEST = 1e12
 _NO_VARIATION = 1e-12  # relative to the largest value: less is rounding
@@ -32,7 +31,7 @@ class Estimate:
         return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
 
 
-def series_of(name: str, series: Sequence[ArrayLike], *, fewest: int, people: int = FEWEST) -> tuple[Array, ...]:
+def series_of(name: str, series: Sequence[ArrayLike], *, fewest: int, people: int = FEWEST_PEOPLE) -> tuple[Array, ...]:
     """Return one checked array for each person: at least ``people``, each with at least ``fewest`` finite values.
 
     Raises

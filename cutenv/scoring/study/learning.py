@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student
 
-from cutenv.scoring.study.estimate import CONFIDENCE, FEWEST, Array, series_of, values_of
-from cutenv.validation import in_range
+from cutenv._base.arrays import Array
+from cutenv._base.validation import in_range
+from cutenv.scoring.study.estimate import CONFIDENCE, FEWEST_PEOPLE, series_of, values_of
 
 SLACK, THRESHOLD = 0.5, 4.0
 """Defaults of :func:`cusum`, in standard deviations of single cuts."""
@@ -145,7 +146,7 @@ def learning_curve(series: Sequence[ArrayLike], *, confidence: float = CONFIDENC
     """
     columns = series_of("series", series, fewest=2)
     level = in_range("confidence", confidence, 0.5, 0.999, "1")
-    last = sorted((len(column) for column in columns), reverse=True)[FEWEST - 1]
+    last = sorted((len(column) for column in columns), reverse=True)[FEWEST_PEOPLE - 1]
     rows = []
     for i in range(last):
         here = [column for column in columns if len(column) > i]

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import f as fisher
 
-from cutenv.scoring.study.estimate import CONFIDENCE, FEWEST, Array, Estimate, series_of, vanishes
-from cutenv.validation import array_in_range, in_range
+from cutenv._base.arrays import Array
+from cutenv._base.validation import array_in_range, in_range
+from cutenv.scoring.study.estimate import CONFIDENCE, FEWEST_PEOPLE, Estimate, series_of, vanishes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,9 +111,10 @@ def intraclass_correlation(ratings: ArrayLike, *, confidence: float = CONFIDENCE
     a negative estimate is replaced by 0.
     """
     table = array_in_range("ratings", ratings, -1e12, 1e12, "1", "Leave out rows with gaps.")
-    if table.ndim != 2 or table.shape[0] < FEWEST or table.shape[1] < 2:
+    if table.ndim != 2 or table.shape[0] < FEWEST_PEOPLE or table.shape[1] < 2:
         raise ValueError(
-            f"ratings has shape {table.shape}; give {FEWEST} rows (people) or more and 2 columns (sessions) or more."
+            f"ratings has shape {table.shape}; give {FEWEST_PEOPLE} rows (people) or more and 2 columns (sessions) or "
+            "more."
         )
     n, k = table.shape
     rows, columns, grand = table.mean(axis=1), table.mean(axis=0), float(table.mean())

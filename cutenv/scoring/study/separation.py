@@ -12,8 +12,9 @@ from scipy.optimize import brentq
 from scipy.special import gammaln, nctdtrinc
 from scipy.stats import norm
 
-from cutenv.scoring.study.estimate import CONFIDENCE, Array, Estimate, series_of, vanishes
-from cutenv.validation import in_range
+from cutenv._base.arrays import Array
+from cutenv._base.validation import in_range
+from cutenv.scoring.study.estimate import CONFIDENCE, Estimate, series_of, vanishes
 
 FEWEST_IN_A_GROUP = 4
 """Smallest number of people in a group: of 3 against 3, full separation occurs by chance in 1 of 10 studies."""

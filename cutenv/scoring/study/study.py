@@ -8,14 +8,15 @@ from typing import ParamSpec, TypeVar
 
 import numpy as np
 
-from cutenv.scoring.card import ScoreCard
+from cutenv._base.arrays import Array
+from cutenv._base.validation import in_range, one_of
 from cutenv.scoring.metric import METRICS
-from cutenv.scoring.study.estimate import FEWEST, Array
+from cutenv.scoring.metric_weights import ForceOnlyWeights, Weights, weights_by_metric
+from cutenv.scoring.score_card import ScoreCard
+from cutenv.scoring.study.estimate import FEWEST_PEOPLE
 from cutenv.scoring.study.learning import Cusum, LearningCurve, cusum, learning_curve
 from cutenv.scoring.study.reliability import Intraclass, OneWay, intraclass_correlation, one_way_reliability
 from cutenv.scoring.study.separation import FEWEST_IN_A_GROUP, Separation, separation
-from cutenv.scoring.weights import ForceOnlyWeights, Weights, as_mapping
-from cutenv.validation import in_range, one_of
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -44,7 +45,7 @@ class StudiedCut:
 
 
 @dataclass(frozen=True)
-class Untold:
+class NotEstimable:
     """The reason why a statistic cannot be computed from this study."""
 
     reason: str
@@ -82,11 +83,11 @@ class Findings:
     unit: str
     series: Mapping[str, Array]
     missing: int
-    reliability: OneWay | Untold
-    retest: Intraclass | Untold
-    separation: Separation | Untold
-    curves: Mapping[str, LearningCurve | Untold]
-    cusums: Mapping[str, Cusum] | Untold
+    reliability: OneWay | NotEstimable
+    retest: Intraclass | NotEstimable
+    separation: Separation | NotEstimable
+    curves: Mapping[str, LearningCurve | NotEstimable]
+    cusums: Mapping[str, Cusum] | NotEstimable
     target: float
     scale: float
     target_is: str
@@ -193,7 +194,7 @@ class Study:
         if self.metrics:
             return tuple(dict.fromkeys(self.metrics))
         moved = any(cut.card.metrics["idle_time"].value is not None for cut in self.cuts)
-        return tuple(as_mapping(Weights() if moved else ForceOnlyWeights()))
+        return tuple(weights_by_metric(Weights() if moved else ForceOnlyWeights()))
 
     def _find(self, metric: str, notes: list[str]) -> Findings | None:
         scored = [(cut, cut.card.metrics[metric]) for cut in self.cuts]
@@ -212,8 +213,8 @@ class Study:
             if any(cut.operator == operator for cut, _ in kept)
         }
         several = {operator: values for operator, values in series.items() if len(values) >= 2}
-        few = Untold(f"fewer than {FEWEST} {self.who}s with two cuts or more")
-        enough = len(several) >= FEWEST
+        few = NotEstimable(f"fewer than {FEWEST_PEOPLE} {self.who}s with two cuts or more")
+        enough = len(several) >= FEWEST_PEOPLE
         reliability = _told(one_way_reliability, list(several.values())) if enough else few
         target, target_is = self._target(series)
         within = _pooled(several)
@@ -243,38 +244,40 @@ class Study:
 
     def _cusums(
         self, metric: str, several: Mapping[str, Array], target: float, within: float
-    ) -> dict[str, Cusum] | Untold:
+    ) -> dict[str, Cusum] | NotEstimable:
         direction = METRICS[metric].direction
         if direction == "none":
-            return Untold("neither way is better, so no target is reached")
+            return NotEstimable("neither way is better, so no target is reached")
         if within <= 0.0:
-            return Untold(f"no {self.who}'s cuts differ")
+            return NotEstimable(f"no {self.who}'s cuts differ")
         sign = -1 if direction == "higher" else 1
         return {operator: cusum(values, target, within, sign=sign) for operator, values in several.items()}
 
-    def _curves(self, several: Mapping[str, Array]) -> dict[str, LearningCurve | Untold]:
+    def _curves(self, several: Mapping[str, Array]) -> dict[str, LearningCurve | NotEstimable]:
         group_of = self.group_of
-        curves: dict[str, LearningCurve | Untold] = {}
+        curves: dict[str, LearningCurve | NotEstimable] = {}
         for group in dict.fromkeys(group_of.values()):
             own = [values for operator, values in several.items() if group_of[operator] == group]
-            few = Untold(f"fewer than {FEWEST} {self.who}s with two cuts or more")
-            curves[group] = few if len(own) < FEWEST else _told(learning_curve, own)
+            few = NotEstimable(f"fewer than {FEWEST_PEOPLE} {self.who}s with two cuts or more")
+            curves[group] = few if len(own) < FEWEST_PEOPLE else _told(learning_curve, own)
         return curves
 
-    def _separation(self, series: Mapping[str, Array]) -> Separation | Untold:
+    def _separation(self, series: Mapping[str, Array]) -> Separation | NotEstimable:
         if self.groups is None:
-            return Untold("the study has no two groups")
+            return NotEstimable("the study has no two groups")
         group_of = self.group_of
         first, second = (
             [values for operator, values in series.items() if group_of[operator] == group] for group in self.groups
         )
         if min(len(first), len(second)) < FEWEST_IN_A_GROUP:
-            return Untold(f"fewer than {FEWEST_IN_A_GROUP} {self.who}s in a group ({len(first)} and {len(second)})")
+            return NotEstimable(
+                f"fewer than {FEWEST_IN_A_GROUP} {self.who}s in a group ({len(first)} and {len(second)})"
+            )
         return _told(separation, first, second)
 
-    def _retest(self, kept: Iterable[tuple[StudiedCut, float]]) -> Intraclass | Untold:
+    def _retest(self, kept: Iterable[tuple[StudiedCut, float]]) -> Intraclass | NotEstimable:
         if len(self.sessions) < 2:
-            return Untold("the study has one session")
+            return NotEstimable("the study has one session")
         cells: dict[tuple[str, str], list[float]] = {}
         for cut, value in kept:
             cells.setdefault((cut.operator, cut.session), []).append(value)
@@ -283,8 +286,8 @@ class Study:
             for operator in self.operators
             if all((operator, session) in cells for session in self.sessions)
         ]
-        if len(rows) < FEWEST:
-            return Untold(f"fewer than {FEWEST} {self.who}s were at every session")
+        if len(rows) < FEWEST_PEOPLE:
+            return NotEstimable(f"fewer than {FEWEST_PEOPLE} {self.who}s were at every session")
         return _told(intraclass_correlation, rows)
 
 
@@ -298,11 +301,11 @@ def numbered(cuts: Sequence[StudiedCut]) -> list[tuple[int, StudiedCut]]:
     return rows
 
 
-def _told(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | Untold:
+def _told(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | NotEstimable:
     try:
         return function(*args, **kwargs)
     except ValueError as error:
-        return Untold(str(error).rstrip("."))
+        return NotEstimable(str(error).rstrip("."))
 
 
 def _pooled(series: Mapping[str, Array]) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cutenv.viewer.solid.page import write_view
-from cutenv.viewer.solid.shown_cut import COLOURS, ShownCut
+from cutenv.viewer.solid.shown_cut import COLOURINGS, ShownCut
+from cutenv.viewer.solid.view_page import write_view
 
-__all__ = ["COLOURS", "ShownCut", "write_view"]
+__all__ = ["COLOURINGS", "ShownCut", "write_view"]

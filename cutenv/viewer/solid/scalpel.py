@@ -11,11 +11,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
 from cutenv.viewer.solid.solids import Surface, swept
-
-Array = NDArray[np.float64]
 
 BLADE_LENGTH = 0.0425
 """Length from the point to the end of the tang, in the handle [m]: thesis, section 3.4.1, as in
@@ -24,7 +22,7 @@ CHORD = 0.007
 """Distance from the edge to the back [m]."""
 BELLY = 0.013
 """Length over which the edge curves from the point, which is at the back [m]."""
-THICKNESS = 0.0004
+BLADE_THICKNESS = 0.0004
 """Thickness of the blade [m]."""
 HANDLE_LENGTH = 0.05
 """Length of the part of the handle that is drawn [m]; a No. 3 handle has about 0.12."""
@@ -36,7 +34,7 @@ _HANDLE_WIDTH, _HANDLE_THICKNESS = 0.009, 0.0024  # [m]
 _NECK_WIDTH = 0.0056  # [m]
 
 
-class Pose(NamedTuple):
+class ScalpelPose(NamedTuple):
     """Position of the scalpel's origin along the specimen and above its lower face [m], and its angle [rad]."""
 
     along: float
@@ -51,7 +49,7 @@ def edge_outline(count: int = 24) -> Array:
     return np.concatenate([belly, [[0.0, _EDGE_END]]])
 
 
-def pose(position: float, angle: float, depth: float) -> Pose:
+def pose(position: float, angle: float, depth: float) -> ScalpelPose:
     """Return the pose in which the edge meets the surface at ``position`` and the lowest point is ``depth`` below.
 
     Parameters
@@ -67,7 +65,7 @@ def pose(position: float, angle: float, depth: float) -> Pose:
     y, z = (outline @ _turn(angle)).T
     low = int(z.argmin())  # on a blade that leans forward, some way up the belly: from there on the edge only rises
     meets = float(np.interp(depth, z[low:] - z[low], y[low:]))
-    return Pose(along=position - meets, height=-float(z[low]), angle=angle)
+    return ScalpelPose(along=position - meets, height=-float(z[low]), angle=angle)
 
 
 def blade() -> Surface:
@@ -77,7 +75,7 @@ def blade() -> Surface:
     front = np.concatenate([edge, shoulder])
     back = np.full(len(front), -CHORD)
     back[-2:] = -CHORD + 0.0012
-    half = 0.5 * THICKNESS
+    half = 0.5 * BLADE_THICKNESS
     sections = []
     for (y, z), spine in zip(front, back, strict=True):
         ground = max(y - _BEVEL, spine)

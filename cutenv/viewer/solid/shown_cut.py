@@ -6,18 +6,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
+from cutenv._base.validation import in_range
 from cutenv.measurement import DepthProfile
 from cutenv.measurement.strokes import blade_speed
-from cutenv.scoring.cut import ScoredCut
+from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.tissue import CutModel
 from cutenv.trace import Trace
-from cutenv.validation import in_range
 
-Array = NDArray[np.float64]
-
-COLOURS = ("displacement", "energy")
+COLOURINGS = ("displacement", "energy")
 """Quantities that the tissue's colour can show."""
 INSTANTS = 160
 """Number of instants shown of a record; a page grows with it."""

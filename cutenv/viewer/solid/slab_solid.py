@@ -13,15 +13,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv.validation import one_of
-from cutenv.viewer.slab import Slab
-from cutenv.viewer.solid.shown_cut import COLOURS, ShownCut
+from cutenv._base.arrays import Array, Indices
+from cutenv._base.validation import one_of
+from cutenv.viewer.drawn_slab import Slab
+from cutenv.viewer.solid.shown_cut import COLOURINGS, ShownCut
 from cutenv.viewer.solid.solids import grid_faces
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 SUBDIVISIONS = (2, 8)
 """Cells for one element, across and along: the drawn tip of the cut is off by one cell at most, 1.25 mm."""
@@ -150,7 +147,7 @@ class SlabSolid:
             Displacement of the field [m], without the opening; or strain energy density [J/m3], averaged over the
             elements that meet at a node, separately on each side of the cut.
         """
-        one_of("colour", colour, COLOURS)
+        one_of("colour", colour, COLOURINGS)
         field = self.cut.field(i)
         if colour == "displacement":
             on_lattice = self.slab.on_lattice(field[:, :2])

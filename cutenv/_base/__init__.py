@@ -1,0 +1,1 @@
+"""Building blocks of every wing: validation, documented constants, files written whole, packaged data."""

@@ -1,0 +1,52 @@
+"""Paths of the measured data: beside the package in a checkout, inside it in an installed wheel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+_PACKAGED = _PACKAGE / "assets"
+_CHECKOUT = _PACKAGE.parent / "assets"
+
+
+def path(name: str) -> Path:
+    """Return the absolute path of the data file or folder ``name``.
+
+    Parameters
+    ----------
+    name : str
+        Path below ``assets/``, with forward slashes, for example ``"tables/table_5_6.csv"``.
+
+    Returns
+    -------
+    pathlib.Path
+        It exists. In a wheel it lies below ``cutenv/assets``, in a checkout (also an editable install) below
+        ``assets`` beside the package.
+
+    Raises
+    ------
+    TypeError
+        If ``name`` is not a string.
+    ValueError
+        If ``name`` is empty or leads out of the folder.
+    FileNotFoundError
+        If there is no such file, or no data at all.
+    """
+    if not isinstance(name, str):
+        raise TypeError(f"name must be a string such as 'tables/table_5_6.csv', got {name!r}")
+    # The packaged folder comes first: beside an installed package, a folder "assets" belongs to somebody else.
+    assets = _PACKAGED if _PACKAGED.is_dir() else _CHECKOUT
+    if not assets.is_dir():
+        raise FileNotFoundError(
+            f"The data of cutenv are missing: looked for the folders {_PACKAGED} and {_CHECKOUT}. "
+            "Reinstall cutenv, or run it from a complete checkout."
+        )
+    root = assets.resolve()
+    found = (root / name).resolve()
+    if found == root or not found.is_relative_to(root):
+        raise ValueError(f"name must name something inside {root}, got {name!r}. Give a path below assets/.")
+    if not found.exists():
+        raise FileNotFoundError(
+            f"No data file {name!r}: looked for {found}. Check the name; if it is right, reinstall cutenv."
+        )
+    return found

@@ -1,0 +1,77 @@
+"""Thread pool that runs a compiled loop on several cores.
+
+Python threads run kernels that have released the interpreter's lock (GIL).  Numba's parallel loops would do the same,
+but take some four seconds each to compile, must not be forked, and busy-wait for work, which slows whatever else runs
+on the machine.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from cutenv._base.validation import in_range
+from cutenv._engine.work_queue import make_queue, wait_done
+
+MIN_CHUNK = 32
+"""Smallest number of items per thread: below it, waking a thread (some 50 microseconds) costs more than it saves."""
+
+_PATIENCE = 100_000  # polls for the last chunks, some 100 microseconds, before the thread blocks
+
+_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+_threads: tuple[int, ThreadPoolExecutor] | None = None  # id of the process that owns the pool, and the pool
+
+
+def set_cores(count: int) -> None:
+    """Set the number of threads; by default all cores that the process may use, or ``CUTENV_CORES``."""
+    global _cores, _threads
+    _cores = int(in_range("cores", count, 1, 4096, "1", "Give a whole number of cores."))
+    _threads = None
+
+
+def cores() -> int:
+    """Return the number of threads in use."""
+    return _cores
+
+
+if "CUTENV_CORES" in os.environ:
+    set_cores(int(os.environ["CUTENV_CORES"]))
+
+
+def parallel_for(
+    kernel: Callable[..., Any],
+    count: int,
+    *arguments: Any,
+    fewest: int = MIN_CHUNK,
+    meanwhile: Callable[[], None] | None = None,
+) -> None:
+    """Run ``kernel(queue, thread, *arguments)`` on up to one thread for every ``fewest`` items.
+
+    The kernel claims chunks of the ``count`` items (:mod:`cutenv._engine.work_queue`) until there are none.  A thread
+    that wakes late finds less to do, and nobody waits for a thread that has not begun.  ``meanwhile`` is called while
+    the other threads wake: for work that does not need what the kernel fills.
+    """
+    workers = max(min(_cores, count // fewest), 1)
+    of_batch = make_queue(count, workers)
+    others = [_pool().submit(kernel, of_batch, core, *arguments) for core in range(1, workers)]
+    try:
+        if meanwhile is not None:
+            meanwhile()
+        kernel(of_batch, 0, *arguments)
+    finally:
+        # The last chunk of another thread is done before its future is set, so poll the queue first.
+        if others and not wait_done(of_batch, _PATIENCE):
+            for other in others:
+                other.result()
+        for other in others:
+            other.cancel()
+
+
+def _pool() -> ThreadPoolExecutor:
+    """Return the thread pool of this process; a forked child makes its own."""
+    global _threads
+    if _threads is None or _threads[0] != os.getpid():
+        _threads = os.getpid(), ThreadPoolExecutor(max(_cores - 1, 1), "cutenv")
+    return _threads[1]

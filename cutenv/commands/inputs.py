@@ -1,0 +1,127 @@
+"""Record files as arguments of a sub-command: native or foreign, checked, with names and specimens."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+from cutenv.commands.options import made_folder, watched
+from cutenv.measurement.calibration import RefusedRecord
+from cutenv.measurement.measured_cut import SPECIMEN_KEY
+from cutenv.recording import ColumnMap, Imported, RecordError, read_record
+from cutenv.recording.column_map import MAP_FILE
+from cutenv.trace import Trace
+
+
+class Source(NamedTuple):
+    """Source of a cut: the file, and its number there, from 1; None if it is the only one."""
+
+    path: Path
+    number: int | None
+
+
+class LoadedTraces(NamedTuple):
+    """Cuts that were read, those left out with the reason, notes for the reader, and the source of each cut."""
+
+    traces: list[Trace]
+    refused: list[RefusedRecord]
+    notes: list[str]
+    sources: list[Source]
+
+
+def read_records(arguments: argparse.Namespace) -> LoadedTraces:
+    """Read all files; the cuts are named after their file.
+
+    Raises
+    ------
+    ValueError
+        If the options are invalid, or a record is bad and not to be skipped: names all of them, with reasons.
+    OSError
+        If a file cannot be opened.
+    """
+    mapping = _mapping(arguments)
+    pattern = _pattern(arguments.specimen)
+    if arguments.confirm is not None:
+        made_folder("--confirm", arguments.confirm)
+    missing = [str(path) for path in arguments.records if not path.is_file()]
+    if missing:
+        raise FileNotFoundError(f"no such file: {', '.join(missing)}.")
+    traces: list[Trace] = []
+    refused: list[RefusedRecord] = []
+    notes: list[str] = []
+    remembered: set[str] = set()
+    sources: list[Source] = []
+    for path in watched(arguments.records, "reading", "file"):
+        try:
+            imported = read_record(path, mapping)
+        except RecordError as error:
+            refused.append(RefusedRecord(path.name, error.reason))
+            if mapping is None and (path.parent / MAP_FILE).is_file():
+                remembered.add(str(path.parent / MAP_FILE))
+            continue
+        notes += imported.notes if arguments.verbose else ()
+        if mapping is None and imported.mapping is not None:
+            remembered.add(str(path.parent / MAP_FILE))
+        if arguments.confirm is not None:
+            _draw(arguments.confirm, imported)
+        for number, (trace, wrong) in enumerate(zip(imported.traces, imported.flaws, strict=True), 1):
+            source = Source(path, number if len(imported.traces) > 1 else None)
+            named = _named(trace, source.path, source.number, pattern)
+            reasons = " ".join(flaw.message for flaw in wrong if flaw.refuse)
+            if reasons:
+                refused.append(RefusedRecord(str(named.metadata["name"]), reasons))
+                continue
+            notes += [f"{named.metadata['name']}: {flaw.message}" for flaw in wrong]
+            traces.append(named)
+            sources.append(source)
+    notes += [f"columns as kept in {path}; --map replaces them" for path in sorted(remembered)]
+    if refused and not arguments.skip_bad:
+        listed = "\n".join(f"  {each.name}: {each.reason}" for each in refused)
+        many = f"{len(refused)} bad records; --skip-bad goes on without them"
+        if len(refused) == 1:
+            many = "one bad record; --skip-bad goes on without it"
+        hint = "".join(f"\n  (columns as kept in {path})" for path in sorted(remembered))
+        raise ValueError(f"{many}:\n{listed}{hint}")
+    if mapping is not None and traces:
+        for folder in {path.parent for path in arguments.records}:
+            notes.append(f"columns kept in {mapping.save(folder)} for the next time")
+    return LoadedTraces(traces, refused, notes, sources)
+
+
+def _mapping(arguments: argparse.Namespace) -> ColumnMap | None:
+    if arguments.map is None:
+        if arguments.unit is not None:
+            raise ValueError("--unit goes with --map: cutenv's own files have their units in the header.")
+        return None
+    return ColumnMap.parse(arguments.map, unit=arguments.unit)
+
+
+def _pattern(text: str | None) -> re.Pattern[str] | None:
+    try:
+        return None if text is None else re.compile(text)
+    except re.error as error:
+        raise ValueError(f"--specimen {text!r} is no regular expression: {error}.") from None
+
+
+def _draw(folder: Path, imported: Imported) -> None:
+    """Draw a picture of each record of a file."""
+    from cutenv.report import draw_record  # an extra, and slow to import
+
+    for k in range(len(imported.records)):
+        place = "" if len(imported.records) == 1 else f"_{k + 1}"
+        title = f"{imported.path.name}{place.replace('_', ', record ')}"
+        draw_record(folder / f"{imported.path.stem}{place}.png", **imported.picture(k), title=title)
+
+
+def _named(trace: Trace, path: Path, number: int | None, pattern: re.Pattern[str] | None) -> Trace:
+    metadata = dict(trace.metadata)
+    metadata.setdefault("name", path.stem if number is None else f"{path.stem} {number}")
+    if pattern is not None and SPECIMEN_KEY not in metadata:
+        match = pattern.search(str(path))
+        if match is None:
+            raise ValueError(f"--specimen {pattern.pattern!r} does not match {path}; it must match every file.")
+        metadata[SPECIMEN_KEY] = match[1] if match.groups() else match[0]
+    return dataclasses.replace(trace, metadata=metadata)

@@ -1,0 +1,207 @@
+"""All measurements of one record about its tissue, ready to be combined with others."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutenv._base.arrays import Array
+from cutenv.measurement.depth import DepthProfile
+from cutenv.measurement.fracture import FractureEstimate, estimate_fracture_resistance
+from cutenv.measurement.initiation import Hilltop, InitiationEstimate, hilltops, initiation_at
+from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio
+from cutenv.measurement.modulus import ModulusEstimate, elastic_record, moduli_of
+from cutenv.measurement.return_stroke import ReturnStroke
+from cutenv.measurement.segments import Segment, loading_segments
+from cutenv.measurement.stiffness import unit_stiffness
+from cutenv.measurement.strokes import blade_speed, strokes
+from cutenv.measurement.zero import zeroed
+from cutenv.tissue.cut_model import CutModel
+from cutenv.tissue.slab import effective_depth
+from cutenv.trace import Trace
+
+SPECIMEN_KEY = "specimen"
+"""Key in a trace's metadata for the piece of tissue (for example a liver); cuts of the same name share it."""
+
+_DEPTH_EVERY = 0.5e-3  # [m] along the cut: a depth profile is smooth
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeasuredCut:
+    """One record, measured.
+
+    Attributes
+    ----------
+    trace : Trace
+        The record, its force less the sensor's zero.
+    name : str
+        Name of the cut in messages.
+    specimen : str
+        Name of the piece of tissue; "" if the record does not give it.
+    speed, angle : float
+        Median speed while the blade moves forward [m/s], and mean angle [rad].
+    moduli : ModulusEstimate
+        Local effective moduli; none if no loading segment was steady.
+    fracture : FractureEstimate
+        Fracture resistance, apparent and corrected.
+    initiation : InitiationEstimate
+        Hilltops of the force, and the units between them.
+    return_stroke : ReturnStroke or None
+        Tip, friction and unloading stiffness, where the record has a way back.
+    depth : DepthProfile
+        Depth of the cut every 0.5 mm.
+    ramps, tops : list
+        Loading segments and hilltops, which do not depend on the loading ratio.
+    """
+
+    trace: Trace
+    name: str
+    specimen: str
+    speed: float
+    angle: float
+    moduli: ModulusEstimate
+    fracture: FractureEstimate
+    initiation: InitiationEstimate
+    return_stroke: ReturnStroke | None
+    depth: DepthProfile
+    ramps: list[Segment]
+    tops: list[Hilltop | None]
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Remarks on what weakens the estimates, each once."""
+        return tuple(dict.fromkeys((*self.fracture.flags, *self.moduli.flags)))
+
+    def unloading_modulus(self, model: CutModel) -> float | None:
+        """Return the material's modulus at the tip from the elastic way back [Pa], without growth; else None."""
+        back = self.return_stroke
+        if back is None or back.stiffness == 0.0 or back.tip > model.length:
+            return None
+        return back.stiffness / float(unit_stiffness(back.tip, self.depth, model))
+
+    @property
+    def material_moduli(self) -> Array:
+        """Modulus of the material times the loading ratio, from each segment [Pa], shape (n_segments,).
+
+        A local effective modulus is per depth of cut; in a slab that is not cut through it is higher.
+        """
+        depth = self.depth.at(self.moduli.position)
+        return np.asarray(self.moduli.modulus * depth / effective_depth(self.moduli.position, depth))
+
+    @property
+    def material_modulus(self) -> float:
+        """Mean of :attr:`material_moduli` [Pa]."""
+        return float(self.material_moduli.mean())
+
+    def with_loading_ratio(self, ratio: LoadingRatio, model: CutModel) -> MeasuredCut:
+        """Return the same cut, measured with another loading ratio."""
+        friction = self.moduli.friction_per_depth
+        moduli = moduli_of(self.ramps, self.depth, model, ratio, friction_per_depth=friction)
+        fracture = self.fracture
+        if self.return_stroke is None:
+            fracture = estimate_fracture_resistance(self.trace, loading_ratio=ratio)
+        return dataclasses.replace(
+            self,
+            moduli=dataclasses.replace(moduli, flags=self.moduli.flags),
+            fracture=fracture,
+            initiation=initiation_at(self.tops, self.depth, model, ratio),
+        )
+
+
+def measure_cut(
+    trace: Trace, model: CutModel, *, ratio: LoadingRatio = loading_ratio, name: str = "trace"
+) -> MeasuredCut:
+    """Measure one record.
+
+    Parameters
+    ----------
+    trace : Trace
+        With position, angle and depth; force in newtons.
+    model : CutModel
+        Model to which the moduli shall belong.
+    ratio : callable, optional
+        Loading ratio r of a speed [m/s] and an angle [rad]; default that of pig liver.
+    name : str
+        Name of the cut in messages.
+
+    Returns
+    -------
+    MeasuredCut
+
+    Raises
+    ------
+    ValueError
+        If the record lacks what is needed, or has neither a steady segment nor a way back.
+    """
+    by = "measure_cut"
+    trace.require_newtons(by=by)
+    position, _, _ = trace.require("position", "angle", "depth", by=by)
+    trace, _ = zeroed(trace)
+    fracture = estimate_fracture_resistance(trace, loading_ratio=ratio)
+    back = fracture.return_stroke
+    depth = _thinned(DepthProfile.recorded(trace, by=by))
+    friction = fracture.friction_per_depth
+    elastic = elastic_record(trace, depth, friction)
+    ramps = loading_segments(elastic)
+    moduli = moduli_of(ramps, depth, model, ratio, friction_per_depth=friction)
+    if not len(moduli) and back is None:
+        raise ValueError(
+            f"it has no return stroke, and none of its {len(ramps)} loading segments is steady: the force must rise "
+            "and drop again several times at one speed. Cut farther, or slower, or record the way back."
+        )
+    tops = hilltops(elastic, ramps)
+    return MeasuredCut(
+        trace=trace,
+        name=name,
+        specimen=str(trace.metadata.get(SPECIMEN_KEY, "")),
+        speed=_speed(trace.time, position),
+        angle=float(np.mean(trace.require("angle", by=by))),
+        moduli=moduli,
+        fracture=fracture,
+        initiation=initiation_at(tops, depth, model, ratio),
+        return_stroke=back,
+        depth=depth,
+        ramps=ramps,
+        tops=tops,
+    )
+
+
+def by_specimen(cuts: list[MeasuredCut]) -> dict[str, list[MeasuredCut]]:
+    """Return the cuts of each piece of tissue, in order of first appearance."""
+    groups: dict[str, list[MeasuredCut]] = {}
+    for cut in cuts:
+        groups.setdefault(cut.specimen, []).append(cut)
+    return groups
+
+
+def named(traces: list[Trace]) -> list[tuple[str, Trace]]:
+    """Return traces with unique names: from their metadata, or their number."""
+    names = [str(trace.metadata.get("name") or f"trace {i}") for i, trace in enumerate(traces)]
+    times = Counter(names)
+    used = {name for name in names if times[name] == 1}
+    found = []
+    for i, (name, trace) in enumerate(zip(names, traces, strict=True)):
+        if times[name] > 1:
+            name = f"{name} ({i})"
+            while name in used:  # the user's own names may end in numbers
+                name = f"{name} ({i})"
+            used.add(name)
+        found.append((name, trace))
+    return found
+
+
+def _speed(time: Array, position: Array) -> float:
+    """Return the median speed of the forward strokes [m/s]."""
+    speed = blade_speed(time, position)
+    forward = [speed[stroke.samples] for stroke in strokes(time, position) if stroke.forward]
+    return float(np.median(np.concatenate(forward)))
+
+
+def _thinned(depth: DepthProfile) -> DepthProfile:
+    """Return the same profile at fewer positions: it is looked up often, and smooth."""
+    first, last = float(depth.position[0]), float(depth.position[-1])
+    places = np.linspace(first, last, max(2, round((last - first) / _DEPTH_EVERY) + 1))
+    return DepthProfile(position=places, depth=depth.at(places))

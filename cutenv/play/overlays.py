@@ -1,0 +1,146 @@
+"""Cards over the picture: instructions, countdown, and the end card with score and faults in plain words."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+
+import numpy as np
+
+from cutenv.play.play_session import GIVEN_UP, ViewState
+from cutenv.scoring import ScoreCard
+from cutenv.scoring.score_card import DISCLAIMER
+from cutenv.viewer import palette
+from cutenv.viewer.canvas import Canvas
+from cutenv.viewer.scene import Layout
+
+_LEFT, _RIGHT, _TOP = 110.0, 850.0, 74.0  # of a card [px]
+_EDGE = 26.0
+_VEIL = 0.55
+_MOST_FAULTS = 3
+_SHOWN = (
+    ("tip_error", "tip off target, estimated", 1e3, "mm", 1),
+    ("peak_force", "peak force", 1.0, "N", 2),
+    ("largest_jump", "longest run of the crack", 1e3, "mm", 1),
+    ("uncontrolled_share", "share cut by runs", 100.0, "%", 0),
+    ("force_rate", "change of force", 1.0, "N/s", 1),
+    ("duration", "time", 1.0, "s", 1),
+)
+"""Metric, its name for the reader, factor, unit, digits."""
+
+
+def _panel(canvas: Canvas, layout: Layout, bottom: float) -> None:
+    """Veil the background, and draw a sheet on it."""
+    whole = np.array(
+        [[0.0, layout.header], [layout.width, layout.header], [layout.width, layout.height], [0.0, layout.height]]
+    )
+    canvas.area(whole, palette.PAPER, opacity=_VEIL)
+    corners = np.array([[_LEFT, _TOP], [_RIGHT, _TOP], [_RIGHT, bottom], [_LEFT, bottom]])
+    canvas.area(corners + np.array([4.0, 5.0]), palette.QUIET, opacity=0.35)
+    canvas.area(corners, palette.PAPER, palette.QUIET)
+
+
+def draw_ready_card(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
+    """Draw the instructions, and the choices for the next cut."""
+    _panel(canvas, layout, 400.0)
+    x, target = _LEFT + _EDGE, sight.moment.target * 1e3
+    canvas.text(f"Cut {target:.0f} mm, gently", (x, _TOP + 40), size=36)
+    practice = "on" if sight.practice else "off"
+    whose = f"under the code {sight.operator}" if sight.operator else "without a name"
+    lines = (
+        ("Move the mouse along the cut: your hand follows, the blade hangs on it.", palette.INK),
+        ("The wheel leans the blade, down to 45°, and raises it again.", palette.INK),
+        ("Gamepad: left stick and right trigger; begin with its button A.", palette.INK),
+        ("", palette.INK),
+        (f"Bring the tip of the cut, which is hidden, to {target:.1f} mm, within 3 mm.", palette.INK),
+        ("To finish: blade upright, draw back until nothing pulls, hold still.", palette.INK),
+        ("", palette.INK),
+        (f"Tissue: {sight.specimen_class} (c: another).   Practice: {practice} (p).", palette.QUIET),
+        (f"Every cut is recorded, {whose}.", palette.QUIET),
+    )  # fmt: skip
+    for k, (words, colour) in enumerate(lines):
+        canvas.text(words, (x, _TOP + 86 + 24 * k), size=19, colour=colour)
+    canvas.text("space or click: begin", (_RIGHT - _EDGE, _TOP + 40), size=24, colour=palette.TARGET, anchor="midright")
+
+
+def draw_countdown(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
+    """Draw the countdown."""
+    middle = layout.along(0.075), layout.cut_line
+    canvas.disc(np.array(middle), 70.0, palette.PAPER)
+    canvas.text(f"{max(math.ceil(sight.countdown), 1)}", middle, size=130, colour=palette.TARGET, anchor="center")
+    words = "hand at the clamp"
+    canvas.text(words, (middle[0], middle[1] + 88), size=19, anchor="center", ground=palette.PAPER)
+
+
+def draw_end_card(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
+    """Draw the end card: score, numbers, faults and advice."""
+    card, moment = sight.card, sight.moment
+    faults = fault_lines(card)
+    foot = _TOP + 340 + sum(step for _, step, _ in faults)  # top of the text below the faults
+    _panel(canvas, layout, foot + 64)
+    x, right = _LEFT + _EDGE, _RIGHT - _EDGE
+    ended = moment.verdict or GIVEN_UP
+    colour = palette.SUCCESS if moment.success else palette.FAILURE
+    canvas.text(ended[:1].upper() + ended[1:], (x, _TOP + 34), size=30, colour=colour)
+    if card is None:
+        canvas.text("Nothing was cut: nothing to score, and no record.", (x, _TOP + 80), size=20)
+    else:
+        _draw_score(canvas, card, x, right)
+        _draw_metrics(canvas, card, x, right, _TOP + 132)
+        y = _TOP + 318
+        for words, step, fault in faults:
+            colour = palette.FAILURE if fault else palette.INK
+            canvas.text(words, (x if fault else x + 14, y), size=20 if fault else 17, colour=colour)
+            y += step
+    if sight.saved is not None:
+        words = f"record: {sight.saved.name}" + ", marked as practice" * sight.practised
+        canvas.text(words, (x, foot), size=15, colour=palette.QUIET)
+    canvas.text(DISCLAIMER, (x, foot + 19), size=15, colour=palette.QUIET)
+    done = sight.count is not None and sight.finished >= sight.count
+    keys = "space: end" if done else "space: next specimen     r: again     c: class     p: practice"
+    canvas.text(keys, (x, foot + 42), size=17, colour=palette.TARGET)
+
+
+def _draw_score(canvas: Canvas, card: ScoreCard, x: float, right: float) -> None:
+    if card.overall_score is None:
+        canvas.text(card.headline(), (x, _TOP + 84), size=17, colour=palette.QUIET)
+        return
+    canvas.text(f"{card.overall_score:.0f}", (right - 62, _TOP + 60), size=76, anchor="midright")
+    canvas.text("of 100", (right, _TOP + 72), size=19, colour=palette.QUIET, anchor="midright")
+    part = "" if card.completed > 0.95 else f"{100 * card.completed:.0f} % of the target length was cut; "
+    words = f"{part}score within {card.reference.partition(':')[0].replace('(', 'of ')} by scripts"
+    canvas.text(words, (x, _TOP + 72), size=17, colour=palette.QUIET)
+    canvas.text("from what a rig could measure, as: cutenv score RECORD", (x, _TOP + 92), size=15, colour=palette.QUIET)
+
+
+def _draw_metrics(canvas: Canvas, card: ScoreCard, x: float, right: float, top: float) -> None:
+    for k, (name, words, factor, unit, digits) in enumerate(_SHOWN):
+        scored, y = card.metrics[name], top + 27 * k
+        canvas.text(words, (x, y), size=19, colour=palette.QUIET)
+        value = "not known" if scored.value is None else f"{factor * scored.value:.{digits}f} {unit}"
+        canvas.text(value, (x + 330, y), size=20, anchor="midright")
+        if scored.percentile is not None:
+            start, length = x + 372, right - x - 372 - 130
+            canvas.bar(start, y - 6, start + length, y + 6, palette.PANEL)
+            canvas.bar(start, y - 6, start + length * scored.percentile / 100, y + 6, palette.GAIN)
+            words = f"better than {scored.percentile:.0f} %"
+            canvas.text(words, (right, y), size=16, colour=palette.QUIET, anchor="midright")
+
+
+def fault_lines(card: ScoreCard | None) -> list[tuple[str, int, bool]]:
+    """Return faults and advice: text, distance to the next line [px], and whether the line names a fault."""
+    if card is None:
+        return []
+    if not card.faults:
+        return [("No fault was found.", 30, False)]
+    # The end of a cut comes first: there are many runs and pauses but one end. The same advice is given once.
+    said: dict[str, list[str]] = {}
+    for fault in sorted(card.faults, key=lambda fault: fault.kind in ("lurch", "pause")):
+        said.setdefault(fault.try_next, []).append(fault.says)
+    lines = []
+    for advice, faults in list(said.items())[:_MOST_FAULTS]:
+        words = "; ".join(faults)
+        lines += [(line, 21, True) for line in textwrap.wrap(words[:1].upper() + words[1:], 80)]
+        lines += [(line, 21, False) for line in textwrap.wrap(f"Next time: {advice}.", 100)]
+        lines[-1] = (lines[-1][0], 32, False)
+    return lines

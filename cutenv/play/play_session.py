@@ -1,0 +1,352 @@
+"""Session of cuts by one person, without a window: specimens, countdown, 1 kHz by a given clock, record and score."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+import cutenv
+from cutenv._base.arrays import StructArray
+from cutenv._base.validation import in_range, one_of
+from cutenv.cutting.drive import Hand
+from cutenv.cutting.dtypes import TICK
+from cutenv.play.hand_model import PLAYED_HAND
+from cutenv.play.handle_body import Handle, HandlePose
+from cutenv.play.haptics import FeltForce, HapticDevice, Stylus
+from cutenv.play.played_cut import FEWEST_READINGS, UPDATES_HZ, PlayedCut
+from cutenv.recording import Provenance, save
+from cutenv.scoring import ScoreCard
+from cutenv.tissue import CutModel
+from cutenv.tissue.specimen import CLASSES
+from cutenv.viewer.scene import Moment
+
+PlayPhase = Literal["ready", "countdown", "cutting", "ended"]
+
+COUNTDOWN = 3.0
+"""Duration of the countdown before every cut [s]."""
+LONGEST_STALL = 0.25
+"""Longest stall that is made up for [s]; time beyond it is lost to the cut, and the record states it."""
+GIVEN_UP = "given up"
+"""End of a cut that the person abandoned: repeated, or the window closed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewState:
+    """State of a session to be drawn at one moment; nothing in it changes afterwards."""
+
+    phase: PlayPhase
+    countdown: float
+    moment: Moment
+    readings: StructArray
+    stylus: Stylus
+    hand: float
+    pose: HandlePose | None
+    practice: bool
+    practised: bool
+    truth: dict[str, Any]
+    specimen_class: str
+    chosen_class: str
+    serial: int
+    model: CutModel
+    number: int
+    finished: int
+    count: int | None
+    card: ScoreCard | None
+    saved: Path | None
+    operator: str | None
+
+
+class Session:
+    """Session of cuts one after the other, each recorded.
+
+    Parameters
+    ----------
+    device : HapticDevice
+        Device that the person holds.
+    specimen_class : str
+        Class of the first specimens; see :meth:`choose_class`.
+    seed : int
+        Seed of the session; specimen number i is its episode i.
+    folder : Path, optional
+        Folder for records, a CSV for each cut; it is created. Default: nothing is written.
+    operator : str, optional
+        Anonymous code, see :class:`cutenv.recording.Provenance`.
+    practice : bool
+        True to show hidden quantities.
+    cuts : int, optional
+        Number of cuts; unlimited by default.
+    target_length : float, optional
+        Target length of every cut [m]; drawn from 0.060 to 0.100 by default.
+    countdown : float
+        Duration of the countdown before every cut [s].
+    deadline : float
+        Time for a cut [s].
+    hand : Hand
+        Coupling between the person and the blade.
+    handle : bool
+        True to simulate a handle for the picture (needs pymunk).
+    now : callable
+        Returns date and time of day, for the records.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range, or the operator's code looks like a name.
+    """
+
+    def __init__(
+        self,
+        device: HapticDevice,
+        *,
+        specimen_class: str = "liver",
+        seed: int = 0,
+        folder: Path | None = None,
+        operator: str | None = None,
+        practice: bool = False,
+        cuts: int | None = None,
+        target_length: float | None = None,
+        countdown: float = COUNTDOWN,
+        deadline: float = 30.0,
+        hand: Hand = PLAYED_HAND,
+        handle: bool = False,
+        now: Callable[[], datetime] = lambda: datetime.now().astimezone(),
+    ) -> None:
+        self.device = device
+        self.chosen_class = one_of("specimen_class", specimen_class, CLASSES)
+        self.seed = seed
+        self.folder = folder
+        self._origin = Provenance(rig="cutenv play, simulated", sensor="simulated, 1 kHz", operator=operator)
+        self.operator = operator
+        self.practice = practice
+        self.count = None if cuts is None else round(in_range("cuts", cuts, 1, 10_000, "1", "Give how many."))
+        self._target_length, self._deadline = target_length, deadline
+        self._countdown = in_range("countdown", countdown, 0.0, 60.0, "s", "Give seconds.")
+        self._hand, self._with_handle, self._now = hand, handle, now
+        self.number = 0
+        """Number of the present specimen, counted from 0."""
+        self.finished = 0
+        """Number of cuts that came to one of the task's ends."""
+        self.records: list[Path] = []
+        """Files written, in order."""
+        self._attempts = 0
+        self._serial = 0
+        self._held: frozenset[str] = frozenset()
+        self._clock: float | None = None
+        self._ticks = 0
+        self.phase: PlayPhase = "ready"
+        self.card: ScoreCard | None = None
+        """Score of the cut that has ended."""
+        self.saved: Path | None = None
+        """Record of that cut, if there is a folder."""
+        self._felt: FeltForce | None = None
+        self._prepare()
+        # Compile now, on a cut that is discarded, rather than while the clock of the first one runs.
+        self.cut.tick(self._stylus)
+        self._prepare()
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+        device.open()
+
+    # Requests of the person
+
+    def begin(self) -> None:
+        """Start the countdown for the present specimen; do nothing during a cut."""
+        if self.phase == "ready":
+            self._countdown_ticks = round(self._countdown * UPDATES_HZ)
+            self.phase = "countdown"
+
+    def go_on(self) -> None:
+        """Begin, or after a cut prepare the next specimen; do nothing during a cut, or when all cuts are done."""
+        if self.phase == "ended" and not self.done:
+            self.number += 1
+            self._attempts = 0
+            self._prepare()
+        self.begin()
+
+    def repeat(self) -> None:
+        """Cut the same specimen again; a cut in progress is abandoned, and recorded as such."""
+        if self.phase == "ready":
+            return
+        self._give_up()
+        self._prepare(self.cut.specimen_class)
+        self.begin()
+
+    def choose_class(self, specimen_class: str | None = None) -> None:
+        """Choose the class of the next specimen, by default the following one; at once if no cut has begun."""
+        after = CLASSES[(CLASSES.index(self.chosen_class) + 1) % len(CLASSES)]
+        self.chosen_class = one_of("specimen_class", specimen_class or after, CLASSES)
+        if self.phase == "ready":
+            self._prepare()
+
+    def show_hidden(self, practice: bool | None = None) -> None:
+        """Switch practice on or off, by default to the other; a cut in which it was ever on is marked."""
+        self.practice = not self.practice if practice is None else practice
+        self._practised |= self.practice and self.phase in ("countdown", "cutting")
+
+    def close(self) -> None:
+        """End the session: abandon and record a cut in progress, and release the device; further calls do nothing."""
+        self._give_up()
+        self.device.close()
+
+    @property
+    def done(self) -> bool:
+        """True when the requested number of cuts is finished."""
+        return self.count is not None and self.finished >= self.count
+
+    # Time
+
+    def advance(self, clock: float) -> int:
+        """Advance to the time of a clock, millisecond by millisecond; return their number.
+
+        Parameters
+        ----------
+        clock : float
+            Time [s] from any origin, never decreasing; the first call sets the start.
+        """
+        if self._clock is None:
+            self._clock = clock
+        due = int((clock - self._clock) * UPDATES_HZ + 1e-6) - self._ticks
+        most = round(LONGEST_STALL * UPDATES_HZ)
+        if due > most:
+            self._stalled += (due - most) * TICK if self.phase == "cutting" else 0.0
+            self._clock += (due - most) * TICK
+            due = most
+        for _ in range(due):
+            self._ticks += 1
+            self._tick()
+        return max(due, 0)
+
+    def _tick(self) -> None:
+        if self.phase == "countdown":
+            self._countdown_ticks -= 1
+            if self._countdown_ticks <= 0:
+                self._start()
+        elif self.phase == "cutting":
+            self._stylus = self.device.read()
+            self.cut.tick(self._stylus)
+            if self._felt is not None:
+                blade = float(self.cut.readings["position"][-1])
+                self.device.push(self._felt.update(self._stylus.position, blade))
+            if self.cut.end:
+                self.finished += 1
+                self._finish(self.cut.end)
+        self._press(self._stylus.buttons if self.phase == "cutting" else self._buttons())
+
+    def _buttons(self) -> frozenset[str]:
+        return self.device.read().buttons if self._felt is not None else frozenset()
+
+    def _press(self, buttons: frozenset[str]) -> None:
+        """Act on buttons at the moment they are pressed."""
+        pressed, self._held = buttons - self._held, buttons
+        if "next" in pressed:
+            self.go_on()
+        if "repeat" in pressed:
+            self.repeat()
+
+    # One cut
+
+    def _prepare(self, specimen_class: str | None = None) -> None:
+        """Prepare the present specimen, of the chosen class or, for a repetition, of the class it had."""
+        self.cut = PlayedCut(
+            specimen_class=specimen_class or self.chosen_class,
+            seed=self.seed,
+            episode=self.number,
+            target_length=self._target_length,
+            deadline=self._deadline,
+            hand=self._hand,
+            handle=Handle(self._hand) if self._with_handle else None,
+        )
+        self._serial += 1
+        self.phase = "ready"
+        self._countdown_ticks = 0
+        self._stylus = Stylus(0.0, float(np.pi / 2))
+        self._felt = None if self.device.coupling is None else self.device.coupling.felt()
+        self._stalled = 0.0
+        self._practised = False
+        self._date = self._now()
+        self.card = None
+        self.saved = None
+
+    def _start(self) -> None:
+        self.device.open()
+        self._attempts += 1
+        self._practised |= self.practice
+        self._date = self._now()
+        self.phase = "cutting"
+
+    def _give_up(self) -> None:
+        if self.phase == "cutting":
+            self._finish(GIVEN_UP)
+
+    def _finish(self, end: str) -> None:
+        """Release the device, then record and score the cut."""
+        self.phase = "ended"
+        if self._felt is not None:
+            self.device.push(0.0)
+        if len(self.cut.readings) < FEWEST_READINGS:
+            return
+        origin = dataclasses.replace(
+            self._origin,
+            specimen=f"{self.cut.specimen_class}, seed {self.seed}, number {self.number}",
+            date=self._date.isoformat(timespec="seconds"),
+        )
+        name = f"{self._date:%Y%m%dT%H%M%S}_{self.cut.specimen_class}_{self.seed}-{self.number}_{self._attempts}"
+        trace = self.cut.trace(
+            **origin.metadata,
+            name=name,
+            program=f"cutenv {cutenv.__version__}",
+            specimen_class=self.cut.specimen_class,
+            specimen_seed=self.seed,
+            specimen_episode=self.number,
+            attempt=self._attempts,
+            practice=self._practised,
+            end=end,
+            success=bool(self.cut.end) and self.cut.cutting.success,
+            device=type(self.device).__name__,
+            hand=dataclasses.asdict(self._hand),
+            stalled_s=round(self._stalled, 3),
+        )
+        if self.folder is not None:
+            self.saved = _unused(self.folder, name)
+            save(trace, self.saved)
+            self.records.append(self.saved)
+        self.card = self.cut.card(trace)
+
+    def sight(self) -> ViewState:
+        """Return the state to be drawn now."""
+        return ViewState(
+            phase=self.phase,
+            countdown=self._countdown_ticks * TICK,
+            moment=Moment.of(self.cut.plant, self.cut.cutting),
+            readings=self.cut.readings,
+            stylus=self._stylus,
+            hand=float(self.cut.plant.states["hand"][0]),
+            pose=self.cut.pose,
+            practice=self.practice,
+            practised=self._practised,
+            truth=self.cut.truth,
+            specimen_class=self.cut.specimen_class,
+            chosen_class=self.chosen_class,
+            serial=self._serial,
+            model=self.cut.plant.specimen.cut_model(),
+            number=self.number,
+            finished=self.finished,
+            count=self.count,
+            card=self.card,
+            saved=self.saved,
+            operator=self.operator,
+        )
+
+
+def _unused(folder: Path, name: str) -> Path:
+    """Return a path for that name at which no file exists yet."""
+    path, k = folder / f"{name}.csv", 2
+    while path.exists():
+        path, k = folder / f"{name}.{k}.csv", k + 1
+    return path

@@ -1,0 +1,167 @@
+"""Window in which a person cuts: keys, mouse and gamepad in, pictures out, physics by the clock in between."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from cutenv.play.devices import GamepadDevice, MouseDevice, simple_hand
+from cutenv.play.haptics import HapticDevice
+from cutenv.play.picture import LAYOUT, PlayPicture
+from cutenv.play.play_session import Session
+from cutenv.play.servo import Servo
+from cutenv.viewer.canvas import import_pygame
+from cutenv.viewer.window import Window
+
+FPS = 60.0
+_FULL_STICK, _FULL_TRIGGER = 32768.0, 32767.0  # SDL's ranges for the axes of a game controller
+
+
+class PlayWindow:
+    """Window of a session.
+
+    Parameters
+    ----------
+    session : Session
+        Session; if its device is a :class:`MouseDevice`, mouse and gamepad replace it when they begin a cut. Any other
+        device stays.
+    scripted : bool
+        True to let a scripted hand cut instead of a person, by its own clock: a sixtieth of a second for each picture,
+        however long that takes.
+    clock : callable
+        Clock in seconds.
+
+    Raises
+    ------
+    ImportError
+        If pygame is not installed.
+    """
+
+    def __init__(
+        self, session: Session, *, scripted: bool = False, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self.session = session
+        self.scripted = scripted
+        self._clock = clock
+        self._pygame: Any = import_pygame()
+        self._picture = PlayPicture()
+        self._window = Window(LAYOUT.width, LAYOUT.height, 0.0 if scripted else FPS)
+        self._pygame.display.set_caption("cutenv play")
+        self.mouse, self.gamepad = MouseDevice(), GamepadDevice()
+        self._own_device = isinstance(session.device, MouseDevice)
+        self._stick = self._trigger = 0.0
+        self._pads: list[Any] = []
+        self._pictures = 0
+        if not scripted:
+            self._open_gamepads()
+
+    def run(self) -> None:
+        """Run until the window is closed or all cuts are done; a cut in progress is still recorded."""
+        servo = Servo(self.session, self._clock) if self.session.device.coupling is not None else None
+        try:
+            while self._window.open and (servo is None or servo.error is None):
+                if servo is None:
+                    self.show_next()
+                else:
+                    with servo.lock:
+                        self.take_events()
+                        sight = self.session.sight()
+                    self._window.present(self._picture.draw(sight))
+                if self.scripted and self.session.done and self.session.phase == "ended":
+                    self._window.close()
+        finally:
+            try:
+                if servo is not None:
+                    servo.stop()
+            finally:
+                self.session.close()
+                self._window.close()
+
+    def show_next(self) -> None:
+        """Show one picture: take events, advance the time, draw."""
+        self.take_events()
+        if self.scripted:
+            self._lead_by_script()
+        self.session.advance(self._pictures / FPS if self.scripted else self._clock())
+        self._pictures += 1
+        self._window.present(self._picture.draw(self.session.sight()))
+
+    def save(self, file: Path) -> None:
+        """Write the last picture as PNG."""
+        self._pygame.image.save(self._picture.draw(self.session.sight()).surface, str(file))
+
+    # Events
+
+    def take_events(self) -> None:
+        """Handle the events of keys, mouse and gamepad."""
+        for event in self._window.take_events():
+            self._take(event)
+        if self._window.open:
+            busy = self.session.phase in ("countdown", "cutting") and self._own_device and not self.scripted
+            # A captured mouse moves on beyond the edge of the screen, and its pointer does not hide the cut.
+            self._pygame.event.set_grab(busy)
+            self._pygame.mouse.set_visible(not busy)
+
+    def _take(self, event: Any) -> None:
+        pygame = self._pygame
+        if event.type == pygame.KEYDOWN:
+            self._take_key(event.key)
+        elif event.type == pygame.MOUSEMOTION and self.session.phase == "cutting":
+            self.mouse.move(event.rel[0] / LAYOUT.scale)
+        elif event.type == pygame.MOUSEWHEEL and self.session.phase == "cutting":
+            self.mouse.turn(event.y)
+        elif event.type == pygame.MOUSEBUTTONDOWN and event.button == 1:
+            self._go_on(self.mouse)
+        elif event.type == pygame.CONTROLLERAXISMOTION:
+            self._take_axis(event.axis, event.value)
+        elif event.type == pygame.CONTROLLERBUTTONDOWN and event.button == pygame.CONTROLLER_BUTTON_A:
+            self._go_on(self.gamepad)
+        elif event.type == pygame.CONTROLLERDEVICEADDED:
+            self._open_gamepads()
+
+    def _take_key(self, key: int) -> None:
+        pygame, session = self._pygame, self.session
+        if key in (pygame.K_SPACE, pygame.K_RETURN, pygame.K_KP_ENTER):
+            self._go_on(self.mouse)
+        elif key == pygame.K_r:
+            session.repeat()
+        elif key == pygame.K_c:
+            session.choose_class()
+        elif key == pygame.K_p:
+            session.show_hidden()
+        elif key in (pygame.K_UP, pygame.K_DOWN) and session.phase == "cutting":
+            self.mouse.turn(1 if key == pygame.K_UP else -1)
+        elif key == pygame.K_ESCAPE:
+            self._window.close()
+
+    def _go_on(self, device: HapticDevice) -> None:
+        """Begin the next cut, led by the device that asked for it."""
+        if self.session.phase == "ended" and self.session.done:
+            self._window.close()
+            return
+        if self._own_device and self.session.phase in ("ready", "ended"):
+            self.session.device = device
+        self.session.go_on()
+
+    def _take_axis(self, axis: int, value: int) -> None:
+        if axis == self._pygame.CONTROLLER_AXIS_LEFTX:
+            self._stick = value / _FULL_STICK
+        elif axis == self._pygame.CONTROLLER_AXIS_TRIGGERRIGHT:
+            self._trigger = max(value, 0) / _FULL_TRIGGER
+        self.gamepad.hold(self._stick, self._trigger)
+
+    def _open_gamepads(self) -> None:
+        """Open every game controller that is connected."""
+        from pygame._sdl2 import controller  # its axes mean the same on every pad, unlike a joystick's
+
+        controller.init()
+        self._pads = [controller.Controller(i) for i in range(controller.get_count()) if controller.is_controller(i)]
+
+    def _lead_by_script(self) -> None:
+        if self.session.phase in ("ready", "ended") and not self.session.done:
+            if self.session.phase == "ended":
+                self.session.go_on()
+            self.session.device = simple_hand(self.session.cut.target_length)
+            self.session.begin()

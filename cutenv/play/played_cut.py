@@ -1,0 +1,149 @@
+"""Cut by a person: the environment's own task at 1 kHz, with every reading kept, scored as any other cut."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from cutenv._base.arrays import StructArray
+from cutenv._base.validation import in_range
+from cutenv.cutting.drive import Hand
+from cutenv.cutting.dtypes import READING, TICK
+from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.plant.protocol import depth_along, to_trace
+from cutenv.plant.simulator import SimulatedPlant
+from cutenv.play.hand_model import PLAYED_HAND, speed_toward
+from cutenv.play.handle_body import Handle, HandlePose
+from cutenv.play.haptics import Stylus
+from cutenv.scoring import ReferenceSet, ScoreCard, score
+from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.task.observation import to_action
+from cutenv.trace import Trace
+
+UPDATES_HZ = round(1.0 / TICK)
+FEWEST_READINGS = 100
+"""Least number of readings that makes an abandoned cut a record: a tenth of a second."""
+
+
+class PlayedCut:
+    """Cut of one specimen by a person's hand.
+
+    It is an episode of ``GentleCutEnv(drive="hand", control_hz=1000)`` with the same seed: specimen, target, ends and
+    reward are those of an agent. Its decisions are a millisecond apart.
+
+    Parameters
+    ----------
+    specimen_class : str
+        "uniform", "liver", "vascular" or "mixed".
+    seed, episode : int
+        Key of specimen, target and noise.
+    target_length : float, optional
+        Length of the cut [m]; drawn from 0.060 to 0.100 by default.
+    deadline : float
+        Time for the cut [s].
+    hand : Hand
+        Coupling between the person and the blade.
+    handle : Handle, optional
+        Handle for the picture, which follows the cut.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range.
+    """
+
+    def __init__(
+        self,
+        *,
+        specimen_class: str = "liver",
+        seed: int = 0,
+        episode: int = 0,
+        target_length: float | None = None,
+        deadline: float = 30.0,
+        hand: Hand = PLAYED_HAND,
+        handle: Handle | None = None,
+    ) -> None:
+        self.specimen_class, self.seed, self.episode = specimen_class, seed, episode
+        in_range("seed", seed, 0, 2**63 - 1, "1", "Give a whole number from 0.")
+        self._env = GentleCutEnv(
+            specimen_class=specimen_class,
+            target_length=target_length,
+            deadline_s=deadline,
+            control_hz=UPDATES_HZ,
+            drive="hand",
+            **dataclasses.asdict(hand),
+        )
+        self._hand, self._handle = hand, handle
+        self._info = self._env.reset(seed=seed, options={"episode": episode})[1]
+        self._readings: StructArray = np.zeros(round(deadline * UPDATES_HZ) + 1, READING)
+        self._count = 0
+        self.end = ""
+        """Cause of the end, one of the environment's ends; empty while the cut goes on."""
+
+    @property
+    def plant(self) -> SimulatedPlant:
+        """Simulated plant of this cut."""
+        return self._env.plant
+
+    @property
+    def cutting(self) -> GentleCutting:
+        """Task of this cut."""
+        return self._env.cutting
+
+    @property
+    def truth(self) -> dict[str, Any]:
+        """Hidden state, and energies [J], as in the environment's info; for practice."""
+        told: dict[str, Any] = self._info["truth"] | self._info["energy"]
+        return told
+
+    @property
+    def readings(self) -> StructArray:
+        """Every reading so far, shape (n,); existing ones do not change."""
+        return self._readings[: self._count]
+
+    @property
+    def target_length(self) -> float:
+        """Target length [m]."""
+        return self.cutting.target_length
+
+    @property
+    def pose(self) -> HandlePose | None:
+        """Pose of the drawn handle, if there is one."""
+        return None if self._handle is None else self._handle.pose
+
+    def tick(self, stylus: Stylus) -> None:
+        """Advance by a millisecond under a person's hand; does nothing once the cut has ended."""
+        if self.end:
+            return
+        state = self.plant.states[0]
+        speed = speed_toward(stylus.position, state, self._hand)
+        _, _, ended, _, self._info = self._env.step(to_action(speed, stylus.angle))
+        assert self.cutting.readings is not None  # at least one step was made
+        self._readings[self._count] = reading = self.cutting.readings[0]
+        self._count += 1
+        if ended:
+            self.end = self._info["end"]
+        if self._handle is not None:
+            self._handle.step(
+                hand=float(state["hand"]),
+                hand_speed=float(state["hand_speed"]),
+                angle=float(state["angle"]),
+                force=float(reading["true_force"]),
+                depth=float(depth_along(self.plant, state["blade"])),
+            )
+
+    def trace(self, **metadata: object) -> Trace:
+        """Return the trace that a rig would have recorded.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer than two readings.
+        """
+        return to_trace(self.plant, self.readings, target_length_m=self.target_length, **metadata)
+
+    def card(self, trace: Trace) -> ScoreCard:
+        """Return the score of its record, as from ``cutenv score``: from quantities that a rig can measure."""
+        return score(trace, target_length=self.target_length, reference=ReferenceSet.shipped())

@@ -1,0 +1,165 @@
+"""A network of dense layers in NumPy: the actor of a trained policy."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutenv._base.arrays import Array32
+from cutenv._base.validation import one_of
+
+Layer = tuple[Array32, Array32]
+"""Weight, shape (outputs, inputs), and bias, shape (outputs,)."""
+
+ACTIVATIONS: dict[str, Callable[[Array32], Array32]] = {
+    "tanh": np.tanh,
+    "relu": lambda values: np.maximum(values, np.float32(0.0)),
+}
+_PARTS = ("weight", "bias")
+_HIDDEN = re.compile(r"mlp_extractor\.policy_net\.(\d+)\.(?:weight|bias)")
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """Dense layers, each followed by an activation except the last, which is linear.
+
+    Parameters
+    ----------
+    layers : tuple of (weight, bias)
+        Weight and bias of each layer from input to output, float32, shapes (outputs, inputs) and (outputs,).
+    activation : {"tanh", "relu"}
+        Activation function after every layer but the last.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, a number is not float32 or not finite, or the activation is unknown.
+    """
+
+    layers: tuple[Layer, ...]
+    activation: str = "tanh"
+
+    def __post_init__(self) -> None:
+        one_of("activation", self.activation, ACTIVATIONS)
+        if not self.layers:
+            raise ValueError("layers is empty; give at least one (weight, bias).")
+        checked = tuple(
+            (checked_array(_name(k, "weight"), weight, 2), checked_array(_name(k, "bias"), bias, 1))
+            for k, (weight, bias) in enumerate(self.layers)
+        )
+        inputs = checked[0][0].shape[1]
+        for k, (weight, bias) in enumerate(checked):
+            if weight.shape[1] != inputs:
+                raise ValueError(f"{_name(k, 'weight')} takes {weight.shape[1]} numbers, but {inputs} come in.")
+            if bias.shape != weight.shape[:1]:
+                raise ValueError(f"{_name(k, 'bias')} has shape {bias.shape}; its weight gives {weight.shape[0]}.")
+            inputs = weight.shape[0]
+        object.__setattr__(self, "layers", checked)
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Widths from input to output."""
+        return (self.layers[0][0].shape[1], *(len(bias) for _, bias in self.layers))
+
+    def __call__(self, features: Array32) -> Array32:
+        """Return the output, shape (..., ``sizes[-1]``), for features, shape (..., ``sizes[0]``)."""
+        values = np.asarray(features, dtype=np.float32)
+        if values.shape[-1:] != self.sizes[:1]:
+            raise ValueError(f"features has shape {values.shape}; its last axis must hold {self.sizes[0]} numbers.")
+        activate = ACTIVATIONS[self.activation]
+        *hidden, (last_weight, last_bias) = self.layers
+        for weight, bias in hidden:
+            values = activate(row_by_row(values, weight) + bias)
+        return row_by_row(values, last_weight) + last_bias
+
+    def to_arrays(self) -> dict[str, Array32]:
+        """Return weights and biases by name: ``layer_0.weight``, ``layer_0.bias``, ``layer_1.weight`` and so on."""
+        return {
+            _name(k, part): array
+            for k, layer in enumerate(self.layers)
+            for part, array in zip(_PARTS, layer, strict=True)
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Array32], activation: str) -> Network:
+        """Build the network from arrays named as by :meth:`to_arrays`.
+
+        Raises
+        ------
+        ValueError
+            If an array is missing, has an unknown name, or is invalid.
+        """
+        prefixes = [f"layer_{k}" for k in range(max(len(arrays) // 2, 1))]
+        layers = tuple(_layer(arrays, prefix) for prefix in prefixes)
+        unknown = sorted(arrays.keys() - {f"{prefix}.{part}" for prefix in prefixes for part in _PARTS})
+        if unknown:
+            raise ValueError(f"array {unknown[0]!r} belongs to no layer of {prefixes[0]} to {prefixes[-1]}.")
+        return cls(layers, activation)
+
+    @classmethod
+    def from_state_dict(cls, arrays: Mapping[str, Array32], activation: str) -> Network:
+        """Build the actor of Stable-Baselines3's ``MlpPolicy``: its deterministic action before clipping.
+
+        Parameters
+        ----------
+        arrays : mapping
+            Parameters of the policy by name, as NumPy arrays; the critic's and the action's log_std are ignored.
+        activation : {"tanh", "relu"}
+            The policy's ``activation_fn``, which the names do not contain.
+
+        Raises
+        ------
+        ValueError
+            If a parameter of the actor is missing (the message names it), or there are other modules than
+            activations between the dense layers.
+        """
+        places = sorted({int(found[1]) for name in arrays if (found := _HIDDEN.fullmatch(name))})
+        expected = list(range(0, 2 * len(places), 2))  # every second module is an activation, without parameters
+        if places != expected:
+            raise ValueError(
+                f"mlp_extractor.policy_net has parameters at {places} instead of {expected}: one is missing, or it is "
+                "not dense layers with an activation after each."
+            )
+        prefixes = [*(f"mlp_extractor.policy_net.{place}" for place in places), "action_net"]
+        return cls(tuple(_layer(arrays, prefix) for prefix in prefixes), activation)
+
+
+def row_by_row(values: Array32, weight: Array32) -> Array32:
+    """Multiply ``values``, shape (..., inputs), by ``weight``, shape (outputs, inputs), each row on its own.
+
+    One product of all rows rounds differently from single rows, and a cut amplifies the last bit.
+    """
+    product: Array32 = (values[..., None, :] @ weight.T)[..., 0, :]
+    return product
+
+
+def _name(number: int, part: str) -> str:
+    return f"layer_{number}.{part}"
+
+
+def _layer(arrays: Mapping[str, Array32], prefix: str) -> Layer:
+    for part in _PARTS:
+        if f"{prefix}.{part}" not in arrays:
+            some = ", ".join(sorted(arrays)[:6]) or "nothing"
+            raise ValueError(f"array '{prefix}.{part}' is missing; found {some}{', ...' if len(arrays) > 6 else ''}.")
+    return arrays[f"{prefix}.weight"], arrays[f"{prefix}.bias"]
+
+
+def checked_array(name: str, values: Array32, dimensions: int) -> Array32:
+    """Return a read-only C-ordered copy; raise ValueError unless float32, finite and of ``dimensions`` axes."""
+    array = np.array(values, order="C")
+    if array.dtype != np.float32:
+        raise ValueError(f"{name} is {array.dtype}; give float32: array.astype(numpy.float32).")
+    if array.ndim != dimensions or array.size == 0:
+        raise ValueError(f"{name} has shape {array.shape}; it must have {dimensions} axes, none empty.")
+    wrong = int(np.count_nonzero(~np.isfinite(array)))
+    if wrong:
+        raise ValueError(
+            f"{name} holds {wrong} of {array.size} numbers that are NaN or infinite: training "
+            "diverged. Take an earlier checkpoint."
+        )
+    array.setflags(write=False)
+    return array

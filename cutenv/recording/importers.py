@@ -1,0 +1,259 @@
+"""Records of other programs and laboratories, read through a mapping of their columns."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import re
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv._base.arrays import Array
+from cutenv.measurement import QualityIssue, quality_issues
+from cutenv.recording.column_map import ColumnMap
+from cutenv.recording.csv_sniffer import SniffedTable, bare_name, sniff_table
+from cutenv.recording.cut_detection import STANDARD, CutSearch, FoundCut, contact_level, find_cuts, find_tare
+from cutenv.recording.mapped_columns import MappedReadings
+from cutenv.recording.record_errors import RecordError
+from cutenv.trace import Trace
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Imported:
+    """Content of a file, and what was found in it.
+
+    Attributes
+    ----------
+    path : Path
+        Path of the file.
+    mapping : ColumnMap or None
+        Mapping through which it was read; ``imported.mapping.save(folder)`` keeps it for the next file. None: not
+        needed.
+    records : tuple of Trace
+        Every record, complete and unchanged, without tare.
+    tared : tuple of Trace
+        The same without the sensor's offset, if a quiet start shows it.
+    cuts : tuple of tuple of FoundCut
+        Position of the cuts in each record.
+    traces : tuple of Trace
+        Cuts of all records, tared; a record without a cut is one trace. ``metadata`` has the file, its lines, the tare
+        and the mapping.
+    flaws : tuple of tuple of Flaw
+        Flaws of each of `traces`; rows are instants of that trace, the message names the lines.
+    notes : tuple of str
+        Assumptions and corrections, in words, to be shown to the reader.
+    """
+
+    path: Path
+    mapping: ColumnMap | None
+    records: tuple[Trace, ...]
+    tared: tuple[Trace, ...]
+    cuts: tuple[tuple[FoundCut, ...], ...]
+    traces: tuple[Trace, ...]
+    flaws: tuple[tuple[QualityIssue, ...], ...]
+    notes: tuple[str, ...]
+
+    @property
+    def sound(self) -> tuple[Trace, ...]:
+        """Cuts without a flaw that excludes them."""
+        return tuple(
+            trace
+            for trace, found in zip(self.traces, self.flaws, strict=True)
+            if not any(flaw.refuse for flaw in found)
+        )
+
+    def picture(self, record: int) -> dict[str, Any]:
+        """Return the arguments of :func:`cutenv.report.draw_record` for a record, counted from 0, by name."""
+        first = sum(max(1, len(found)) for found in self.cuts[:record])
+        cuts = self.cuts[record]
+        quiet = self.tared[record].metadata.get("tare_instants")
+        return {
+            "record": self.records[record],
+            "tared": self.tared[record],
+            "quiet": None if quiet is None else slice(quiet[0], quiet[1] + 1),
+            "cuts": [cut.samples for cut in cuts],
+            "flaws": self.flaws[first : first + max(1, len(cuts))],
+        }
+
+
+def load_foreign(
+    path: str | os.PathLike[str], mapping: ColumnMap | None = None, *, search: CutSearch | None = STANDARD
+) -> Imported:
+    """Read the cuts in a table that another program wrote.
+
+    Encoding, separator, decimal comma, lines above the header and units in it or below it are detected. The sensor's
+    offset is subtracted if the record has a quiet start, for a norm from each component; then the cuts in it are found.
+    A record that `mapping.split_by` separates from the others is one cut.
+
+    Parameters
+    ----------
+    path : path
+        Path of a text file (.csv, .txt, .dat, .lvm, ...).
+    mapping : ColumnMap, optional
+        Mapping of its columns; by default the one saved beside the file.
+    search : CutSearch or None
+        Criteria for cuts. None: neither tare nor split, each record is one trace.
+
+    Returns
+    -------
+    Imported
+
+    Raises
+    ------
+    RecordError
+        If the file or a record in it cannot be read: names line, reason and cure.
+    OSError
+        If the file cannot be opened.
+    """
+    path = Path(path)
+    table = sniff_table(path)
+    if mapping is None:
+        mapping = _saved_mapping(path, table)
+    notes = [f"{path.name}: {table}."]
+    readings = MappedReadings.of(table, mapping, notes)
+    records, tared, cuts = [], [], []
+    parts: list[tuple[Trace, tuple[QualityIssue, ...]]] = []
+    for group, rows in _records_of(table, mapping):
+        whole = readings.trace(group, rows, None)
+        tare = None if search is None else _tare(readings, whole, rows, search)
+        name = f"record {' '.join(group.values())}: " if group else ""
+        plain = whole if tare is None else readings.trace(group, rows, tare)
+        found = [] if search is None else find_cuts(plain, search)
+        if group and found:  # the file defines one cut, the search its start and end
+            found = [FoundCut(start=found[0].start, stop=found[-1].stop)]
+        if search is not None:
+            notes += [name + note for note in _told(readings, whole, plain, tare, found, search)]
+        records.append(whole)
+        tared.append(plain)
+        cuts.append(tuple(found))
+        for cut in found or [FoundCut(start=0, stop=len(plain))]:
+            parts.append(_cut(plain, cut, readings.lines[rows]))
+    return Imported(
+        path=path,
+        mapping=mapping,
+        records=tuple(records),
+        tared=tuple(tared),
+        cuts=tuple(cuts),
+        traces=tuple(trace for trace, _ in parts),
+        flaws=tuple(found_flaws for _, found_flaws in parts),
+        notes=tuple(notes),
+    )
+
+
+def how_to_map(table: SniffedTable) -> str:
+    """Return a sentence with the ``--map`` of a table, its own columns as the example."""
+    columns = range(table.n_columns)
+    force = next((k for k in columns if _unit(table, k, "force")), None)
+    time = next((k for k in columns if k != force and _unit(table, k, "time")), None)
+    if time is None and table.n_columns > 1:
+        time = next(k for k in columns if k != force)
+    if force is None:
+        force = next(k for k in columns if k != time)
+    first = "rate=1000Hz" if time is None else f"time={_name(table, time)}"
+    unit = "" if _unit(table, force, "force") else " --unit N"
+    options = f"{shlex.quote(first)} {shlex.quote(f'force={_name(table, force)}')}{unit}"
+    names = f" Its columns: {', '.join(table.headers)}." if table.headers else ""
+    return f"--map {options}, for example; it is kept beside the files for the next time.{names}"
+
+
+def _unit(table: SniffedTable, column: int, field: str) -> str | None:
+    """Return the unit of a field in a column's header; None if it has none, or that of another field."""
+    try:
+        return table.unit(column, field)
+    except RecordError:
+        return None
+
+
+def _name(table: SniffedTable, column: int) -> str:
+    """Return a column as written after ``--map``: its bare name, or its number where the name is not plain."""
+    names = [bare_name(header) for header in table.headers]
+    plain = column < len(names) and re.fullmatch(r"[^\W\d][\w .]*", names[column]) and names.count(names[column]) == 1
+    return names[column] if plain else f"#{column + 1}"
+
+
+def _saved_mapping(path: Path, table: SniffedTable) -> ColumnMap:
+    try:
+        return ColumnMap.load(path.parent)
+    except FileNotFoundError:
+        raise RecordError(path, f"which of its columns is what? Name them: {how_to_map(table)}") from None
+
+
+def _records_of(table: SniffedTable, mapping: ColumnMap) -> list[tuple[dict[str, str], NDArray[np.intp]]]:
+    """Return the rows of each record, and the values that separate it from others."""
+    if not mapping.split_by:
+        return [({}, np.arange(len(table.rows)))]
+    keys = table.texts([table.index(name) for name in mapping.split_by])
+    rows: dict[tuple[str, ...], list[int]] = {}
+    for i, key in enumerate(keys):
+        rows.setdefault(key, []).append(i)
+    names = [bare_name(name) for name in mapping.split_by]
+    return [(dict(zip(names, key, strict=True)), np.array(where)) for key, where in rows.items()]
+
+
+def _tare(
+    readings: MappedReadings, whole: Trace, rows: NDArray[np.intp], search: CutSearch
+) -> tuple[Array, int] | None:
+    """Return the components' offsets [force unit] in their common quiet start, and its length; None without one."""
+    if not readings.expression.is_norm:
+        tare = find_tare(whole, search)
+        return None if tare is None else (np.array([tare.offset]), tare.stop)
+    tares = [find_tare(readings.component(rows, k), search) for k in range(readings.force.shape[1])]
+    stops = [tare.stop for tare in tares if tare is not None]
+    if len(stops) < len(tares):
+        return None
+    return np.asarray(readings.force[rows[: min(stops)]].mean(axis=0)), min(stops)
+
+
+def _told(
+    readings: MappedReadings,
+    whole: Trace,
+    plain: Trace,
+    tare: tuple[Array, int] | None,
+    found: list[FoundCut],
+    search: CutSearch,
+) -> list[str]:
+    """Return notes for the reader on tare and cuts."""
+    unit = readings.force_unit if readings.force_unit == "N" else "(normalised)"
+    told = []
+    if tare is None:
+        told.append("no quiet start, so nothing was taken off the force.")
+    else:
+        listed = ", ".join(f"{offset:.3g} {unit}" for offset in tare[0])
+        seconds = float(whole.time[tare[1] - 1] - whole.time[0])
+        told.append(f"{listed} taken off the force, which the sensor showed for {seconds:.2f} s before contact.")
+    if not found:
+        told.append("no cut found: the force never rises above noise while the blade advances. It is kept whole.")
+    for number, cut in enumerate(found, 1):
+        start, end = (float(whole.time[i]) for i in (cut.start, cut.stop - 1))
+        told.append(f"cut {number} from {start:.3f} s to {end:.3f} s.")
+    if whole.position is None and len(found) > 1:
+        told.append("without position, turning with little force looks like a pause: confirm, or search longer pauses.")
+    if tare is not None and found:
+        after = plain.force[found[-1].stop :]
+        if len(after) * whole.duration / len(whole) >= search.quiet and len(after):
+            moved = float(after.mean())
+            if abs(moved) > 0.5 * contact_level(plain, search):
+                told.append(
+                    f"after the last cut the force is {moved:.3g} {unit}: the zero moved, or something presses."
+                )
+    if readings.expression.is_norm and whole.position is not None:
+        told.append("a norm has no sign: on the way back friction counts as resistance. Map the component instead.")
+    return told
+
+
+def _cut(trace: Trace, cut: FoundCut, lines: NDArray[np.intp]) -> tuple[Trace, tuple[QualityIssue, ...]]:
+    """Return a cut of a record, with its place in the metadata, and its flaws with their lines in the file."""
+    part = trace.select(cut.samples)
+    lines = lines[cut.samples]
+    where = {"lines": [int(lines[0]), int(lines[-1])], "instants": [cut.start, cut.stop - 1]}
+    part = dataclasses.replace(part, metadata={**part.metadata, **where})
+    located = tuple(
+        dataclasses.replace(flaw, message=f"lines {lines[flaw.rows[0]]} to {lines[flaw.rows[1]]}: {flaw.message}")
+        for flaw in quality_issues(part)
+    )
+    return part, located

@@ -1,0 +1,41 @@
+"""Identified properties of a rig, as the simulator uses them."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from cutenv.cutting.drive import Rig
+from cutenv.rig.config.settings import Identified, RigSettings
+
+SIMULATED = (
+    "motor_lag", "dead_time", "acceleration", "backlash", "force_noise", "force_resolution", "force_drift",
+)  # fmt: skip
+"""Fields that are constants of the simulated rig too, under the same names.  The axis's friction is not one: a stiff
+drive does not yield to it, and the sensor sits behind it."""
+
+
+def environment_arguments(identified: Identified) -> dict[str, float]:
+    """Return the measured values as keyword arguments for ``gymnasium.make("cutenv/GentleCut-v1", ...)``, in SI.
+
+    Examples
+    --------
+    >>> environment_arguments(Identified(motor_lag=0.052, friction=3.0))
+    {'motor_lag': 0.052}
+    """
+    measured = {name: getattr(identified, name) for name in SIMULATED}
+    return {name: float(value) for name, value in measured.items() if value is not None}
+
+
+def drive_of(settings: RigSettings) -> Rig:
+    """Return the simulated drive with a rig's settings and measured properties."""
+    ranges = {field.name: (field.metadata["low"], field.metadata["high"]) for field in dataclasses.fields(Rig)}
+
+    def within(name: str, value: float) -> float:
+        low, high = ranges[name]
+        return float(min(max(value, low), high))
+
+    measured, told = settings.identified, settings.blade.acceleration
+    return Rig(
+        motor_lag=within("motor_lag", measured.motor_lag or Rig().motor_lag),
+        acceleration=within("acceleration", min(measured.acceleration or told, told)),
+    )

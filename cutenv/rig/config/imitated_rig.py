@@ -1,0 +1,22 @@
+"""Settings of a rig that needs no hardware."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from datetime import date
+
+from cutenv.rig.config.settings import Axis, RigSettings, SensorCalibration
+
+
+def fake_settings(**changes: object) -> RigSettings:
+    """Return settings of a rig that needs no hardware: angle free, calibrated today, armed."""
+    hinge = Axis(
+        node=2, gear=100.0, lead=2.0 * math.pi, low=math.radians(44.0), high=math.radians(91.0),
+        speed=math.radians(90.0), acceleration=100.0, quick_stop=100.0, following_error=0.1,
+    )  # fmt: skip
+    plain = RigSettings(
+        name="fake", armed_by="nobody: it is a fake", angle_mode="free", angle=hinge, emulated=True,
+        calibration=SensorCalibration(date=date.today().isoformat()),
+    )  # fmt: skip
+    return dataclasses.replace(plain, **changes)  # type: ignore[arg-type]

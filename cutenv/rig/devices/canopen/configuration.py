@@ -1,0 +1,157 @@
+"""Set-up of a drive before it moves: read, compared, written and read back, object by object."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+
+from cutenv.rig.config.settings import Axis, Bus
+from cutenv.rig.devices.canopen import objects as o
+from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
+from cutenv.rig.devices.canopen.sdo_channel import SdoChannel, SdoRefused, Unanswered
+from cutenv.rig.devices.canopen.units import AxisUnits
+from cutenv.rig.errors import RigError
+
+PRODUCER_PERIOD = 0.050
+"""Period of a drive's heartbeat [s]."""
+_FIRST_QUESTIONS = 4  # times the answer limit of an SDO: a drive that was just switched on is booting
+
+
+def check_identity(dictionary: SdoChannel, name: str, axis: Axis, bus: Bus) -> None:
+    """Check that the node exists and is a servo drive made by maxon.
+
+    Raises
+    ------
+    RigError
+        If it is not; the message names what was found and what was expected.
+    """
+    for left in reversed(range(_FIRST_QUESTIONS)):
+        try:
+            device = dictionary.read(o.DEVICE_TYPE)
+            break
+        except Unanswered as error:
+            if not left:
+                raise RigError(
+                    f"{name}: node {axis.node} does not answer on {bus.interface} {bus.channel}. Is the drive powered,"
+                    f" is its node number {axis.node} and its bit rate {bus.bitrate} bit/s, is the bus terminated by"
+                    " 120 ohm at both ends?"
+                ) from error
+    vendor = dictionary.read(o.VENDOR)
+    for entry, found, expected in ((o.DEVICE_TYPE, device, o.SERVO_402), (o.VENDOR, vendor, o.MAXON)):
+        if found != expected:
+            raise RigError(
+                f"{name}: node {axis.node} is not the drive expected: {entry} is 0x{found:08X}, expected"
+                f" 0x{expected:08X}. Check the node number in the rig's file."
+            )
+
+
+def configure(dictionary: SdoChannel, name: str, axis: Axis, bus: Bus) -> AxisUnits:
+    """Write the set-up to a drive without power, in PRE-OPERATIONAL; return its units.
+
+    Raises
+    ------
+    RigError
+        If gear or encoder differ from the settings, or the drive does not keep a value; names the object.
+    """
+    _check_mechanics(dictionary, name, axis)
+    try:
+        units = AxisUnits(axis=axis, steps=_velocity_steps(dictionary, name))
+    except ValueError as error:
+        raise RigError(f"{name}: {error}") from error
+    for entry, value in set_up(axis, units).items():
+        dictionary.write(entry, value)
+    for pdo in (o.COMMAND_PDO, o.STATUS_PDO, o.MEASURED_PDO):
+        _map(dictionary, pdo, axis.node)
+    # Last: a drive whose set-up fails half way does not go into fault when this computer ends.
+    dictionary.write(o.CONSUMER_HEARTBEAT, bus.node << 16 | round(1e3 * DRIVE_PATIENCE))
+    return units
+
+
+def set_up(axis: Axis, units: AxisUnits) -> dict[o.Entry, int]:
+    """Return every object of motion and its limits that is written, in order, with its value."""
+    ends = sorted((units.increments(axis.low), units.increments(axis.high)))
+    return {
+        o.PRODUCER_HEARTBEAT: round(1e3 * PRODUCER_PERIOD),
+        o.ABORT_CONNECTION: o.ABORT_BY_QUICK_STOP,
+        o.QUICK_STOP_OPTION: o.STOP_AND_STAY,
+        o.FAULT_REACTION: o.FAULT_BY_QUICK_STOP,
+        o.MODE: o.PROFILE_VELOCITY,
+        o.CURRENT_LIMIT: round(1e3 * axis.current_limit),
+        o.FOLLOWING_WINDOW: abs(units.increments(axis.following_error)),
+        o.LOW_LIMIT: ends[0],
+        o.HIGH_LIMIT: ends[1],
+        o.MOTOR_SPEED_LIMIT: math.ceil(abs(units.velocity(axis.speed)) / units.steps),
+        o.PROFILE_SPEED_LIMIT: abs(units.velocity(axis.speed)),
+        o.PROFILE_ACCELERATION: units.ramp(axis.acceleration),
+        o.PROFILE_DECELERATION: units.ramp(axis.acceleration),
+        o.QUICK_STOP_DECELERATION: units.ramp(axis.quick_stop),
+    }
+
+
+def read_limits(dictionary: SdoChannel, units: AxisUnits) -> dict[str, float]:
+    """Return the drive's ends of travel, top speed, acceleration and quick-stop deceleration, in SI."""
+    low, high = sorted(units.position(dictionary.read(entry)) for entry in (o.LOW_LIMIT, o.HIGH_LIMIT))
+    return {
+        "low": low,
+        "high": high,
+        "speed": abs(units.speed(dictionary.read(o.PROFILE_SPEED_LIMIT))),
+        "acceleration": units.acceleration(dictionary.read(o.PROFILE_ACCELERATION)),
+        "quick_stop": units.acceleration(dictionary.read(o.QUICK_STOP_DECELERATION)),
+    }
+
+
+def read_identity(dictionary: SdoChannel, units: AxisUnits) -> dict[str, float | str]:
+    """Return the data that a drive reports about itself, read one by one."""
+    return {
+        "device_type": f"0x{dictionary.read(o.DEVICE_TYPE):08X}",
+        "vendor": f"0x{dictionary.read(o.VENDOR):08X}",
+        "gear": f"{dictionary.read(o.GEAR_NUMERATOR)}/{dictionary.read(o.GEAR_DENOMINATOR)}",
+        "encoder_pulses": dictionary.read(o.ENCODER_PULSES),
+        "velocity_unit_rpm": 1.0 / units.steps,
+        "current_limit_A": 1e-3 * dictionary.read(o.CURRENT_LIMIT),
+        "following_window_increments": dictionary.read(o.FOLLOWING_WINDOW),
+        "producer_heartbeat_ms": dictionary.read(o.PRODUCER_HEARTBEAT),
+    }
+
+
+def _check_mechanics(dictionary: SdoChannel, name: str, axis: Axis) -> None:
+    numerator, denominator = dictionary.read(o.GEAR_NUMERATOR), dictionary.read(o.GEAR_DENOMINATOR)
+    if not denominator or not math.isclose(numerator / denominator, axis.gear, rel_tol=1e-6):
+        raise RigError(
+            f"{name}: the drive is set to a gear of {numerator}/{denominator} ({o.GEAR_NUMERATOR}), the rig's file has"
+            f" gear = {axis.gear:g}. Correct the one that is wrong: every length and speed depends on it."
+        )
+    pulses = dictionary.read(o.ENCODER_PULSES)
+    if pulses != axis.pulses:
+        raise RigError(
+            f"{name}: the drive is set to {pulses} pulses ({o.ENCODER_PULSES}), the rig's file has pulses ="
+            f" {axis.pulses}. Correct the one that is wrong: every length and speed depends on it."
+        )
+
+
+def _velocity_steps(dictionary: SdoChannel, name: str) -> int:
+    """Request milli-rpm, and return the steps per rpm that the drive keeps: older firmware counts whole rpm."""
+    with contextlib.suppress(SdoRefused):  # the kept value is read below
+        dictionary.put(o.VELOCITY_UNIT, o.MILLI_RPM)
+    try:
+        unit = dictionary.read(o.VELOCITY_UNIT)
+    except SdoRefused:
+        return o.VELOCITY_STEPS[o.WHOLE_RPM]
+    if unit not in o.VELOCITY_STEPS:
+        raise RigError(
+            f"{name}: the drive counts speed in the unit 0x{unit:08X} ({o.VELOCITY_UNIT}), which is not a revolution a"
+            f" minute or decimal part of one. Set it to 0x{o.MILLI_RPM:08X} (milli-rpm) with the maker's tool."
+        )
+    return o.VELOCITY_STEPS[unit]
+
+
+def _map(dictionary: SdoChannel, pdo: o.Pdo, node: int) -> None:
+    """Map a PDO in the order of CiA 301: disable it, empty it, fill it, enable it."""
+    number = dictionary.read(pdo.number) & o.PDO_NO_REQUEST | pdo.frame + node
+    dictionary.write(pdo.number, number | o.PDO_UNUSED)
+    dictionary.write(pdo.type, pdo.transmission)
+    dictionary.write(pdo.count, 0)
+    for place, entry in enumerate(pdo.entries, start=1):
+        dictionary.write(pdo.slot(place), entry.mapping)
+    dictionary.write(pdo.count, len(pdo.entries))
+    dictionary.write(pdo.number, number)

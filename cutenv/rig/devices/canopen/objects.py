@@ -1,0 +1,260 @@
+"""Numbers defined by CiA 301, CiA 402 and the EPOS4: objects, words, modes, errors, PDOs."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+from cutenv.rig.devices.samples import DriveState
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One value in a drive's object dictionary.
+
+    Attributes
+    ----------
+    index, sub : int
+        Address of the value.
+    kind : str
+        Format code of :mod:`struct`, little endian.
+    name : str
+        Name in the standard.
+    """
+
+    index: int
+    sub: int
+    kind: str
+    name: str
+
+    @property
+    def bits(self) -> int:
+        """Size of the value [bit]."""
+        return 8 * struct.calcsize(f"<{self.kind}")
+
+    @property
+    def mapping(self) -> int:
+        """Value as an entry of a PDO mapping: index, sub-index and size."""
+        return self.index << 16 | self.sub << 8 | self.bits
+
+    def __str__(self) -> str:
+        return f"0x{self.index:04X}:{self.sub:02X} ({self.name})"
+
+
+DEVICE_TYPE = Entry(0x1000, 0, "I", "device type")
+VENDOR = Entry(0x1018, 1, "I", "vendor")
+CONSUMER_HEARTBEAT = Entry(0x1016, 1, "I", "consumer heartbeat time")
+PRODUCER_HEARTBEAT = Entry(0x1017, 0, "H", "producer heartbeat time")
+CURRENT_LIMIT = Entry(0x3001, 2, "I", "output current limit")  # [mA]
+GEAR_NUMERATOR = Entry(0x3003, 1, "I", "gear reduction numerator")
+GEAR_DENOMINATOR = Entry(0x3003, 2, "I", "gear reduction denominator")
+ENCODER_PULSES = Entry(0x3010, 1, "I", "encoder pulses per turn")
+ABORT_CONNECTION = Entry(0x6007, 0, "h", "abort connection option")
+CONTROLWORD = Entry(0x6040, 0, "H", "controlword")
+STATUSWORD = Entry(0x6041, 0, "H", "statusword")
+QUICK_STOP_OPTION = Entry(0x605A, 0, "h", "quick stop option")
+FAULT_REACTION = Entry(0x605E, 0, "h", "fault reaction option")
+MODE = Entry(0x6060, 0, "b", "mode of operation")
+MODE_SHOWN = Entry(0x6061, 0, "b", "mode of operation display")
+POSITION = Entry(0x6064, 0, "i", "position actual value")  # [increments]
+FOLLOWING_WINDOW = Entry(0x6065, 0, "I", "following error window")  # [increments]
+VELOCITY = Entry(0x606C, 0, "i", "velocity actual value")  # [velocity units]
+TORQUE = Entry(0x6077, 0, "h", "torque actual value")  # [per mille of the rated torque]
+LOW_LIMIT = Entry(0x607D, 1, "i", "software position limit, minimum")  # [increments]
+HIGH_LIMIT = Entry(0x607D, 2, "i", "software position limit, maximum")  # [increments]
+PROFILE_SPEED_LIMIT = Entry(0x607F, 0, "I", "max profile velocity")  # [velocity units]
+MOTOR_SPEED_LIMIT = Entry(0x6080, 0, "I", "max motor speed")  # [rpm] in CiA 402, whatever the velocity unit
+PROFILE_ACCELERATION = Entry(0x6083, 0, "I", "profile acceleration")  # [rpm/s]
+PROFILE_DECELERATION = Entry(0x6084, 0, "I", "profile deceleration")  # [rpm/s]
+QUICK_STOP_DECELERATION = Entry(0x6085, 0, "I", "quick stop deceleration")  # [rpm/s]
+VELOCITY_UNIT = Entry(0x60A9, 0, "I", "SI unit velocity")
+TARGET_VELOCITY = Entry(0x60FF, 0, "i", "target velocity")  # [velocity units]
+
+SERVO_402 = 0x0002_0192
+"""Device type of a servo drive that follows CiA 402."""
+MAXON = 0x0000_00FB
+"""Vendor number of maxon motor."""
+
+# Controlwords (CiA 402)
+DISABLE_VOLTAGE = 0x00
+SHUTDOWN = 0x06
+SWITCH_ON = 0x07
+ENABLE_OPERATION = 0x0F
+QUICK_STOP = 0x0B
+FAULT_RESET = 0x80
+
+PROFILE_VELOCITY = 3
+"""Mode in which the drive ramps to a target velocity by its own acceleration."""
+ABORT_BY_QUICK_STOP = 3
+"""Value of 0x6007: a drive that loses this computer's heartbeat makes a quick stop."""
+STOP_AND_STAY = 6
+"""Value of 0x605A: down the quick-stop ramp, then stay in "quick stop active", which a command can leave."""
+STOP_AND_RELEASE = 2
+"""Value of 0x605A: down the quick-stop ramp, during which commands have no effect, and then without power."""
+FAULT_BY_QUICK_STOP = 2
+"""Value of 0x605E: a fault that allows it ends in a stop down the quick-stop ramp."""
+
+WHOLE_RPM = 0x00B4_4700
+"""Value of 0x60A9: revolutions (0xB4) per minute (0x47); its first byte is a power of ten, two's complement."""
+MILLI_RPM = 0xFD00_0000 | WHOLE_RPM
+VELOCITY_STEPS: dict[int, int] = {WHOLE_RPM | (-power & 0xFF) << 24: 10**power for power in range(7)}
+"""Steps in one rpm for each value of 0x60A9 that counts revolutions a minute."""
+
+NMT_OPERATIONAL = 0x05
+"""State in a heartbeat; 0x00 is the boot-up message."""
+NMT_BOOT_UP = 0x00
+NMT_START = 0x01
+"""Command to start a node."""
+NMT_PRE_OPERATIONAL = 0x80
+"""Command to make a node pre-operational."""
+
+# Frame numbers; the node's own number is added (CiA 301, pre-defined connection set).
+NMT_FRAME = 0x000
+SYNC_FRAME = 0x080
+EMERGENCY_FRAME = 0x080
+SDO_REQUEST_FRAME = 0x600
+SDO_RESPONSE_FRAME = 0x580
+HEARTBEAT_FRAME = 0x700
+
+EMERGENCY = struct.Struct("<HB5s")
+"""Layout of an emergency: error code, error register, bytes of the maker's own."""
+
+
+@dataclass(frozen=True)
+class Pdo:
+    """Frame of process data: its number, the objects of its set-up and mapping, its transmission type, its content."""
+
+    frame: int
+    set_up_at: int
+    mapped_at: int
+    transmission: int
+    entries: tuple[Entry, ...]
+
+    @property
+    def layout(self) -> struct.Struct:
+        """Layout of the frame's data."""
+        return struct.Struct("<" + "".join(entry.kind for entry in self.entries))
+
+    @property
+    def number(self) -> Entry:
+        """Object with the frame's number, and the bit that disables the PDO."""
+        return Entry(self.set_up_at, 1, "I", "COB-ID of a PDO")
+
+    @property
+    def type(self) -> Entry:
+        """Object with the transmission type of the PDO."""
+        return Entry(self.set_up_at, 2, "B", "transmission type of a PDO")
+
+    @property
+    def count(self) -> Entry:
+        """Object with the number of mapped objects."""
+        return Entry(self.mapped_at, 0, "B", "number of objects in a PDO")
+
+    def slot(self, place: int) -> Entry:
+        """Return the entry for the mapped object at ``place``, from 1 on."""
+        return Entry(self.mapped_at, place, "I", "object mapped to a PDO")
+
+
+_AT_ONCE, _EVERY_SYNC = 255, 1
+_EXPEDITED_2 = 0x2B  # command of an SDO with two bytes of data
+_RPDOS = 4  # of the pre-defined connection set
+COMMAND_PDO = Pdo(0x200, 0x1400, 0x1600, _AT_ONCE, (CONTROLWORD, TARGET_VELOCITY, MODE))
+"""Commands to the drive, RPDO1."""
+STATUS_PDO = Pdo(0x180, 0x1800, 0x1A00, _EVERY_SYNC, (STATUSWORD, VELOCITY, MODE_SHOWN))
+"""TPDO1, on every SYNC; its number is the lower, so it is on the bus before TPDO2."""
+MEASURED_PDO = Pdo(0x280, 0x1801, 0x1A01, _EVERY_SYNC, (POSITION, TORQUE))
+"""TPDO2, on every SYNC."""
+
+PDO_UNUSED = 1 << 31
+"""Bit in a PDO's number: disabled, so that it may be changed."""
+PDO_NO_REQUEST = 1 << 30
+"""Bit in a PDO's number: may not be requested by a remote frame; a drive may insist on it."""
+
+# Statuswords (CiA 402): mask, value, and the state that they mean.
+_STATES = (
+    (0x4F, 0x00, DriveState.NOT_READY),
+    (0x4F, 0x40, DriveState.DISABLED),
+    (0x6F, 0x21, DriveState.READY),
+    (0x6F, 0x23, DriveState.SWITCHED_ON),
+    (0x6F, 0x27, DriveState.ENABLED),
+    (0x6F, 0x07, DriveState.QUICK_STOP),
+    (0x4F, 0x0F, DriveState.REACTING),
+    (0x4F, 0x08, DriveState.FAULT),
+)
+
+
+def drive_state(statusword: int) -> DriveState:
+    """Return the state in a statusword.
+
+    Raises
+    ------
+    ValueError
+        If the standard defines no such state.
+    """
+    for mask, value, state in _STATES:
+        if statusword & mask == value:
+            return state
+    raise ValueError(f"statusword 0x{statusword:04X} is none of CiA 402's states.")
+
+
+_ERRORS = {
+    0x2310: "over-current",
+    0x3210: "supply voltage too high",
+    0x3220: "supply voltage too low",
+    0x4210: "drive too hot",
+    0x7320: "position sensor",
+    0x8130: "heartbeat of the computer lost",
+    0x8250: "no command in time (RPDO time-out)",
+    0x8611: "following error",
+    0x8A80: "negative limit switch",
+    0x8A81: "positive limit switch",
+    0x8A82: "software position limit",
+    0x8A88: "safe torque off",
+}
+# Kinds of error (CiA 301, table of emergency error codes), by the first digit.
+_KINDS = {
+    0x1: "generic error",
+    0x2: "current",
+    0x3: "voltage",
+    0x4: "temperature",
+    0x5: "hardware of the drive",
+    0x6: "software of the drive",
+    0x7: "additional modules",
+    0x8: "monitoring",
+    0x9: "external error",
+    0xF: "additional functions or the maker's own",
+}
+
+
+def error_meaning(code: int) -> str:
+    """Return the meaning of an emergency code; for an unlisted one, its kind in the standard."""
+    if code >> 8 == 0:
+        return "no error"
+    return _ERRORS.get(code) or _KINDS.get(code >> 12, "not of the standard")
+
+
+def quick_stop_option_frame(node: int, option: int) -> tuple[int, bytes]:
+    """Return number and data of the frame (SDO) that sets a drive's quick-stop option; its answer is not read."""
+    entry = QUICK_STOP_OPTION
+    return SDO_REQUEST_FRAME + node, struct.pack("<BHBhxx", _EXPEDITED_2, entry.index, entry.sub, option)
+
+
+def command_of_another(number: int, data: bytes, node: int, master: int) -> str | None:
+    """Describe what a frame that this computer has not sent commands node ``node`` of ``master``; None if nothing.
+
+    A CAN controller does not receive its own frames: whatever arrives under these numbers is from another master.
+    """
+    if number == NMT_FRAME:
+        return f"network command {data.hex(' ')}" if data[1:2] in (b"\0", bytes((node,))) else None
+    if number == SDO_REQUEST_FRAME + node:
+        return f"SDO request {data.hex(' ')}"
+    if number in (COMMAND_PDO.frame + node + 0x100 * place for place in range(_RPDOS)):
+        return f"RPDO{1 + (number - COMMAND_PDO.frame >> 8)} {data.hex(' ')}"
+    if number == HEARTBEAT_FRAME + master:
+        return f"heartbeat of a master that is node {master} too"
+    return None
+
+
+def command_frame(node: int, controlword: int, velocity: int = 0) -> tuple[int, bytes]:
+    """Return number and data of the frame (RPDO1) that commands a drive; velocity in the drive's own unit."""
+    return COMMAND_PDO.frame + node, COMMAND_PDO.layout.pack(controlword, velocity, PROFILE_VELOCITY)

@@ -1,0 +1,189 @@
+"""Emulated axis: the drive's objects, in increments and revolutions, that command the motor and report its state."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+
+from cutenv.rig.config.settings import Axis
+from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.emulator.motor import (
+    MODE_OFF,
+    MODE_RAMP,
+    MODE_VELOCITY,
+    MOTOR,
+    Mechanics,
+    force_per_ampere,
+    motor_record,
+    turn_motor,
+)
+from cutenv.rig.emulator.object_dictionary import RPM, ObjectDictionary
+from cutenv.rig.emulator.state_machine import HALT, POWERED, STATUSWORDS, StatusBit
+
+_DISABLED = 0xFFFFFFFF  # a following-error window that is switched off
+_HOMING, _NEW_TASK = 6, 0x10  # mode; bit of the controlword that starts homing
+_FURTHEST_AHEAD = 0.002  # [s]
+_SLOW = 1e-4  # [m/s or rad/s] below which an axis is at rest
+
+
+class EmulatedAxis:
+    """Motor and mechanics of one axis, as its drive sees and commands them.
+
+    Parameters
+    ----------
+    name : str
+        "blade" or "angle".
+    settings : Axis
+        Node, gear, lead, encoder, travel.
+    mechanics : Mechanics
+        Inertia, friction, play.
+    position : float
+        Position at the start [m or rad]; the encoder is referenced: 0 increments are 0.
+    margin : float
+        Distance from the ends of its travel to the mechanical ends [m or rad].
+
+    Attributes
+    ----------
+    encoder_stuck : bool
+        Fault: position and velocity stay constant; the loop goes on by the motor's own commutation.
+    """
+
+    def __init__(self, name: str, settings: Axis, mechanics: Mechanics, *, position: float, margin: float) -> None:
+        self.name = name
+        self.settings = settings
+        self.encoder_stuck = False
+        self._motors = motor_record(settings, mechanics, position=position, margin=margin)
+        # A plain void on the same memory: its fields are read ten times faster than a record's attributes.
+        self.motor = self._motors.view(np.dtype((np.void, MOTOR)))[0]
+        self._mechanics = mechanics
+        self._increment = settings.direction * settings.lead / (settings.gear * 4 * settings.pulses)
+        self._force_per_ampere = force_per_ampere(settings, mechanics)
+        self._torque_per_force = settings.direction * mechanics.torque_constant / self._force_per_ampere
+        self._shift = 0  # offset of the encoder's zero, set by homing
+        self._homed = False
+        self._stuck_at = 0
+
+    def commission(self, dictionary: ObjectDictionary) -> None:
+        """Enter motor, gear and encoder as a person does who mounts the drive."""
+        gear = Fraction(self.settings.gear).limit_denominator(10000)
+        dictionary[0x3003, 1], dictionary[0x3003, 2] = gear.numerator, gear.denominator
+        dictionary[0x3010, 1] = self.settings.pulses
+        dictionary[0x3001, 5] = round(1e6 * self._mechanics.torque_constant)
+
+    # Units of the drive.
+
+    def _revolution(self, dictionary: ObjectDictionary) -> float:
+        """Return the axis's travel for one turn of the motor, as far as the drive knows it [m or rad]."""
+        return self._increment * 4 * dictionary[0x3010, 1]
+
+    def _velocity(self, dictionary: ObjectDictionary) -> float:
+        """Return one velocity unit of the drive [m/s or rad/s]."""
+        return self._revolution(dictionary) / (60.0 if dictionary[0x60A9] == RPM else 60000.0)
+
+    def units(self, dictionary: ObjectDictionary, speed: float) -> int:
+        """Return a speed [m/s or rad/s] in the drive's velocity units."""
+        return round(speed / self._velocity(dictionary))
+
+    def increments(self, ahead: float = 0.0) -> int:
+        """Return the encoder's count, ``ahead`` [s] of the motor's last millisecond."""
+        if self.encoder_stuck:
+            return self._stuck_at
+        position = float(self.motor["position"]) + ahead * float(self.motor["speed"])
+        return math.floor(position / self._increment + 0.5) + self._shift
+
+    def _demanded(self) -> int:
+        return math.floor(float(self.motor["demand_position"]) / self._increment + 0.5) + self._shift
+
+    def stick(self, stuck: bool) -> None:
+        """Freeze the encoder at its present count, or release it."""
+        self._stuck_at = self.increments()
+        self.encoder_stuck = stuck
+
+    # Commands of the drive to the motor.
+
+    def release(self) -> None:
+        """Switch off the torque."""
+        self.motor["mode"] = MODE_OFF
+
+    def drive(self, dictionary: ObjectDictionary, state: DriveState, controlword: int, *, stopping: bool) -> None:
+        """Set the motor's task by state, mode and target, within the limits of the objects."""
+        motor = self.motor
+        unit, per_rpm = self._velocity(dictionary), abs(self._revolution(dictionary)) / 60.0
+        motor["strongest"] = 1e-3 * dictionary[0x3001, 2] * self._force_per_ampere
+        motor["fastest"] = min(dictionary[0x607F] * abs(unit), dictionary[0x6080] * per_rpm)
+        slower = 0x6084 if stopping or (state is DriveState.REACTING and dictionary[0x605E] == 1) else 0x6085
+        motor["ramp"] = dictionary[slower] * per_rpm
+        mode = dictionary[0x6060]
+        up, down = (0x60C5, 0x60C6) if mode == 9 else (0x6083, 0x6084)
+        motor["acceleration"], motor["deceleration"] = dictionary[up] * per_rpm, dictionary[down] * per_rpm
+        moves = state is DriveState.ENABLED and mode in (3, 9) and not controlword & HALT
+        motor["target"] = dictionary[0x60FF] * unit if moves else 0.0
+        if state not in POWERED:
+            motor["mode"] = MODE_OFF
+        elif state is DriveState.ENABLED and not stopping:
+            motor["mode"] = MODE_VELOCITY
+        else:
+            motor["mode"] = MODE_RAMP
+
+    def controlled(self, dictionary: ObjectDictionary, state: DriveState, controlword: int, before: int) -> None:
+        """Apply the mode's own bits of a new controlword: homing sets the present position to the home offset."""
+        starts = controlword & _NEW_TASK and not before & _NEW_TASK
+        if state is DriveState.ENABLED and dictionary[0x6060] == _HOMING and starts:
+            self._shift += dictionary[0x607C] - self.increments()
+            self._homed = True
+
+    def turn(self, load: float) -> None:
+        """Advance by a millisecond while ``load`` acts on the carriage [N or N m], negative toward the clamp."""
+        turn_motor(self._motors, load)
+
+    # State of the motor, as the drive reports it.
+
+    def tell(self, dictionary: ObjectDictionary, state: DriveState, operational: bool, *, ahead: float = 0.0) -> None:
+        """Set the objects that report the axis's state, ``ahead`` [s] of its last millisecond.
+
+        A drive latches its encoder when SYNC arrives. Reported as of the last millisecond, a constant speed would seem
+        to change by a fifth from one SYNC to the next.
+        """
+        motor, unit = self.motor, self._velocity(dictionary)
+        position, demanded = self.increments(min(max(ahead, 0.0), _FURTHEST_AHEAD)), self._demanded()
+        speed = 0 if self.encoder_stuck else round(motor["speed"] / unit)
+        dictionary[0x6061] = dictionary[0x6060]
+        dictionary[0x6064], dictionary[0x6062] = position, demanded
+        dictionary[0x60F4] = demanded - position
+        dictionary[0x606C], dictionary[0x606B] = speed, round(motor["demand"] / unit)
+        dictionary[0x6077] = round(1e9 * motor["force"] * self._torque_per_force / dictionary[0x6076])
+        switches = [motor["carriage"] <= motor["low"], motor["carriage"] >= motor["high"]]
+        if self.settings.direction < 0:
+            switches.reverse()
+        dictionary[0x60FD] = switches[0] | switches[1] << 1 | (abs(motor["carriage"]) < 5e-4) << 2
+        word = STATUSWORDS[state] | (StatusBit.REMOTE if operational else 0)
+        if dictionary[0x6061] == _HOMING:
+            word |= (StatusBit.AT_REST | StatusBit.TARGET_REACHED) if self._homed else 0
+        elif state in POWERED:
+            reached = abs(motor["target"] - motor["speed"]) <= dictionary[0x606D] * abs(unit)
+            word |= StatusBit.TARGET_REACHED if reached else 0
+            word |= StatusBit.AT_REST if speed == 0 else 0
+            word |= StatusBit.INTERNAL_LIMIT if abs(motor["target"]) > motor["fastest"] else 0
+        if self.lags_too_far(dictionary):
+            word |= StatusBit.FOLLOWING_ERROR
+        dictionary[0x6041] = word
+
+    def rests(self) -> bool:
+        """Return whether the axis is at rest, and is meant to be."""
+        return bool(self.motor["demand"] == 0.0 and abs(self.motor["speed"]) < _SLOW)
+
+    def lags_too_far(self, dictionary: ObjectDictionary) -> bool:
+        """Return whether encoder and demanded position differ by more than object 6065 allows."""
+        window = dictionary[0x6065]
+        return window != _DISABLED and abs(self._demanded() - self.increments()) > window
+
+    def leaves_travel(self, dictionary: ObjectDictionary) -> bool:
+        """Return whether the axis is beyond a software limit (object 607D) and commanded further out."""
+        low, high = dictionary[0x607D, 1], dictionary[0x607D, 2]
+        if low >= high:
+            return False  # off
+        outward = self.motor["demand"] / self._increment
+        position = self.increments()
+        return (position > high and outward > 0.0) or (position < low and outward < 0.0)

@@ -1,0 +1,331 @@
+"""Emulated force sensor: it answers RDT requests over UDP, shows its configuration over HTTP, and can have faults."""
+
+from __future__ import annotations
+
+import http.server
+import socket
+import threading
+from collections import deque
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from cutenv._base.validation import in_range
+from cutenv.rig.devices.clock import Clock, SystemClock
+from cutenv.rig.devices.netft.packets import (
+    SEQUENCES,
+    PacketError,
+    RdtCommand,
+    SensorPacket,
+    SensorStatus,
+    packet_bytes,
+    parse_request,
+)
+
+Address: TypeAlias = tuple[str, int]
+Loads: TypeAlias = tuple[float, float, float, float, float, float]
+Counts: TypeAlias = tuple[int, int, int, int, int, int]
+
+_POLL = 0.1  # [s] after which the thread checks whether it has to end
+_CLIENTS = 8  # at most; the oldest is dropped
+_HELD = 0.25  # share of the records that the next one overtakes, during reordering
+_LARGEST = 2**31 - 1
+
+_PAGE = """<?xml version="1.0" encoding="UTF-8"?>
+<netft>
+<prodname>Emulated Net F/T</prodname>
+<runstat>0x{status:08X}</runstat>
+<runrate>7000</runrate>
+<cfgnam>emulated</cfgnam>
+<scfgfu>N</scfgfu>
+<scfgtu>Nm</scfgtu>
+<cfgcpf>{force}</cfgcpf>
+<cfgcpt>{torque}</cfgcpt>
+<comrdte>Enabled</comrdte>
+<comrdtrate>{rate}</comrdtrate>
+</netft>
+"""
+
+
+@dataclass
+class SensorFaults:
+    """Faults of the sensor, effective at once.
+
+    Attributes
+    ----------
+    frozen : bool
+        True to keep the counts constant, whatever the load; records go on.
+    frozen_axis : int
+        Index of the one force axis whose count stays constant (0, 1 or 2; -1: none).
+    status : int
+        Bits added to the status.
+    loss : float
+        Share of the records that are lost, drawn at random.
+    reorder : bool
+        True to let the next record overtake about every fourth one, drawn at random.
+    latency : float
+        Delay added to every record [s]; their order is kept, and delayed records are sent at once when it falls.
+    saturated : bool
+        True to set the forces to the end of the range, with the corresponding status.
+    silent : bool
+        True to send nothing, as if the cable were unplugged; the sequence goes on.
+    """
+
+    frozen: bool = False
+    frozen_axis: int = -1
+    status: int = 0
+    loss: float = 0.0
+    reorder: bool = False
+    latency: float = 0.0
+    saturated: bool = False
+    silent: bool = False
+
+
+class SensorServer:
+    """Emulated Net F/T on this computer: obeys start (with count), stop, reset of the latch, and bias.
+
+    A real sensor serves one client; this one serves several at once, so that one can watch another.
+
+    Parameters
+    ----------
+    host : str
+        Address to listen on; by default reachable from this computer only.
+    port, page_port : int
+        Ports for UDP and HTTP; 0 takes free ones.
+    counts_per_newton, counts_per_newton_metre : int
+        Scales shown on its page.
+    force_range, torque_range : float
+        Greatest load [N], [N m]: beyond it, readings are clipped and the status reports it.
+    rate : float
+        Rate of the records [Hz] shown on its page; the caller of :meth:`send` has to keep it.
+    first_sequence : int
+        First sequence number of a stream.
+    seed : int
+        Seed of loss and reordering.
+    clock : Clock, optional
+        Clock for the latency; the machine's by default.
+
+    Attributes
+    ----------
+    faults : SensorFaults
+        Faults, which may be changed at any time.
+    garbage : int
+        Number of packets that were not requests, and were ignored.
+    unsent : int
+        Number of records that the operating system did not accept.
+    """
+
+    def __init__(
+        self,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        page_port: int = 0,
+        counts_per_newton: int = 1_000_000,
+        counts_per_newton_metre: int = 1_000_000,
+        *,
+        force_range: float = 200.0,
+        torque_range: float = 10.0,
+        rate: float = 1000.0,
+        first_sequence: int = 1,
+        seed: int = 0,
+        clock: Clock | None = None,
+    ) -> None:
+        cure = "Choose fewer counts, or a smaller range: a count has 32 bits."
+        in_range("counts_per_newton", counts_per_newton, 1, _LARGEST / force_range, "1/N", cure)
+        in_range("counts_per_newton_metre", counts_per_newton_metre, 1, _LARGEST / torque_range, "1/(N m)", cure)
+        self.faults = SensorFaults()
+        self.garbage = 0
+        self.unsent = 0
+        self._scales = (counts_per_newton,) * 3 + (counts_per_newton_metre,) * 3
+        self._most = (int(force_range * counts_per_newton),) * 3 + (int(torque_range * counts_per_newton_metre),) * 3
+        self._rate = rate
+        self._first_sequence = first_sequence
+        self._generator = np.random.default_rng(seed)
+        self._clock: Clock = SystemClock() if clock is None else clock
+        self._lock = threading.Lock()
+        self._streams: dict[Address, _Stream] = {}
+        self._sampled = 0
+        self._loaded: Counts = (0, 0, 0, 0, 0, 0)
+        self._bias: Counts = (0, 0, 0, 0, 0, 0)
+        self._shown: Counts = (0, 0, 0, 0, 0, 0)
+        self._closed = threading.Event()
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.bind((host, port))
+            self._pages = _page_server(self, host, page_port)
+        except OSError:
+            self._socket.close()
+            raise
+        self._socket.settimeout(_POLL)
+        self.host = host
+        self.port: int = self._socket.getsockname()[1]
+        self.page = f"http://{host}:{self._pages.server_address[1]}/netftapi2.xml"
+        self._threads = [
+            threading.Thread(target=self._answer, name="emulated sensor", daemon=True),
+            threading.Thread(
+                target=self._pages.serve_forever, args=(_POLL,), name="emulated sensor's page", daemon=True
+            ),
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def clients(self) -> int:
+        """Number of clients that receive the stream."""
+        with self._lock:
+            return len(self._streams)
+
+    def send(self, loads: Loads) -> None:
+        """Send one record of forces [N] and torques [N m] to every client; called once for each reading."""
+        faults = self.faults
+        with self._lock:
+            self._sampled = (self._sampled + 1) % SEQUENCES
+            counts, status = self._read(loads)
+            for address, stream in list(self._streams.items()):
+                record = SensorPacket(stream.sequence, self._sampled, status, counts)
+                stream.sequence = (stream.sequence + 1) % SEQUENCES
+                if not (faults.silent or (faults.loss > 0.0 and self._generator.random() < faults.loss)):
+                    self._way(stream, packet_bytes(record))
+                self._deliver(address, stream)
+                stream.left -= 1
+                if stream.left == 0:
+                    del self._streams[address]
+
+    def send_bytes(self, packet: bytes) -> None:
+        """Send any bytes to every client, unaffected by faults."""
+        with self._lock:
+            for address in self._streams:
+                self._put(address, packet)
+
+    def page_text(self) -> str:
+        """Return the configuration page as XML."""
+        return _PAGE.format(
+            status=self.faults.status, force=self._scales[0], torque=self._scales[3], rate=round(self._rate)
+        )
+
+    def close(self) -> None:
+        """Stop listening; may be called twice."""
+        if self._closed.is_set():
+            return
+        self._closed.set()
+        self._pages.shutdown()
+        self._pages.server_close()
+        for thread in self._threads:
+            thread.join(timeout=2.0)
+        self._socket.close()
+
+    def __enter__(self) -> SensorServer:
+        """Return itself; it listens already."""
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """Stop listening."""
+        self.close()
+
+    def _read(self, loads: Loads) -> tuple[Counts, int]:
+        faults = self.faults
+        wanted = [round(load * scale) for load, scale in zip(loads, self._scales, strict=True)]
+        if faults.saturated:
+            wanted[:3] = [most if count >= 0 else -most for count, most in zip(wanted[:3], self._most, strict=False)]
+        loaded = [max(-most, min(count, most)) for count, most in zip(wanted, self._most, strict=True)]
+        status = faults.status
+        if faults.saturated or loaded != wanted:
+            status |= SensorStatus.ERROR | SensorStatus.OUT_OF_RANGE | SensorStatus.GAGE_OUT_OF_RANGE
+        if not faults.frozen:
+            self._loaded = _six(loaded)
+            shown = [max(-_LARGEST, min(c - b, _LARGEST)) for c, b in zip(loaded, self._bias, strict=True)]
+            if faults.frozen_axis >= 0:
+                shown[faults.frozen_axis] = self._shown[faults.frozen_axis]
+            self._shown = _six(shown)
+        return self._shown, status
+
+    def _way(self, stream: _Stream, packet: bytes) -> None:
+        now = self._clock.now()
+        if stream.overtaken is not None:
+            stream.on_way.extend([(now, packet), (now, stream.overtaken)])
+            stream.overtaken = None
+        elif self.faults.reorder and self._generator.random() < _HELD:
+            stream.overtaken = packet
+        else:
+            stream.on_way.append((now, packet))
+
+    def _deliver(self, address: Address, stream: _Stream) -> None:
+        if self.faults.silent:
+            stream.on_way.clear()
+            return
+        arrived = self._clock.now() - self.faults.latency
+        while stream.on_way and stream.on_way[0][0] <= arrived:
+            self._put(address, stream.on_way.popleft()[1])
+
+    def _put(self, address: Address, packet: bytes) -> None:
+        try:
+            self._socket.sendto(packet, address)
+        except OSError:  # UDP guarantees nothing: what cannot be sent is lost, and counted
+            self.unsent += 1
+
+    def _answer(self) -> None:
+        while not self._closed.is_set():
+            try:
+                packet, address = self._socket.recvfrom(2048)
+            except TimeoutError:
+                continue
+            except ConnectionError:  # some systems report here that a client has gone
+                continue
+            try:
+                command, count = parse_request(packet)
+            except PacketError:
+                self.garbage += 1
+                continue
+            with self._lock:
+                self._obey(command, count, address)
+
+    def _obey(self, command: RdtCommand, count: int, address: Address) -> None:
+        match command:
+            case RdtCommand.START:
+                self._streams.pop(address, None)
+                while len(self._streams) >= _CLIENTS:
+                    del self._streams[next(iter(self._streams))]
+                self._streams[address] = _Stream(self._first_sequence, count if count else -1)
+            case RdtCommand.STOP:
+                self._streams.pop(address, None)
+            case RdtCommand.RESET_LATCH:
+                self.faults.status &= ~SensorStatus.MONITOR_CONDITION
+            case RdtCommand.BIAS:
+                self._bias = self._loaded
+
+
+class _Stream:
+    def __init__(self, sequence: int, left: int) -> None:
+        self.sequence = sequence
+        self.left = left  # below zero: endless
+        self.on_way: deque[tuple[float, bytes]] = deque()  # with time of sending [s]
+        self.overtaken: bytes | None = None
+
+
+def _six(counts: list[int]) -> Counts:
+    first, second, third, fourth, fifth, sixth = counts
+    return first, second, third, fourth, fifth, sixth
+
+
+def _page_server(sensor: SensorServer, host: str, port: int) -> http.server.ThreadingHTTPServer:
+    class Page(http.server.BaseHTTPRequestHandler):
+        timeout = 2.0  # [s]: a silent client holds no thread
+
+        def do_GET(self) -> None:
+            if self.path.partition("?")[0] != "/netftapi2.xml":
+                self.send_error(404)
+                return
+            text = sensor.page_text().encode()
+            self.send_response(200)
+            self.send_header("Content-Type", "text/xml")
+            self.send_header("Content-Length", str(len(text)))
+            self.end_headers()
+            self.wfile.write(text)
+
+        def log_message(self, format: str, *args: Any) -> None:
+            """Do not log requests for the page."""
+
+    server = http.server.ThreadingHTTPServer((host, port), Page)
+    server.daemon_threads = True
+    return server

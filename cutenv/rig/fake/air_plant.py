@@ -1,0 +1,76 @@
+"""Bench with nothing on it, for a fake rig whose blade moves in air."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cutenv.cutting.drive import Rig, advance_command, delayed_command, lag_gain
+from cutenv.cutting.dtypes import STATE, TICK
+from cutenv.cutting.sensor import Sensor, SensorParameters
+from cutenv.rig.config.identified import drive_of
+from cutenv.rig.config.settings import RigSettings
+
+_MIDDLE = 0.5  # [1] share of the way between the ends of travel at which the blade starts
+_FAR = 100.0  # [m] to the model's own end stops
+
+
+class AirPlant:
+    """Bench of :class:`cutenv.rig.fake.fake_rig.FakeRig` with the simulator's drive and sensor, and no specimen.
+
+    Parameters
+    ----------
+    settings : RigSettings
+        Settings with the travel, and the angle at the start.
+    drive : Rig, optional
+        Drive of the blade; by default the one that the settings describe.
+    sensor : SensorParameters, optional
+        Parameters of the force sensor.
+    start : float, optional
+        Position of the blade at the start [m]; by default the middle of its travel.
+    """
+
+    def __init__(
+        self,
+        settings: RigSettings,
+        *,
+        drive: Rig | None = None,
+        sensor: SensorParameters | None = None,
+        start: float | None = None,
+    ) -> None:
+        self._drive = drive or drive_of(settings)
+        self._records = self._drive.records(2.0 * _FAR)
+        self._states = np.zeros(1, STATE)
+        middle = _MIDDLE * (settings.limits.low + settings.limits.high)
+        self._states["hand"] = _FAR + (middle if start is None else start)
+        self._quick_stop = settings.blade.quick_stop
+        self._angle = settings.fixed_angle
+        self._sensor = Sensor(sensor)
+        self._force = self._sensor.measure(0.0)
+
+    def step(self, speed: float, turn: float, stopping: bool) -> None:
+        """Advance by a millisecond; a quick stop brakes at its own rate, without the velocity loop's lag."""
+        drive, state = self._records[0], self._states[0]
+        drive.acceleration = self._quick_stop if stopping else self._drive.acceleration
+        drive.lag = TICK if stopping else self._drive.motor_lag
+        target = 0.0 if stopping else float(delayed_command(state, drive, speed))
+        advance_command(state, drive, lag_gain(drive, TICK), target, TICK)
+        self._angle = min(max(self._angle + turn * TICK, math.radians(45.0)), math.radians(90.0))
+        self._force = self._sensor.measure(0.0)
+
+    def block(self) -> None:
+        """Advance by a millisecond in which nothing can move."""
+        self._states["hand_speed"] = 0.0
+        self._force = self._sensor.measure(0.0)
+
+    @property
+    def motion(self) -> tuple[float, float, float]:
+        """Position [m], speed [m/s] and angle [rad]."""
+        state = self._states[0]
+        return float(state["hand"]) - _FAR, float(state["hand_speed"]), self._angle
+
+    @property
+    def force(self) -> float:
+        """Force as measured by the sensor [N]."""
+        return self._force

@@ -1,0 +1,114 @@
+"""Bench of a fake rig, on which its blade and sensor work: a specimen under the cutting law, or a recorded cut."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+from cutenv.cutting.drive import Rig
+from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.sensor import SensorParameters
+from cutenv.plant import ReplayPlant, SimulatedPlant
+from cutenv.plant.simulator import ANGLE_RANGE
+from cutenv.rig.config.identified import drive_of
+from cutenv.rig.config.settings import RigSettings
+from cutenv.tissue.specimen import Specimen
+from cutenv.trace import Trace
+
+
+class DrivenPlant(Protocol):
+    """Load that a fake rig's blade and sensor work on."""
+
+    def step(self, speed: float, turn: float, stopping: bool) -> None:
+        """Advance by a millisecond under a commanded speed [m/s] and rate of turn [rad/s]."""
+        ...
+
+    def block(self) -> None:
+        """Advance by a millisecond in which nothing can move."""
+        ...
+
+    @property
+    def motion(self) -> tuple[float, float, float]:
+        """Position [m], speed [m/s] and angle [rad]."""
+        ...
+
+    @property
+    def force(self) -> float:
+        """Force as measured by the sensor [N]."""
+        ...
+
+
+class SpecimenPlant:
+    """Specimen under the cutting law, with the simulator's own drive and sensor."""
+
+    def __init__(
+        self, specimen: Specimen, settings: RigSettings, *, drive: Rig | None = None,
+        sensor: SensorParameters | None = None, law: LawParameters | None = None, seed: int = 0, episode: int = 0,
+    ) -> None:  # fmt: skip
+        self._drive = drive or drive_of(settings)
+        self.plant = SimulatedPlant(
+            specimen, drive=self._drive, sensor=sensor, law=law, seed=seed, episode=episode, angle=settings.fixed_angle
+        )
+        self._angle = settings.fixed_angle
+        self._quick_stop = settings.blade.quick_stop
+        self._reading = self.plant.advance(0.0, self._angle, 1)
+
+    def step(self, speed: float, turn: float, stopping: bool) -> None:
+        """Advance by a millisecond; a quick stop brakes at its own rate, without the velocity loop's lag."""
+        self._angle += turn * TICK
+        speed = 0.0 if stopping else speed
+        self.plant.cuts["drive"]["acceleration"] = self._quick_stop if stopping else self._drive.acceleration
+        self.plant.cuts["drive"]["lag"] = TICK if stopping else self._drive.motor_lag
+        self._reading = self.plant.advance(speed, self._measured_angle, 1)
+
+    @property
+    def _measured_angle(self) -> float:
+        """Angle, limited to the range for which the law was measured [rad]."""
+        return min(max(self._angle, ANGLE_RANGE[0]), ANGLE_RANGE[1])
+
+    def block(self) -> None:
+        """Advance by a millisecond in which nothing can move."""
+        self.plant.cuts["state"]["hand_speed"] = 0.0
+        self._reading = self.plant.advance(0.0, self._measured_angle, 1)
+
+    @property
+    def motion(self) -> tuple[float, float, float]:
+        """Position [m], speed [m/s] and angle [rad]."""
+        reading = self._reading[0]
+        return float(reading["position"]), float(reading["speed"]), self._angle
+
+    @property
+    def force(self) -> float:
+        """Force as measured by the sensor [N]."""
+        return float(self._reading[0]["force"])
+
+
+class RecordedPlant:
+    """Recorded cut, replayed millisecond by millisecond, whatever is commanded; at its end the blade rests."""
+
+    def __init__(self, trace: Trace) -> None:
+        self._tape = ReplayPlant(trace)
+        self._reading = self._tape.readings[0]
+        self._holding = True
+
+    def step(self, speed: float, turn: float, stopping: bool) -> None:
+        """Advance by a millisecond; a quick stop holds the record."""
+        self._holding = stopping or self._tape.left == 0
+        if not self._holding:
+            self._reading = self._tape.advance(speed, math.pi / 2, 1)[0]
+
+    def block(self) -> None:
+        """Hold the record."""
+        self._holding = True
+
+    @property
+    def motion(self) -> tuple[float, float, float]:
+        """Position [m], speed [m/s] and angle [rad]."""
+        speed = 0.0 if self._holding else float(self._reading["speed"])
+        return float(self._reading["position"]), speed, float(self._reading["angle"])
+
+    @property
+    def force(self) -> float:
+        """Force as recorded from the sensor [N]."""
+        return float(self._reading["force"])

@@ -1,0 +1,1 @@
+"""Operation of a rig: operator, checks before motion, session, specimens and jogging."""

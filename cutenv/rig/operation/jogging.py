@@ -1,0 +1,177 @@
+"""Jogging, which moves the blade while a key is held: the command at each instant, and the loop that sends it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from enum import Enum
+from typing import Protocol
+
+from cutenv._base.validation import in_range
+from cutenv.cutting.dtypes import TICK
+from cutenv.rig.plant import RigPlant
+from cutenv.rig.safety.stop_causes import WATCH
+
+SPEED = 0.002
+"""Default speed of the blade [m/s]."""
+TOP_SPEED = 0.010
+"""Greatest speed that may be chosen [m/s]."""
+JOG_TURN_RATE = math.radians(5.0)
+"""Rate of turn of the blade [rad/s]."""
+HELD = 0.150
+"""Time after its last repeat for which a key counts as held [s].
+
+A terminal does not report the release of a key.  It repeats a held key, after a first pause of 0.2 to 0.7 s, every 25
+to 100 ms; when the repeats stay away, the key was released.  So a key that is tapped moves the blade for this long, one
+that is held moves it once, pauses, and moves on with the first repeat.
+"""
+PERIOD = 20
+"""Period of the commands [ms]."""
+STOPS_WITHIN = HELD + 2 * PERIOD * TICK
+"""Time from a key's last repeat to the command to rest, at most [s]: 0.4 mm at 2 mm/s, and the axis's own ramp.
+
+A line that delivers keys late, such as a remote shell's, adds its delay: jog beside the rig.
+"""
+_LEAD = math.radians(0.5)  # [rad] lead of the commanded angle over the blade's
+_SHOWN_EVERY = 5  # periods
+
+
+class JogKey(Enum):
+    """Key that a person can press."""
+
+    FORWARD = "right"
+    BACK = "left"
+    UPRIGHT = "up"
+    SLANT = "down"
+    QUIT = "q"
+    OTHER = "any other"
+
+
+_ARROWS = {b"A": JogKey.UPRIGHT, b"B": JogKey.SLANT, b"C": JogKey.FORWARD, b"D": JogKey.BACK}
+
+
+class KeyDecoder:
+    """Decoder from a terminal's bytes to keys; an arrow is three bytes, which may come one by one."""
+
+    def __init__(self) -> None:
+        self._begun = b""
+
+    def feed(self, data: bytes) -> list[JogKey]:
+        """Take bytes, and return the keys that are complete."""
+        keys = []
+        for byte in (data[k : k + 1] for k in range(len(data))):
+            if self._begun and self._begun != b"\x1b":  # ESC [ or ESC O
+                keys.append(_ARROWS.get(byte, JogKey.OTHER))
+                self._begun = b""
+            elif self._begun == b"\x1b" and byte in (b"[", b"O"):
+                self._begun += byte
+            elif byte == b"\x1b":
+                self._begun = byte
+            else:
+                keys.append(JogKey.QUIT if byte in (b"q", b"Q") else JogKey.OTHER)
+                self._begun = b""
+        return keys
+
+
+class Jog:
+    """Controller of the blade by keys, independent of terminal and rig.
+
+    Pressing any key other than the held arrow ends the motion at once.
+
+    Parameters
+    ----------
+    speed : float
+        Speed while an arrow is held [m/s], up to :data:`TOP_SPEED`.
+    turns : bool
+        True if the blade has a hinge.
+
+    Raises
+    ------
+    ValueError
+        If the speed is out of range.
+    """
+
+    def __init__(self, speed: float = SPEED, *, turns: bool = False) -> None:
+        self.speed = in_range("speed", speed, 1e-4, TOP_SPEED, "m/s", "Jogging is slow: 2 mm/s is 0.002.")
+        self._turns = turns
+        self._held: JogKey | None = None
+        self._until = -math.inf
+        self.quit = False
+        """True once the person has asked to quit."""
+
+    def press(self, keys: Iterable[JogKey], time: float) -> None:
+        """Take keys that were read at ``time`` [s], in order; the last one decides."""
+        for key in keys:
+            self.quit |= key is JogKey.QUIT
+            self._held = None if self.quit or key is JogKey.OTHER else key
+            self._until = time + HELD
+
+    def command(self, time: float) -> tuple[float, float]:
+        """Return speed [m/s] and rate of turn [rad/s] at ``time`` [s]."""
+        if time >= self._until:
+            self._held = None
+        speed = {JogKey.FORWARD: self.speed, JogKey.BACK: -self.speed}.get(self._held or JogKey.OTHER, 0.0)
+        rate = {JogKey.UPRIGHT: JOG_TURN_RATE, JogKey.SLANT: -JOG_TURN_RATE}.get(self._held or JogKey.OTHER, 0.0)
+        return speed, rate if self._turns else 0.0
+
+
+class Keyboard(Protocol):
+    """Source of keys."""
+
+    def read(self) -> list[JogKey]:
+        """Return the keys pressed since the last call, without waiting."""
+        ...
+
+
+def jog(plant: RigPlant, keyboard: Keyboard, controls: Jog, show: Callable[[str], None]) -> None:
+    """Move a released blade by keys until they ask to quit; the blade then rests, and the rig is locked.
+
+    Parameters
+    ----------
+    plant : RigPlant
+        Plant, prepared and released; the supervisor watches all the time.
+    keyboard : Keyboard
+        Source of the keys, read every :data:`PERIOD`.
+    controls : Jog
+        Controller that turns keys into speed and angle.
+    show : callable
+        Called with a status line several times a second.
+
+    Raises
+    ------
+    RigStopped
+        If the supervisor stops the blade.
+    """
+    limits, clock = plant.settings.limits, plant.clock
+    angle = plant.angle
+    count = 0
+    plant.begin()
+    while not controls.quit:
+        controls.press(keyboard.read(), clock.now())
+        speed, rate = controls.command(clock.now())
+        if rate:
+            now = plant.angle
+            wanted = min(max(angle + rate * PERIOD * TICK, now - _LEAD), now + _LEAD)
+            angle = min(max(wanted, limits.angle_low), limits.angle_high)
+        plant.advance(speed, angle, PERIOD)
+        if count % _SHOWN_EVERY == 0:
+            show(status(plant))
+        count += 1
+    plant.halt()
+    clock.sleep_until(clock.now() + WATCH)
+    show(status(plant))
+
+
+def status(plant: RigPlant) -> str:
+    """Return position, angle, force and state of the rig in one line."""
+    supervisor, settings = plant.supervisor, plant.settings
+    force, blade = supervisor.newest_force, supervisor.blade
+    along = "no force"
+    if force is not None:
+        along = f"{settings.sensor.sign * force.force['xyz'.index(settings.sensor.cut_axis)]:+7.2f} N"
+    if blade is None:
+        return f"blade unknown  {along}  {supervisor.phase}"
+    return (
+        f"{1e3 * blade.position:8.2f} mm  {1e3 * blade.speed:+7.2f} mm/s  {math.degrees(plant.angle):5.1f} deg  {along}"
+        f"  {supervisor.phase}, {blade.state.value}"
+    )

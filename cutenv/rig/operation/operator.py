@@ -1,0 +1,195 @@
+"""Person beside the rig, who is asked before anything moves: at a terminal, and with a time limit."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Protocol, TextIO
+
+from cutenv._base.validation import in_range
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.errors import RigError
+
+_YES = ("y", "yes")
+
+
+class Operator(Protocol):
+    """Person who answers for the rig. No answer in time means no."""
+
+    def tell(self, message: str) -> None:
+        """Show a message."""
+        ...
+
+    def confirm(self, question: str, *, expected: str | None = None) -> bool:
+        """Ask a question; return whether the answer is yes or, if given, exactly ``expected``."""
+        ...
+
+    def ask_ready(self, what: str) -> bool:
+        """Ask for manual work, such as "specimen clamped, hands off"; return whether it is done."""
+        ...
+
+
+class TerminalOperator:
+    """Operator at a terminal.
+
+    Text typed before a question appears does not answer it. Ctrl-C, the end of the input (Ctrl-D) and silence mean no.
+
+    Parameters
+    ----------
+    patience : float
+        Time allowed for an answer [s], 1 to 3600.
+    source, sink : text file, optional
+        Terminal to read from, and where to write; standard input and output by default.
+
+    Raises
+    ------
+    RigError
+        If the source is not a terminal: then nobody is there to answer.
+    ValueError
+        If the patience is out of range.
+    """
+
+    def __init__(self, *, patience: float = 120.0, source: TextIO | None = None, sink: TextIO | None = None) -> None:
+        self.patience = in_range("patience", patience, 1.0, 3600.0, "s", "Answers take seconds to minutes.")
+        self._source = sys.stdin if source is None else source
+        self._sink = sys.stdout if sink is None else sink
+        if os.name == "nt":
+            raise RigError("a terminal can be read with a time limit on Linux and macOS only. Run the rig from there.")
+        if not self._source.isatty():
+            raise RigError(
+                "questions to the operator need a terminal, and standard input is none. Run the command in a terminal, "
+                "without a pipe; only an emulated rig (emulated = true) runs without an operator."
+            )
+
+    def tell(self, message: str) -> None:
+        """Print a message."""
+        print(message, file=self._sink, flush=True)
+
+    def confirm(self, question: str, *, expected: str | None = None) -> bool:
+        """Ask for yes, or for a text that must be typed exactly."""
+        if expected is None:
+            return self._asked(f"{question} [y/N] ", lambda typed: typed.strip().lower() in _YES)
+        return self._asked(f'{question}\nType "{expected}" to confirm: ', lambda typed: typed == expected)
+
+    def ask_ready(self, what: str) -> bool:
+        """Ask for Enter; any other input means no."""
+        return self._asked(f"{what}: press Enter when ready, anything else stops. ", lambda typed: not typed.strip())
+
+    def _asked(self, prompt: str, accepted: Callable[[str], bool]) -> bool:
+        try:
+            typed = self._line(prompt)
+        except KeyboardInterrupt:
+            self.tell("\ninterrupted: no.")
+            return False
+        if typed is None:
+            return False
+        if not accepted(typed):
+            self.tell("no.")
+            return False
+        return True
+
+    def _line(self, prompt: str) -> str | None:
+        """Return the line typed after the prompt, or None if none comes in time or the input ends."""
+        import select
+        import termios
+
+        source = self._source.fileno()
+        termios.tcflush(source, termios.TCIFLUSH)
+        print(prompt, end="", file=self._sink, flush=True)
+        typed = b""
+        deadline = time.monotonic() + self.patience
+        while not typed.endswith(b"\n"):
+            left = deadline - time.monotonic()
+            if left <= 0.0 or not select.select([source], [], [], left)[0]:
+                self.tell(f"\nno answer within {self.patience:g} s: no.")
+                return None
+            more = os.read(source, 4096)
+            if not more:
+                self.tell("\nend of input: no.")
+                return None
+            typed += more
+        return typed[:-1].decode(errors="replace")
+
+
+class AutomaticOperator:
+    """Operator that answers yes to everything; for emulated rigs only.
+
+    Attributes
+    ----------
+    asked, told : list of str
+        Questions and messages so far, in order.
+
+    Raises
+    ------
+    ValueError
+        If the rig is not emulated.
+    """
+
+    def __init__(self, settings: RigSettings) -> None:
+        if not settings.emulated:
+            raise ValueError(
+                f"rig {settings.name!r} is not emulated: it moves beside people, so a person has to confirm. Run it "
+                "from a terminal."
+            )
+        self.asked: list[str] = []
+        self.told: list[str] = []
+
+    def tell(self, message: str) -> None:
+        """Store the message."""
+        self.told.append(message)
+
+    def confirm(self, question: str, *, expected: str | None = None) -> bool:
+        """Store the question and return True."""
+        self.asked.append(question)
+        return True
+
+    def ask_ready(self, what: str) -> bool:
+        """Store the request and return True."""
+        self.asked.append(what)
+        return True
+
+
+class ScriptedOperator:
+    """Operator with answers given beforehand, for tests.
+
+    Parameters
+    ----------
+    answers : sequence of (question, answer)
+        Pairs in the order of the questions: part of the question's text, and True, False or the typed text.
+
+    Attributes
+    ----------
+    told : list of str
+        Messages so far.
+    unasked : list of (question, answer)
+        Pairs not used yet.
+    """
+
+    def __init__(self, answers: Sequence[tuple[str, bool | str]] = ()) -> None:
+        self.told: list[str] = []
+        self.unasked = list(answers)
+
+    def tell(self, message: str) -> None:
+        """Store the message."""
+        self.told.append(message)
+
+    def confirm(self, question: str, *, expected: str | None = None) -> bool:
+        """Answer as scripted; raise LookupError if this is not the next question of the script."""
+        answer = self._next(question)
+        if isinstance(answer, bool):
+            return answer
+        return answer == expected if expected is not None else answer.lower() in _YES
+
+    def ask_ready(self, what: str) -> bool:
+        """Answer as scripted; raise LookupError if this is not the next question of the script."""
+        answer = self._next(what)
+        return answer if isinstance(answer, bool) else not answer
+
+    def _next(self, question: str) -> bool | str:
+        if not self.unasked:
+            raise LookupError(f"no question was expected, but this was asked: {question!r}.")
+        if self.unasked[0][0] not in question:
+            raise LookupError(f"a question with {self.unasked[0][0]!r} was expected, but this was asked: {question!r}.")
+        return self.unasked.pop(0)[1]

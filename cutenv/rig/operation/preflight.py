@@ -1,0 +1,195 @@
+"""Conditions for any motion: calibration, self-test, and a person's confirmation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from datetime import date
+
+from cutenv.rig.config.sensor_calibration import expired
+from cutenv.rig.config.settings import Axis, RigSettings
+from cutenv.rig.errors import RigError
+from cutenv.rig.operation.operator import Operator
+from cutenv.rig.plant import RigPlant
+from cutenv.rig.safety.motion_monitor import CREEP
+
+SETTLE = 0.3
+"""Time after switching on, before anything is checked [s]."""
+ZERO_FORCE = 0.2
+"""Greatest force allowed on a blade in air, after tare [N]."""
+_NUDGE = 0.001  # [m] by which the blade is moved and brought back
+_NUDGE_SPEED = 0.002  # [m/s]
+_NUDGE_SHARE = 0.8  # [1] share of it that the encoder has to show
+_INSIDE = 5e-4  # [m] inside an end of travel, where a blade that returns stops
+_TURN = math.radians(1.0)  # [rad] by which the blade is turned and back
+_SAME = 0.02  # relative difference allowed between a drive's limit and the file: whole increments
+
+
+@dataclass(frozen=True)
+class Check:
+    """Result of one check: its name, whether it passed, and what was found."""
+
+    name: str
+    passed: bool
+    found: str
+
+    def __str__(self) -> str:
+        return f"{'ok  ' if self.passed else 'FAIL'} {self.name}: {self.found}"
+
+
+def may_move(settings: RigSettings, today: date) -> list[Check]:
+    """Check the file alone, without hardware: the calibration, and the person who answers for the rig."""
+    why = expired(settings.calibration, today)
+    armed = settings.armed_by.strip()
+    return [
+        Check("calibration", why is None, why or f"of {settings.calibration.date}"),
+        Check("armed_by", bool(armed), armed or 'empty; write under "armed_by" who answers for this rig'),
+    ]
+
+
+def still_checks(plant: RigPlant, *, in_air: bool = True) -> list[Check]:
+    """Check an open rig at rest: readings, zero force in air, samples, and the drives' limits against the file."""
+    supervisor, settings = plant.supervisor, plant.settings
+    checks = []
+    sample = supervisor.newest_force
+    if sample is None:
+        checks.append(Check("force readings", False, "none has arrived"))
+    else:
+        norm = math.hypot(*sample.force)
+        checks.append(Check("force status", sample.status == 0, f"0x{sample.status:08X}"))
+        if in_air:
+            checks.append(Check("zero force", norm <= ZERO_FORCE, f"{norm:.3f} N, {ZERO_FORCE:g} N allowed"))
+    axes = {"blade": settings.blade} | ({"angle": settings.angle} if settings.angle is not None else {})
+    answered = plant.drive_limits()
+    for name, axis in axes.items():
+        moved = supervisor.axis(name)
+        checks.append(
+            Check(f"{name} axis", moved is not None, "no sample" if moved is None else f'"{moved.state.value}"')
+        )
+        checks += [_limit(name, axis, what, value) for what, value in answered[name].items()]
+    return checks
+
+
+def _limit(name: str, axis: Axis, what: str, answered: float) -> Check:
+    wanted = float(getattr(axis, what))
+    span = axis.high - axis.low if what in ("low", "high") else abs(wanted)
+    same = abs(answered - wanted) <= _SAME * span
+    return Check(f"{name} limit {what}", same, f"drive {answered:.5g}, file {wanted:.5g}")
+
+
+def moving_checks(plant: RigPlant) -> list[Check]:
+    """Move the released blade by a millimetre and back, and turn it by a degree; check that the encoders show it."""
+    start = plant.position
+    way = _NUDGE if start + _NUDGE < plant.settings.limits.high else -_NUDGE
+    plant.travel(start + way, speed=_NUDGE_SPEED)
+    there = plant.position - start
+    plant.travel(start, speed=_NUDGE_SPEED)
+    back = plant.position - start
+    well = there / way > _NUDGE_SHARE and abs(back) < (1.0 - _NUDGE_SHARE) * _NUDGE
+    checks = [
+        Check("encoder", well, f"moved {1e3 * there:+.3f} of {1e3 * way:+.2f} mm, and back to {1e3 * back:+.3f} mm")
+    ]
+    if plant.settings.angle is not None:
+        begun = plant.angle
+        turn = -_TURN if begun - _TURN > plant.settings.limits.angle_low else _TURN
+        plant.travel(plant.position, speed=_NUDGE_SPEED, angle=begun + turn)
+        turned = plant.angle - begun
+        plant.travel(plant.position, speed=_NUDGE_SPEED, angle=begun)
+        found = f"turned {math.degrees(turned):+.2f} of {math.degrees(turn):+.1f} degrees"
+        checks.append(Check("hinge", turned / turn > _NUDGE_SHARE, found))
+    return checks
+
+
+def return_inside(plant: RigPlant) -> None:
+    """Move a blade from beyond an end of its travel back inside, at creep speed; the operator has agreed to that.
+
+    Raises
+    ------
+    RigError, RigStopped
+        If the rig is not ready, or the blade does anything but return.
+    """
+    limits = plant.settings.limits
+    plant.supervisor.release(returning=True)
+    inside = min(max(plant.position, limits.low + _INSIDE), limits.high - _INSIDE)
+    plant.travel(inside, speed=CREEP)
+
+
+def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = True) -> list[Check]:
+    """Run every check that has to precede the first motion, in order; the rig is released at the end.
+
+    Calibration and ``armed_by``; switching on; tare and self-test at rest; the operator's typed confirmation; for a
+    blade beyond an end of its travel, its slow return, if the operator agrees to that too; a millimetre to and fro.
+
+    Parameters
+    ----------
+    plant : RigPlant
+        Rig, already open.
+    operator : Operator
+        Person who is asked to confirm.
+    today : date
+        Today's date, for the age of the calibration.
+    in_air : bool
+        True if the blade touches nothing, so that its force can be taken as zero. After a stop it may stand in tissue:
+        the old zero is then kept, because a new one would hide the force on the blade.
+
+    Returns
+    -------
+    list of Check
+        All checks; each has passed.
+
+    Raises
+    ------
+    RigError
+        If a check fails, or the operator does not agree; the drives are then without power.
+    """
+    checks = _passed(may_move(plant.settings, today))
+    place = "; it has to be in air" if in_air else ", wherever it stands"
+    operator.tell(f"The drives are switched on now; the blade holds still. Keep clear of it{place}.")
+    plant.power()
+    try:
+        plant.clock.sleep_until(plant.clock.now() + SETTLE)
+        if in_air:
+            plant.tare()
+            plant.clock.sleep_until(plant.clock.now() + SETTLE)
+        checks += _passed(still_checks(plant, in_air=in_air))
+        if not operator.confirm(_question(plant, in_air), expected=plant.settings.name):
+            raise RigError("the operator has not confirmed: nothing moves.")
+        if (beyond := plant.supervisor.beyond) is not None:
+            way = f"The {beyond}. May it creep back inside at {1e3 * CREEP:g} mm/s, and is its way clear?"
+            if not operator.confirm(way):
+                raise RigError(f"{beyond}, and the operator has not agreed to its return: nothing moves.")
+            return_inside(plant)
+        plant.supervisor.release()
+        checks += _passed(moving_checks(plant))
+    except BaseException as error:
+        plant.halt()
+        try:
+            plant.switch_off()
+        except RigError as worse:  # report the first error
+            error.add_note(f"Besides: {worse}")
+        raise
+    return checks
+
+
+def _question(plant: RigPlant, in_air: bool) -> str:
+    """Return the question to the operator: only a person can see whether a tare and a drive's zero are right."""
+    sample = plant.supervisor.newest_force
+    if in_air:
+        felt = f", and in air the sensor reads {_newtons(plant.zero)}, taken as zero. Is that so, is the blade free"
+    elif sample is not None:
+        felt = f", and the sensor reads {_newtons(sample.force)} relative to its zero in air. May it move"
+    else:
+        felt = ". May it move"
+    where = f"According to its drive it stands {1e3 * plant.position:.1f} mm from the clamp"
+    return f"The blade of {plant.settings.name} will move. {where}{felt}, and is the stop button within reach?"
+
+
+def _newtons(force: tuple[float, float, float]) -> str:
+    return "({:.1f}, {:.1f}, {:.1f}) N".format(*force)
+
+
+def _passed(checks: list[Check]) -> list[Check]:
+    failed = [f"{check.name}: {check.found}" for check in checks if not check.passed]
+    if failed:
+        raise RigError(f"the rig may not move. {'; '.join(failed)}.")
+    return checks

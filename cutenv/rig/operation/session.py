@@ -1,0 +1,199 @@
+"""Session with a rig, from the first connection to the last: prepared once, then cut after cut on new specimens."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack
+from datetime import date
+from typing import Any
+
+from cutenv.rig.devices.clock import SystemClock
+from cutenv.rig.devices.real_time import preferred, tidy
+from cutenv.rig.errors import RigError
+from cutenv.rig.operation.operator import Operator
+from cutenv.rig.operation.preflight import SETTLE, Check, prepare
+from cutenv.rig.operation.specimen_source import SpecimenKey, SpecimenSource
+from cutenv.rig.plant import RigPlant
+from cutenv.rig.safety.guard import guarded
+from cutenv.rig.safety.stop_causes import BY_PEOPLE, WATCH, RigStopped
+
+RETURN_SPEED = 0.005
+"""Speed of the return to the clamp between cuts [m/s]: always slow."""
+_ATTEMPTS = 3  # to reach the clamp; the operator agrees to each
+_PATIENCE = 1.0  # [s] for readings to be fresh again after this computer was busy
+START_POSITION = 0.0
+"""Position of the blade at the start of a cut [m]."""
+DRIFT = 1.0
+"""Greatest change of the force at rest since the blade was in air [N]: beyond it the blade touches something."""
+_PUSHED = 5e-4  # [m] from the clamp, beyond which somebody has moved the blade
+
+
+class RigSession:
+    """Session with one rig, opened and closed as a context.
+
+    Parameters
+    ----------
+    plant : RigPlant
+        The rig, not yet opened.
+    operator : Operator
+        Person who is asked before anything moves.
+    supply : Supply
+        Supply that lays specimens.
+    release : callable, optional
+        Called at the end, after the plant is closed; it ends an emulator, for example.
+    today : date, optional
+        Today's date, for the age of the calibration.
+
+    Attributes
+    ----------
+    checks : list of Check
+        Checks of the preparation; empty before.
+    real_time : bool
+        True if the operating system runs the rig's threads before others.
+    """
+
+    def __init__(
+        self,
+        plant: RigPlant,
+        operator: Operator,
+        supply: SpecimenSource,
+        *,
+        release: Callable[[], None] | None = None,
+        today: date | None = None,
+    ) -> None:
+        self.plant, self.operator = plant, operator
+        self._supply, self._today = supply, today or date.today()
+        self.checks: list[Check] = []
+        self.real_time = False
+        self._stack = ExitStack()
+        if release is not None:
+            self._stack.callback(release)
+        self._air: tuple[float, float, float] | None = None  # [N] zero of the blade in air
+        self._opened = False
+        self._in_time = isinstance(plant.clock, SystemClock)
+
+    def open(self) -> None:
+        """Connect, and install every stop; nothing moves. Later calls do nothing."""
+        if not self._opened:
+            if self._in_time:
+                self.real_time = self._stack.enter_context(preferred())
+            self._stack.callback(self.plant.close)
+            self.plant.open()
+            self._stack.enter_context(guarded(self.plant.supervisor, self.plant.clock))
+            self.plant.clock.sleep_until(self.plant.clock.now() + SETTLE)
+            self._opened = True
+
+    def next_cut(self, key: SpecimenKey, angle: float) -> None:
+        """Prepare if necessary, move slowly to the clamp, have a new specimen laid without power, and tare.
+
+        Parameters
+        ----------
+        key : SpecimenKey
+            Key of the specimen.
+        angle : float
+            Angle at which the cut starts [rad].
+
+        Raises
+        ------
+        RigError
+            If a check fails or the operator does not agree; nothing moves then.
+        RigStopped
+            If the blade was stopped on the way.
+        """
+        self.open()
+        plant = self.plant
+        for attempt in range(1, _ATTEMPTS + 1):
+            self._be_ready()
+            self.operator.tell(f"The blade returns to the clamp at {1e3 * RETURN_SPEED:g} mm/s.")
+            try:
+                plant.travel(START_POSITION, speed=RETURN_SPEED, angle=angle)
+                break
+            except RigStopped as stop:
+                if attempt == _ATTEMPTS or stop.report.cause in BY_PEOPLE:
+                    raise
+        checks, self.checks = self.checks, []  # if the specimen is not laid as it should be, everything is asked again
+        plant.switch_off()  # hands are in the travel from here on
+        if self._in_time:
+            tidy()
+        depth = self._supply.mount(key)
+        if depth is not None:
+            plant.depth = depth
+        self.operator.tell("The drives are switched on again.")
+        plant.power()
+        plant.clock.sleep_until(plant.clock.now() + SETTLE)
+        try:
+            self._check_at_rest()
+        except RigError:
+            plant.switch_off()
+            raise
+        self.checks = checks
+        plant.begin()
+
+    def _check_at_rest(self) -> None:
+        """Check that the blade is where it was left, and that its force changed by no more than sensor drift; tare."""
+        plant = self.plant
+        if abs(plant.position - START_POSITION) > _PUSHED:
+            raise RigError(
+                f"the blade was moved to {1e3 * plant.position:.1f} mm while the specimen was laid: begin the cut "
+                "again, and leave it at the clamp."
+            )
+        zero = plant.tare()
+        off = max(abs(now - then) for now, then in zip(zero, self._air or zero, strict=True))
+        if off > DRIFT:
+            raise RigError(
+                f"the force at rest has changed by {off:.1f} N since the blade was in air ({DRIFT:g} N allowed): it "
+                "touches something, or the sensor drifts. Free it, or let the sensor warm up, and begin again."
+            )
+
+    def _be_ready(self) -> None:
+        """Reset a stop if the operator agrees, prepare if necessary, and release."""
+        supervisor = self.plant.supervisor
+        if (why := supervisor.latched) is not None:
+            question = f"The blade was stopped ({why}). Is the cause removed, and may the stop be reset?"
+            supervisor.reset(agreed=self.operator.confirm(question))
+            self.checks = []
+        if not self.checks:
+            self.checks = prepare(self.plant, self.operator, today=self._today, in_air=self._air is None)
+            if self._air is None:
+                self._air = self.plant.zero
+        else:
+            self.start()
+
+    def start(self) -> None:
+        """Release the rig for the cut's commands; until here it is locked, however long a policy takes to be ready.
+
+        Raises
+        ------
+        RigError
+            If a signal is missing or wrong, and stays so.
+        """
+        clock, deadline = self.plant.clock, self.plant.clock.now() + _PATIENCE
+        while True:
+            try:
+                return self.plant.supervisor.release()
+            except RigError:
+                if clock.now() > deadline:
+                    raise
+            clock.sleep_until(clock.now() + WATCH)
+
+    def end_cut(self) -> None:
+        """Bring the blade to rest and lock the rig."""
+        self.plant.owner.check()
+        self.plant.halt()
+
+    def close(self) -> None:
+        """Stop any motion and close the rig; may be called twice. The report names an exception under way as the cause.
+
+        Does nothing in a fork of the process that has opened it.
+        """
+        if not self.plant.owner.here:
+            return
+        self._stack.__exit__(*sys.exc_info())
+
+    def __enter__(self) -> RigSession:
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        if self.plant.owner.here:
+            self._stack.__exit__(*error)

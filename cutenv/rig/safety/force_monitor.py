@@ -1,0 +1,108 @@
+"""Checks of the force, from each packet and the few before it."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from cutenv.rig.config.settings import Identified, SafetyLimits
+from cutenv.rig.devices.netft.sample_clock import SampleClock
+from cutenv.rig.devices.samples import ForceSample
+from cutenv.rig.safety.stop_causes import STILL, Breach, Cause
+
+_SEQUENCES = 2**32
+RISE_OVER = 0.010
+"""Window over which a rise of force is measured, longer than noise lasts [s]."""
+_LOSS_OVER = 0.100  # [s] window for the share of lost readings
+
+
+class ForceMonitor:
+    """Monitor that checks every force reading against the limits.
+
+    Parameters
+    ----------
+    limits : Limits
+        Limits of force, rise, losses and delay.
+    rate : float
+        Rate of the readings [Hz].
+    identified : Identified, optional
+        Identified properties of the rig: the time that each force axis stays at one count through its own noise.
+
+    Attributes
+    ----------
+    newest : ForceSample or None
+        Last reading; None before the first.
+    """
+
+    def __init__(self, limits: SafetyLimits, rate: float, identified: Identified | None = None) -> None:
+        self._limits, self._rate = limits, rate
+        known = identified or Identified()
+        still = (known.force_still_x, known.force_still_y, known.force_still_z)
+        self._identified = tuple(each is not None for each in still)
+        self._still = tuple(max(STILL if each is None else each, limits.frozen_force) for each in still)  # [s]
+        self.newest: ForceSample | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Clear the history, except for the newest reading."""
+        self._norms: deque[float] = deque(maxlen=max(round(RISE_OVER * self._rate), 1) + 1)
+        self._losses: deque[int] = deque(maxlen=max(round(_LOSS_OVER * self._rate), 2))
+        self._lost = 0
+        self._equal = 0  # consecutive readings equal to the one before
+        self._stood = [0, 0, 0]  # the same for each force axis, while the blade moves
+        self._arrivals = SampleClock(self._rate)
+
+    def check(self, sample: ForceSample, *, moving: bool = False) -> Breach | None:
+        """Check a reading of a blade that is commanded to move or to rest; return the breach found, or None."""
+        last, self.newest = self.newest, sample
+        norm = math.hypot(*sample.force)
+        self._norms.append(norm)
+        self._equal = self._equal + 1 if last is not None and last.counts == sample.counts else 0
+        for axis in range(3):
+            same = last is not None and last.counts[axis] == sample.counts[axis]
+            self._stood[axis] = self._stood[axis] + moving if same else 0  # a pause of the blade does not reset it
+        if len(self._losses) == self._losses.maxlen:
+            self._lost -= self._losses[0]
+        self._losses.append(sample.lost)
+        self._lost += sample.lost
+        lateness = self._arrivals.sensed(sample.sequence, sample.time)[1]
+
+        limits = self._limits
+        # A fall of the force is no breach: it falls when a crack runs.
+        rise = norm - self._norms[0] if len(self._norms) == self._norms.maxlen else 0.0
+        # One loss among the first few readings is not a large share.
+        share = self._lost / max(self._lost + len(self._losses), _LOSS_OVER * self._rate)
+        if not math.isfinite(norm):
+            return Breach(Cause.NOT_A_NUMBER, f"the sensor reads {sample.force} N")
+        if sample.status:
+            return Breach(Cause.FORCE_STATUS, f"the sensor's status is 0x{sample.status:08X}")
+        if last is not None and (sample.sequence - last.sequence - 1 - sample.lost) % _SEQUENCES:
+            counts = f"{sample.sequence} comes after {last.sequence}"
+            return Breach(Cause.FORCE_STATUS, f"the sensor was restarted, its zero may be gone: reading {counts}")
+        if max(map(abs, sample.force)) > limits.force:
+            return Breach(Cause.FORCE, f"{_newtons(sample)} beyond {limits.force:g} N in an axis")
+        if norm > limits.force_norm:
+            return Breach(Cause.FORCE, f"{norm:.2f} N in all, beyond {limits.force_norm:g} N")
+        if rise > limits.force_rise * RISE_OVER:
+            return Breach(Cause.FORCE_RISE, f"the force rose by {rise:.2f} N within {1e3 * RISE_OVER:g} ms")
+        if self._equal >= limits.frozen_force * self._rate:
+            return Breach(Cause.FORCE_FROZEN, f"{self._equal + 1} consecutive readings have the same counts")
+        for axis, still in enumerate(self._still):
+            if self._stood[axis] >= still * self._rate:
+                return Breach(Cause.FORCE_AXIS, self._stands(axis))
+        if share > limits.lost_force:
+            return Breach(Cause.FORCE_LOST, f"{share:.0%} of the last readings were lost")
+        if lateness > limits.late_force:
+            return Breach(Cause.FORCE_LATE, f"readings arrive {1e3 * lateness:.0f} ms later than before")
+        return None
+
+    def _stands(self, axis: int) -> str:
+        """Describe an axis that stays at one count; a quiet sensor may do so if its noise was never identified."""
+        text = f"the {'xyz'[axis]} force stays at one count for {1e3 * self._still[axis]:.0f} ms while the blade moves"
+        if self._identified[axis]:
+            return text
+        return text + "; if the sensor works, measure its noise: cutenv rig identify --write"
+
+
+def _newtons(sample: ForceSample) -> str:
+    return "(" + ", ".join(f"{value:.2f}" for value in sample.force) + ") N"

@@ -1,0 +1,98 @@
+"""Stop of the blade when the program ends by an exception, Ctrl-C, SIGTERM, or the death of its parent."""
+
+from __future__ import annotations
+
+import _thread
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+from cutenv.rig.devices.clock import Clock
+from cutenv.rig.devices.owner import Owner
+from cutenv.rig.safety.stop_causes import Cause
+from cutenv.rig.safety.supervisor import Supervisor
+
+_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
+_PARENT_EVERY = 0.002  # [s] between checks of the parent process
+
+
+@contextmanager
+def guarded(supervisor: Supervisor, clock: Clock) -> Iterator[None]:
+    """Stop the blade if the block is ended by an exception, a signal, or the death of the parent process.
+
+    If the block is left in another thread, which may not set signal handlers, the handlers stay installed; they then
+    do, as in a forked child, what the earlier handlers would have done.
+
+    The first signal while the rig is released stops the blade, from a separate thread: a handler may interrupt any
+    code, even in the middle of a frame. The program then gets :class:`~cutenv.rig.safety.stop_causes.RigStopped` at
+    its next command. A signal while nothing may move raises :class:`KeyboardInterrupt` at once. Signals can be handled
+    in the main thread only; elsewhere they are left as they are. After ``kill -9`` the drive stops by itself, because
+    our heartbeat is missing.
+    """
+
+    def interrupted(number: int, frame: FrameType | None) -> None:
+        if left or not owner.here:
+            return _pass_on(handlers.get(number), number, frame)
+        interrupt(supervisor, Cause.INTERRUPTED, signal.Signals(number).name, number)
+
+    left, owner = False, Owner()
+    parent = os.getppid()
+
+    def orphaned(now: float) -> None:
+        if os.getppid() != parent:
+            supervisor.trip(Cause.ORPHANED, f"the parent process {parent} has ended", now)
+
+    handlers: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        for name in _SIGNALS:
+            if (number := getattr(signal, name, None)) is not None:  # Windows has two of them
+                handlers[number] = signal.signal(number, interrupted)
+    watching = clock.every(_PARENT_EVERY, orphaned, "rig parent watch")
+    try:
+        yield
+    except KeyboardInterrupt:
+        supervisor.trip(Cause.INTERRUPTED, "interrupted from the keyboard")
+        raise
+    except BaseException as error:
+        supervisor.trip(Cause.EXCEPTION, f"{type(error).__name__}: {error}")
+        raise
+    finally:
+        left = True
+        watching.stop()
+        if threading.current_thread() is threading.main_thread():
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
+
+
+def interrupt(supervisor: Supervisor, cause: Cause, detail: str, number: int = signal.SIGINT) -> None:
+    """Stop the blade from a signal handler, which may have interrupted any code, even under a lock.
+
+    While the rig is released, the stop runs in a thread of its own.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If nothing may move, so that the program ends.
+    """
+    if supervisor.phase != "ready":
+        raise KeyboardInterrupt(detail)
+
+    def stop() -> None:
+        supervisor.trip(cause, detail)
+        if supervisor.phase != "stopped":  # locked at this moment: no command would raise the stop
+            _thread.interrupt_main(signal.Signals(number))
+
+    threading.Thread(target=stop, name="rig stop", daemon=True).start()
+
+
+def _pass_on(handler: Any, number: int, frame: FrameType | None) -> None:
+    """Do what an earlier handler of a signal would have done."""
+    if callable(handler):
+        handler(number, frame)
+    elif handler == signal.SIG_DFL:
+        signal.signal(number, signal.SIG_DFL)
+        os.kill(os.getpid(), number)

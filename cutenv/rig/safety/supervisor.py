@@ -1,0 +1,392 @@
+"""Safety layer below the policy: it checks every sample and every command, and stops the blade on a breach.
+
+A software stop is not a safety function: wire the stop button to the drive's safe torque off.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.devices.clock import Clock
+from cutenv.rig.devices.drivers import MotionDriver
+from cutenv.rig.devices.latch import Event, Latch, Phase
+from cutenv.rig.devices.samples import DriveState, ForceSample, MotionSample
+from cutenv.rig.errors import RigError
+from cutenv.rig.safety.force_monitor import ForceMonitor
+from cutenv.rig.safety.motion_monitor import CREEP, MotionMonitor
+from cutenv.rig.safety.quick_stops import QuickStops
+from cutenv.rig.safety.stop_causes import Breach, Cause, StopReport
+
+MARGIN = 1.04
+"""Ratio of the speed limit to the greatest commanded speed [1]: the drive's speed loop overshoots."""
+BRAKING = 0.16
+"""Time constant near the ends of travel [s]: a speed is allowed that would take at least this long to reach the end."""
+_SHORT = 1e-4  # [m] from an end of travel, the distance at which the allowed speed is zero
+_STRAYED = {"blade": 0.003, "angle": math.radians(10.0)}  # [m], [rad] that a locked axis may move
+_FALLEN = (DriveState.QUICK_STOP, DriveState.REACTING, DriveState.FAULT)
+
+
+class Supervisor:
+    """Safety monitor of a rig: puts a quick stop on the bus at the first breach, and keeps the rig stopped.
+
+    The drivers' threads and the watchdog report to it, and every command passes through it. It refuses all motion until
+    :meth:`release`; after a stop, :meth:`reset` has to come first.
+
+    Parameters
+    ----------
+    settings : RigSettings
+        Settings of the rig, with its limits.
+    clock : Clock
+        Clock of the rig.
+    axes : sequence of MotionDriver
+        Driver of the blade, and of the angle where it has one.
+    rate : float
+        Rate of the force readings [Hz].
+    follows : bool
+        True if the blade follows commands. False for a replayed cut, for which following errors are not checked.
+    """
+
+    def __init__(
+        self,
+        settings: RigSettings,
+        clock: Clock,
+        axes: Sequence[MotionDriver],
+        *,
+        rate: float = 1000.0,
+        follows: bool = True,
+    ) -> None:
+        self.settings, self.limits = settings, settings.limits
+        self._clock = clock
+        self._axes = {axis.name: axis for axis in axes}
+        self._latch = Latch()
+        for axis in axes:
+            axis.latch = self._latch
+        self.report: StopReport | None = None
+        """Report of the last stop; None before the first."""
+        self.limited = 0
+        """Number of commands that were reduced to a limit since :meth:`release`."""
+        self._lock = threading.Lock()
+        self._forces = ForceMonitor(self.limits, rate, settings.identified)
+        self._motions = MotionMonitor(settings, follows=follows)
+        self._alive: dict[str, float] = {}
+        self._follows = follows
+        self._command = self._turning = 0.0
+        self._held_until = math.inf
+        self._locked_at: dict[str, float] = {}
+        self._quick_stops = QuickStops(self._axes, self._motions.newest, fresh=self.limits.stale_motion)
+        self.on_stop: Callable[[StopReport], None] = lambda report: None
+        """Called once for every stop, after the quick stop is on the bus."""
+
+    @property
+    def phase(self) -> Phase:
+        """State of the rig, which decides whether it may move; see :mod:`cutenv.rig.devices.latch`."""
+        return self._latch.phase
+
+    # Reports from the drivers
+
+    def force(self, sample: ForceSample) -> None:
+        """Check one force reading; over-force is detected entirely here, in the thread that received the packet."""
+        breach = self._forces.check(sample, moving=self._command != 0.0)
+        if self.phase is Phase.STOPPED and self.report is not None:
+            self.report.peak_force = max(self.report.peak_force, math.hypot(*sample.force))
+        if breach is not None and self.phase is Phase.READY:
+            self.trip(*breach, sample.time)
+
+    def motion(self, axis: str, sample: MotionSample) -> None:
+        """Check one motion sample of an axis."""
+        self._motions.note(axis, sample)
+        if self.phase is Phase.READY:
+            if (breach := self._motions.check(axis, self._command if axis == "blade" else self._turning)) is not None:
+                self.trip(*breach, sample.time)
+            return
+        self._motions.restart()
+        report = self.report
+        if sample.state is not DriveState.ENABLED:
+            self._locked_at.pop(axis, None)
+            if self.phase is Phase.STOPPED and report is not None and report.standstill is None and self.standing:
+                report.standstill, report.rest_position = sample.time, self._motions.newest["blade"].position
+        elif self._follows and self.phase is Phase.UNREADY:
+            self._hold_to_its_place(axis, sample)
+
+    def _hold_to_its_place(self, name: str, sample: MotionSample) -> None:
+        """Stop an axis that moves though the rig is locked and its power is on."""
+        strayed = sample.position - self._locked_at.setdefault(name, sample.position)
+        if abs(strayed) > _STRAYED[name]:
+            way = f"{1e3 * strayed:+.1f} mm" if name == "blade" else f"{math.degrees(strayed):+.0f} degrees"
+            self.trip(Cause.FOLLOWING, f"locked, the {name} axis moves: {way}", sample.time, locked=True)
+
+    def alive(self, axis: str, time: float) -> None:
+        """Note the time of a drive's heartbeat."""
+        self._alive[axis] = time
+
+    def emergency(self, axis: str, code: int, meaning: str, time: float) -> None:
+        """Stop the blade for an error code that a drive reports; code 0 means that there is no error."""
+        if code:
+            self.trip(Cause.DRIVE, f"the {axis} drive reports 0x{code:04X}, {meaning}", time)
+
+    def foreign(self, axis: str, what: str, time: float) -> None:
+        """Stop even a locked rig because another master commands a drive; answer each command with a quick stop."""
+        cure = "close the other program or master, or switch off the gateway's echo of our own frames"
+        self.trip(Cause.FOREIGN, f"another master commands the {axis} drive ({what}); {cure}", time, locked=True)
+        with self._lock:
+            if self.phase is Phase.STOPPED:
+                self._quick_stops.answer(axis, time)
+
+    def broken(self, axis: str, why: str, time: float) -> None:
+        """Stop the blade because a drive cannot be reached; its own heartbeat watchdog has to stop it."""
+        self.trip(Cause.BUS, f"{axis}: {why}", time)
+
+    # Commands
+
+    def drive(self, speed: float, angle: float, hold: float) -> float:
+        """Check, limit and send a command that is valid for ``hold`` [s]; return the angle to turn to [rad].
+
+        Check and transmission share one lock with :meth:`trip`: no command can follow a quick stop, which with some
+        drive settings would start the motion again.
+
+        Raises
+        ------
+        RigError
+            If the rig is not released, or is stopped.
+        """
+        if self.phase is Phase.READY and not (math.isfinite(speed) and math.isfinite(angle)):
+            self.trip(Cause.NOT_A_NUMBER, f"the command is speed {speed} m/s, angle {angle} rad")
+            return angle
+        broken = None
+        with self._lock:
+            if self.phase is not Phase.READY:
+                why = f"stopped ({self.report})" if self.phase is Phase.STOPPED else "not released"
+                raise RigError(f"the blade may not move: the rig is {why}. The operator has to release it first.")
+            allowed = self._allowed(speed)
+            turned = min(max(angle, self.limits.angle_low), self.limits.angle_high)
+            self.limited += allowed != speed or turned != angle
+            self._command = allowed
+            self._held_until = self._clock.now() + hold * (1.0 + self.limits.overrun)
+            try:
+                self._axes["blade"].command(allowed)
+            except RigError as error:
+                broken = str(error)
+        if broken is not None:
+            self.trip(Cause.BUS, broken)
+        return turned
+
+    def turn(self, rate: float) -> None:
+        """Send a turning speed [rad/s] to the angle's axis, if the rig is released."""
+        broken = None
+        with self._lock:
+            if self.phase is Phase.READY:
+                top = self.settings.angle.speed if self.settings.angle is not None else 0.0
+                self._turning = min(max(rate, -top), top)
+                try:
+                    self._axes["angle"].command(self._turning)
+                except RigError as error:
+                    broken = str(error)
+        if broken is not None:
+            self.trip(Cause.BUS, broken)
+
+    def _allowed(self, speed: float) -> float:
+        """Return the speed [m/s] reduced to the limit, which decreases toward the ends of travel."""
+        blade = self._motions.newest["blade"]
+        braking = BRAKING + abs(blade.speed) / (2.0 * self.settings.blade.acceleration)
+        top = min(self.limits.speed / MARGIN, self.settings.blade.speed)
+        if self.beyond is not None:
+            top = min(top, CREEP)
+        highest = max(self.limits.high - _SHORT - blade.position, 0.0) / braking
+        lowest = max(blade.position - self.limits.low - _SHORT, 0.0) / braking
+        return min(max(speed, -min(top, lowest)), min(top, highest))
+
+    # Timing
+
+    def watch(self, now: float) -> None:
+        """Stop the blade if something is overdue.
+
+        The watchdog calls it every :data:`~cutenv.rig.safety.stop_causes.WATCH`.
+        """
+        if self.phase is not Phase.READY:
+            return
+        try:
+            missing = self._missing(now)
+        except Exception as error:  # nobody would notice that a watchdog had died
+            missing = [Breach(Cause.EXCEPTION, f"the watchdog failed: {type(error).__name__}: {error}")]
+        if missing:
+            self.trip(*missing[0], now)
+
+    def _missing(self, now: float) -> list[Breach]:
+        limits = self.limits
+        found: list[Breach] = []
+        force = self._forces.newest
+        if (silent := now - (-math.inf if force is None else force.time)) > limits.stale_force:
+            found.append(Breach(Cause.FORCE_STALE, f"no reading for {1e3 * silent:.0f} ms"))
+        for axis in self._axes:
+            sample = self._motions.newest.get(axis)
+            if (silent := now - (-math.inf if sample is None else sample.time)) > limits.stale_motion:
+                found.append(Breach(Cause.MOTION_STALE, f"no sample of the {axis} axis for {1e3 * silent:.0f} ms"))
+            if (silent := now - self._alive.get(axis, -math.inf)) > limits.heartbeat:
+                found.append(Breach(Cause.HEARTBEAT, f"no heartbeat from the {axis} drive for {1e3 * silent:.0f} ms"))
+        if (self._command != 0.0 or self._turning != 0.0) and (late := now - self._held_until) > 0.0:
+            found.append(Breach(Cause.OVERRUN, f"no new command, {1e3 * late:.0f} ms after the last one expired"))
+        return found
+
+    def resend_stop(self, now: float) -> None:
+        """Repeat the quick stop to drives of a stopped rig that are not seen to obey; a timer of its own calls it."""
+        with self._lock:
+            if self.phase is Phase.STOPPED and self.report is not None:
+                self._quick_stops.again(self.report, now)
+
+    # Stop, release, reset
+
+    def trip(self, cause: Cause, detail: str, detected: float | None = None, *, locked: bool = False) -> None:
+        """Stop the blade, from any thread; do nothing if it is stopped, or is not released (unless ``locked``)."""
+        with self._lock:
+            report = self._stop(cause, detail, detected) if locked or self.phase is Phase.READY else None
+        if report is not None:
+            self.on_stop(report)
+
+    def _stop(self, cause: Cause, detail: str, detected: float | None) -> StopReport | None:
+        if self.phase is Phase.STOPPED:
+            return None
+        now = self._clock.now() if detected is None else detected
+        self._rest()
+        blade = self._motions.newest.get("blade")
+        self.report = report = StopReport(
+            cause=cause, detail=detail, detected=now, position=None if blade is None else blade.position
+        )
+        self._latch.happens(Event.STOP)  # last: a thread that sees this phase reads this report
+        unreached = self._quick_stops.begin()
+        report.commanded = self._clock.now()
+        if unreached:
+            report.detail += f" (no quick stop could be sent: {'; '.join(unreached)})"
+        return report
+
+    def release(self, *, returning: bool = False) -> None:
+        """Allow commands, once every signal is present and within its limits.
+
+        Parameters
+        ----------
+        returning : bool
+            True if the operator has agreed that a blade beyond an end of its travel creeps back inside; no other motion
+            is allowed before.
+
+        Raises
+        ------
+        RigError
+            If something is missing or wrong; the message lists all of it.
+        """
+        if self.phase is Phase.READY:
+            return  # the last command stays under watch
+        if self.phase is Phase.STOPPED:
+            raise RigError(f"the rig is stopped ({self.report}); reset it first.")
+        wrong = [detail for _, detail in self._missing(self._clock.now())]
+        wrong += self.powerless
+        if self._forces.newest is not None and (status := self._forces.newest.status):
+            wrong.append(f"the sensor's status is 0x{status:08X}")
+        if self.beyond is not None and not returning:
+            wrong.append(f"{self.beyond}: it may creep back if the operator agrees; prepare the rig again")
+        if wrong:
+            raise RigError(f"the rig is not ready: {'; '.join(wrong)}.")
+        self._rest()
+        self.limited = 0
+        self._forces.restart()
+        self._motions.restart()
+        if returning:
+            self._motions.let_return()
+        self._latch.happens(Event.RELEASE)
+
+    def lock(self) -> None:
+        """Command zero speed on every axis, and refuse motion until the next :meth:`release`; for a blade at rest.
+
+        Otherwise the last command of an axis would go on unwatched: a hinge that has not arrived, a blade that creeps.
+        """
+        broken = None
+        with self._lock:
+            if self.phase is not Phase.READY:
+                return
+            self._rest()
+            try:
+                for axis in self._axes.values():
+                    axis.command(0.0)
+            except RigError as error:
+                broken = str(error)
+            else:
+                self._locked_at.clear()
+                self._latch.happens(Event.LOCK)
+        if broken is not None:
+            self.trip(Cause.BUS, broken)
+
+    def _rest(self) -> None:
+        self._command = self._turning = 0.0
+        self._held_until = math.inf
+
+    def reset(self, agreed: bool) -> None:
+        """Clear what is :attr:`latched`, if the operator has explicitly ``agreed``; the drives are left without power.
+
+        Raises
+        ------
+        RigError
+            If the operator has not agreed, a drive does not leave its fault, or another stop happened meanwhile; the
+            rig is then stopped and can be reset again.
+        """
+        if (why := self.latched) is None:
+            return
+        if not agreed:
+            raise RigError(f"still stopped ({why}): the operator has not agreed to a reset.")
+        with ExitStack() as resetting:
+            with self._lock:  # the quick stop of the old stop has been sent: any later one is a new stop
+                if self.phase is Phase.UNREADY:
+                    self.report = StopReport(cause=Cause.DRIVE, detail=why, detected=self._clock.now())
+                self._rest()
+                resetting.enter_context(self._latch.resetting())
+            for axis in self._axes.values():
+                axis.clear()
+            self._locked_at.clear()
+
+    @property
+    def latched(self) -> str | None:
+        """Reason for which a reset has to precede any motion: a stop, or a drive that stopped by itself; or None."""
+        if self.phase is Phase.STOPPED:
+            return str(self.report)
+        fallen = [
+            f'the {name} drive went to "{sample.state.value}" by itself'
+            for name, sample in self._motions.newest.items()
+            if sample.state in _FALLEN
+        ]
+        return "; ".join(fallen) or None
+
+    # Present state
+
+    @property
+    def newest_force(self) -> ForceSample | None:
+        """Last force reading; None before the first."""
+        return self._forces.newest
+
+    @property
+    def blade(self) -> MotionSample | None:
+        """Last sample of the blade's axis; None before the first."""
+        return self._motions.newest.get("blade")
+
+    def axis(self, name: str) -> MotionSample | None:
+        """Return the last sample of an axis; None before the first."""
+        return self._motions.newest.get(name)
+
+    @property
+    def powerless(self) -> list[str]:
+        """Descriptions of the drives that are not enabled, such as those that have stopped by themselves."""
+        return [
+            f'the {name} drive is in "{sample.state.value}"'
+            for name, sample in self._motions.newest.items()
+            if sample.state is not DriveState.ENABLED
+        ]
+
+    @property
+    def beyond(self) -> str | None:
+        """Position of a blade beyond an end of its travel, as a text; None if it is inside."""
+        return self._motions.beyond
+
+    @property
+    def standing(self) -> bool:
+        """True if the blade is at rest, as far as its samples show."""
+        return self._motions.standing

@@ -1,0 +1,304 @@
+"""The score card of one cut: all metrics, what they are based on, and percentiles within a reference set."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutenv.scoring.metric import METRICS, Metric
+from cutenv.scoring.metric_weights import ForceOnlyWeights, Weights, weights_by_metric
+from cutenv.scoring.reference import ReferenceSet
+from cutenv.scoring.scored_cut import ScoredCut, Truth
+from cutenv.scoring.technique import TechniqueFault, technique_faults
+from cutenv.scoring.unavailable import Unavailable
+from cutenv.scoring.validity import force_unusable, validity_warnings
+from cutenv.tissue import TissueDescription, measured_liver
+from cutenv.trace import Trace
+
+SCORE_SCHEMA = "cutenv-score/1"
+_SAME_DEPTH = 1e-6  # [m]
+_ROUNDED_OFF = 1e-9  # rounding residue of a computed zero
+_WHOLE = 0.95  # fraction of the target length from which the headline does not mention it
+FEWEST_WEIGHT = 0.5
+"""Weight of the leading metrics that must be known for an overall score: with less it would be another score."""
+DISCLAIMER = "Training feedback for research; not validated for assessment or credentialing of people."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scored:
+    """One metric of a cut: its value, or the reason why there is none; and its percentile, given a reference set."""
+
+    value: float | None
+    unavailable: str = ""
+    percentile: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoreCard:
+    """The metrics and the score of one cut.
+
+    Attributes
+    ----------
+    name : str
+        Name of the cut.
+    force_unit : str
+        "N" or "1".
+    metrics : mapping of str to Scored
+        All of :data:`~cutenv.scoring.METRICS`, in their order.
+    tip_source : str
+        Source of the tip: "truth", "return stroke", "estimated" or "unknown".
+    overall_score : float or None
+        Weighted mean of the percentiles of the leading metrics, 0 to 100, times `completed`; None without a
+        reference set.
+    completed : float
+        Fraction of the target length that was cut, at most 1; 1 if target or tip is unknown. It keeps a blade that
+        hardly cuts from scoring well for being steady.
+    weights : mapping of str to float
+        Weights of that mean, over the metrics that were available; they sum to 1.
+    no_score : str
+        Reason why there is no overall score; "" if there is one.
+    reference : str
+        Name and origin of the reference set; "" if there was none.
+    faults : tuple of Fault
+        Faults in order of time.
+    notes : tuple of str
+        Assumptions and warnings.
+    """
+
+    name: str
+    force_unit: str
+    metrics: Mapping[str, Scored]
+    tip_source: str
+    overall_score: float | None
+    completed: float
+    no_score: str
+    weights: Mapping[str, float]
+    reference: str
+    faults: tuple[TechniqueFault, ...]
+    notes: tuple[str, ...]
+
+    def __getitem__(self, name: str) -> float:
+        """Return the value of a metric; raise ValueError with the reason if it is unavailable."""
+        scored = self.metrics[name]
+        if scored.value is None:
+            raise ValueError(f"{name} is unavailable: {scored.unavailable}.")
+        return scored.value
+
+    def unit(self, name: str) -> str:
+        """Return the unit of a metric on this card."""
+        force = {"N": "N", "1": ""}[self.force_unit]
+        unit = METRICS[name].unit.replace("F", force).strip()
+        return f"1{unit}" if unit.startswith("/") else unit or "1"
+
+    def readable(self, name: str) -> tuple[str, str]:
+        """Return value and unit of a metric for people: lengths in mm, no unit for a pure number.
+
+        Raises
+        ------
+        ValueError
+            If the metric is unavailable.
+        """
+        value, unit = self[name], self.unit(name)
+        if unit == "m":
+            value, unit = 1e3 * value, "mm"
+        shown = f"{value:.4g}" if abs(value) >= _ROUNDED_OFF else "0"
+        return shown, "" if unit == "1" else unit
+
+    def to_json(self) -> str:
+        """Return JSON text; values in SI, with the unit of each."""
+        content = {
+            "schema": SCORE_SCHEMA,
+            "name": self.name,
+            "force_unit": self.force_unit,
+            "overall_score": self.overall_score,
+            "completed": self.completed,
+            "no_score": self.no_score,
+            "weights": dict(self.weights),
+            "reference": self.reference,
+            "tip_source": self.tip_source,
+            "metrics": {
+                name: {"unit": self.unit(name), "direction": METRICS[name].direction, **dataclasses.asdict(scored)}
+                for name, scored in self.metrics.items()
+            },
+            "faults": [dataclasses.asdict(fault) for fault in self.faults],
+            "notes": list(self.notes),
+            "disclaimer": DISCLAIMER,
+        }
+        return json.dumps(content, indent=1, allow_nan=False)
+
+    def __str__(self) -> str:
+        lines = [self.name, self.headline()]
+        for name, scored in self.metrics.items():
+            if scored.value is None:
+                lines.append(f"  {name:24s} unavailable: {scored.unavailable}")
+                continue
+            place = "" if scored.percentile is None else f"better than {scored.percentile:.0f} % of the reference"
+            weight = f"weight {self.weights[name]:.2f}" if name in self.weights else ""
+            value, unit = self.readable(name)
+            lines.append(f"  {name:24s} {value:>11s} {unit:6s} {place:35s} {weight}".rstrip())
+        lines += [f"  fault: {fault.says}; {fault.try_next}" for fault in self.faults]
+        lines += [f"  note: {note}" for note in (*self.notes, DISCLAIMER)]
+        return "\n".join(lines)
+
+    def headline(self) -> str:
+        """Return the overall score as a line of text, or the reason why there is none."""
+        if self.overall_score is None:
+            return f"no overall score: {self.no_score}"
+        part = "" if self.completed > _WHOLE else f" with {100.0 * self.completed:.0f} % of the target length cut"
+        return f"overall score {self.overall_score:.0f} of 100{part}, compared with {self.reference}"
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td>{name.replace('_', ' ')}</td><td>{_shown(scored)}</td><td>{html.escape(self.unit(name))}</td>"
+            f"<td>{'' if scored.percentile is None else f'{scored.percentile:.0f} %'}</td></tr>"
+            for name, scored in self.metrics.items()
+        )
+        faults = "".join(f"<li>{html.escape(f'{fault.says}: {fault.try_next}')}</li>" for fault in self.faults)
+        return (
+            f"<h3>{html.escape(self.name)}</h3><p>{html.escape(self.headline())}</p>"
+            f"<table><tr><th>metric</th><th>value</th><th>unit</th><th>better than</th></tr>{rows}</table>"
+            f"<ul>{faults}</ul><p><small>{html.escape(DISCLAIMER)}</small></p>"
+        )
+
+
+def score(
+    trace: Trace,
+    *,
+    target_length: float | None = None,
+    truth: Truth | None = None,
+    reference: ReferenceSet | None = None,
+    weights: Weights | ForceOnlyWeights | None = None,
+    tissue: TissueDescription | None = None,
+    name: str | None = None,
+) -> ScoreCard:
+    """Score one cut by a person, a script, an agent or a rig.
+
+    Parameters
+    ----------
+    trace : Trace
+        The record; time and force at least.
+    target_length : float, optional
+        Length aimed at, from the clamp [m], 0.005 to 0.15; default ``trace.metadata["target_length_m"]`` if there.
+    truth : Truth, optional
+        Hidden state from a simulator; without it the tip is estimated, and a note on the card states it.
+    reference : ReferenceSet, optional
+        Set within which percentiles are computed; without one there are metrics but no score.
+    weights : Weights or ForceOnlyWeights, optional
+        Weights of the score; the default depends on whether the record has positions.
+    tissue : TissueDescription, optional
+        Tissue with which the tip is estimated; default pig liver.
+    name : str, optional
+        Name of the cut; default from the metadata.
+
+    Returns
+    -------
+    ScoreCard
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is out of range, or the truth belongs to another record.
+    """
+    if not isinstance(trace, Trace):
+        raise TypeError(
+            f"trace must be a cutenv.trace.Trace, got {type(trace).__name__}; cutenv.recording.load reads one."
+        )
+    if target_length is None and trace.metadata.get("target_length_m") is not None:
+        target_length = trace.metadata["target_length_m"]
+    cut = ScoredCut(trace=trace, target_length=target_length, truth=truth, tissue=tissue or measured_liver())
+    chosen = weights_by_metric(weights or (Weights() if trace.position is not None else ForceOnlyWeights()))
+    fits = reference is not None and reference.force_unit == trace.force_unit
+    metrics = {each.name: _scored(each, cut, reference if fits else None) for each in METRICS.values()}
+    known = {metric: w for metric, w in chosen.items() if metrics[metric].percentile is not None and w > 0.0}
+    no_score = _no_score(trace, cut, reference, sum(known.values()))
+    known = {} if no_score else {metric: w / sum(known.values()) for metric, w in known.items()}
+    mean = sum(w * float(metrics[metric].percentile or 0.0) for metric, w in known.items())
+    faults = () if cut.twofold else tuple(technique_faults(cut))
+    return ScoreCard(
+        name=name or str(trace.metadata.get("name", "cut")),
+        force_unit=trace.force_unit,
+        metrics=metrics,
+        tip_source=cut.tip_source,
+        overall_score=None if no_score else _completed(cut) * mean,
+        completed=_completed(cut),
+        no_score=no_score,
+        weights=known,
+        reference="" if reference is None else f"{reference.name} ({len(reference)} cuts: {reference.about})",
+        faults=faults,
+        notes=(*_notes(cut, chosen, known), *_doubted_depth(cut, faults)),
+    )
+
+
+def _completed(cut: ScoredCut) -> float:
+    try:
+        return min(max(float(cut.tip[-1]) / cut.length, 0.0), 1.0)
+    except Unavailable:
+        return 1.0
+
+
+def _scored(each: Metric, cut: ScoredCut, reference: ReferenceSet | None) -> Scored:
+    if cut.twofold:
+        return Scored(value=None, unavailable=cut.twofold)
+    try:
+        value = each.function(cut)
+    except Unavailable as error:
+        return Scored(value=None, unavailable=str(error))
+    if not math.isfinite(value):
+        return Scored(value=None, unavailable="it is not finite for this record")
+    return Scored(value=value, percentile=None if reference is None else reference.percentile(each.name, value))
+
+
+def _no_score(trace: Trace, cut: ScoredCut, reference: ReferenceSet | None, weight: float) -> str:
+    """Return the reason why there is no overall score; "" if leading metrics of enough weight are known."""
+    doubt = cut.twofold or force_unusable(trace) or cut.unfinished
+    if doubt:
+        return doubt
+    if reference is None:
+        return "no reference set of such records"
+    if reference.force_unit != trace.force_unit:
+        return (
+            f"the force of {reference.name} is in unit {reference.force_unit!r}, this record's in {trace.force_unit!r}"
+        )
+    if weight < FEWEST_WEIGHT:
+        return f"leading metrics of {weight:.0%} of the weight are known, and {FEWEST_WEIGHT:.0%} are needed"
+    return ""
+
+
+def _notes(cut: ScoredCut, chosen: Mapping[str, float], known: Mapping[str, float]) -> list[str]:
+    notes = [
+        {
+            "truth": "tip: the simulator's own",
+            "return stroke": "tip: from the return stroke, to about 0.3 mm; its way there estimated",
+            "estimated": "tip: estimated, by the cut's own loading; median error 1 mm, one in twenty above 5 mm",
+            "guessed": "tip: estimated with the stiffness of mean tissue; median error 2 mm, one in twenty above 7 mm",
+            "unknown": "tip: unknown; force alone is judged",
+        }["guessed" if cut.tip_source == "estimated" and cut.own_modulus is None else cut.tip_source]
+    ]
+    if not known:
+        notes.append("metrics, and no claim of skill")
+    left = sorted(set(chosen) - set(known)) if known else []
+    if left:
+        notes.append(f"not counted, without a value or a reference: {', '.join(left)}")
+    return notes + validity_warnings(cut.trace)
+
+
+def _doubted_depth(cut: ScoredCut, faults: Sequence[TechniqueFault]) -> list[str]:
+    """Return a note if lurches were found with one depth for the whole cut, which bulging tissue does not have."""
+    depth = cut.trace.depth
+    lurched = any(fault.kind == "lurch" for fault in faults)
+    if not lurched or cut.tip_source == "truth" or depth is None or np.ptp(depth) > _SAME_DEPTH:
+        return []
+    return [
+        f"record: the depth of cut is {1e3 * float(depth[0]):.3g} mm all along. If the tissue bulges, tip and lurches "
+        "are estimated wrong: measure the depth by place"
+    ]
+
+
+def _shown(scored: Scored) -> str:
+    return html.escape(f"unavailable: {scored.unavailable}") if scored.value is None else f"{scored.value:.4g}"

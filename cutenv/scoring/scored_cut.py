@@ -1,0 +1,363 @@
+"""A cut prepared for the metrics: record, target, crack tip, and the force at a fixed rate; all computed lazily."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.signal import butter, sosfiltfilt
+
+from cutenv._base.arrays import Array
+from cutenv._base.validation import array_in_range, in_range
+from cutenv.measurement import DepthProfile, ReturnStroke, estimate_local_effective_moduli, fit_return_stroke
+from cutenv.measurement.loading_ratio import loading_ratio
+from cutenv.measurement.strokes import STANDSTILL_SPEED, blade_speed
+from cutenv.scoring.unavailable import Unavailable
+from cutenv.scoring.validity import LONGEST_RECORD, force_unusable, holds_two_cuts, is_truncated
+from cutenv.task_quantities import RUN_WINDOW, SHALLOWEST, SMALLEST_RUN
+from cutenv.tissue import CutModel, TissueDescription, measured_liver
+from cutenv.tissue.slab import effective_depth
+from cutenv.trace import Trace
+
+RATE = 100.0
+"""Rate at which force and motion are compared [Hz]: a hand moves below 10 Hz."""
+BANDWIDTH = 5.0
+"""Low-pass cut-off of the force for its rate and jerk [Hz]: Butterworth of order 2, forward and backward, no delay."""
+_UNDER_FORCE = 0.1  # fraction of the rise from the unloaded force to the peak at which a cut without position begins
+_AT_ENDS = 5  # samples at 100 Hz averaged at either end
+_FEWEST_HZ = 20.0  # readings a second, below which 5 Hz cannot be resolved
+_SHORTEST = 30  # samples at 100 Hz, needed to resolve a change at 5 Hz
+_DROP = 0.03  # fraction of the peak force by which a fall ends a loading ramp
+_FEWEST_RAMPS = 3  # loading ramps needed for the cut's own modulus
+_ROUNDS = 4  # fixed-point iterations of a = x - F/K(a)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Truth:
+    """Hidden state of a simulated cut, for scoring.
+
+    Parameters
+    ----------
+    tip : array_like of shape (n,)
+        Crack tip at every instant of the trace [m].
+    jump : array_like of shape (n,)
+        Unstable growth at that instant [m].
+    resistance : float
+        Mean fracture resistance of the cut tissue, friction's share included [J/m2].
+    """
+
+    tip: Array
+    jump: Array
+    resistance: float
+
+    def __post_init__(self) -> None:
+        for name in ("tip", "jump"):
+            object.__setattr__(self, name, array_in_range(name, getattr(self, name), -0.05, 0.5, "m", "8 cm is 0.08."))
+        in_range("resistance", self.resistance, 1.0, 1e6, "J/m2", "0.211 kJ/m2 is 211.")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScoredCut:
+    """One cut and the quantities that metrics need, computed on first use.
+
+    Parameters
+    ----------
+    trace : Trace
+        The record.
+    target_length : float, optional
+        Length aimed at, from the clamp [m].
+    truth : Truth, optional
+        Hidden state of a simulated cut; without it the tip is estimated.
+    tissue : TissueDescription, optional
+        Tissue with which the tip is estimated if there is no return stroke; default pig liver.
+    """
+
+    trace: Trace
+    target_length: float | None = None
+    truth: Truth | None = None
+    tissue: TissueDescription = field(default_factory=measured_liver)
+
+    def __post_init__(self) -> None:
+        if self.target_length is not None:
+            in_range("target_length", self.target_length, 0.005, 0.15, "m", "8 cm is 0.08.")
+        if self.truth is not None and len(self.truth.tip) != len(self.trace):
+            raise ValueError(f"truth has {len(self.truth.tip)} instants and the trace {len(self.trace)}.")
+
+    @property
+    def time(self) -> Array:
+        """Time of each reading [s], shape (n,)."""
+        return self.trace.time
+
+    @property
+    def force(self) -> Array:
+        """Force in the trace's unit, shape (n,)."""
+        if self._spoiled:
+            raise Unavailable(self._spoiled)
+        return self.trace.force
+
+    @property
+    def position(self) -> Array:
+        """Position of the blade [m], shape (n,)."""
+        return self._field("position")
+
+    @property
+    def depth(self) -> Array:
+        """Depth of the cut at the blade, at least 1 mm [m], shape (n,)."""
+        return np.maximum(self._field("depth"), SHALLOWEST)
+
+    @property
+    def angle(self) -> Array:
+        """Angle of the blade [rad], shape (n,)."""
+        return self._field("angle")
+
+    @property
+    def length(self) -> float:
+        """Target length [m]."""
+        if self.target_length is None:
+            raise Unavailable("no target length was given")
+        return self.target_length
+
+    @property
+    def newtons(self) -> Array:
+        """Force [N], shape (n,)."""
+        if self.trace.force_unit != "N":
+            raise Unavailable("the force is normalised")
+        return self.force
+
+    @cached_property
+    def unfinished(self) -> str:
+        """Reason why the record is truncated; "" if it is not, or if it is simulated."""
+        return "" if self.truth is not None else is_truncated(self.trace)
+
+    @cached_property
+    def twofold(self) -> str:
+        """Reason why the record holds two cuts; "" if it holds one."""
+        return holds_two_cuts(self.trace)
+
+    @property
+    def end(self) -> int:
+        """Index of the instant at which the cut ended."""
+        if self.unfinished:
+            raise Unavailable(self.unfinished)
+        return len(self.trace) - 1
+
+    @cached_property
+    def advancing(self) -> NDArray[np.bool_]:
+        """Mask of the instants at which the blade advances over uncut tissue, shape (n,).
+
+        Without position, from the first force to the last.
+        """
+        if self.trace.position is None:
+            smooth, ends = self._smooth, (self._smooth[:_AT_ENDS].mean(), self._smooth[-_AT_ENDS:].mean())
+            least = float(min(ends))
+            under = self.even_time[smooth > least + _UNDER_FORCE * (float(smooth.max()) - least)]
+            if not len(under):
+                raise Unavailable("the force never rises")
+            window = 1.5 / RATE  # an even sample stands for its window, the first and the last for the record's ends
+            return np.asarray((self.time >= under[0] - window) & (self.time <= under[-1] + window))
+        x = self.position
+        forward = blade_speed(self.time, x) > STANDSTILL_SPEED
+        chosen: NDArray[np.bool_] = forward & (x >= np.maximum.accumulate(x) - 1e-4)
+        if not chosen.any():
+            raise Unavailable("the blade never advances")
+        return chosen
+
+    @cached_property
+    def weights(self) -> Array:
+        """Duration represented by each instant [s], shape (n,)."""
+        step = np.diff(self.time)
+        return np.asarray(0.5 * (np.append(step, 0.0) + np.append(0.0, step)))
+
+    def mean(self, values: Array) -> float:
+        """Return the mean of ``values`` over the time in which the blade advances."""
+        w = self.weights[self.advancing]
+        return float(w @ values[self.advancing] / w.sum())
+
+    @property
+    def tip_source(self) -> str:
+        """Source of the tip: "truth", "return stroke", "estimated" or "unknown"."""
+        if self.truth is not None:
+            return "truth"
+        try:
+            _ = self.tip
+        except Unavailable:
+            return "unknown"
+        return "estimated" if self._return_stroke is None else "return stroke"
+
+    @cached_property
+    def tip(self) -> Array:
+        """Crack tip at every instant [m], shape (n,)."""
+        if self.truth is not None:
+            return self.truth.tip
+        return self._estimated_tip
+
+    @cached_property
+    def jumps(self) -> Array:
+        """Unstable growth [m], at each instant, or in windows of 20 ms if estimated."""
+        if self.truth is not None:
+            return self.truth.jump
+        # The tip's advance beyond the blade's own, over a time longer than the sensor's noise.
+        borders = even_instants(self.time, 1.0 / RUN_WINDOW)
+        if len(borders) < 2:
+            raise Unavailable(f"shorter than {RUN_WINDOW:g} s")
+        a = np.interp(borders, self.time, self.tip)
+        x = np.interp(borders, self.time, self.position)
+        run = np.diff(a) - np.maximum(np.diff(x), 0.0)
+        return np.where(run > SMALLEST_RUN, run, 0.0)
+
+    @cached_property
+    def even_time(self) -> Array:
+        """Sampling instants at 100 Hz [s]: centres of windows of 10 ms."""
+        return even_instants(self.time, RATE)[:-1] + 0.5 / RATE
+
+    @cached_property
+    def smooth_force(self) -> Array:
+        """Force at 100 Hz, low-pass filtered at 5 Hz, shape of :attr:`even_time`."""
+        if self._spoiled:
+            raise Unavailable(self._spoiled)
+        return self._smooth
+
+    @cached_property
+    def even_advancing(self) -> NDArray[np.bool_]:
+        """Mask :attr:`advancing`, sampled at 100 Hz."""
+        chosen: NDArray[np.bool_] = np.interp(self.even_time, self.time, self.advancing.astype(float)) > 0.5
+        if not chosen.any():
+            raise Unavailable("the blade advances for less than 10 ms")
+        return chosen
+
+    @cached_property
+    def _spoiled(self) -> str:
+        return force_unusable(self.trace)
+
+    @cached_property
+    def even_force(self) -> Array:
+        """Force at 100 Hz, means over 10 ms, shape of :attr:`even_time`: sudden drops stay sudden."""
+        if self._spoiled:
+            raise Unavailable(self._spoiled)
+        return self._even
+
+    @cached_property
+    def _even(self) -> Array:
+        if self.trace.sample_rate < _FEWEST_HZ:
+            raise Unavailable(f"fewer than {_FEWEST_HZ:g} readings a second")
+        if len(self.even_time) < _SHORTEST:
+            raise Unavailable("shorter than 0.3 s")
+        # Means over 10 ms, so that noise above 50 Hz is not aliased to lower frequencies.
+        impulse = cumulative_trapezoid(self.trace.force, self.time, initial=0)
+        return np.asarray(np.diff(np.interp(even_instants(self.time, RATE), self.time, impulse)) * RATE)
+
+    @cached_property
+    def _smooth(self) -> Array:
+        return np.asarray(sosfiltfilt(butter(2, BANDWIDTH, fs=RATE, output="sos"), self._even))
+
+    def _field(self, name: str) -> Array:
+        values: Array | None = getattr(self.trace, name)
+        if values is None:
+            raise Unavailable(f"{name} was not recorded")
+        return values
+
+    @cached_property
+    def profile(self) -> DepthProfile:
+        """Depth of cut over position."""
+        _ = self.position, self.depth  # raises, naming the missing field
+        found = DepthProfile.recorded(self.trace, by="score")
+        if float(found.depth.max()) < SHALLOWEST:
+            raise Unavailable(f"the depth of cut is below {1e3 * SHALLOWEST:g} mm everywhere")
+        return DepthProfile(position=found.position, depth=np.maximum(found.depth, SHALLOWEST))
+
+    @cached_property
+    def model(self) -> CutModel:
+        """Finite-element model for stiffness; raises :class:`Unavailable` if the cut is longer than its specimen."""
+        model = self.tissue.cut_model()
+        if float(self.position.max()) > model.length:
+            raise Unavailable("the cut is longer than the model's specimen, 15 cm")
+        return model
+
+    @cached_property
+    def modulus(self) -> float:
+        """Modulus of the material with which the tip is estimated [Pa]: the cut's own if known, else the tissue's."""
+        back = self._return_stroke
+        if back is None or back.stiffness <= 0.0:
+            return self.tissue.modulus if self.own_modulus is None else self.own_modulus
+        return back.stiffness / float(self.stiffness(1.0, np.asarray(back.tip)))
+
+    def stiffness(self, modulus: float, tip: Array) -> Array:
+        """Return K [N/m] of a slab of the given modulus [Pa], for tip positions [m] of this cut."""
+        a = np.clip(tip, 0.0, self.model.length)
+        return (
+            modulus
+            * np.asarray(self.model.stiffness(a))
+            * effective_depth(a, self.profile.at(tip), self.tissue.thickness)
+        )
+
+    @cached_property
+    def elastic_force(self) -> Array:
+        """Force less friction, at least zero [N], shape (n,)."""
+        F, back = self.newtons, self._return_stroke
+        friction = self._usual_friction if back is None else back.friction_per_depth
+        return np.maximum(F - friction * self.profile.at(self.position), 0.0)
+
+    @cached_property
+    def _return_stroke(self) -> ReturnStroke | None:
+        return fit_return_stroke(self.trace, self.profile)
+
+    @property
+    def _usual_friction(self) -> float:
+        """Friction of the tissue over the depth of cut [N/m]."""
+        return self.tissue.friction_share * self.tissue.fracture_resistance
+
+    @cached_property
+    def own_modulus(self) -> float | None:
+        """Modulus of the material from the cut's own loading ramps [Pa]; None if fewer than three are steady.
+
+        Livers differ by a third: with the mean liver's modulus the tip is known half as well. Calibrated tissue is used
+        with its calibrated modulus.
+        """
+        known = self.trace.angle is not None and self.trace.depth is not None and self.tissue.calibration is None
+        if not known or self._return_stroke is not None:
+            return None
+        try:
+            found = estimate_local_effective_moduli(
+                self.trace,
+                self.tissue.cut_model(),
+                friction_per_depth=self._usual_friction,
+                smallest_drop=max(_DROP * float(self.force.max()), 1e-6),
+            )
+            depth = self.profile.at(found.position)
+            moduli = found.modulus * depth / effective_depth(found.position, depth, self.tissue.thickness)
+            ramps = zip(moduli, found.segments, strict=True)
+            slow = [E / loading_ratio(float(s.speed or 0.0), s.angle) for E, s in ramps]
+        except ValueError:
+            return None  # outside the range measured for liver, for example at other angles
+        return float(np.median(slow)) if len(slow) >= _FEWEST_RAMPS else None
+
+    @cached_property
+    def _estimated_tip(self) -> Array:
+        """Tip from blade, elastic force and stiffness; monotonic, because a cut never heals."""
+        elastic, x = self.elastic_force, self.position
+        back = self._return_stroke
+        moves = self.advancing
+        a = x.copy()
+        for _ in range(_ROUNDS):
+            a = x - elastic / self.stiffness(self.modulus, a)
+        a = np.where(moves & (elastic > 0.0), a, -np.inf)
+        tip = np.maximum(np.maximum.accumulate(a), min(float(x[0]), 0.0))
+        return np.minimum(tip, back.tip) if back is not None else tip
+
+
+def even_instants(time: Array, rate: float) -> Array:
+    """Return sampling instants at ``rate`` [Hz] from the first of ``time`` [s], as many as fit.
+
+    Raises
+    ------
+    Unavailable
+        If the time is longer than an hour.
+    """
+    span = float(time[-1] - time[0])
+    if span > LONGEST_RECORD:
+        raise Unavailable(f"it lasts {span:.3g} s, more than an hour")
+    # The tolerance keeps rounding from deciding about the last instant when a clock starts at another time.
+    return np.asarray(float(time[0]) + np.arange(int(span * rate + 1e-3) + 1) / rate)

@@ -1,0 +1,154 @@
+"""Measures by which rig and simulator are compared, and their equivalence margins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutenv.scoring import METRICS
+from cutenv.sim_to_real.compared_cut import FORCE_RESOLUTION, ComparedCut
+from cutenv.sim_to_real.curves import force_offset, force_rmse, position_rmse
+
+RELATIVE = 0.01
+"""Smallest margin relative to the simulator's mean, whatever the noise: the gain of a force sensor, a depth by
+caliper and a time grid of SYNCs are not known better."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measure:
+    """One number of a cut that is compared between rig and simulator.
+
+    Attributes
+    ----------
+    name, unit, meaning : str
+        Name, unit ("1" for a pure number) and description.
+    least_margin : float
+        Smallest equivalence margin, whatever the sensor's noise; in the unit.
+    share : bool
+        True for a yes-or-no measure, compared by its mean.
+    paired : bool
+        True if it needs cuts of the same specimen on both sides.
+    value : callable
+        Function of a cut and the simulator's other cuts of its specimen; None where there is no value.
+    harmless : callable, optional
+        Function of a simulated cut: a difference that is within measurement accuracy, as an additional margin.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    least_margin: float
+    share: bool = False
+    paired: bool = False
+    value: Callable[[ComparedCut, Sequence[ComparedCut]], float | None]
+    harmless: Callable[[ComparedCut], float | None] | None = None
+
+
+# Smallest margins are a tenth of what the task tolerates; the resolution of the force sensor is added elsewhere.
+_LENGTH = 0.3e-3  # [m]; the tip of a success is within 3 mm
+_BY_UNIT = {
+    "m": _LENGTH,
+    "s": 0.1,  # of 30 s
+}
+_BY_NAME = {
+    "force_drops": 0.5,  # a typical cut has about as many
+    "reversals": 0.5,
+    "wedge": 0.018,  # a degree of the 10 that success allows
+    "uncontrolled_share": 0.02,
+}
+_COUNTED = 0.25  # share of cuts: a dozen specimens cannot show a smaller difference than one in four
+_RETURN = 0.02  # a tenth of the typical difference between two reasonable scripts
+
+
+def _metric(name: str) -> Measure:
+    about = METRICS[name]
+
+    def value(cut: ComparedCut, others: Sequence[ComparedCut]) -> float | None:
+        return cut.card.metrics[name].value
+
+    def harmless(cut: ComparedCut) -> float | None:
+        """Return the change of the metric caused by a zero that is off by the sensor's resolution."""
+        own, displaced = cut.card.metrics[name].value, cut.displaced.metrics[name].value
+        return None if own is None or displaced is None else abs(displaced - own)
+
+    return Measure(
+        name=name,
+        unit=about.unit.replace("F", "N"),
+        meaning=about.meaning,
+        least_margin=_BY_NAME.get(name, _BY_UNIT.get(about.unit, 0.0)),
+        value=value,
+        harmless=harmless,
+    )
+
+
+def _beside(
+    compared: Callable[[ComparedCut, ComparedCut], float | None],
+) -> Callable[[ComparedCut, Sequence[ComparedCut]], float | None]:
+    """Average a comparison over all other simulated cuts of the specimen."""
+
+    def value(cut: ComparedCut, others: Sequence[ComparedCut]) -> float | None:
+        found = [each for other in others if (each := compared(cut, other)) is not None]
+        return float(np.mean(found)) if found else None
+
+    return value
+
+
+_TASK = (
+    Measure(
+        name="return",
+        unit="1",
+        meaning="Sum of the cut's rewards, from estimates that a rig can make.",
+        least_margin=_RETURN,
+        value=lambda cut, others: cut.value,
+    ),
+    Measure(
+        name="success",
+        unit="1",
+        meaning="1 if the cut was a success: finished, near the target and upright.",
+        least_margin=_COUNTED,
+        share=True,
+        value=lambda cut, others: float(cut.success),
+    ),
+)
+_BESIDE = (
+    Measure(
+        name="end_agreement",
+        unit="1",
+        meaning="Share of the simulator's cuts of the same specimen with the same kind of end.",
+        least_margin=_COUNTED,
+        share=True,
+        paired=True,
+        value=_beside(lambda cut, other: float(cut.end == other.end)),
+    ),
+    Measure(
+        name="force_rmse",
+        unit="N",
+        meaning="Difference of force at equal positions from the simulator's cuts of the specimen (up to a retreat).",
+        least_margin=FORCE_RESOLUTION,
+        paired=True,
+        value=_beside(lambda cut, other: force_rmse(cut.trace, other.trace)),
+        # One run of the crack that comes slightly later makes a difference of newtons for a while.
+        harmless=lambda cut: force_rmse(cut.trace, cut.trace, displaced=_LENGTH),
+    ),
+    Measure(
+        name="force_offset",
+        unit="N",
+        meaning="Absolute mean of that difference: it shows a drifting zero, while runs of the crack cancel out.",
+        least_margin=FORCE_RESOLUTION,
+        paired=True,
+        value=_beside(lambda cut, other: force_offset(cut.trace, other.trace)),
+    ),
+    Measure(
+        name="position_rmse",
+        unit="m",
+        meaning="Difference of position at equal times from the simulator's cuts of the same specimen.",
+        least_margin=_LENGTH,
+        paired=True,
+        value=_beside(lambda cut, other: position_rmse(cut.trace, other.trace)),
+    ),
+)
+
+MEASURES: Mapping[str, Measure] = {each.name: each for each in (*_TASK, *_BESIDE, *map(_metric, METRICS))}
+"""Everything that is compared, by name: task, curves, and every metric of a score card."""

@@ -1,0 +1,257 @@
+"""Comparison of one policy on the same specimens in the simulator and on a rig, recorded and assessed alike."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutenv._base.validation import in_range
+from cutenv.cutting.dtypes import TICK
+from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.rig_cut import RigCutEnv
+from cutenv.plant.protocol import to_trace
+from cutenv.policy import Policy, PrivilegedPolicy
+from cutenv.recording import save
+from cutenv.rig.config.identified import environment_arguments
+from cutenv.rig.errors import RigError
+from cutenv.rig.safety.stop_causes import BY_PEOPLE, Cause
+from cutenv.sim_to_real import FEWEST_SPECIMENS, Agreement, ClockKept, ComparedCut
+from cutenv.task.episode_dtypes import STOPPED
+
+DRAWS = 5
+"""Number of simulated cuts of each specimen, which differ only by the noise of the force sensor."""
+LOST_TIME = (
+    Cause.FORCE_STALE, Cause.FORCE_LATE, Cause.FORCE_LOST, Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.OVERRUN,
+)  # fmt: skip
+"""Stops after which a specimen is cut again: the computer was delayed, which concerns neither policy nor rig."""
+_OUR_HEARTBEAT = "0x8130"
+"""Emergency of a drive that has missed this computer's heartbeat."""
+_ATTEMPTS = 5  # for one specimen
+_NOISE_KEY = 1_000_003  # added to a seed for every further draw of noise
+ProgressCallback = Callable[[str, int], None]
+
+
+@dataclass(kw_only=True)
+class PairedCuts:
+    """Cuts of a comparison.
+
+    Attributes
+    ----------
+    simulator : list of list of ComparedCut
+        Several cuts of each specimen.
+    rig : list of ComparedCut
+        One cut of each specimen.
+    paired : bool
+        True if both cut the same specimens.
+    clock : ClockKept
+        Timing of the rig's control clock.
+    between : list of str
+        Notes on cuts that were repeated, and the reason if the rig ended early.
+    """
+
+    simulator: list[list[ComparedCut]]
+    rig: list[ComparedCut]
+    paired: bool
+    clock: ClockKept
+    between: list[str]
+
+    @property
+    def agreement(self) -> Agreement:
+        """Return the agreement over the specimens that were cut on both sides."""
+        simulator = self.simulator[: len(self.rig)] if self.paired else self.simulator
+        return Agreement(self.rig, simulator, paired=self.paired)
+
+
+def simulator_like(rig: RigCutEnv, **arguments: Any) -> GentleCutEnv:
+    """Make the simulator's environment for comparison with a rig: rewards from estimates, identified constants.
+
+    Parameters
+    ----------
+    rig : RigCutEnv
+        Environment of the rig to compare with.
+    **arguments
+        Keywords of :class:`~cutenv.envs.gentle_cut.GentleCutEnv`, which override the identified constants.
+    """
+    fixed = rig.fixed_angle is not None
+    return GentleCutEnv(
+        reward_from="estimate",
+        angle_mode="fixed" if fixed else "free",
+        fixed_angle_deg=float(np.degrees(rig.start_angle)) if fixed else 90.0,
+        **{**environment_arguments(rig.settings.identified), **arguments},
+    )
+
+
+def cut_once(env: GentleCutEnv | RigCutEnv, policy: Policy, *, seed: int, episode: int, noise: int = 0) -> ComparedCut:
+    """Cut one specimen.
+
+    Parameters
+    ----------
+    env : GentleCutEnv or RigCutEnv
+        Environment to cut in.
+    policy : Policy
+        Policy that decides; its random numbers depend on seed and episode alone.
+    seed, episode : int
+        Key of the specimen.
+    noise : int
+        Number of the draw of the simulated sensor's noise; no effect on a rig.
+
+    Raises
+    ------
+    ValueError
+        If the policy needs hidden state.
+    RigError
+        If a check of the rig fails, its operator does not agree, or it was stopped before the blade had moved.
+    """
+    if isinstance(policy, PrivilegedPolicy):
+        raise ValueError("this policy needs the hidden state, which no rig knows; choose another.")
+    observation, _ = env.reset(seed=seed, options={"episode": episode})
+    if noise and isinstance(env, GentleCutEnv):
+        length, depth = env.cutting.target_length, env.plant.depth
+        env.set_up(env.specimen, length, seed=seed + noise * _NOISE_KEY, episode=episode, depth=depth)
+        observation = env.cutting.rest(env.start_angle)
+    policy.reset(np.random.default_rng([seed, episode]))
+    cutting, plant = env.cutting, env.cutting.plant
+    parts, value, ended = [], 0.0, False
+    while not ended:
+        observation, reward, ended, _, _ = env.step(policy(observation))
+        value += reward
+        assert cutting.readings is not None  # at least one step was made
+        parts.append(cutting.readings.copy())
+    if sum(map(len, parts)) < 2:
+        raise RigError("the blade was stopped before it had moved: there is no cut.")
+    about = {"target_length_m": cutting.target_length, "specimen_seed": seed, "specimen_episode": episode}
+    trace = to_trace(
+        plant, np.concatenate(parts), name=f"{seed}-{episode}", end=cutting.end, success=cutting.success, **about
+    )
+    return ComparedCut(trace=trace, value=value, success=cutting.success, end=cutting.end)
+
+
+def simulate_cuts(
+    env: GentleCutEnv,
+    policy: Policy,
+    *,
+    seed: int,
+    specimens: int,
+    draws: int = DRAWS,
+    told: ProgressCallback | None = None,
+) -> list[list[ComparedCut]]:
+    """Cut every specimen ``draws`` times, each with another draw of the sensor's noise; return the cuts by specimen."""
+    cuts = []
+    for episode in range(specimens):
+        cuts.append([cut_once(env, policy, seed=seed, episode=episode, noise=draw) for draw in range(draws)])
+        if told is not None:
+            told("simulator", episode + 1)
+    return cuts
+
+
+def cut_on_rig(
+    env: RigCutEnv, policy: Policy, *, seed: int, specimens: int, told: ProgressCallback | None = None
+) -> tuple[list[ComparedCut], ClockKept, list[str]]:
+    """Cut every specimen once; again, up to four times, if the rig was stopped by a delay of the computer.
+
+    Returns
+    -------
+    tuple of list of ComparedCut, ClockKept, list of str
+        Cuts, the timing of the control clock over all of them, and notes on cuts that were repeated and on the reason
+        if the rig ended early: the cuts until then are still useful.
+
+    Raises
+    ------
+    RigError
+        If the rig cannot be created.
+    """
+    cuts: list[ComparedCut] = []
+    parts: list[tuple[list[float], list[float], int, float, int]] = []
+    between: list[str] = []
+    for episode in range(specimens):
+        lost = False
+        for _ in range(_ATTEMPTS):
+            try:
+                cut = cut_once(env, policy, seed=seed, episode=episode)
+            except RigError as error:
+                between.append(f"specimen {episode + 1}: {error}")
+                lost = lost or _time_was_lost(env)
+                if not lost:
+                    return cuts, ClockKept.of(env.ticks * TICK, parts), between
+                if not _time_was_lost(env):
+                    env.close()  # drives that were left in mid-motion are connected again
+                continue
+            if cut.end == STOPPED and _time_was_lost(env):
+                lost = True
+                between.append(f"specimen {episode + 1} was cut again: {env.session.plant.supervisor.report}")
+                continue
+            if cut.end == STOPPED and _stopped_by(env) in BY_PEOPLE:
+                between.append(f"specimen {episode + 1}: {env.session.plant.supervisor.report}")
+                return cuts, ClockKept.of(env.ticks * TICK, parts), between
+            cuts.append(cut)
+            break
+        else:
+            return cuts, ClockKept.of(env.ticks * TICK, parts), between
+        timing = env.session.plant.timing
+        parts.append((timing.periods, timing.latencies, timing.overruns, timing.skipped, timing.garbled))
+        if told is not None:
+            told("rig", len(cuts))
+    return cuts, ClockKept.of(env.ticks * TICK, parts), between
+
+
+def _stopped_by(env: RigCutEnv) -> Cause | None:
+    report = env.session.plant.supervisor.report
+    return None if report is None else report.cause
+
+
+def _time_was_lost(env: RigCutEnv) -> bool:
+    """Return whether the rig is stopped for a reason that concerns computers, not the cut."""
+    supervisor = env.session.plant.supervisor
+    report = supervisor.report
+    if supervisor.phase != "stopped" or report is None:
+        return False
+    return report.cause in LOST_TIME or (report.cause is Cause.DRIVE and _OUR_HEARTBEAT in report.detail)
+
+
+def paired_experiment(
+    rig: RigCutEnv,
+    simulator: GentleCutEnv,
+    policy: Policy,
+    *,
+    seed: int = 0,
+    specimens: int = 12,
+    draws: int = DRAWS,
+    told: ProgressCallback | None = None,
+) -> PairedCuts:
+    """Let a policy cut the same specimens in the simulator and on a rig.
+
+    Parameters
+    ----------
+    rig, simulator : RigCutEnv, GentleCutEnv
+        Environments; see :func:`simulator_like`.
+    policy : Policy
+        Policy that decides.
+    seed, specimens : int
+        Specimens are the episodes 0, 1, ... of the seed.
+    draws : int
+        Number of simulated cuts of each specimen, 2 to 100.
+    told : callable, optional
+        Called with the side and the number of specimens that it has cut.
+    """
+    in_range("specimens", specimens, FEWEST_SPECIMENS, 10_000, "1", "A dozen is a beginning.")
+    in_range("draws", draws, 2, 100, "1", "Noise needs two simulated cuts or more.")
+    simulated = simulate_cuts(simulator, policy, seed=seed, specimens=specimens, draws=draws, told=told)
+    cuts, clock, between = cut_on_rig(rig, policy, seed=seed, specimens=specimens, told=told)
+    return PairedCuts(simulator=simulated, rig=cuts, paired=rig.draws_specimens, clock=clock, between=between)
+
+
+def save_records(folder: Path, cuts: Sequence[Sequence[ComparedCut]], about: Mapping[str, Any]) -> list[Path]:
+    """Write simulated cuts as records ``EPISODE-DRAW.csv``, in a rig's form, each with ``about``; return paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for episode, draws in enumerate(cuts):
+        for draw, cut in enumerate(draws):
+            metadata = {**cut.trace.metadata, **about, "noise_draw": draw}
+            paths.append(folder / f"{episode:03d}-{draw}.csv")
+            save(dataclasses.replace(cut.trace, metadata=metadata), paths[-1])
+    return paths

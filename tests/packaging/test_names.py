@@ -1,0 +1,94 @@
+"""One word, one thing: no public name is defined in two modules of the package without a reason given here."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+REASONS = {
+    "CUT": "a stream of random numbers, and the dtype of a simulated cut: named with the next engine",
+    "Function": "type variable",
+    "INCLINED": "the same angle, pi/4; no module that all of them import is about angles",
+    "MILLI_RPM": "driver and emulator are written independently from the drive's manual",
+    "T": "type variable",
+    "TASK": "a stream of random numbers, and a dtype: named with the next engine",
+    "UPRIGHT": "the same angle, pi/2; no module that all of them import is about angles",
+    "VENDOR": "driver and emulator are written independently from the drive's manual",
+    "initiation_excess": "the same quantity: of the law, compiled, and estimated from records",
+    "loading_ratio": "the same quantity: of the law, compiled, and of a tissue description",
+    "main": "entry point of each command",
+    "overshoot": "a task quantity, and the metric of that name, which its registry takes from the function",
+    "read": "one interface of all file formats",
+    "tip_error": "a task quantity, and the metric of that name, which its registry takes from the function",
+    "wedge": "a task quantity, and the metric of that name, which its registry takes from the function",
+    "write": "one interface of all file formats",
+}
+"""Public names that several modules define, with the reason."""
+
+SAME_FILE_NAMES = {
+    "interface": "the protocol of its package: what a policy is, what a plant is",
+}
+"""File names that several folders hold, with the reason; ``__init__`` is in every package."""
+
+
+def defined_names(path: Path) -> set[str]:
+    """Public names that a module defines at its top level: classes, functions, constants, type aliases."""
+    names: set[str] = set()
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+            names.add(node.name)
+        elif isinstance(node, (ast.Assign, ast.AnnAssign)):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            for target in targets:
+                parts = target.elts if isinstance(target, ast.Tuple) else [target]
+                names.update(part.id for part in parts if isinstance(part, ast.Name))
+    return {name for name in names if not name.startswith("_")}
+
+
+def defined_twice(package: Path) -> dict[str, list[str]]:
+    """Return public names that several modules define, with those modules."""
+    places: dict[str, list[str]] = defaultdict(list)
+    for path in sorted(package.rglob("*.py")):
+        for name in defined_names(path):
+            places[name].append(path.relative_to(package).with_suffix("").as_posix())
+    return {name: found for name, found in places.items() if len(found) > 1}
+
+
+def files_twice(package: Path) -> dict[str, list[str]]:
+    """Return file names that several folders hold; a command's file is named after the command."""
+    places: dict[str, list[str]] = defaultdict(list)
+    for path in sorted(package.rglob("*.py")):
+        relative = path.relative_to(package).as_posix()
+        if path.stem != "__init__" and not relative.startswith("commands/"):
+            places[path.stem].append(relative)
+    return {name: found for name, found in places.items() if len(found) > 1}
+
+
+def test_no_public_name_is_defined_twice_without_a_reason() -> None:
+    unexplained = {name: places for name, places in defined_twice(ROOT / "cutenv").items() if name not in REASONS}
+    assert unexplained == {}
+
+
+def test_every_reason_is_still_needed() -> None:
+    assert sorted(set(REASONS) - set(defined_twice(ROOT / "cutenv"))) == []
+
+
+def test_a_name_that_is_defined_twice_is_noticed(tmp_path: Path) -> None:
+    (tmp_path / "one.py").write_text("class Record: ...\nLIMIT, _HIDDEN = 1, 2\n")
+    (tmp_path / "other.py").write_text("def read(): ...\nRecord = dict[str, int]\nLIMIT: int = 3\n_HIDDEN = 4\n")
+    assert defined_twice(tmp_path) == {"Record": ["one", "other"], "LIMIT": ["one", "other"]}
+
+
+def test_record_means_a_recorded_cut() -> None:
+    for path in sorted((ROOT / "cutenv").rglob("*.py")):
+        words = {"Record", "Records"} & defined_names(path)
+        assert not words, f"{path.relative_to(ROOT)} defines {words}"
+
+
+def test_no_file_name_stands_for_two_things_without_a_reason() -> None:
+    twice = files_twice(ROOT / "cutenv")
+    assert {name: places for name, places in twice.items() if name not in SAME_FILE_NAMES} == {}
+    assert sorted(set(SAME_FILE_NAMES) - set(twice)) == []
