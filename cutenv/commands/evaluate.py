@@ -40,9 +40,9 @@ def _evaluate(arguments: argparse.Namespace) -> None:
         print("\n".join(BASELINES))
         return
     from cutenv.learning.evaluation import contestant, evaluate
+    from cutenv.learning.result_tables import print_differences, print_table, write_csv
     from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
     from cutenv.learning.statistics import differences, summarise
-    from cutenv.learning.tables import print_differences, print_table, write_csv
 
     seeds = VALIDATION_SEEDS if arguments.validation else TEST_SEEDS
     if not 2 <= arguments.specimens <= len(seeds):

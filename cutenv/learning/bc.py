@@ -25,9 +25,9 @@ from cutenv.learning.cloning import Cloning, DecisionDataset, demonstrations
 from cutenv.learning.command_line import RunRequest
 from cutenv.learning.minari_datasets import cloning_data, opened
 from cutenv.learning.progress import validate
-from cutenv.learning.provenance import write_facts
+from cutenv.learning.result_tables import read_rows, write_csv
 from cutenv.learning.run_folder import export, record_run
-from cutenv.learning.tables import read_rows, write_csv
+from cutenv.learning.run_provenance import write_facts
 from cutenv.learning.training_report import compare
 from cutenv.policy import BASELINES, Network
 from cutenv.policy.features import feature_count

@@ -17,7 +17,7 @@ import gymnasium
 import numpy as np
 from tqdm import tqdm
 
-from cutenv._engine.parallel import set_cores
+from cutenv.envs import set_cores
 from cutenv.learning.batched_rollout import batched_rollout
 from cutenv.learning.finished_cut import FinishedCut
 from cutenv.learning.seeds import ENVIRONMENT

@@ -15,10 +15,10 @@ from cutenv.learning.arguments import LearnerArguments, PPOArguments
 from cutenv.learning.checkpoint import end_interrupted
 from cutenv.learning.command_line import RunRequest
 from cutenv.learning.evaluation import contestant, evaluate
-from cutenv.learning.progress import CheckpointExtras, Progress, save
-from cutenv.learning.provenance import write_facts
+from cutenv.learning.progress import CheckpointExtras, Progress, save_model
+from cutenv.learning.result_tables import read_rows
 from cutenv.learning.run_folder import export, record_run
-from cutenv.learning.tables import read_rows
+from cutenv.learning.run_provenance import write_facts
 from cutenv.learning.training_report import compare
 from cutenv.policy import Network, RecurrentNetwork
 
@@ -87,7 +87,7 @@ def train(learner: OnPolicyLearner, arguments: PPOArguments, run: Path, resume: 
     else:
         model = learner.new_model(arguments, environments)
         model.tensorboard_log = events
-        save(model, run / "untrained.zip")
+        save_model(model, run / "untrained.zip")
         if arguments.demonstrations:
             learner.pretrain(model, arguments)
     progress = Progress(run, arguments, curve, begun, extras)
@@ -103,7 +103,7 @@ def train(learner: OnPolicyLearner, arguments: PPOArguments, run: Path, resume: 
     share = (environments.seconds - spent) / (time.perf_counter() - trial_begun)
     progress.save_checkpoint()
     if finished and not (run / "policy.zip").is_file():  # training ended before the first validation
-        save(model, run / "policy.zip")
+        save_model(model, run / "policy.zip")
     return finished, share
 
 

@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from cutenv._base.atomic_file import atomic_write
 from cutenv.learning.arguments import LearnerArguments, PPOArguments
-from cutenv.learning.tables import write_csv
+from cutenv.learning.result_tables import write_csv
 
 
 def validate(model: Any, arguments: LearnerArguments) -> tuple[float, float]:
@@ -197,7 +197,7 @@ class Progress(BaseCallback):
         extras = CheckpointExtras(averages=averages, seconds=self.seconds, pretraining_seconds=self._pretraining)
         model: Any = self.model
         model.checkpoint_extras = dataclasses.asdict(extras)  # plain, so that it loads anywhere
-        save(self.model, self._run / "checkpoint.zip")
+        save_model(self.model, self._run / "checkpoint.zip")
         self._saved = time.monotonic()
 
     def validate(self) -> None:
@@ -210,14 +210,14 @@ class Progress(BaseCallback):
             self.logger.record("validation/return", mean_return)
             self.logger.record("validation/success", success)
             if mean_return > best:
-                save(self.model, self._run / "policy.zip")
+                save_model(self.model, self._run / "policy.zip")
                 write_csv(self._run / "learning_curve.csv", self.curve)
 
     def _on_training_end(self) -> None:
         self._bar.close()
 
 
-def save(model: Any, path: Path) -> None:
+def save_model(model: Any, path: Path) -> None:
     """Save a model atomically: an interruption leaves the last complete checkpoint."""
     with atomic_write(path) as part:
         model.save(part)

@@ -9,7 +9,7 @@ from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import nn
 
-State = tuple[torch.Tensor, torch.Tensor]
+LSTMState = tuple[torch.Tensor, torch.Tensor]
 
 
 class Leading(BaseFeaturesExtractor):
@@ -50,8 +50,8 @@ class RecurrentAsymmetricActorCritic(RecurrentActorCriticPolicy):
 
     @staticmethod
     def _process_sequence(  # type: ignore[override]
-        features: torch.Tensor, lstm_states: State, episode_starts: torch.Tensor, lstm: nn.LSTM
-    ) -> tuple[torch.Tensor, State]:
+        features: torch.Tensor, lstm_states: LSTMState, episode_starts: torch.Tensor, lstm: nn.LSTM
+    ) -> tuple[torch.Tensor, LSTMState]:
         """Reset the states at the start of a sequence at once; the base class would go through it step by step."""
         sequences = lstm_states[0].shape[1]
         starts = episode_starts.reshape(sequences, -1).clone()

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 
-from cutenv._engine.parallel import set_cores
+from cutenv.envs import set_cores
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.policy.features import apply_dead_zone, extract_batch, feature_count, forget, new_memory
 from cutenv.task.observation import CLIP

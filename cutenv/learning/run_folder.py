@@ -10,7 +10,7 @@ from typing import Any
 import gymnasium
 
 from cutenv.learning.arguments import LearnerArguments
-from cutenv.learning.provenance import origin, write_facts
+from cutenv.learning.run_provenance import origin, write_facts
 from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import Network, RecurrentNetwork, save_policy
 

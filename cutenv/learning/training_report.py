@@ -11,9 +11,9 @@ import gymnasium
 import numpy as np
 
 from cutenv.learning.evaluation import Contestant, contestant, evaluate, run_cut
+from cutenv.learning.result_tables import SHOWN, print_differences, print_table, read_rows, write_csv
 from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS
 from cutenv.learning.statistics import best_script, differences, summarise
-from cutenv.learning.tables import SHOWN, print_differences, print_table, read_rows, write_csv
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE, SCRIPTS, RandomAction
 from cutenv.report import CutPicture, TrainingResult, draw_cut, write_training_page
 
@@ -69,7 +69,7 @@ def compare(
     write_csv(run / "differences.csv", paired)
 
     seed = typical(rows, seeds, agent)
-    cuts = [picture(name, contestants[name], seed, shared) for name in (agent, script)]
+    cuts = [cut_picture(name, contestants[name], seed, shared) for name in (agent, script)]
     draw_cut(
         run / "cut.png",
         cuts[0].readings,
@@ -126,7 +126,7 @@ def typical(rows: Sequence[Mapping[str, Any]], seeds: Sequence[int], agent: str)
     return int(own[len(own) // 2][1])
 
 
-def picture(name: str, one: Contestant, seed: int, shared: Mapping[str, Any]) -> CutPicture:
+def cut_picture(name: str, one: Contestant, seed: int, shared: Mapping[str, Any]) -> CutPicture:
     """Let a policy cut a specimen, for a picture."""
     env = gymnasium.make(ENVIRONMENT, **{**shared, **one.arguments})
     scores, readings = run_cut(env, one.policy, seed)

@@ -37,7 +37,7 @@ from cutenv.tissue.specimen import SPACING, Specimen
 from cutenv.trace import Trace
 
 T = TypeVar("T")
-Progress = Callable[[Sequence[T]], Iterable[T]]
+ProgressBar = Callable[[Sequence[T]], Iterable[T]]
 
 RESAMPLES = 400
 """Default number of bootstrap resamples."""
@@ -63,7 +63,7 @@ def calibrate(
     name: str = "calibrated tissue",
     resamples: int = RESAMPLES,
     seed: int = 0,
-    progress: Progress[Any] | None = None,
+    progress: ProgressBar[Any] | None = None,
 ) -> TissueDescription:
     """Make one tissue description from a set of records.
 
@@ -106,7 +106,7 @@ def calibrate(
 
 
 def measure_cuts(
-    traces: Sequence[Trace], model: CutModel, *, progress: Progress[Any] | None = None
+    traces: Sequence[Trace], model: CutModel, *, progress: ProgressBar[Any] | None = None
 ) -> tuple[list[MeasuredCut], list[RefusedRecord]]:
     """Measure every record with the loading ratio that is fitted to all of them together.
 

@@ -23,8 +23,8 @@ from cutenv.report.page import (
 from cutenv.report.study_figures import typeset
 from cutenv.report.study_table import three_digits
 from cutenv.sim_to_real import Finding
-from cutenv.sim_to_real.evaluation import Evaluation, bars, interval, rounded_text, shown_unit
 from cutenv.sim_to_real.evaluation_figures import clock_figure, differences_figure, force_figure, typical_pair
+from cutenv.sim_to_real.evaluation_result import Evaluation, bars, interval, rounded_text, shown_unit
 
 _NAMED = 8  # measures named in a sentence
 _KINDS = {"agree": ("good", "They agree"), "differ": ("bad", "They differ"), "undecided": ("open", "Undecided")}

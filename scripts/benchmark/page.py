@@ -25,7 +25,7 @@ from cutenv.report.page import (
 from cutenv.report.training_figures import Bar, returns_figure
 
 if TYPE_CHECKING:
-    from benchmark.table import Table
+    from benchmark.summary import Table
 
 _CHIPS = {"learned": "learned", "best script": "best script", "upper bound: sees hidden state": "upper bound"}
 _ROLES = {"learned": "agent", "best script": "script", "upper bound: sees hidden state": "bound"}

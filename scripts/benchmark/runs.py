@@ -18,9 +18,9 @@ from benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, Entry, Protocol, sl
 from benchmark.robustness import settings
 from cutenv.learning.checkpoint import checkpoint_of
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
+from cutenv.learning.result_tables import write_csv
 from cutenv.learning.seeds import VALIDATION_SEEDS
 from cutenv.learning.statistics import best_script, summarise
-from cutenv.learning.tables import write_csv
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE
 
 SWEPT = ("PPO", "recurrent PPO", "behaviour cloning", "probe and creep", BEST_FEED)

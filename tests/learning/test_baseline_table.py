@@ -12,8 +12,8 @@ import pytest
 from baseline_table import findings, grid_lines, repaid, report, table
 
 from cutenv.learning.evaluation import run_cut
+from cutenv.learning.result_tables import write_csv
 from cutenv.learning.seeds import ENVIRONMENT
-from cutenv.learning.tables import write_csv
 from cutenv.policy import (
     CONSTANT_FEEDS,
     NULL_POLICIES,

@@ -15,9 +15,9 @@ import pytest
 
 from cutenv.commands.evaluate import main
 from cutenv.learning.evaluation import Contestant, contestant, evaluate, run_cut
+from cutenv.learning.result_tables import write_csv
 from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.learning.statistics import best_script, by_policy, differences, mean_with_interval, summarise
-from cutenv.learning.tables import write_csv
 from cutenv.policy import (
     BASELINES,
     ConstantFeed,

@@ -187,7 +187,7 @@ def test_a_checkpoint_of_an_earlier_version_loads_and_says_what_it_lacks(trained
     trained(64, resume=False)
     model = PPO.load(tmp_path / "checkpoint.zip")
     del model.checkpoint_extras
-    progress.save(model, tmp_path / "checkpoint.zip")
+    progress.save_model(model, tmp_path / "checkpoint.zip")
     _, _, begins_with, _ = trained(128, resume=True)
     assert begins_with == []
     assert "contains no running average of the actor: the average starts again" in capsys.readouterr().out

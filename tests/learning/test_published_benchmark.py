@@ -9,7 +9,8 @@ import pytest
 pytest.importorskip("tqdm", reason="the comparison needs an extra: pip install 'cutenv[rl]'")
 
 from benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, Protocol, content_of
-from benchmark.table import PUBLISHED, Table, about, earlier, origin_of, read_table
+from benchmark.summary import Table
+from benchmark.table import PUBLISHED, about, earlier, origin_of, read_table
 
 from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
 

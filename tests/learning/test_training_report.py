@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
 pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
-from cutenv.learning.tables import read_rows
+from cutenv.learning.result_tables import read_rows
 from cutenv.learning.training_report import grid_rows, shown_facts, typical
 from cutenv.policy import CONSTANT_FEEDS, GRID_ANGLES, GRID_SPEEDS
 

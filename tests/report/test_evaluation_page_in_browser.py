@@ -18,8 +18,8 @@ from reading import Page
 from test_page_in_browser import DESK, PHONE, SCREENS, check_can_be_read, check_fetches_nothing, check_fits
 
 from cutenv.sim_to_real import ClockKept
-from cutenv.sim_to_real.evaluation import UNPAIRED, Evaluation
 from cutenv.sim_to_real.evaluation_page import evaluation_headline, write_evaluation
+from cutenv.sim_to_real.evaluation_result import UNPAIRED, Evaluation
 
 pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no chromium: apt-get install chromium")
 

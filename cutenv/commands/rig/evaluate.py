@@ -20,7 +20,7 @@ from cutenv.commands.options import (
 
 if TYPE_CHECKING:
     from cutenv.envs.rig_cut import RigCutEnv
-    from cutenv.sim_to_real.evaluation import Evaluation
+    from cutenv.sim_to_real.evaluation_result import Evaluation
 
 AGREE, DIFFER, BAD = 0, 1, 2
 _OF_BOTH = ("control_hz", "deadline_s", "angle_mode", "fixed_angle_deg")
@@ -50,7 +50,7 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
     from cutenv.rig.config.identified import environment_arguments
     from cutenv.rig.errors import RigError
     from cutenv.sim_to_real import FEWEST_SPECIMENS
-    from cutenv.sim_to_real.evaluation import Evaluation
+    from cutenv.sim_to_real.evaluation_result import Evaluation
     from cutenv.sim_to_real.paired_experiment import paired_experiment, save_records, simulator_like
 
     _check_out(arguments)
