@@ -12,7 +12,7 @@ from cutenv._base.arrays import StructArray
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.samples import ForceSample, MotionSample, interpolated, newest_since
-from cutenv.rig.safety.motion_monitor import STANDSTILL_TRAVEL
+from cutenv.rig.safety.motion_monitor import REST_SPEED
 
 _OLDEST = 0.05  # [s] before a period, from which samples are still used
 _KEPT = 4.0  # [s] of samples kept
@@ -75,7 +75,7 @@ class ReadingGrid:
             readings["force"] = along[np.maximum(np.searchsorted(sensed, time, side="right") - 1, 0)]
             self.newest = float(sensed[-1])
         readings["position"], readings["speed"] = self._interpolated("blade", time)
-        readings["speed"][np.abs(readings["speed"]) < STANDSTILL_TRAVEL] = 0.0
+        readings["speed"][np.abs(readings["speed"]) < REST_SPEED] = 0.0
         if "angle" in self._motions:
             readings["angle"], _ = self._interpolated("angle", time)
         else:

@@ -11,7 +11,7 @@ from cutenv.rig.safety.following_monitor import NOMINAL_LAG, FollowingMonitor
 from cutenv.rig.safety.sample_rate_monitor import SURPLUS, SampleRateMonitor
 from cutenv.rig.safety.stop_causes import Breach, Cause
 
-STANDSTILL_TRAVEL = 1e-4
+REST_SPEED = 1e-4
 """Speed below which the blade counts as at rest [m/s]."""
 _SAMPLES = 3  # samples over which acceleration is measured, and standstill decided
 _LONG = 9  # samples over which speed is computed from position, whatever speed the drive reports
@@ -92,7 +92,7 @@ class MotionMonitor:
     def standing(self) -> bool:
         """True if the blade is at rest, as far as its samples show."""
         last = list(self._blade)[-_SAMPLES:]
-        return len(last) == _SAMPLES and all(abs(sample.speed) < STANDSTILL_TRAVEL for sample in last)
+        return len(last) == _SAMPLES and all(abs(sample.speed) < REST_SPEED for sample in last)
 
     def note(self, axis: str, sample: MotionSample) -> None:
         """Store a sample of an axis, and count it."""
