@@ -14,7 +14,7 @@ from cutenv.tissue import Specimen
 traces, moduli, resistances = [], [], []
 for number in range(12):
     angle, speed = math.radians((90.0, 45.0)[number % 2]), (0.004, 0.0127, 0.0254)[number % 3]
-    specimen = Specimen.drawn(1, number)  # another liver each
+    specimen = Specimen.draw(np.random.default_rng((1, number)))  # another liver each
     plant = SimulatedPlant(specimen, seed=1, episode=number, angle=angle)
     forward = Leg(position=0.1, speed=speed, angle=angle, dwell=0.2)
     back = Leg(position=0.0, speed=0.0254, angle=angle, dwell=0.2)  # past the tip: shows friction

@@ -2,7 +2,7 @@
 
     python scripts/draw_architecture.py
 
-A row is a layer, a box a wing: its name, what it does, and the packages in it.  A module imports only from rows below
+A row is a wing, drawn as one box or several: name, purpose and packages.  A module imports only from rows below
 its own.  Change the list when a wing changes; ``tests/documentation/test_pages.py`` checks that every package of
 ``cutenv`` is in one box.
 """
@@ -27,29 +27,24 @@ class Wing(NamedTuple):
 
 ROWS = (
     (
-        Wing("apps", "what a person starts", ("cli", "commands", "play"), "#5b7db1"),
+        Wing("programs", "what a person starts", ("cli", "commands", "play", "sim_to_real"), "#5b7db1"),
         Wing("learning", "training, evaluation", ("learning", "sb3"), "#5b7db1"),
     ),
-    (Wing("envs", "Gymnasium, and nowhere below", ("envs",), "#3f8f6b"),),
+    (Wing("environments", "Gymnasium, and nowhere below", ("envs",), "#3f8f6b"),),
     (
-        Wing("rig", "safety, drivers, emulator, fake", ("rig", "agreement"), "#b5574a"),
-        Wing("records", "files of cuts", ("recording",), "#8a6fb0"),
-        Wing("pages", "pictures, reports", ("viewer", "report"), "#8a6fb0"),
+        Wing("rig", "safety, drivers, emulator, fake", ("rig",), "#b5574a"),
+        Wing("recordings", "files of cuts", ("recording",), "#8a6fb0"),
+        Wing("drawing", "pictures, report pages", ("viewer", "report"), "#8a6fb0"),
     ),
-    (Wing("policy", "scripts, planners, trained agents run by NumPy", ("policy",), "#3f8f6b"),),
+    (Wing("policies", "scripts, planners, trained agents run by NumPy", ("policy",), "#3f8f6b"),),
     (Wing("task", "observation, reward, ends", ("task",), "#3f8f6b"),),
+    (Wing("simulator", "cutting law, drive, sensor", ("plant", "cutting"), "#8f6a1f"),),
     (
-        Wing("simulator", "cutting law, drive, sensor", ("cutting", "plant"), "#8f6a1f"),
-        Wing("measure", "traces, properties, scores; never sees the simulator",
-             ("trace", "measurement", "scoring", "terms"), "#8a6fb0"),
+        Wing("measurement", "traces, properties, scores; never sees the simulator",
+             ("scoring", "measurement", "trace", "task_quantities"), "#8a6fb0"),
     ),
     (Wing("tissue", "tables, finite elements, specimens", ("tissue",), "#8f6a1f"),),
-    (
-        Wing("engine", "compiled kernels, cores",
-             ("compiled", "intrinsics", "portions", "cores", "elementary"), "#777777"),
-        Wing("base", "files, checks, randomness",
-             ("atomic", "resources", "validation", "parameter", "randomness"), "#777777"),
-    ),
+    (Wing("engine", "compiled kernels, random numbers, files, checks", ("_engine", "_base"), "#777777"),),
 )  # fmt: skip
 
 WIDTH, HEIGHT, GAP, PAD = 860, 62, 10, 10
