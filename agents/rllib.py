@@ -56,7 +56,7 @@ class Arguments:
     iterations: int = option(200, "number of rounds of sampling and learning")
     seed: int = option(0, "seed of networks and training specimens")
     specimen_class: str = option("mixed", "tissue to train on", CLASSES)
-    angle_mode: str = option("free", "whether the agent turns the blade", ("free", "fixed"))
+    angle_mode: str = option("free", "turn the blade (free), or keep its angle (fixed)", ("free", "fixed"))
     control_hz: int = option(10, "decisions per second")
     history: int = option(0, "number of past decisions among the features")
     dead_zone: float = option(0.25, "share of the speed's action that means rest")

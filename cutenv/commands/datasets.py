@@ -1,9 +1,5 @@
 """Record cuts as a Minari data set with the force in newtons: by a script, a trained agent or a person.
 
-    cutenv datasets --dataset cutenv/probe-v0 --policy "probe and creep" --cuts 100
-    cutenv datasets --dataset cutenv/agent-v0 --policy ppo-free
-    cutenv datasets --dataset cutenv/people-v0 --records cuts/*.csv
-
 A policy is named as for 'cutenv evaluate'; records are those of 'cutenv play' or of a rig.  The data set is written
 where Minari keeps them, MINARI_DATASETS_PATH or ~/.minari/datasets; nothing is downloaded.  'cutenv train --learner bc
 --dataset ID' clones its cuts.
@@ -11,6 +7,7 @@ where Minari keeps them, MINARI_DATASETS_PATH or ~/.minari/datasets; nothing is 
 
 from __future__ import annotations
 
+import argparse
 import re
 import sys
 from collections.abc import Sequence
@@ -19,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cutenv.learning.options import option, parse
+from cutenv.commands.options import command_parser
+from cutenv.learning.options import add_options, from_options, option
 from cutenv.learning.seeds import TRAINING_SEEDS
 from cutenv.recording.columns import parse_length
 from cutenv.tissue.specimen import CLASSES
@@ -34,15 +32,19 @@ _ID = re.compile(r"([-\w]+/)*[-\w]+-v\d+")
 class Arguments:
     """Options of the command."""
 
-    dataset: str = option("", "id of the new data set, such as cutenv/probe-and-creep-v0")
-    policy: str = option("", "baseline, shipped policy, or folder of a trained one, which makes the cuts")
+    dataset: str = option("", "id of the new data set, such as cutenv/probe-and-creep-v0", metavar="ID")
+    policy: str = option(
+        "", "baseline, shipped policy, or folder of a trained one, which makes the cuts", metavar="POLICY"
+    )
     records: tuple[str, ...] = option((), "records of cuts instead: CSV, Parquet or HDF5")
     cuts: int = option(100, "number of cuts that the policy makes, each of another specimen")
     seed: int = option(TRAINING_SEEDS.stop // 2, "seed of the first specimen, below a million: no test specimen")
     specimen_class: str = option("mixed", "class of the specimens that the policy cuts", CLASSES)
-    angle_mode: str = option("free", "whether the blade may be turned", ("free", "fixed"))
+    angle_mode: str = option("free", "turn the blade (free), or keep its angle (fixed)", ("free", "fixed"))
     control_hz: int = option(10, "decisions per second; a trained policy has its own")
-    target_length: str = option("", "target length of the cut, such as 80mm, for records that have none of their own")
+    target_length: str = option(
+        "", "length of the cut with its unit, such as 80mm, for records that have none of their own", metavar="LENGTH"
+    )
 
     def __post_init__(self) -> None:
         if not _ID.fullmatch(self.dataset):
@@ -65,8 +67,9 @@ class Arguments:
 
 def main(argv: Sequence[str]) -> int:
     """Write a data set and print its size; 2 if an option or a record is bad."""
+    given = _parser().parse_args(argv)
     try:
-        _record(parse(Arguments, __doc__, argv, "cutenv datasets"))
+        _record(from_options(Arguments, given))
     except (OSError, ValueError) as error:
         print(f"cutenv datasets: {error}", file=sys.stderr)
         return 2
@@ -100,3 +103,17 @@ def _record(arguments: Arguments) -> None:
     returns, ended = [cut.rewards.sum() for cut in cuts], [cut.infos["is_success"][-1] for cut in cuts]
     print(f"{dataset.total_episodes} cuts, {dataset.total_steps} decisions in {folder}")
     print(f"mean return {np.mean(returns):.3f}, success {np.mean(ended):.2f}")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command_parser(
+        "datasets",
+        __doc__,
+        examples=(
+            '--dataset cutenv/probe-v0 --policy "probe and creep" --cuts 100',
+            "--dataset cutenv/agent-v0 --policy ppo-free",
+            "--dataset cutenv/people-v0 --records cuts/*.csv",
+        ),
+    )
+    add_options(parser, Arguments)
+    return parser

@@ -1,13 +1,8 @@
 """Train an agent to cut gently, compare it with every baseline, report.
 
-    cutenv train                        PPO; about 10 minutes on 2 cores; writes runs/<name>/
-    cutenv train --quick                about two minutes
-    cutenv train --resume runs/NAME     continues an interrupted run from its checkpoint
-    cutenv train --learner recurrent-ppo    the actor has a memory; about 20 minutes
-    cutenv train --learner bc               behaviour cloning, without any trial; some three minutes
-    cutenv train --learner bc --dataset ID  clones a Minari data set (cutenv datasets) instead of a script
-
-Options worth trying with PPO: --angle-mode fixed, --force unfelt, --history 6, --critic features.
+PPO takes about 10 minutes on 2 cores, recurrent PPO, whose actor has a memory, about 20.  Behaviour cloning imitates a
+script, or a data set of 'cutenv datasets', in some three minutes, without any trial of its own.  Everything is written
+to the folder runs/NAME; an interrupted run continues from its checkpoint with --resume.
 """
 
 from __future__ import annotations
@@ -20,8 +15,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from cutenv.commands.options import command_parser
 from cutenv.learning.arguments import BadArguments, BCArguments, LearnerArguments, PPOArguments, RecurrentPPOArguments
-from cutenv.learning.command_line import RunRequest, parse_run
+from cutenv.learning.command_line import RunRequest, add_run_options, run_request
 
 LEARNERS: dict[str, tuple[str, type[LearnerArguments]]] = {
     "ppo": ("PPO", PPOArguments),
@@ -30,30 +26,35 @@ LEARNERS: dict[str, tuple[str, type[LearnerArguments]]] = {
 }
 """Name on the command line -> name in run.json, and class of the options."""
 
+_EXAMPLES = {
+    "ppo": ("", "--quick", "--resume runs/NAME", "--learner recurrent-ppo", "--learner bc"),
+    "recurrent-ppo": ("--learner recurrent-ppo", "--learner recurrent-ppo --quick", "--resume runs/NAME"),
+    "bc": ("--learner bc", "--learner bc --quick", "--learner bc --dataset cutenv/probe-v0", "--resume runs/NAME"),
+}
+_NOTES = {"ppo": "Options worth trying: --angle-mode fixed, --force unfelt, --history 6, --critic features."}
+
 
 def main(argv: Sequence[str]) -> int:
     """Train; 2 if an option is bad, 130 after Ctrl-C."""
+    given = _parser(_learner(argv)).parse_args(argv)
+    learner = given.learner
+    del given.learner  # the rest are the options of the run
     try:
-        learner, rest = _learner(argv)
-        about = f"{__doc__}\nThe options below are those of --learner {learner}."
-        request = parse_run(LEARNERS[learner][1], about, learner, rest, "cutenv train")
-        _run(learner, request)
+        _run(learner, run_request(LEARNERS[learner][1], given, learner))
     except BadArguments as error:
         print(f"cutenv train: {error}", file=sys.stderr)
         return 2
     return 0
 
 
-def _learner(argv: Sequence[str]) -> tuple[str, list[str]]:
-    """Return the learner's name, read from run.json when resuming, and the rest of the command line."""
+def _learner(argv: Sequence[str]) -> str:
+    """Return the learner's name, read from run.json when resuming: it decides which options there are."""
     first = argparse.ArgumentParser(prog="cutenv train", add_help=False, allow_abbrev=False)
     first.add_argument("--learner", choices=LEARNERS)
-    chosen, rest = first.parse_known_args(argv)
-    second = argparse.ArgumentParser(prog="cutenv train", add_help=False, allow_abbrev=False)
-    second.add_argument("--resume", type=Path)
-    resumed, _ = second.parse_known_args(rest)
-    known = None if resumed.resume is None else _learner_of(resumed.resume)
-    return chosen.learner or known or "ppo", rest
+    first.add_argument("--resume", type=Path, metavar="RUN")
+    chosen, _ = first.parse_known_args(argv)
+    known = None if chosen.resume is None else _learner_of(chosen.resume)
+    return chosen.learner or known or "ppo"
 
 
 def _learner_of(run: Path) -> str | None:
@@ -89,3 +90,14 @@ def _program() -> str:
     python = Path(sys.executable)
     here = Path.cwd()
     return f"{python.relative_to(here) if python.is_relative_to(here) else python} -m cutenv"
+
+
+def _parser(learner: str = "ppo") -> argparse.ArgumentParser:
+    """Return the parser of the options of one learner."""
+    about = f"{__doc__}\nThe options below are those of --learner {learner}; each learner's --help lists its own."
+    parser = command_parser("train", about, examples=_EXAMPLES[learner], note=_NOTES.get(learner, ""))
+    parser.add_argument(
+        "--learner", choices=LEARNERS, default=learner, help="learner to train; default ppo, or that of a resumed run"
+    )
+    add_run_options(parser, LEARNERS[learner][1])
+    return parser

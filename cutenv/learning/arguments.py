@@ -40,17 +40,17 @@ class LearnerArguments:
     quick: ClassVar[Mapping[str, Any]] = {}
     """Values that ``--quick`` sets."""
 
-    name: str = option("", "name of the run's folder below runs/; default date and time")
+    name: str = option("", "name of the run's folder below runs/; default date and time", metavar="NAME")
     seed: int = option(0, "seed of networks, exploration and training specimens")
     minutes: float = option(
         0.0, "wall-clock minutes after which training ends, demonstrations included; 0: no limit", resumable=True
     )
     specimen_class: str = option("mixed", "class of the specimens to train and test on", CLASSES)
-    angle_mode: str = option("free", "whether the agent turns the blade", ("free", "fixed"))
+    angle_mode: str = option("free", "turn the blade (free), or keep its angle (fixed)", ("free", "fixed"))
     fixed_angle_deg: float = option(90.0, "angle of a blade that the agent does not turn [deg]")
     control_hz: int = option(10, "decisions per second")
     history: int = option(6, "number of past decisions among the features")
-    force: str = option("felt", "whether the agent feels the force", ("felt", "unfelt"))
+    force: str = option("felt", "give the agent the force (felt), or hide it (unfelt)", ("felt", "unfelt"))
     dead_zone: float = option(0.25, "share of the speed's action around 0 that means rest")
     environments: int = option(64, "number of environments that run side by side")
     hidden: int = option(64, "number of units in each layer")
@@ -159,7 +159,7 @@ class PPOArguments(LearnerArguments):
     gamma: float = option(1.0, "discount per decision")
     gae_lambda: float = option(0.95, "lambda of the generalised advantage estimate")
     averaging: float = option(0.03, "share of the actor that its running average takes over at every update")
-    critic: str = option("truth", "what the critic sees besides the features", ("truth", "features"))
+    critic: str = option("truth", "input of the critic; truth: features and hidden state", ("truth", "features"))
     critic_first: float = option(0.03, "share of training, after demonstrations, in which only the critic learns")
     exploration: float = option(0.15, "standard deviation of the actions at the start")
     last_exploration: float = option(0.05, "standard deviation of the actions at the end of training")
@@ -216,7 +216,9 @@ class BCArguments(LearnerArguments):
         "specimens": 30,
     }
 
-    dataset: str = option("", "id of a Minari data set to imitate, not a script; it sets decision rate and angle mode")
+    dataset: str = option(
+        "", "id of a Minari data set to imitate, not a script; it sets decision rate and angle mode", metavar="ID"
+    )
     demonstrations: int = option(400_000, "number of decisions of the script")
     epochs: int = option(60, "number of passes over the demonstrations")
     batch_size: int = option(1024, "number of decisions in a gradient step")

@@ -6,7 +6,7 @@ import argparse
 import dataclasses
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -29,42 +29,32 @@ class RunRequest(Generic[Chosen]):
     """True to resume an interrupted run in this folder."""
 
 
-def parser_of(
-    kind: type[LearnerArguments], about: str | None = None, prog: str | None = None
-) -> argparse.ArgumentParser:
-    """Make the parser of a learner's options."""
-    parser = argparse.ArgumentParser(
-        prog=prog, description=about, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
-    )
+def add_run_options(parser: argparse.ArgumentParser, kind: type[LearnerArguments]) -> None:
+    """Add the options of a run: those of its learner, ``--quick`` and ``--resume``."""
     add_options(parser, kind)
     replaced = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in kind.quick.items())
-    parser.add_argument("--quick", action="store_true", help=f"some two minutes in all: {replaced}")
+    parser.add_argument("--quick", action="store_true", help=f"train for some two minutes: {replaced}")
     parser.add_argument("--resume", type=Path, metavar="RUN", help="folder of an interrupted run to resume")
-    return parser
 
 
-def parse_run(kind: type[Chosen], about: str | None, prefix: str, argv: Sequence[str], prog: str) -> RunRequest[Chosen]:
-    """Read the options of a run.
+def run_request(kind: type[Chosen], given: argparse.Namespace, prefix: str) -> RunRequest[Chosen]:
+    """Check the options of a run, and return the run that they request.
 
     Parameters
     ----------
     kind : type
         Class of the options.
-    about : str
-        Description in the help.
+    given : argparse.Namespace
+        Result of a parser with :func:`add_run_options`, and no other option.
     prefix : str
         First part of the default name of a run.
-    argv : sequence of str
-        The command line.
-    prog : str
-        Name of the program in the help.
 
     Raises
     ------
     BadArguments
         For an option out of range, a folder that exists, or an option without effect on a run that is resumed.
     """
-    chosen = vars(parser_of(kind, about, prog).parse_args(argv))
+    chosen = dict(vars(given))
     is_quick, resume = chosen.pop("quick"), chosen.pop("resume")
     if resume is not None:
         if is_quick:

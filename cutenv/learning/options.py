@@ -12,7 +12,14 @@ T = TypeVar("T")
 _KINDS = {"str": str, "int": int, "float": float}
 
 
-def option(default: Any, meaning: str, choices: tuple[str, ...] | None = None, *, resumable: bool = False) -> Any:
+def option(
+    default: Any,
+    meaning: str,
+    choices: tuple[str, ...] | None = None,
+    *,
+    metavar: str | None = None,
+    resumable: bool = False,
+) -> Any:
     """Declare a dataclass field that is an option of the command line.
 
     Parameters
@@ -23,10 +30,13 @@ def option(default: Any, meaning: str, choices: tuple[str, ...] | None = None, *
         The help text.
     choices : tuple of str, optional
         The values that are allowed.
+    metavar : str, optional
+        Placeholder of the value in the help; by default TEXT, N, X or FILE.
     resumable : bool
         Whether an interrupted run may be resumed with another value.
     """
-    return dataclasses.field(default=default, metadata={"help": meaning, "choices": choices, "resumable": resumable})
+    metadata = {"help": meaning, "choices": choices, "metavar": metavar, "resumable": resumable}
+    return dataclasses.field(default=default, metadata=metadata)
 
 
 def flag_of(name: str) -> str:
@@ -38,14 +48,15 @@ def add_options(parser: argparse.ArgumentParser, kind: type[Any]) -> None:
     """Add the fields of a dataclass to a parser; an option that is not given is absent from the result."""
     for field in dataclasses.fields(kind):
         flag, meaning, choices = flag_of(field.name), field.metadata["help"], field.metadata["choices"]
+        metavar = field.metadata["metavar"]
         if isinstance(field.default, bool):
             parser.add_argument(flag, action="store_true", default=argparse.SUPPRESS, help=meaning)
         elif isinstance(field.default, tuple):
-            parser.add_argument(flag, nargs="+", metavar="FILE", default=argparse.SUPPRESS, help=meaning)
+            parser.add_argument(flag, nargs="+", metavar=metavar or "FILE", default=argparse.SUPPRESS, help=meaning)
         else:
             convert = _KINDS[str(field.type)]
             default = f" (default {field.default})" if field.default != "" else ""
-            shown = None if choices else {str: "TEXT", int: "N", float: "X"}[convert]
+            shown = None if choices else metavar or {str: "TEXT", int: "N", float: "X"}[convert]
             parser.add_argument(
                 flag,
                 type=convert,
@@ -56,7 +67,12 @@ def add_options(parser: argparse.ArgumentParser, kind: type[Any]) -> None:
             )
 
 
-def parse(kind: type[T], about: str | None, argv: Sequence[str] | None = None, prog: str | None = None) -> T:
+def from_options(kind: type[T], given: argparse.Namespace) -> T:
+    """Make a dataclass from the result of a parser that has its fields, and no other option."""
+    return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in vars(given).items()})
+
+
+def parse(kind: type[T], about: str | None, argv: Sequence[str] | None = None) -> T:
     """Read a dataclass of options from a command line, by default that of the process.
 
     Raises
@@ -65,8 +81,7 @@ def parse(kind: type[T], about: str | None, argv: Sequence[str] | None = None, p
         After the help, and for an option that ``argparse`` refuses.
     """
     parser = argparse.ArgumentParser(
-        prog=prog, description=about, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
+        description=about, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
     )
     add_options(parser, kind)
-    given = vars(parser.parse_args(argv))
-    return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in given.items()})
+    return from_options(kind, parser.parse_args(argv))

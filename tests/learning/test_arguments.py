@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import json
 
 import pytest
 
 from cutenv.learning.arguments import BadArguments, BCArguments, PPOArguments, RecurrentPPOArguments
-from cutenv.learning.command_line import parse_run
+from cutenv.learning.command_line import add_run_options, run_request
 
 
 def parsed(*given, kind=PPOArguments):
-    request = parse_run(kind, "About it.", "ppo", given, "cutenv train")
+    parser = argparse.ArgumentParser(allow_abbrev=False)
+    add_run_options(parser, kind)
+    request = run_request(kind, parser.parse_args(given), "ppo")
     return request.arguments, request.run, request.resume
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import csv
 import json
 from pathlib import Path
@@ -16,7 +17,7 @@ import safetensors.torch  # noqa: E402
 
 from cutenv.learning import bc  # noqa: E402
 from cutenv.learning.arguments import BadArguments, BCArguments  # noqa: E402
-from cutenv.learning.command_line import parse_run  # noqa: E402
+from cutenv.learning.command_line import add_run_options, run_request  # noqa: E402
 from cutenv.policy import TrainedPolicy  # noqa: E402
 
 ID = "cutenv/test/fixed-v0"
@@ -102,7 +103,9 @@ def test_a_data_set_teaches_a_run_like_any_other(recorded: Path):
 
 
 def parsed(*given: str) -> BCArguments:
-    return parse_run(BCArguments, None, "bc", ["--dataset", ID, *given], "cutenv train").arguments
+    parser = argparse.ArgumentParser(allow_abbrev=False)
+    add_run_options(parser, BCArguments)
+    return run_request(BCArguments, parser.parse_args(["--dataset", ID, *given]), "bc").arguments
 
 
 def test_rate_and_angle_mode_are_those_of_the_data_set(recorded: Path):

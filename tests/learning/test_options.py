@@ -20,7 +20,7 @@ class Arguments:
 
 
 def parsed(*given: str) -> Arguments:
-    return parse(Arguments, "About it.", given, "program")
+    return parse(Arguments, "About it.", given)
 
 
 def test_without_options_the_defaults_hold():

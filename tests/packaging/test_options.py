@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import importlib
 import re
 import shlex
@@ -15,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from cutenv import cli
+from cutenv.commands import train
 from cutenv.commands.options import made_folder, target_length
 from cutenv.commands.rig import RIG_COMMANDS
 from cutenv.recording.columns import parse_length
@@ -28,13 +30,8 @@ def parser_of(name: str) -> argparse.ArgumentParser:
     return importlib.import_module(MODULES[name])._parser()
 
 
-def options_of(parser: argparse.ArgumentParser) -> list[argparse.Action]:
-    return [action for action in parser._actions if action.dest != "help"]
-
-
-@pytest.mark.parametrize("name", MODULES)
-def test_every_option_has_help_with_a_noun_or_a_verb_first_and_a_plain_placeholder(name: str) -> None:
-    for action in options_of(parser_of(name)):
+def check_help(parser: argparse.ArgumentParser) -> None:
+    for action in options_of(parser):
         assert action.help, action.dest
         assert not FRAGMENT.match(action.help), (action.dest, action.help)
         assert not action.help.startswith("default"), (action.dest, action.help)
@@ -42,13 +39,47 @@ def test_every_option_has_help_with_a_noun_or_a_verb_first_and_a_plain_placehold
         assert not takes_value or action.metavar, action.dest
 
 
-@pytest.mark.parametrize("name", MODULES)
-def test_the_examples_of_a_command_are_taken_by_its_parser(name: str) -> None:
-    parser = parser_of(name)
+def check_examples(name: str, parser: argparse.ArgumentParser) -> None:
     examples = re.findall(rf"^  cutenv {name}(.*)$", parser.epilog or "", re.MULTILINE)
     assert examples
     for example in examples:
         parser.parse_args(shlex.split(example))
+
+
+def options_of(parser: argparse.ArgumentParser) -> list[argparse.Action]:
+    return [action for action in parser._actions if action.dest != "help"]
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_every_option_has_help_with_a_noun_or_a_verb_first_and_a_plain_placeholder(name: str) -> None:
+    check_help(parser_of(name))
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_the_examples_of_a_command_are_taken_by_its_parser(name: str) -> None:
+    check_examples(name, parser_of(name))
+
+
+@pytest.mark.parametrize("learner", train.LEARNERS)
+def test_every_learner_has_options_and_examples_of_its_own(learner: str) -> None:
+    parser = train._parser(learner)
+    check_help(parser)
+    check_examples("train", parser)
+    fields = {field.name for field in dataclasses.fields(train.LEARNERS[learner][1])}
+    assert {action.dest for action in options_of(parser)} == fields | {"learner", "quick", "resume"}
+
+
+@pytest.mark.parametrize(
+    ("given", "learner"),
+    [([], "ppo"), (["--learner", "bc"], "bc"), (["--resume", "run"], "bc"), (["--help", "--learner=bc"], "bc")],
+)
+def test_the_learner_is_the_one_given_or_that_of_a_resumed_run(
+    given: list[str], learner: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("run").mkdir()
+    Path("run/run.json").write_text('{"agent": "behaviour cloning"}')
+    assert train._learner(given) == learner
 
 
 @pytest.mark.parametrize("name", MODULES)
