@@ -115,7 +115,7 @@ def changed_law(*changes: tuple[str, str]) -> ModuleType:
     """The cutting law in plain Python, with parts of its source replaced: physics broken on purpose."""
     modules = []
     sources = [
-        re.sub("^@(compiled|for_kernels|inlined)\n", "", Path(part.__file__).read_text(), flags=re.MULTILINE)
+        re.sub("^@njit(_internal|_inline)?\n", "", Path(part.__file__).read_text(), flags=re.MULTILINE)
         for part in (cutting_blade, cutting_friction, cutting_relaxation, cutting_law)
     ]
     for old, new in changes:

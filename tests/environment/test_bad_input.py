@@ -245,7 +245,7 @@ def test_every_public_function_that_takes_an_argument_is_in_the_tables():
     helpers = (even, changed, simulated, leg, advance)
     here |= {name for helper in helpers for name in helper.__code__.co_names}
     takes_none = {"measured_fracture_resistance", "measured_liver", "quasi_static_modulus", "NoAction", "RandomAction"}
-    interfaces = {"Plant", "Policy", "SeesTruth", "Script"}
+    interfaces = {"Plant", "Policy", "PrivilegedPolicy", "Script"}
     in_their_own_tests = {
         "Network",
         "RecurrentNetwork",
@@ -253,7 +253,7 @@ def test_every_public_function_that_takes_an_argument_is_in_the_tables():
         "PolicyBatch",
         "TrainedPolicy",
         "save_policy",
-        "past_dead_zone",
+        "apply_dead_zone",
         "feed_name",
         "ReplayPlant",
         "shipped",

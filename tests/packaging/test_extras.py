@@ -44,9 +44,11 @@ def brought(packages: set[str]) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("module", cli._EXTRA_OF_MODULE)
-def test_the_extra_that_an_error_names_brings_the_module(module: str) -> None:
-    assert CALLED.get(module, module) in EXTRAS[cli._EXTRA_OF_MODULE[module]]
+@pytest.mark.parametrize(
+    ("module", "extra"), [(module, extra) for module, extras in cli._EXTRAS_OF_MODULE.items() for extra in extras]
+)
+def test_the_extra_that_an_error_names_brings_the_module(module: str, extra: str) -> None:
+    assert CALLED.get(module, module) in EXTRAS[extra]
 
 
 @pytest.mark.parametrize("extra", ["view", "play", "rig"])
