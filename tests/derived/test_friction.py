@@ -129,8 +129,8 @@ def test_the_closed_loop_returns_the_resistance_that_was_put_in():
 
 def test_friction_charged_on_top_of_the_whole_resistance_fails_the_check():
     law = changed_law(
-        ("    return between(profile.toughness, i, share)\n", "    return R_B\n"),
-        ("between(profile.toughness, i, share), state.ledger", "R_B, state.ledger"),
+        ("    return lerp(profile.toughness, i, share)\n", "    return R_B\n"),
+        ("lerp(profile.toughness, i, share), state.ledger", "R_B, state.ledger"),
     )
     law.R_B = R * B
     with pytest.raises(AssertionError):

@@ -58,7 +58,7 @@ def test_a_command_changed_on_the_way_would_be_noticed(policy, monkeypatch):
         return replayed(start, n, commands * 0.9, ticks, updates)
 
     monkeypatch.setattr(module, "replayed", other)
-    with pytest.raises(AssertionError, match="comes out the same"):
+    with pytest.raises(AssertionError, match="a repeated cut gives the same tip"):
         batched_rollout(policy, TEST_SEEDS[:2], {"deadline_s": 12.0, "control_hz": 10})
 
 

@@ -156,7 +156,7 @@ def test_records_become_a_data_set_in_an_environment_that_assesses_by_estimates(
     [
         ({"angle": None}, r"mine\.csv, cut 1: a replay needs angle"),
         ({"depth": None}, r"mine\.csv, cut 1: a replay needs depth"),
-        ({"metadata": {}}, r"mine\.csv, cut 1: the record tells no target_length_m.*--target-length"),
+        ({"metadata": {}}, r"mine\.csv, cut 1: the record has no target_length_m.*--target-length"),
     ],
 )
 def test_a_record_that_lacks_something_is_named_with_it(

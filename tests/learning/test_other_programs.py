@@ -127,7 +127,7 @@ def test_interrupted_before_the_first_checkpoint_it_says_that_there_is_nothing_t
     # Once the bar moves: a press just as it came up was lost before, perhaps in code called back from C.
     status, printed, errors = interrupted_at(program, tmp_path, r"demonstrating.*\d[kM]?decision/s", *long)
     assert status == 130
-    assert "nothing to go on from. runs/small may be deleted." in printed
+    assert "there is nothing to resume. runs/small may be deleted." in printed
     assert "--resume" not in printed
     assert "Traceback" not in errors
 
