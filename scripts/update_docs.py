@@ -29,6 +29,7 @@ from typing import Any
 import baseline_table
 import gymnasium
 import leaderboard
+import measure_codebase
 import numpy as np
 import rig_faults
 import rig_soak
@@ -57,6 +58,7 @@ PAGES = {
     "results": "README.md",
     "training": "docs/results/training.md",
     "benchmark": "docs/results/leaderboard.md",
+    "measures": "docs/development/measures.md",
     "baselines": "docs/results/baselines.md",
     "speed": "docs/results/speed.md",
     "agreement": "docs/validation/agreement.md",
@@ -314,6 +316,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "results": results,
     "baselines": baselines,
     "benchmark": benchmark,
+    "measures": lambda _: measure_codebase.comparison(),
     "errata": errata,
     "metrics": metrics,
     "tissue-file": tissue_file,
