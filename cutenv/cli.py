@@ -7,6 +7,8 @@ and ``cutenv --help`` answers at once.
 from __future__ import annotations
 
 import argparse
+import os
+import select
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,6 +51,9 @@ class Command:
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C: 128 and the number of the signal, as shells have it."""
+
+READER_GONE = 141
+"""Exit status when the program that reads the output has ended, as ``head`` does: 128 and the number of SIGPIPE."""
 
 COMMANDS = {
     "demo": Command(
@@ -95,7 +100,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     name, rest = parser.parse_args(arguments[:1]).command, arguments[1:]
     try:
-        return _run(COMMANDS[name], rest)
+        try:
+            return _run(COMMANDS[name], rest)
+        finally:
+            sys.stdout.flush()  # here, because when the interpreter ends it is too late to catch the error
+    except BrokenPipeError:
+        if not _reader_has_gone():
+            raise
+        return READER_GONE
     except KeyboardInterrupt:
         print(f"\ncutenv {name}: interrupted; files written before are kept", file=sys.stderr)
         return INTERRUPTED
@@ -118,6 +130,20 @@ def missing_extra(error: ModuleNotFoundError, preferred: str = "") -> str | None
         return None
     extra = preferred if preferred in extras else extras[0]
     return f"{package} is not installed: pip install 'cutenv[{extra}]'"
+
+
+def _reader_has_gone() -> bool:
+    """Whether standard output is a pipe that nobody reads any more; if so, drop what is still to be written to it."""
+    if not hasattr(select, "poll"):  # Windows, where such a pipe raises another error
+        return False
+    watched = select.poll()
+    watched.register(sys.stdout.fileno(), 0)
+    if not watched.poll(0):
+        return False
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
+    return True
 
 
 def _run(command: Command, argv: list[str]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -78,6 +79,41 @@ def test_a_missing_module_of_no_extra_is_not_explained_away(monkeypatch: pytest.
     install(monkeypatch, main)
     with pytest.raises(ModuleNotFoundError, match="gone"):
         cli.main(["demo"])
+
+
+def of_stand_in(body: str) -> list[str]:
+    """The program ``cutenv demo`` with this body."""
+    code = (
+        "import sys, types; import cutenv.cli as cli; module = types.ModuleType('cutenv.commands.demo')\n"
+        f"def main(argv):\n    {body}\n"
+        "module.main = main; sys.modules['cutenv.commands.demo'] = module; raise SystemExit(cli.main(['demo']))"
+    )
+    return [sys.executable, "-c", code]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there a pipe without a reader raises another error")
+@pytest.mark.parametrize(
+    "body", ["print('a line')", "for _ in range(100_000): print('a line')", "print(1); sys.exit(0)"]
+)
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_output_that_nobody_reads_any_more_ends_the_command_quietly(body: str, unbuffered: str) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        ran = subprocess.run(
+            of_stand_in(body), stdout=writing, stderr=subprocess.PIPE, text=True, check=False,
+            env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
+        )  # fmt: skip
+    finally:
+        os.close(writing)
+    assert (ran.returncode, ran.stderr) == (cli.READER_GONE, "")
+
+
+def test_another_broken_pipe_is_not_hidden() -> None:
+    program = of_stand_in("raise BrokenPipeError('the worker has gone')")
+    ran = subprocess.run(program, capture_output=True, text=True, check=False)
+    assert ran.returncode == 1
+    assert "the worker has gone" in ran.stderr
 
 
 COMMANDS_OF_EXTRAS = {"train": ("torch", "rl"), "evaluate": ("tqdm", "rl"), "datasets": ("tqdm", "data")}
