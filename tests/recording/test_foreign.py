@@ -226,7 +226,7 @@ def test_groups_are_records_of_one_cut_each(tmp_path: Path) -> None:
 def test_the_next_file_is_read_by_the_mapping_beside_it(tmp_path: Path) -> None:
     path = tmp_path / "record.csv"
     path.write_text("t,F\n" + rows())
-    with pytest.raises(RecordError, match=r"which of its columns is what\? .*--map time=t force=F --unit N"):
+    with pytest.raises(RecordError, match=r"which of its columns is what\? .*--map time=t force=F --unit N$"):
         load_foreign(path)
     SIMPLE.save(tmp_path)
     assert load_foreign(path).mapping == SIMPLE
