@@ -25,8 +25,20 @@ from cutenv.trace import Trace
 
 # Names of the blade's way in other programs' headers, without accents.
 _WAYS = frozenset(
-    ("way", "position", "pos", "displacement", "travel", "weg", "verschiebung", "deplacement")
-    + ("desplazamiento", "posicion", "spostamento", "posizione")
+    (
+        "way",
+        "position",
+        "pos",
+        "displacement",
+        "travel",
+        "weg",
+        "verschiebung",
+        "deplacement",
+        "desplazamiento",
+        "posicion",
+        "spostamento",
+        "posizione",
+    )
 )
 _DEPTHS = frozenset(("depth", "thickness", "tiefe", "dicke", "profondeur", "epaisseur"))
 
