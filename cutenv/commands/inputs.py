@@ -67,6 +67,8 @@ def read_records(arguments: argparse.Namespace) -> LoadedTraces:
             remembered.add(str(path.parent / MAP_FILE))
         if arguments.confirm is not None:
             _draw(arguments.confirm, imported)
+        if imported.unused and any(trace.position is None for trace in imported.traces):
+            notes.append(f"{path.name}: read without position; columns left unused: {', '.join(imported.unused)}")
         for number, (trace, wrong) in enumerate(zip(imported.traces, imported.flaws, strict=True), 1):
             source = Source(path, number if len(imported.traces) > 1 else None)
             named = _named(trace, source.path, source.number, pattern)
@@ -89,6 +91,14 @@ def read_records(arguments: argparse.Namespace) -> LoadedTraces:
         for folder in {path.parent for path in arguments.records}:
             notes.append(f"columns kept in {mapping.save(folder)} for the next time")
     return LoadedTraces(traces, refused, notes, sources)
+
+
+def without_target(traces: list[Trace], target: float | None) -> list[str]:
+    """Return a note on each cut on which ``--target-length`` has no effect."""
+    if target is None:
+        return []
+    cuts = [str(trace.metadata["name"]) for trace in traces if trace.position is None]
+    return [f"{name}: --target-length has no effect, because the record has no position" for name in cuts]
 
 
 def _mapping(arguments: argparse.Namespace) -> ColumnMap | None:

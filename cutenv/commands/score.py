@@ -30,7 +30,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _score(arguments: argparse.Namespace) -> None:
-    from cutenv.commands.inputs import read_records
+    from cutenv.commands.inputs import read_records, without_target
     from cutenv.report.score_page import ScoredRecord, write_score_page, write_summary
     from cutenv.scoring import score
 
@@ -38,7 +38,7 @@ def _score(arguments: argparse.Namespace) -> None:
     target = target_length(arguments)
     reference = reference_set(arguments.reference)
     records = read_records(arguments)
-    for note in records.notes:
+    for note in [*records.notes, *without_target(records.traces, target)]:
         print(f"note: {note}", file=sys.stderr)
     for each in records.refused:
         print(f"left out: {each.name}: {each.reason}", file=sys.stderr)

@@ -8,7 +8,7 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv.commands.inputs import LoadedTraces, Source, read_records
+from cutenv.commands.inputs import LoadedTraces, Source, read_records, without_target
 from cutenv.commands.options import (
     add_record_options,
     add_target_length,
@@ -47,9 +47,9 @@ def _study(arguments: argparse.Namespace) -> None:
     rows = load_operators(arguments.operators)
     arguments.records = _files(arguments)
     records = read_records(arguments)
-    for note in records.notes:
-        print(f"note: {note}", file=sys.stderr)
     length = target_length(arguments)
+    for note in [*records.notes, *without_target(records.traces, length)]:
+        print(f"note: {note}", file=sys.stderr)
     cuts = [
         StudiedCut(
             card=score(records.traces[i], target_length=length),

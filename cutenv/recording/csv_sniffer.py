@@ -95,7 +95,7 @@ class SniffedTable:
                 f"there is no column {name!r}, for no line above the numbers names them ({self.above}). Write a line "
                 "of names there, or name columns by their place: time=#1 force=#2.",
             )
-        spellings: list[Callable[[str], str]] = [str.strip, lambda text: bare_name(text).lower(), _stem]
+        spellings: list[Callable[[str], str]] = [str.strip, lambda text: bare_name(text).lower(), column_stem]
         for spelling in spellings:
             found = [i for i, header in enumerate(self.headers) if spelling(header) == spelling(name)]
             if len(found) > 1:
@@ -253,7 +253,8 @@ def bare_name(header: str) -> str:
     return (found[1] if found else header).strip()
 
 
-def _stem(header: str) -> str:
+def column_stem(header: str) -> str:
+    """Return a header without its unit, in small letters."""
     return _without_ending(bare_name(header))[0].lower()
 
 

@@ -15,6 +15,8 @@ from cutenv.trace import Trace
 _SMOOTHED = 0.010  # [s] over which force is averaged: noise of 0.05 N at 1 kHz decreases to 0.016 N
 _STEADY = 0.1  # [s] over which position is averaged: a potentiometer's 0.1 mm decrease to 0.01 mm
 _STANDSTILL = 0.5e-3  # [m/s], as in cutenv.measurement
+_AT_REST = 0.8e-3  # [m/s] over the last 0.1 s, as in cutenv.scoring.validity
+_REST = 0.2  # [s] of rest that is kept at most: twice what shows it
 _ABOVE_NOISE = 5.0  # standard deviations: one false contact in 3 million
 _SHARE = 0.02  # share of the largest force that counts as contact in a record without newtons
 _LEVEL = 0.2  # share of the contact force by which the two halves of a quiet start may differ
@@ -133,8 +135,9 @@ def find_cuts(trace: Trace, search: CutSearch | None = None) -> list[FoundCut]:
 
     Cuts are separated where the blade is unloaded for `search.pause`, and at rest, if its position is known. A cut
     begins where the force first rises, and ends with the last force or, if position is known, the last motion, so that
-    it includes the way back. A stretch in which the blade only returns, under friction, belongs to the cut before;
-    motion without force is not a cut.
+    it includes the way back. If the blade stops suddenly, so much rest is kept as shows that the cut is complete.
+    A stretch in which the blade only returns, under friction, belongs to the cut before; motion without force is not a
+    cut.
 
     Parameters
     ----------
@@ -177,6 +180,8 @@ def find_cuts(trace: Trace, search: CutSearch | None = None) -> list[FoundCut]:
         start = _rise(np.abs(smooth), int(under_force[0]), before, _LEVEL * contact)
         start = max(before, start - _readings(trace, _SMOOTHED))
         found.append(FoundCut(start=start, stop=here.stop))
+    for k, cut in enumerate(found):
+        found[k] = _with_rest(trace, cut, found[k + 1].start if k + 1 < len(found) else len(trace))
     return [cut for cut in found if cut.stop - cut.start >= 2]
 
 
@@ -196,6 +201,17 @@ def steady_speed(trace: Trace) -> Array:
     ahead = np.minimum(np.arange(len(time)) + half, len(time) - 1)
     behind = np.maximum(np.arange(len(time)) - half, 0)
     return np.asarray((means[ahead] - means[behind]) / (moments[ahead] - moments[behind]))
+
+
+def _with_rest(trace: Trace, cut: FoundCut, end: int) -> FoundCut:
+    """Return a cut with the rest behind it, at most to ``end``, that its last 0.1 s need in order to show rest."""
+    if trace.position is None or cut.stop - cut.start < 2:
+        return cut
+    x, time = trace.position, trace.time
+    last = np.arange(cut.stop - 1, min(end, int(np.searchsorted(time, time[cut.stop - 1] + _REST)) + 1))
+    first = np.clip(np.searchsorted(time, time[last] - _STEADY), cut.start, last - 1)
+    rests = np.abs((x[last] - x[first]) / (time[last] - time[first])) < _AT_REST
+    return FoundCut(start=cut.start, stop=int(last[np.argmax(rests)]) + 1)
 
 
 def _rise(smooth: Array, loaded: int, before: int, level: float) -> int:

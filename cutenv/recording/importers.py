@@ -6,6 +6,7 @@ import dataclasses
 import os
 import re
 import shlex
+import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,30 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import Array
 from cutenv.measurement import QualityIssue, quality_issues
 from cutenv.recording.column_map import ColumnMap
-from cutenv.recording.csv_sniffer import SniffedTable, bare_name, sniff_table
+from cutenv.recording.csv_sniffer import SniffedTable, bare_name, column_stem, sniff_table
 from cutenv.recording.cut_detection import STANDARD, CutSearch, FoundCut, contact_level, find_cuts, find_tare
 from cutenv.recording.mapped_columns import MappedReadings
 from cutenv.recording.record_errors import RecordError
 from cutenv.trace import Trace
+
+# Names of the blade's way in other programs' headers, without accents.
+_WAYS = frozenset(
+    (
+        "way",
+        "position",
+        "pos",
+        "displacement",
+        "travel",
+        "weg",
+        "verschiebung",
+        "deplacement",
+        "desplazamiento",
+        "posicion",
+        "spostamento",
+        "posizione",
+    )
+)
+_DEPTHS = frozenset(("depth", "thickness", "tiefe", "dicke", "profondeur", "epaisseur"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,6 +67,8 @@ class Imported:
         Flaws of each of `traces`; rows are instants of that trace, the message names the lines.
     notes : tuple of str
         Assumptions and corrections, in words, to be shown to the reader.
+    unused : tuple of str
+        Headers of the columns that `mapping` does not name.
     """
 
     path: Path
@@ -57,6 +79,7 @@ class Imported:
     traces: tuple[Trace, ...]
     flaws: tuple[tuple[QualityIssue, ...], ...]
     notes: tuple[str, ...]
+    unused: tuple[str, ...] = ()
 
     @property
     def sound(self) -> tuple[Trace, ...]:
@@ -142,23 +165,46 @@ def load_foreign(
         traces=tuple(trace for trace, _ in parts),
         flaws=tuple(found_flaws for _, found_flaws in parts),
         notes=tuple(notes),
+        unused=_unused(table, mapping),
     )
 
 
 def how_to_map(table: SniffedTable) -> str:
-    """Return a sentence with the ``--map`` of a table, its own columns as the example."""
+    """Return the columns of a table and, last, the ``--map`` that is guessed for it."""
+    time, force, position = _guessed(table)
+    items = ["rate=1000Hz" if time is None else f"time={_name(table, time)}", f"force={_name(table, force)}"]
+    items += [] if position is None else [f"position={_name(table, position)}"]
+    unit = "" if _unit(table, force, "force") else " --unit N"
+    names = f"Its columns: {', '.join(table.headers)}. " if table.headers else ""
+    guess = f"--map {' '.join(map(shlex.quote, items))}{unit}"
+    return f"{names}Correct this where it is wrong; it is kept beside the files for the next time: {guess}"
+
+
+def _guessed(table: SniffedTable) -> tuple[int | None, int, int | None]:
+    """Return the columns that are probably time, force and position."""
     columns = range(table.n_columns)
     force = next((k for k in columns if _unit(table, k, "force")), None)
     time = next((k for k in columns if k != force and _unit(table, k, "time")), None)
+    ways = [k for k in columns if k not in (force, time) and _is_way(table, k)]
+    position = ways[0] if len(ways) == 1 else None
+    if force is None and {*columns} <= {time, position}:
+        position = None
     if time is None and table.n_columns > 1:
-        time = next(k for k in columns if k != force)
+        time = next((k for k in columns if k not in (force, position)), None)
     if force is None:
-        force = next(k for k in columns if k != time)
-    first = "rate=1000Hz" if time is None else f"time={_name(table, time)}"
-    unit = "" if _unit(table, force, "force") else " --unit N"
-    options = f"{shlex.quote(first)} {shlex.quote(f'force={_name(table, force)}')}{unit}"
-    names = f" Its columns: {', '.join(table.headers)}." if table.headers else ""
-    return f"--map {options}, for example; it is kept beside the files for the next time.{names}"
+        force = next((k for k in columns if k not in (time, position)), None)
+    if force is None:  # one column is left for time and force: a rate replaces time
+        time, force = None, next(k for k in columns if k != position)
+    return time, force, position
+
+
+def _is_way(table: SniffedTable, column: int) -> bool:
+    """Return whether a column is plainly the blade's way: by its name, and a unit of length in its header."""
+    if not _unit(table, column, "position"):
+        return False
+    plain = unicodedata.normalize("NFD", column_stem(table.headers[column]))
+    words = re.findall(r"[a-z]+", "".join(letter for letter in plain if not unicodedata.combining(letter)))
+    return words == ["x"] or (not _WAYS.isdisjoint(words) and _DEPTHS.isdisjoint(words))
 
 
 def _unit(table: SniffedTable, column: int, field: str) -> str | None:
@@ -181,6 +227,12 @@ def _saved_mapping(path: Path, table: SniffedTable) -> ColumnMap:
         return ColumnMap.load(path.parent)
     except FileNotFoundError:
         raise RecordError(path, f"which of its columns is what? Name them: {how_to_map(table)}") from None
+
+
+def _unused(table: SniffedTable, mapping: ColumnMap) -> tuple[str, ...]:
+    names = [name for field in mapping.fields for name in mapping.expression(field).columns]
+    used = {table.index(name) for name in (*names, *mapping.split_by)}
+    return tuple(header for k, header in enumerate(table.headers[: table.n_columns]) if header and k not in used)
 
 
 def _records_of(table: SniffedTable, mapping: ColumnMap) -> list[tuple[dict[str, str], NDArray[np.intp]]]:

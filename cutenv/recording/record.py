@@ -66,8 +66,9 @@ def read_record(
             table = sniff_table(path)
         except RecordError:  # no table of numbers either
             raise error from None
-        cure = f"Or, if another program wrote it, leave it as it is and name its columns: {how_to_map(table)}"
-        raise RecordError(path, f"{error.reason} {cure}") from None
+        cure = "if another program wrote it, leave it as it is and name its columns, as at the end of this message."
+        own = f"(Cutenv's own format it is not: {error.reason})"
+        raise RecordError(path, f"{cure} {own} {how_to_map(table)}") from None
     return Imported(
         path=path,
         mapping=None,

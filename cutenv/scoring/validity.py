@@ -40,8 +40,8 @@ def is_truncated(trace: Trace) -> str:
     if abs(speed) < _MOVES:
         return ""
     return (
-        f"the record ends while the blade moves at {1e3 * speed:.2g} mm/s: record until it stands, or give the end of "
-        'the cut in the metadata (for example end="force_limit")'
+        f"the record ends while the blade moves at {1e3 * speed:.2g} mm/s: record until it stands; or, if the cut was "
+        'complete, write so in the metadata of a file of cutenv\'s own format: end="finished"'
     )
 
 

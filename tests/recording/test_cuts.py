@@ -11,6 +11,7 @@ from recorded_cut import recorded_cut
 
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.recording.cut_detection import CutSearch, find_cuts, find_tare
+from cutenv.scoring.validity import is_truncated
 from cutenv.trace import Trace
 
 MILD = SensorParameters(force_noise=0.02, force_resolution=0.0)
@@ -165,3 +166,18 @@ def test_noise_alone_is_no_cut(seed: int) -> None:
 def test_parameters_out_of_range_are_refused(changes: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=f"{next(iter(changes))} = "):
         CutSearch(**changes)
+
+
+@pytest.mark.parametrize("rate", [30, 100, 1000])
+@pytest.mark.parametrize("speed", [0.004, 0.05])
+def test_a_cut_that_stops_at_once_keeps_the_rest_that_shows_it(rate: int, speed: float) -> None:
+    time = np.arange(round(rate * (2.0 + 0.04 / speed + 2.0))) / rate
+    position = np.clip(speed * (time - 2.0), 0.0, 0.04)
+    force = np.where((time > 2.0) & (position < 0.04), 2.0, 0.0) + 0.01 * np.sin(50.0 * time)
+    trace = Trace(time=time, force=force, position=position)
+    (cut,) = find_cuts(trace)
+    assert trace.time[cut.stop - 1] < 2.0 + 0.04 / speed + 0.4
+    assert is_truncated(trace.select(cut.samples)) == ""
+    short = trace.select(slice(round(rate * (2.0 + 0.03 / speed))))
+    (cut,) = find_cuts(short)
+    assert "ends while the blade moves" in is_truncated(short.select(cut.samples))

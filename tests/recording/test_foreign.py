@@ -22,6 +22,7 @@ from cutenv.recording import RecordError
 from cutenv.recording.column_map import ColumnMap
 from cutenv.recording.cut_detection import CutSearch
 from cutenv.recording.importers import Imported, load_foreign
+from cutenv.scoring import score
 from cutenv.trace import Trace
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "scalpel_excision_forces.csv"
@@ -226,7 +227,7 @@ def test_groups_are_records_of_one_cut_each(tmp_path: Path) -> None:
 def test_the_next_file_is_read_by_the_mapping_beside_it(tmp_path: Path) -> None:
     path = tmp_path / "record.csv"
     path.write_text("t,F\n" + rows())
-    with pytest.raises(RecordError, match=r"which of its columns is what\? .*--map time=t force=F --unit N"):
+    with pytest.raises(RecordError, match=r"which of its columns is what\? .*--map time=t force=F --unit N$"):
         load_foreign(path)
     SIMPLE.save(tmp_path)
     assert load_foreign(path).mapping == SIMPLE
@@ -313,3 +314,17 @@ def test_the_script_prints_what_it_promises() -> None:
     ran = subprocess.run(command, capture_output=True, text=True, check=True)
     for said in ("20 malformed files", "injected flaw", "4 valid records", "false alarms"):
         assert said in ran.stdout
+
+
+def test_the_rest_in_the_file_shows_that_a_cut_that_stops_at_once_is_complete(tmp_path: Path) -> None:
+    cut = recorded_cut("liver", sensor=MILD, turns=(0.03,)).trace
+    stop = int(np.argmax(cut.require("position", by="this test")[0] > 0.02))
+    force = np.concatenate([np.zeros(1000), cut.force[:stop], np.zeros(3000)])
+    way = np.concatenate([np.zeros(1000), 1e3 * cut.require("position", by="this test")[0][:stop], np.full(3000, 20.0)])
+    lines = "".join(f"{i / 1000};{f:.4f};{x:.4f}\n" for i, (f, x) in enumerate(zip(force, way, strict=True)))
+    mapping = ColumnMap.parse(["time=t", "force=F", "position=x"])
+    (trace,) = read(tmp_path, "t [s];F [N];x [mm]\n" + lines, mapping).traces
+    assert "ends while" not in score(trace, target_length=0.02).no_score
+    truncated = "".join(lines.splitlines(keepends=True)[: 1000 + stop])
+    (trace,) = read(tmp_path, "t [s];F [N];x [mm]\n" + truncated, mapping).traces
+    assert "the record ends while the blade moves" in score(trace, target_length=0.02).no_score

@@ -84,13 +84,35 @@ def test_an_ordinary_foreign_file_is_refused_with_a_mapping_that_reads_it(name: 
     path.write_bytes(ORDINARY[name])
     with pytest.raises(RecordError, match=r"if another program wrote it.* --map ") as caught:
         read_record(path)
-    example = caught.value.reason.partition("--map ")[2].partition(", for example")[0]
+    example = caught.value.reason.rpartition("--map ")[2]
     items, _, unit = example.partition(" --unit ")
     mapping = ColumnMap.parse(shlex.split(items), unit=unit or None)
     (record,) = read_record(path, mapping, search=None).records
     assert len(record) == len(ROWS)
     force = np.array([f for _, f in ROWS])
     assert record.force == pytest.approx(force / 1000 if "mN" in caught.value.reason else force)
+
+
+@pytest.mark.parametrize(
+    ("header", "options"),
+    [
+        ("Zeit [s];Kraft [N];Weg [mm]", "time=Zeit force=Kraft position=Weg"),
+        ("temps (s);force (N);d\xe9placement (mm)", "time=temps force=force 'position=d\xe9placement'"),
+        ("t [s];x [mm];F [N]", "time=t force=F position=x"),
+        ("t [s];F [N];tool displacement / mm", "time=t force=F 'position=#3'"),
+        ("t [s];F [N];position depth [mm]", "time=t force=F"),
+        ("t [s];F [N];x [N]", "time=t force=F"),
+        ("t [s];Weg 1 [mm];Weg 2 [mm]", "time=t 'force=Weg 1' --unit N"),
+        ("F [N];x [mm];#", "'time=#3' force=F position=x"),
+    ],
+)
+def test_the_message_leads_with_the_cure_and_ends_with_the_mapping(header: str, options: str, tmp_path: Path) -> None:
+    path = tmp_path / "trial.csv"
+    path.write_bytes((header + "\n" + "".join(f"{t!r};{f!r};{t!r}\n" for t, f in ROWS)).encode("cp1252"))
+    with pytest.raises(RecordError) as caught:
+        read_record(path)
+    assert caught.value.reason.startswith("if another program wrote it, leave it as it is and name its columns")
+    assert caught.value.reason.endswith(f": --map {options}")
 
 
 DAMAGED = {

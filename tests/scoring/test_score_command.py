@@ -172,3 +172,23 @@ def test_the_shipped_reference_set_is_of_many_cuts_and_reads_back(tmp_path: Path
     for name in METRICS:
         if name in shipped.values:
             assert np.array_equal(again.values[name], shipped.values[name], equal_nan=True)
+
+
+def foreign(path: Path, trace: Trace) -> None:
+    rows = zip(trace.time, trace.force, 1e3 * trace.require("position", by="this test")[0], strict=True)
+    path.write_text("Zeit [s];Kraft [N];Weg [mm]\n" + "".join(f"{t:.3f};{f:.4f};{x:.4f}\n" for t, f, x in rows))
+
+
+def test_a_target_without_effect_is_said_with_the_columns_left_unused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    foreign(tmp_path / "trial.csv", cut(UPRIGHT))
+    options = [tmp_path / "trial.csv", "--target-length", "75mm", "--out", tmp_path, "--map"]
+    status, _, err = run(capsys, *options, "time=Zeit", "force=Kraft")
+    assert status == 0, err
+    assert "trial: --target-length has no effect, because the record has no position" in err
+    assert "trial.csv: read without position; columns left unused: Weg [mm]" in err
+    status, _, err = run(capsys, *options, "time=Zeit", "force=Kraft", "position=Weg")
+    assert status == 0, err
+    assert "no effect" not in err
+    assert "unused" not in err

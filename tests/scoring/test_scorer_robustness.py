@@ -78,6 +78,7 @@ def test_a_good_record_is_scored() -> None:
 def test_a_truncated_record_is_not_scored_and_says_why() -> None:
     half = cut(GOOD).select(slice(4000))
     check_refused(half, "the record ends while the blade moves at 13 mm/s", "tip_error", "overshoot", "wedge")
+    assert scored(half).no_score.count('end="finished"') == 1
     assert not [fault for fault in scored(half).faults if fault.kind in ("short", "overshoot", "wedge")]
 
 
