@@ -135,8 +135,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Besides, each constant of the parameter table (``acceleration``, ``motor_lag``, ``rotation_rate``, ``dead_time``,
     ``backlash``, ``force_noise``, ``force_resolution``, ``force_delay``, ``force_limit_per_depth``, ...; SI units) and
-    each weight (``weight_<term>``) can be given by keyword, and wins over the rig's file; an unknown name is an error
-    that names the nearest.
+    each weight (``weight_<term>``), but those of progress and safety, can be given by keyword, and wins over the rig's
+    file; an unknown name is an error that names the nearest.
 
     Reset options: ``specimen`` (a :class:`~cutenv.tissue.Specimen` or its JSON text), ``target_length`` [m],
     ``episode`` (number of the episode under the current seed).

@@ -73,7 +73,8 @@ def help_of(*names: str) -> str:
 def test_the_commands_of_a_page_are_there_with_their_options(page):
     for words in commands(page):
         if words[0] == "cutenv" and not words[1].startswith("-"):
-            listed = help_of(*(words[1:3] if words[1] == "rig" else words[1:2]))
+            learner = words[2:4] if words[1:3] == ["train", "--learner"] else []
+            listed = help_of(*(words[1:3] if words[1] == "rig" else [words[1], *learner]))
             for option in (word.partition("=")[0] for word in words if word.startswith("--")):
                 assert re.search(rf"{re.escape(option)}\b", listed), f"{' '.join(words)}: there is no {option}"
         for program in (word for word in words if word.endswith(".py")):

@@ -19,7 +19,9 @@ def at(monkeypatch):
     """Let git tell of a commit, with changes or without."""
 
     def set_to(commit, changes=""):
-        monkeypatch.setattr(run_provenance, "git", lambda *arguments: commit if arguments[0] == "rev-parse" else changes)
+        monkeypatch.setattr(
+            run_provenance, "git", lambda *arguments: commit if arguments[0] == "rev-parse" else changes
+        )
 
     return set_to
 
