@@ -50,5 +50,5 @@ def read_rows(path: Path) -> list[dict[str, float]]:
     """Read rows of numbers from a CSV file; an empty cell is an absent number, an absent file has no rows."""
     if not path.is_file():
         return []
-    with path.open() as file:
+    with path.open(encoding="utf-8") as file:
         return [{name: float(value) for name, value in row.items() if value} for row in csv.DictReader(file)]

@@ -107,7 +107,7 @@ def compare(
 
 def known_rows(path: Path, policies: Sequence[str], seeds: Sequence[int]) -> list[dict[str, Any]]:
     """Read the rows of these policies from another comparison; ValueError unless it is on the same specimens."""
-    with path.open() as file:
+    with path.open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["policy"] in policies]
     result: list[dict[str, Any]] = [
         {name: value if name in _TEXTS else float(value) for name, value in row.items()} | {"seed": int(row["seed"])}

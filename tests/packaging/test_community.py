@@ -127,7 +127,7 @@ def test_notes_of_a_release_are_its_section(tag: str) -> None:
     [
         ("v0.1.0", "0.2.0", r"not that of the version 0\.2\.0"),
         ("v0.2.0", "0.2.0", "'unreleased'.*day of the release"),
-        ("v0.3.0", "0.3.0", r"nothing about 0\.3\.0"),
+        ("v0.3.0", "0.3.0", r"no section about 0\.3\.0"),
     ],
 )
 def test_a_release_that_is_not_ready_is_refused(tag: str, version: str, message: str) -> None:

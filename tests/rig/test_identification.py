@@ -70,7 +70,7 @@ def test_an_axis_is_found_as_it_was_made(name: str) -> None:
         check(found, truth)
     if truth.backlash:
         check_backlash(found, truth)
-    assert value(found, "friction") == pytest.approx(22.0, abs=3.0 * (found["axis_friction"].error or 0.0) + 0.3)
+    assert value(found, "friction") == pytest.approx(22.0, abs=3.0 * (found["friction"].error or 0.0) + 0.3)
 
 
 def _late_commands(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -55,7 +55,7 @@ def _advance(card: ScoreCard, target: float) -> float:
 def test_a_cut_near_the_clamp_is_scored_with_the_depth_that_the_reward_divides_by() -> None:
     time = np.arange(2000) / 1e3
     depth = np.linspace(0.2e-3, 3e-3, 2000)  # thinner than the floor at first
-    force = 0.3 * np.sin(np.pi * time / 2.0)
+    force = 0.3 * np.sin(np.pi * time / 2.0) ** 0.25  # greatest over the depth where that is thinner than the floor
     trace = Trace(time=time, force=force, position=0.01 * time, depth=depth)
     card = score(trace, target_length=0.02)
     floored = np.maximum(depth, task_quantities.SHALLOWEST)
