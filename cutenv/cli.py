@@ -133,7 +133,7 @@ def missing_extra(error: ModuleNotFoundError, preferred: str = "") -> str | None
 
 
 def _reader_has_gone() -> bool:
-    """Whether standard output is a pipe that nobody reads any more; if so, drop what is still to be written to it."""
+    """Return True if standard output is a closed pipe; if so, drop what is still to be written to it."""
     if not hasattr(select, "poll"):  # Windows, where such a pipe raises another error
         return False
     watched = select.poll()

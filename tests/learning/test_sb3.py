@@ -139,7 +139,7 @@ def test_ppo_with_default_settings_takes_it():
 def test_what_cannot_be_set_or_called_is_refused_and_says_why():
     environments = NativeVecEnv(range(2), **KEYWORDS)
     assert environments.get_attr("ticks") == [100, 100]
-    with pytest.raises(NotImplementedError, match="make the environments anew"):
+    with pytest.raises(NotImplementedError, match="make new environments"):
         environments.set_attr("ticks", 5)
     with pytest.raises(NotImplementedError, match="step in one"):
         environments.env_method("render")
