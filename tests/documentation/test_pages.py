@@ -1,4 +1,4 @@
-"""What the pages of the documentation show is what the code does."""
+"""The pages of the documentation agree with the code."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def commands(page: str) -> Iterator[list[str]]:
 
 @cache
 def help_of(*names: str) -> str:
-    """What ``cutenv NAMES --help`` prints."""
+    """Return the output of ``cutenv NAMES --help``."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed), pytest.raises(SystemExit) as ended:
         cli.main([*names, "--help"])

@@ -23,7 +23,7 @@ LOADING = {"audio", "embed", "iframe", "img", "link", "object", "script", "sourc
 
 
 class Page(HTMLParser):
-    """What a page loads, where it links, and its anchors."""
+    """Resources, links and anchors of a page."""
 
     def __init__(self, text: str) -> None:
         super().__init__()

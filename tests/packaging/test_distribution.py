@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -54,6 +55,20 @@ def check_holds_only_the_package(names: set[str]) -> None:
     built = ("cutenv-", "cutenv/assets/site/")  # and the documentation, where it is built
     package = {name for name in names if not name.startswith(built)}
     assert package == MODULES | {"cutenv/py.typed"} | {f"cutenv/{name}" for name in ASSETS}
+
+
+def test_a_wheel_made_by_an_sdist_holds_the_documentation_that_was_built(tmp_path: Path) -> None:
+    checkout, out = tmp_path / "checkout", tmp_path / "out"
+    for folder in ("cutenv", *(path.relative_to(ROOT) for path in DATA)):
+        shutil.copytree(ROOT / folder, checkout / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    for file in ("pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", ".gitignore"):
+        shutil.copy(ROOT / file, checkout)
+    page = checkout / "assets" / "site" / "how-to" / "index.html"
+    page.parent.mkdir(parents=True)
+    page.write_text("<h1>How-to</h1>", encoding="utf-8")
+    run("-m", "build", "--no-isolation", "--outdir", out, checkout, cwd=tmp_path)
+    with zipfile.ZipFile(only(out, "*.whl")) as archive:
+        assert archive.read("cutenv/assets/site/how-to/index.html") == b"<h1>How-to</h1>"
 
 
 def test_wheel_holds_the_package_and_its_data_alone(wheel: Path) -> None:
