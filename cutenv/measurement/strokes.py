@@ -12,6 +12,10 @@ from cutenv._base.arrays import Array
 
 STANDSTILL_SPEED = 0.5e-3
 """Speed below which the blade counts as standing [m/s]: half the lowest speed of the thesis."""
+END_WINDOW = 0.1
+"""Time before a record's end over which the blade's mean speed is taken [s]."""
+END_SPEED = 0.8e-3
+"""Mean speed below which the blade rests at a record's end [m/s]: the slowest cut of the thesis moves at 1 mm/s."""
 
 _SHORTEST = 0.2e-3  # [m]
 _WINDOW = 0.025  # [s] to either side: speed is the difference of positions over it, which averages encoder steps

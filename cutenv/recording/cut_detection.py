@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv._base.parameter import check_parameters, parameter
+from cutenv.measurement.strokes import END_SPEED, END_WINDOW, STANDSTILL_SPEED
 from cutenv.trace import Trace
 
 _SMOOTHED = 0.010  # [s] over which force is averaged: noise of 0.05 N at 1 kHz decreases to 0.016 N
 _STEADY = 0.1  # [s] over which position is averaged: a potentiometer's 0.1 mm decrease to 0.01 mm
-_STANDSTILL = 0.5e-3  # [m/s], as in cutenv.measurement
-_AT_REST = 0.8e-3  # [m/s] over the last 0.1 s, as in cutenv.scoring.validity
 _REST = 0.2  # [s] of rest that is kept at most: twice what shows it
 _ABOVE_NOISE = 5.0  # standard deviations: one false contact in 3 million
 _SHARE = 0.02  # share of the largest force that counts as contact in a record without newtons
@@ -159,7 +158,7 @@ def find_cuts(trace: Trace, search: CutSearch | None = None) -> list[FoundCut]:
         active, forward = loaded, loaded
     else:
         speed = steady_speed(trace)
-        active, forward = loaded | (np.abs(speed) > _STANDSTILL), speed > _STANDSTILL
+        active, forward = loaded | (np.abs(speed) > STANDSTILL_SPEED), speed > STANDSTILL_SPEED
     instants = np.flatnonzero(active)
     if not len(instants):
         return []
@@ -187,7 +186,7 @@ def find_cuts(trace: Trace, search: CutSearch | None = None) -> list[FoundCut]:
 
 def moving(trace: Trace) -> NDArray[np.bool_]:
     """Return where the blade moves, shape (n,); to within 0.1 s."""
-    return np.abs(steady_speed(trace)) > _STANDSTILL
+    return np.abs(steady_speed(trace)) > STANDSTILL_SPEED
 
 
 def steady_speed(trace: Trace) -> Array:
@@ -209,8 +208,8 @@ def _with_rest(trace: Trace, cut: FoundCut, end: int) -> FoundCut:
         return cut
     x, time = trace.position, trace.time
     last = np.arange(cut.stop - 1, min(end, int(np.searchsorted(time, time[cut.stop - 1] + _REST)) + 1))
-    first = np.clip(np.searchsorted(time, time[last] - _STEADY), cut.start, last - 1)
-    rests = np.abs((x[last] - x[first]) / (time[last] - time[first])) < _AT_REST
+    first = np.clip(np.searchsorted(time, time[last] - END_WINDOW), cut.start, last - 1)
+    rests = np.abs((x[last] - x[first]) / (time[last] - time[first])) < END_SPEED
     return FoundCut(start=cut.start, stop=int(last[np.argmax(rests)]) + 1)
 
 

@@ -7,12 +7,11 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv.measurement import quality_issues
-from cutenv.measurement.strokes import STANDSTILL_SPEED, blade_speed
+from cutenv.measurement.strokes import END_SPEED, END_WINDOW, STANDSTILL_SPEED, blade_speed
 from cutenv.trace import Trace
 
 LONGEST_RECORD = 3600.0
 """Longest record that is scored [s]."""
-_LAST, _MOVES = 0.1, 0.8e-3  # [s], [m/s]: the slowest cut of the thesis moves at 1 mm/s
 _OPEN = 0.015  # [m] behind the furthest point the crack is open: the tip never lags the blade by that much
 _AGAIN = 0.010  # [m] of open crack crossed under force that count as another cut
 _LOADED = 0.5  # fraction of the force at the first passage: friction is a fifth, and at most two fifths
@@ -35,9 +34,9 @@ def is_truncated(trace: Trace) -> str:
     """Return the reason why the record is truncated; "" if it is not, or if the metadata name the cut's end."""
     if trace.position is None or trace.metadata.get("end") is not None:
         return ""
-    first = min(int(np.searchsorted(trace.time, trace.time[-1] - _LAST)), len(trace) - 2)
+    first = min(int(np.searchsorted(trace.time, trace.time[-1] - END_WINDOW)), len(trace) - 2)
     speed = float((trace.position[-1] - trace.position[first]) / (trace.time[-1] - trace.time[first]))
-    if abs(speed) < _MOVES:
+    if abs(speed) < END_SPEED:
         return ""
     return (
         f"the record ends while the blade moves at {1e3 * speed:.2g} mm/s: record until it stands; or, if the cut was "
@@ -83,7 +82,7 @@ def validity_warnings(trace: Trace) -> list[str]:
 
 def _remarks_on_force(trace: Trace) -> list[str]:
     F, time = trace.force, trace.time
-    before, after = float(F[time <= time[0] + _LAST].mean()), float(F[time >= time[-1] - _LAST].mean())
+    before, after = float(F[time <= time[0] + END_WINDOW].mean()), float(F[time >= time[-1] - END_WINDOW].mean())
     zero = min(before, after)
     level = zero + _UNLOADED * (float(F.max()) - zero)
     said = []
