@@ -15,8 +15,10 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cutenv._base.arrays import StructArray
 from cutenv._engine.parallel import MIN_CHUNK, parallel_for
 from cutenv._engine.randomness import check_key
+from cutenv.cutting.dtypes import READING
 from cutenv.envs.gentle_cut import GentleCutEnv, checked_episode, checked_length
 from cutenv.task.assessment import succeeded_all
 from cutenv.task.beginning import GIVEN, LIVER, LONGEST, MIXED, VASCULAR, begin_some
@@ -30,6 +32,7 @@ from cutenv.tissue.specimen import Specimen
 
 _SOURCES = {"liver": LIVER, "vascular": VASCULAR, "mixed": MIXED}
 _DRAWN = np.array(["liver", "vascular"], dtype=object)
+_NO_READINGS = np.zeros((0, 0), READING)
 _FEWEST_TICKS = 4000  # updates of all cuts, below which waking another thread costs more than it saves
 
 
@@ -134,6 +137,7 @@ class CutBatch:
         waiting: NDArray[np.bool_] | None = None,
         told: NDArray[np.float64] | None = None,
         meanwhile: Callable[[], None] | None = None,
+        readings: StructArray | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Apply an action to every cut, and advance to the next decision.
 
@@ -147,6 +151,9 @@ class CutBatch:
             Array that is filled by :func:`cutenv.task.info.fill_info`.
         meanwhile : callable, optional
             Called while other cores wake up.
+        readings : Records, shape (count, ticks), optional
+            Array of :data:`~cutenv.cutting.dtypes.READING` that is filled with every millisecond of the step, for each
+            cut up to its end.
 
         Returns
         -------
@@ -179,7 +186,7 @@ class CutBatch:
         ticks = self.single.ticks
         parallel_for(
             step_some, count, self.cuts, ticks, self.single.from_truth, waiting, commands, self.observations, rewards,
-            codes, told, fewest=max(MIN_CHUNK, _FEWEST_TICKS // ticks), meanwhile=meanwhile,
+            codes, told, _NO_READINGS if readings is None else readings, fewest=max(MIN_CHUNK, _FEWEST_TICKS // ticks), meanwhile=meanwhile,
         )  # fmt: skip
         return rewards, codes
 

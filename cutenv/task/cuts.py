@@ -12,7 +12,7 @@ from cutenv._engine.jit import njit, njit_inline, njit_internal, njit_nogil
 from cutenv._engine.randomness import Integer
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.abreast import update_row
-from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, STATE
+from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, STATE, TICK
 from cutenv.cutting.law import grid_index
 from cutenv.cutting.row import ABREAST, ROW, begin, put, take
 from cutenv.cutting.sensor import SENSOR, WRAP
@@ -87,6 +87,7 @@ def step_some(
     rewards: StructArray,
     codes: StructArray,
     told: StructArray,
+    readings: StructArray,
 ) -> None:
     """Step n cuts by one decision.
 
@@ -106,6 +107,8 @@ def step_some(
         Actions within [-1, 1].
     observations, rewards, codes, told : array, shape (n, 12) float32, (n,), (3, n) int64, (n, 30)
         Filled: ``codes`` as :data:`~cutenv.task.info.INT_FIELDS`, ``told`` by :func:`~cutenv.task.info.fill_info`.
+    readings : Records, shape (n, ticks) or (0, 0)
+        Filled with :data:`~cutenv.cutting.dtypes.READING` up to the end of a cut, unless it has no rows.
     """
     cuts = without_refcount(cuts)
     waiting, actions, observations, rewards, codes, told = without_refcount(
@@ -143,6 +146,8 @@ def step_some(
             over = taken  # after the last millisecond, all of them
             if i < ticks:
                 update_row(row, cuts.profiles, cuts.sensors, i == 0)
+                if len(readings) > 0:
+                    _note(row, readings, i)
                 over = _count(cuts, row, count, from_truth)
             for k in range(taken if over > 0 else 0):
                 if row.going[k] == 1 and (i == ticks or count.end[k] != 0):
@@ -154,6 +159,24 @@ def step_some(
                     codes[_UNITS, c], codes[_OUT_OF_RANGE, c] = row.units[k], cuts.progresses[c].out_of_range
         mark_done(passed, core, last - first)
         first, last = following
+
+
+@njit_internal
+def _note(row: Struct, readings: StructArray, i: int) -> None:
+    """Record millisecond ``i`` of the cuts of a row that have not ended."""
+    for k in range(row.taken):
+        if row.going[k] == 1:
+            reading = readings[row.cut[k], i]
+            moved = row.backlash[k] > 0.0  # the encoder sits at the motor
+            reading.time = row.tick[k] * TICK
+            reading.force = row.felt[k]
+            reading.position = row.hand[k] if moved else row.blade[k]
+            reading.speed = row.hand_speed[k] if moved else row.speed[k]
+            reading.angle = row.angle[k]
+            reading.true_force = row.force[k]
+            reading.elastic_force = row.elastic[k]
+            reading.tip = row.tip[k]
+            reading.jump = row.jump[k]
 
 
 @njit_inline
