@@ -24,7 +24,7 @@ from cutenv.learning.result_tables import write_csv
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import differences, summarise
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, GRID_ANGLES, GRID_SPEEDS, NULL_POLICIES, ORACLE, SCRIPTS, feed_name
-from cutenv.task.assessment import TIME_SCALE, TIP_ERROR_CAP, WORST_STORED
+from cutenv.task.reward import TIME_SCALE, TIP_ERROR_CAP, WORST_STORED
 from cutenv.task.weights import DRAFT, RewardWeights
 from cutenv.tissue.specimen import CLASSES
 

@@ -212,20 +212,3 @@ def coupling_step(
     )
     speed = min(max(sticking, slipping_on), slipping_back)
     return min(max(blade + speed * dt, 0.0), drive.travel) - blade  # type: ignore[no-any-return]
-
-
-@njit
-def motion(
-    state: Struct, drive: Struct, share: float, target: float, elastic: float, friction: Grip, dt: float
-) -> float:
-    """Return the displacement of the blade [m] in ``dt`` under a commanded speed; sets ``state.speed`` to its speed.
-
-    ``elastic``, the force of the tissue [N], and ``friction`` affect only a hand: a rig holds position.
-    """
-    advance_command(state, drive, share, delayed_command(state, drive, target), dt)
-    if drive.mass > 0.0:
-        dx = coupling_step(drive, state.hand, state.hand_speed, state.blade, state.speed, elastic, friction, dt)
-    else:
-        dx = backlash_motion(state.hand, state.blade, drive.backlash)
-    state.speed = dx / dt
-    return dx

@@ -1,4 +1,6 @@
-"""The cutting law: the response of the tissue to one small motion of the blade.
+"""The cutting law: the parts of the tissue's response to one small motion of the blade.
+
+:func:`cutenv.cutting.update.cut_row` puts them together.
 
 A blade at x stands ahead of the crack tip at a; the tissue between pulls back with F = K(a) (x - a).  The crack
 grows in two ways: steadily while the blade loads it (which is why the measured modulus falls with speed and angle),
@@ -18,9 +20,6 @@ import math
 
 from cutenv._base.arrays import Struct, StructArray
 from cutenv._engine.jit import njit, njit_inline, njit_internal
-from cutenv.cutting.blade import leaning, sweeping
-from cutenv.cutting.friction import deflected, friction_force, friction_work
-from cutenv.cutting.relaxation import relaxed
 from cutenv.tissue.specimen import N_POINTS, POINTS_PER_METRE
 
 LONGEST_ADVANCE = 1e-4
@@ -135,13 +134,6 @@ def on_unload(ledger: float, loss: float) -> tuple[float, float]:
     return min(ledger, 0.0), loss + max(ledger, 0.0)
 
 
-@njit_internal
-def turned(profile: Struct, x: float, lean: float, angle: float) -> tuple[float, float, float]:
-    """Return cotangent and sin^2 of a blade at ``x`` turned to ``angle``, and the energy [J] that turning takes."""
-    next_lean, pushing = leaning(angle)
-    return next_lean, pushing, sweeping(lean, next_lean, toughness_at(profile, x), depth_at(profile, x))
-
-
 @njit_inline
 def force_to_grow(law: Struct, arrest_ratio: float, held_force: float, pushing: float, toughness: float) -> float:
     """Return the force [N] above which a loading blade cuts; below it, it loads and unloads elastically.
@@ -242,57 +234,6 @@ def in_parts(
 
 
 @njit_internal
-def move(state: Struct, profile: Struct, law: Struct, dx: float, speed: float) -> tuple[float, float]:
-    """Move the blade by ``dx`` [m] at ``speed`` [m/s]: elastic motion, and stable growth while it loads.
-
-    Returns the elastic force and R B at the tip [N].
-    """
-    x = state.blade - state.creep
-    a = state.tip
-    K, dK = stiffness_at(profile, a)
-    toughness = toughness_at(profile, a)
-    U = 0.5 * K * max(x - a, 0.0) ** 2
-
-    # Elastic, up to the force at which a loading blade begins to cut.  Its work is the change of U, exactly.
-    F_start = force_to_grow(law, state.arrest_ratio, state.held_force, state.pushing, toughness)
-    elastic = elastic_part(x, a, K, F_start, dx)
-    x += elastic
-    lag = max(x - a, 0.0)
-    F = K * lag
-    loaded_U = 0.5 * K * lag**2
-    work = loaded_U - U
-    if x <= a:
-        state.ledger, state.loss = on_unload(state.ledger, state.loss)
-
-    # Stable growth: the tip follows so that the force rises only r times as fast as elastically.
-    loading = dx - elastic
-    if loading > 0.0:
-        x += loading
-        da = stable_growth(law, K, dK, lag, loading, speed, state.angle)
-        if da > LONGEST_ADVANCE:
-            loading, a, F, loaded_U, state.ledger, parts_work, spent = in_parts(
-                profile, law, x, a, loading, speed, state.angle, F, loaded_U, state.ledger
-            )
-            work += parts_work
-            state.fracture += spent
-            K, dK = stiffness_at(profile, a)
-            toughness = toughness_at(profile, a)
-            da = stable_growth(law, K, dK, max(x - loading - a, 0.0), loading, speed, state.angle)
-        i, share = grid_index(a + da)
-        state.tip, F, toughness, cutting_work, change, spent = loading_step(
-            law, x, a, da, loading, F, loaded_U, K, toughness,
-            lerp(profile.stiffness, i, share), lerp(profile.toughness, i, share), state.ledger,
-        )  # fmt: skip
-        state.ledger += change
-        state.fracture += spent
-        state.held_force = F
-        work += cutting_work
-    state.blade = x + state.creep
-    state.work += work
-    return F, toughness
-
-
-@njit_internal
 def run_crack(
     profile: Struct, law: Struct, x: float, a: float, ledger: float, fracture: float, loss: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -323,59 +264,3 @@ def run_crack(
         if ledger <= 0.0 and F < toughness:
             break
     return a, ledger, fracture, loss, F, toughness
-
-
-@njit
-def cut(state: Struct, profile: Struct, law: Struct, dx: float, angle: float, dt: float) -> tuple[float, float, float]:
-    """Advance the law by one update: the blade turns to ``angle`` and moves by ``dx`` in ``dt``; the tissue responds.
-
-    Parameters
-    ----------
-    state : Record
-        One :data:`~cutenv.cutting.dtypes.STATE`, changed in place.
-    profile : Record
-        :data:`~cutenv.cutting.dtypes.PROFILE`.
-    law : Record
-        One :data:`~cutenv.cutting.dtypes.LAW`.
-    dx, angle, dt : float
-        Motion of the blade [m], its new angle [rad], duration [s].
-
-    Returns
-    -------
-    elastic, friction, jump : float
-        Force of the tissue on the blade, and of friction on its faces, both positive toward the clamp: a sensor
-        measures their sum [N].  Length of an unstable run [m].
-    """
-    speed = dx / dt
-    if law.relaxing_share > 0.0:
-        K, reach = stiffness_at(profile, state.tip)[0], state.blade - state.tip
-        state.creep, state.locked, state.ledger, state.loss = relaxed(
-            law, K, reach, state.creep, state.locked, state.ledger, state.loss, dt
-        )
-    if angle != state.angle:
-        state.lean, state.pushing, energy = turned(profile, state.blade, state.lean, angle)
-        state.angle = angle
-        state.work += energy
-        state.fracture += energy
-    depth, bristle = depth_at(profile, state.blade), state.bristle
-    elastic, toughness = move(state, profile, law, dx, speed)
-    next_depth, state.bristle = depth_at(profile, state.blade), deflected(law, bristle, dx)
-    rubbed = friction_work(law, depth, next_depth, bristle, state.bristle, dx, speed)
-    state.work += rubbed
-    state.friction += rubbed
-    jump = 0.0
-    if elastic < (1.0 + initiation_excess(law, state.pushing)) * toughness:
-        state.running = 0
-    else:
-        start = state.tip
-        state.tip, state.ledger, state.fracture, state.loss, elastic, toughness = run_crack(
-            profile, law, state.blade - state.creep, start, state.ledger, state.fracture, state.loss
-        )
-        jump = state.tip - start
-        if jump > 0.0:
-            state.arrest_ratio = elastic / toughness
-            state.held_force = elastic
-            state.uncontrolled += jump
-            state.units += 1 - state.running  # a run that the ledger admits only bit by bit counts as one
-            state.running = 1
-    return elastic, friction_force(law, next_depth, state.bristle, speed), jump

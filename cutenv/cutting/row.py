@@ -1,4 +1,8 @@
-"""A row of cuts as a structure of arrays (SIMD lanes), gathered from the cuts' records and scattered back."""
+"""A row of cuts as a structure of arrays (SIMD lanes), gathered from the cuts' records and scattered back.
+
+The number of lanes is part of a row's type: kernels are compiled once for :data:`ROW`, whose loops become vector
+instructions, and once for :data:`ONE`, where they vanish.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +11,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.intrinsics import as_float64_view
 from cutenv._engine.jit import njit_inline
 from cutenv._engine.randomness import Integer
 from cutenv.cutting.drive import lag_gain
 from cutenv.cutting.dtypes import DRIVE, LAW, STATE, TICK
 from cutenv.cutting.law import depth_at, stiffness_at, toughness_at
 
-ABREAST = 32
-"""Number of cuts (lanes) in a row: enough for several vectors, few enough for the first-level cache."""
+LANES = 32
+"""Number of cuts in a row of a batch: enough for several vectors, few enough for the first-level cache."""
 BLOCK = 4
 """Ticks (milliseconds) whose sensor noise is drawn at once."""
 
@@ -69,28 +74,32 @@ _PASSING = (  # scratch: it lives only in the row
     ("felt", "f8"),  # force as measured [N]
 )
 
-ROW: np.dtype[Any] = np.dtype(
-    (
-        np.record,
-        [
-            *((name, kind[name].base, (ABREAST,)) for kind in _OWN for name in kind.names or ()),
-            *((name, kind, (ABREAST,)) for name, kind in _PASSING),
-            ("words", "u8", (BLOCK, ABREAST)),  # random words of four milliseconds
-            ("normals", "f8", (BLOCK, ABREAST)),  # the standard normal numbers made of them
-            ("taken", "i8"),  # number of cuts in the row, and of those among them:
-            ("hands", "i8"),  # driven by hand
-            ("late", "i8"),  # with a dead time
-            ("slack", "i8"),  # with backlash
-            ("drifting", "i8"),  # with a sensor whose zero drifts
-            ("relaxing", "i8"),  # whose tissue relaxes
-            ("turns", "i8"),  # turning in this millisecond
-            ("leaps", "i8"),  # whose tip advances far in it
-            ("points", "i8"),  # coming to another point of their profile in it
-            ("runs", "i8"),  # whose crack runs in it
-        ],
-    )
-)
-"""Structured dtype of a row: every field of a cut and of the scratch, one element for each lane."""
+
+def row_dtype(lanes: int) -> np.dtype[Any]:
+    """Return the structured dtype of a row: every field of a cut and of the scratch, one element for each lane."""
+    fields = [
+        *((name, kind[name].base, (lanes,)) for kind in _OWN for name in kind.names or ()),
+        *((name, kind, (lanes,)) for name, kind in _PASSING),
+        ("words", "u8", (BLOCK, lanes)),  # random words of four milliseconds
+        ("normals", "f8", (BLOCK, lanes)),  # the standard normal numbers made of them
+        ("taken", "i8"),  # number of cuts in the row, and of those among them:
+        ("hands", "i8"),  # driven by hand
+        ("late", "i8"),  # with a dead time
+        ("slack", "i8"),  # with backlash
+        ("drifting", "i8"),  # with a sensor whose zero drifts
+        ("relaxing", "i8"),  # whose tissue relaxes
+        ("turns", "i8"),  # turning in this update
+        ("leaps", "i8"),  # whose tip advances far in it
+        ("points", "i8"),  # coming to another point of their profile in it
+        ("runs", "i8"),  # whose crack runs in it
+    ]
+    return np.dtype((np.record, fields))
+
+
+ROW = row_dtype(LANES)
+"""Row of a batch."""
+ONE = row_dtype(1)
+"""Row of a single cut."""
 _N_STATE, _N_LAW, _N_DRIVE = (len(kind.names or ()) for kind in _OWN)
 
 
@@ -146,56 +155,70 @@ def law_in_row(row: Struct, n: int) -> LawInRow:
     )  # fmt: skip
 
 
-@njit_inline
-def take(
-    row: Struct,
-    numbers: StructArray,
-    states: StructArray,
-    laws: StructArray,
-    drives: StructArray,
-    drive: Struct,
-    sensor: Struct,
-    profile: Struct,
-    n: Integer,
-    cut: Integer,
-) -> None:
-    """Load cut number ``cut`` into lane ``n`` of a row (gather).
+class Plain(NamedTuple):
+    """A row and the cuts' records as flat arrays of float64: a view costs more than a copy, so they are made once."""
 
-    ``numbers``, ``states``, ``laws`` and ``drives`` are flat float64 views of the row and the cuts' records: a view
-    costs more than the copy, so they are made once for many calls.
-    """
+    row: StructArray
+    states: StructArray
+    laws: StructArray
+    drives: StructArray
+
+
+@njit_inline
+def plain_views(rows: StructArray, states: StructArray, laws: StructArray, drives: StructArray) -> Plain:
+    """Return flat views of a row, shape (1,), and of the cuts' records, shape (n,) each."""
+    return Plain(as_float64_view(rows), as_float64_view(states), as_float64_view(laws), as_float64_view(drives))
+
+
+@njit_inline
+def take_tissue(row: Struct, plain: Plain, profile: Struct, n: Integer, cut: Integer) -> None:
+    """Load state, law and drive of cut number ``cut`` into lane ``n`` of a row (gather)."""
+    lanes = len(row.blade)
     for k in range(_N_STATE):
-        numbers[k * ABREAST + n] = states[cut * _N_STATE + k]
+        plain.row[k * lanes + n] = plain.states[cut * _N_STATE + k]
     for k in range(_N_LAW):
-        numbers[(_N_STATE + k) * ABREAST + n] = laws[cut * _N_LAW + k]
+        plain.row[(_N_STATE + k) * lanes + n] = plain.laws[cut * _N_LAW + k]
     for k in range(_N_DRIVE):
-        numbers[(_N_STATE + _N_LAW + k) * ABREAST + n] = drives[cut * _N_DRIVE + k]
+        plain.row[(_N_STATE + _N_LAW + k) * lanes + n] = plain.drives[cut * _N_DRIVE + k]
     row.cut[n], row.going[n] = cut, 1
-    row.noise[n], row.resolution[n], row.seed[n], row.episode[n] = (
-        sensor.noise, sensor.resolution, sensor.seed, sensor.episode,
-    )  # fmt: skip
-    row.delay[n], row.offset[n], row.tare[n], row.drift[n] = (
-        sensor.delay, sensor.offset, sensor.tare, sensor.drift,
-    )  # fmt: skip
     row.seen_tip_point[n], row.seen_blade_point[n] = -1, -1
-    # The exponential in made_up costs more than the rest of the loading, and neighbours seldom differ.
-    row.share[n] = row.share[n - 1] if n > 0 and row.lag[n] == row.lag[n - 1] else lag_gain(drive, TICK)
     row.K[n], row.dK[n] = stiffness_at(profile, row.tip[n])
     row.toughness[n] = toughness_at(profile, row.tip[n])
     row.depth[n] = depth_at(profile, row.blade[n])
 
 
 @njit_inline
-def begin(row: Struct, numbers: StructArray, taken: Integer) -> None:
+def take(row: Struct, plain: Plain, profile: Struct, drive: Struct, sensor: Struct, n: Integer, cut: Integer) -> None:
+    """Load cut number ``cut``, its drive and its sensor into lane ``n`` of a row (gather)."""
+    take_tissue(row, plain, profile, n, cut)
+    take_sensor(row, sensor, n)
+    # The exponential in the gain costs more than the rest of the loading, and neighbours seldom differ.
+    row.share[n] = row.share[n - 1] if n > 0 and row.lag[n] == row.lag[n - 1] else lag_gain(drive, TICK)
+
+
+@njit_inline
+def take_sensor(row: Struct, sensor: Struct, n: Integer) -> None:
+    """Load a sensor into lane ``n`` of a row."""
+    row.noise[n], row.resolution[n], row.seed[n], row.episode[n] = (
+        sensor.noise, sensor.resolution, sensor.seed, sensor.episode,
+    )  # fmt: skip
+    row.delay[n], row.offset[n], row.tare[n], row.drift[n] = (
+        sensor.delay, sensor.offset, sensor.tare, sensor.drift,
+    )  # fmt: skip
+
+
+@njit_inline
+def begin(row: Struct, plain: Plain, taken: Integer) -> None:
     """Prepare a row of ``taken`` lanes: pad the others with a blade at rest, and count the special cases."""
-    for n in range(taken, ABREAST):
+    lanes = len(row.blade)
+    for n in range(taken, lanes):
         for k in range(_N_STATE + _N_LAW + _N_DRIVE + len(_PASSING)):
-            numbers[k * ABREAST + n] = numbers[k * ABREAST]
+            plain.row[k * lanes + n] = plain.row[k * lanes]
         row.hand[n], row.hand_speed[n], row.given[n], row.mass[n] = row.blade[0], 0.0, 0.0, 0.0
         row.aim[n], row.dead_ticks[n], row.going[n] = row.angle[0], 0, 0
     row.taken = taken
     hands, late, slack, drifting, relaxing = 0, 0, 0, 0, 0
-    for n in range(ABREAST):
+    for n in range(lanes):
         hands += 1 if row.mass[n] > 0.0 else 0
         late += 1 if row.dead_ticks[n] > 0 else 0
         slack += 1 if row.backlash[n] > 0.0 else 0
@@ -205,7 +228,23 @@ def begin(row: Struct, numbers: StructArray, taken: Integer) -> None:
 
 
 @njit_inline
-def put(numbers: StructArray, states: StructArray, n: int, cut: int) -> None:
+def put(row: Struct, plain: Plain, n: int, cut: int) -> None:
     """Store the state in lane ``n`` of a row back to its cut (scatter)."""
+    lanes = len(row.blade)
     for k in range(_N_STATE):
-        states[cut * _N_STATE + k] = numbers[k * ABREAST + n]
+        plain.states[cut * _N_STATE + k] = plain.row[k * lanes + n]
+
+
+@njit_inline
+def note(row: Struct, n: int, reading: Struct, dt: float) -> None:
+    """Fill a :data:`~cutenv.cutting.dtypes.READING` from lane ``n`` after an update of ``dt`` [s]."""
+    moved = row.backlash[n] > 0.0  # the encoder sits at the motor
+    reading.time = row.tick[n] * dt
+    reading.force = row.felt[n]
+    reading.position = row.hand[n] if moved else row.blade[n]
+    reading.speed = row.hand_speed[n] if moved else row.speed[n]
+    reading.angle = row.angle[n]
+    reading.true_force = row.force[n]
+    reading.elastic_force = row.elastic[n]
+    reading.tip = row.tip[n]
+    reading.jump = row.jump[n]

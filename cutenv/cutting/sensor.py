@@ -12,8 +12,18 @@ from cutenv._base.arrays import Struct, StructArray
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv._base.validation import array_in_range
 from cutenv._engine.jit import njit, njit_inline, njit_internal
-from cutenv._engine.randomness import SENSOR_DRIFT, SENSOR_NOISE, four_normals_at, normal_at
+from cutenv._engine.lanes import first_row
+from cutenv._engine.randomness import (
+    SENSOR_DRIFT,
+    SENSOR_NOISE,
+    WIDTHS,
+    in_layer,
+    normal_at,
+    normal_at_the_rim,
+    words_at,
+)
 from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.row import BLOCK, ONE, take_sensor
 
 _LONGEST_DELAY = 64  # ticks that the delay line holds, a power of two
 WRAP = _LONGEST_DELAY - 1
@@ -33,20 +43,10 @@ SENSOR: np.dtype[Any] = np.dtype(
             ("offset", "f8"),  # drift so far [N]
             ("tare", "f8"),  # subtracted from every reading [N]
             ("line", "f8", (_LONGEST_DELAY,)),  # delay line of forces [N], newest at tick modulo length
-            ("block", "i8"),  # block of four ticks whose noise is cached
-            ("standard_noise", "f8", (4,)),
         ],
     )
 )
 """Parameters and memory of one sensor."""
-
-
-@njit
-def measure(sensor: Struct, force: float, tick: int) -> float:
-    """Return the reading [N] at update ``tick`` (from 0 at reset, each tick once) for a true ``force`` [N]."""
-    standard = standard_noise(sensor, tick) if sensor.noise > 0.0 else 0.0
-    felt = delayed_force(sensor.line, sensor.delay, force, tick) + wandered(sensor, tick) - sensor.tare
-    return as_read(felt, sensor.noise, standard, sensor.resolution)
 
 
 @njit_inline
@@ -74,15 +74,70 @@ def as_read(force: float, noise: float, standard: float, resolution: float) -> f
     return reading
 
 
-@njit_internal
-def standard_noise(sensor: Struct, tick: int) -> float:
-    """Return the standard normal number of (seed, episode, tick), from a cached block of four."""
-    block = tick >> 2
-    kept = sensor.standard_noise
-    if block != sensor.block:
-        kept[0], kept[1], kept[2], kept[3] = four_normals_at(sensor.seed, sensor.episode, SENSOR_NOISE, block)
-        sensor.block = block
-    return kept[tick & 3]  # type: ignore[no-any-return]
+@njit_inline
+def feel_row(row: Struct, sensors: StructArray, first: bool) -> None:
+    """Measure ``row.force`` of every cut that is going on: through delay, drift, noise and resolution, ``row.felt``."""
+    for n in range(row.taken):
+        if row.going[n] == 1:
+            row.delayed[n] = delayed_force(sensors[row.cut[n]].line, row.delay[n], row.force[n], row.tick[n] - 1)
+    for n in range(row.taken if row.drifting > 0 else 0):
+        if row.going[n] == 1:
+            row.offset[n] = wandered(sensors[row.cut[n]], row.tick[n] - 1)
+    new = 0
+    for n in range(len(row.blade)):
+        new += 1 if (row.tick[n] - 1) & 3 == 0 else 0
+    if new > 0 or first:
+        _draw(row)
+    for n in range(len(row.blade)):
+        k, z0, z1, z2, z3 = (
+            (row.tick[n] - 1) & 3, row.normals[0, n], row.normals[1, n], row.normals[2, n], row.normals[3, n],
+        )  # fmt: skip
+        low, high = z1 if k == 1 else z0, z3 if k == 3 else z2
+        row.felt[n] = as_read(
+            row.delayed[n] + row.offset[n] - row.tare[n], row.noise[n], high if k > 1 else low, row.resolution[n]
+        )
+
+
+@njit_inline
+def _draw(row: Struct) -> None:
+    """Draw four milliseconds' sensor noise of every cut by the ziggurat method, as :mod:`cutenv._engine.randomness`."""
+    for n in range(len(row.blade)):
+        row.words[0, n], row.words[1, n], row.words[2, n], row.words[3, n] = words_at(
+            row.seed[n], row.episode[n], SENSOR_NOISE, (row.tick[n] - 1) >> 2
+        )
+    for k in range(BLOCK):
+        unsettled = 0
+        for n in range(len(row.blade)):
+            layer, sign, across = in_layer(row.words[k, n])
+            x, inner = across * WIDTHS[layer], WIDTHS[layer + 1]
+            row.normals[k, n], row.inner[n] = sign * x, inner
+            unsettled += 0 if x < inner else 1
+        for n in range(row.taken if unsettled > 0 else 0):
+            if abs(row.normals[k, n]) >= row.inner[n]:
+                layer, sign, _ = in_layer(row.words[k, n])
+                tick = BLOCK * ((row.tick[n] - 1) >> 2) + k
+                row.normals[k, n] = sign * normal_at_the_rim(
+                    layer, abs(row.normals[k, n]), row.seed[n], row.episode[n], SENSOR_NOISE, tick
+                )
+
+
+@njit
+def measure(rows: StructArray, sensors: StructArray, force: float, tick: int) -> float:
+    """Return a sensor's reading [N] at update ``tick`` (from 0 at reset, each tick once) for a true ``force`` [N].
+
+    Parameters
+    ----------
+    rows, sensors : Records, shape (1,)
+        Memory of the calls: a row of one lane (:data:`~cutenv.cutting.row.ONE`), and the sensor; both are changed.
+    """
+    row, sensor = first_row(rows), sensors[0]
+    take_sensor(row, sensor, 0)
+    row.taken, row.going[0], row.cut[0] = 1, 1, 0
+    row.drifting = 1 if sensor.drift > 0.0 else 0
+    row.tick[0] = tick + 1
+    row.force[0] = force
+    feel_row(row, sensors, tick == 0)
+    return row.felt[0]  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,17 +179,18 @@ class Sensor:
     def __init__(self, parameters: SensorParameters | None = None, *, seed: int = 0, episode: int = 0) -> None:
         self.parameters = parameters or SensorParameters()
         self.tick = 0
-        self._records = sensor_records([self.parameters], [seed], [episode])
+        self._sensors = sensor_records([self.parameters], [seed], [episode])
+        self._rows = np.zeros(1, ONE)
 
     def measure(self, force: float) -> float:
         """Return the reading [N] of this millisecond for a true ``force`` [N]."""
-        reading = measure(self._records[0], float(force), self.tick)
+        reading: float = measure(self._rows, self._sensors, float(force), self.tick)
         self.tick += 1
         return reading
 
     def tare(self, reading: float) -> None:
         """Make ``reading`` [N] the new zero."""
-        self._records["tare"] += reading
+        self._sensors["tare"] += reading
 
 
 def sensor_records(parameters: list[SensorParameters], seeds: list[int], episodes: list[int]) -> StructArray:
@@ -148,5 +204,4 @@ def sensor_records(parameters: list[SensorParameters], seeds: list[int], episode
     sensors["delay"] = [round(p.force_delay / TICK) for p in parameters]
     sensors["seed"] = seeds
     sensors["episode"] = episodes
-    sensors["block"] = -1
     return sensors

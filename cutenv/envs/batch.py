@@ -22,8 +22,8 @@ from cutenv.cutting.dtypes import READING
 from cutenv.envs.gentle_cut import GentleCutEnv, checked_episode, checked_length
 from cutenv.task.assessment import succeeded_all
 from cutenv.task.beginning import GIVEN, LIVER, LONGEST, MIXED, VASCULAR, begin_some
-from cutenv.task.cuts import SPECIMEN, Cuts, step_some
-from cutenv.task.info import INFO_SIZE, INT_FIELDS
+from cutenv.task.cuts import Cuts, step_some
+from cutenv.task.info import INFO
 from cutenv.task.observation import COMPONENTS, all_within_reach
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.nominal import nominal_tissue
@@ -70,7 +70,7 @@ class CutBatch:
         self._all_begun = False
         self._vascular = np.zeros(count, np.int8)
         self._none_waits = np.zeros(count, bool)
-        self._start: tuple[Cuts, str | None] | None = None
+        self._start: tuple[Cuts, StructArray, str | None] | None = None
         self._tissue = single.tissue.tissue or measured_liver()
 
     def __len__(self) -> int:
@@ -113,14 +113,14 @@ class CutBatch:
         if options.get("episode") is not None:
             self.episodes[which] = checked_episode(options["episode"])
         if options.get("specimen") is not None:
-            start, given = self._shared_start(options)
+            start, expected, given = self._shared_start(options)
         else:
-            start, given = self._start = self._start or self._shared_start(options)
+            start, expected, given = self._start = self._start or self._shared_start(options)
         target = self.single.target_length or 0.0
         if options.get("target_length") is not None:
             target = checked_length(options["target_length"])
         parallel_for(
-            begin_some, len(which), self.cuts, start, which, self.seeds, self.episodes,
+            begin_some, len(which), self.cuts, start, expected, which, self.seeds, self.episodes,
             GIVEN if given else _SOURCES[self.single.specimen_class], self.single.from_truth, target, *self._drawn_by,
             self.observations, self._vascular,
         )  # fmt: skip
@@ -135,7 +135,7 @@ class CutBatch:
         self,
         actions: ArrayLike,
         waiting: NDArray[np.bool_] | None = None,
-        told: NDArray[np.float64] | None = None,
+        infos: StructArray | None = None,
         meanwhile: Callable[[], None] | None = None,
         readings: StructArray | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -147,8 +147,8 @@ class CutBatch:
             Actions, clipped to [-1, 1].
         waiting : array of bool, shape (count,), optional
             True for cuts that are not advanced.
-        told : array, shape (count, 30), optional
-            Array that is filled by :func:`cutenv.task.info.fill_info`.
+        infos : Records, shape (count,), optional
+            Array of :data:`cutenv.task.info.INFO` that is filled.
         meanwhile : callable, optional
             Called while other cores wake up.
         readings : Records, shape (count, ticks), optional
@@ -157,9 +157,8 @@ class CutBatch:
 
         Returns
         -------
-        rewards, codes : array, shape (count,), and of int64, shape (3, count)
-            Rewards and :data:`~cutenv.task.info.INT_FIELDS`, the first of which is the cause of a cut's end; 0 while
-            it goes on.
+        rewards, ends : array, shape (count,), and of int64, shape (count,)
+            Rewards, and indices in :data:`~cutenv.task.reward.ENDS`; 0 while a cut goes on.
 
         Raises
         ------
@@ -181,37 +180,28 @@ class CutBatch:
                 f"actions[{bad}] = {np.asarray(actions)[bad]} must hold 2 numbers in [-1, 1] (speed, angle), "
                 "and none may be NaN."
             )
-        told = np.empty((count, INFO_SIZE)) if told is None else told
-        rewards, codes = np.empty(count), np.empty((len(INT_FIELDS), count), np.int64)
+        infos = np.empty(count, INFO) if infos is None else infos
+        rewards, ends = np.empty(count), np.empty(count, np.int64)
         ticks = self.single.ticks
         parallel_for(
             step_some, count, self.cuts, ticks, self.single.from_truth, waiting, commands, self.observations, rewards,
-            codes, told, _NO_READINGS if readings is None else readings, fewest=max(MIN_CHUNK, _FEWEST_TICKS // ticks), meanwhile=meanwhile,
+            ends, infos, _NO_READINGS if readings is None else readings,
+            fewest=max(MIN_CHUNK, _FEWEST_TICKS // ticks), meanwhile=meanwhile,
         )  # fmt: skip
-        return rewards, codes
+        return rewards, ends
 
     def succeeded(self) -> NDArray[np.bool_]:
         """Return which cuts ended in success, shape (count,)."""
         success: NDArray[np.bool_] = succeeded_all(self.cuts.tasks, self.cuts.progresses)
         return success
 
-    def _shared_start(self, options: dict[str, Any]) -> tuple[Cuts, str | None]:
-        """Return the part of the start that is the same for every key, and the class of a given specimen."""
+    def _shared_start(self, options: dict[str, Any]) -> tuple[Cuts, StructArray, str | None]:
+        """Return the part of the start that is the same for every key, mean tissue, and class of a given specimen."""
         specimen = self.single.given_specimen(options.get("specimen"))
         if specimen is None and self.single.specimen_class == "uniform":
             specimen = Specimen.drawn(0, specimen_class="uniform", tissue=self._tissue)
         given = specimen is not None
         specimen = specimen or Specimen.mean(self._tissue)  # only its tissue matters
         self.single.set_up(specimen, self.single.target_length or LONGEST, seed=0, episode=0, depth=specimen.depth)
-        plant, cutting = self.single.plant, self.single.cutting
-        parts = plant.snapshot()
-        start = Cuts(
-            *parts,
-            *cutting.assessment(),
-            nominals=cutting.nominal,
-            expected=nominal_tissue(specimen.tissue),
-            specimens=np.zeros(1, SPECIMEN),
-        )
-        start.specimens["modulus"] = specimen.modulus
-        start.specimens["fracture_resistance"] = specimen.fracture_resistance
-        return start, (specimen.specimen_class if given else None)
+        start = self.single.cutting.snapshot()
+        return start, nominal_tissue(specimen.tissue), (specimen.specimen_class if given else None)

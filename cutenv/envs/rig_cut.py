@@ -255,7 +255,6 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             tissue,
             self.constants.weights,
             self.constants.limits,
-            truth=None,
             friction_per_depth=tissue.friction_share * tissue.fracture_resistance,
             target_length=length,
             deadline=self.deadline,

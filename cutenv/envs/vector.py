@@ -12,25 +12,25 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from cutenv._base.arrays import StructArray
 from cutenv._base.validation import in_range, one_of
 from cutenv._engine.jit import warn_before_first_compile
 from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import RESET_OPTIONS, GentleCutEnv
 from cutenv.task.beginning import begin_some
 from cutenv.task.cuts import Cuts, step_some, tell_of_all
-from cutenv.task.episode_dtypes import ENDS
-from cutenv.task.info import INFO_FIELDS, INFO_SIZE, INT_FIELDS
+from cutenv.task.info import GROUPS, INFO, column
+from cutenv.task.reward import ENDS
 
 _NAMED = tuple(
-    (group, "_" + group, names, tuple("_" + name for name in names), place) for group, names, place in INFO_FIELDS
+    (group, "_" + group, [(field.name, "_" + field.name, column(field)) for field in fields])
+    for group, fields in GROUPS.items()
 )
 """Layout of the info: groups with their masks, and within each, names, masks and columns."""
-_END, _UNITS, _OUT_OF_RANGE = range(len(INT_FIELDS))
 _END_NAMES = np.array(ENDS, dtype=object)
 
 Flags = NDArray[np.bool_]
 Numbers = NDArray[np.float64]
-Codes = NDArray[np.int64]
 Observations = NDArray[np.float32]
 
 
@@ -128,34 +128,30 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             self.batch.give_seeds(self._seeds_of_all(seed), which, self.np_random)
         self.batch.begin(which, options)
         self._ended[which] = False
-        return self.batch.observations.copy(), self._info(
-            self._told_at_start(which), self._no_codes(), self._mask(which)
-        )
+        return self.batch.observations.copy(), self._info(self._infos_at_start(which), self._mask(which))
 
     def step(self, actions: Observations) -> tuple[Observations, Numbers, Flags, Flags, dict[str, Any]]:
         """Apply an action, shape (2,), to each environment, in all (num_envs, 2); see ``autoreset_mode`` for ends."""
         waiting = self._ended if self.autoreset_mode == AutoresetMode.NEXT_STEP else self._none_waits
         if waiting is self._none_waits and self._ended.any():
             raise gymnasium.error.ResetNeeded("in some environments no cut is going on: call reset() before step().")
-        told = np.empty((self.num_envs, INFO_SIZE))
-        all_of_it: dict[str, Any] = {}
+        infos = np.empty(self.num_envs, INFO)
+        info: dict[str, Any] = {}
         present = np.ones(self.num_envs, bool)
-        rewards, codes = self.batch.decide(
-            actions, waiting, told, meanwhile=lambda: all_of_it.update(_by_name(told, present))
+        rewards, ends = self.batch.decide(
+            actions, waiting, infos, meanwhile=lambda: info.update(_by_name(infos, present))
         )
-        ends = codes[_END]
         ended = ends != 0
         finished = np.flatnonzero(ended)
         began = np.flatnonzero(waiting) if waiting is self._ended else finished[:0]
-        info: dict[str, Any] = {}
+        final: dict[str, Any] = {}
         if self.autoreset_mode == AutoresetMode.SAME_STEP and len(finished):
-            info = self._final(finished, ended, codes.copy(), told)
+            final = self._final(finished, ended, ends, infos)
             began = finished
         if len(began):
             self.batch.begin(began)
-            self._told_at_start(began, told)
-            codes[:, began] = 0
-        info |= self._completed(all_of_it, codes, present)
+            self._infos_at_start(began, infos)
+        info = {**final, **self._completed(info, infos, present)}
         if len(finished) and self.autoreset_mode != AutoresetMode.SAME_STEP:
             self._add_ends(info, ended, ends)
         self._ended = self._none_waits if self.autoreset_mode == AutoresetMode.SAME_STEP else ended
@@ -178,43 +174,41 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         super().reset(seed=None if seed is None else int(seed))
         return [None if seed is None else int(seed) + n for n in range(self.num_envs)]
 
-    def _told_at_start(self, which: NDArray[np.int64], told: Numbers | None = None) -> Numbers:
-        if told is None:
-            told = np.zeros((self.num_envs, INFO_SIZE))
-        tell_of_all(self.cuts, which, told)
-        return told
-
-    def _no_codes(self) -> Codes:
-        return np.zeros((len(INT_FIELDS), self.num_envs), np.int64)
+    def _infos_at_start(self, which: NDArray[np.int64], infos: StructArray | None = None) -> StructArray:
+        if infos is None:
+            infos = np.zeros(self.num_envs, INFO)
+        infos[which] = np.zeros((), INFO)
+        tell_of_all(self.cuts, which, infos)
+        return infos
 
     def _mask(self, which: NDArray[np.int64]) -> Flags:
         mask = np.zeros(self.num_envs, bool)
         mask[which] = True
         return mask
 
-    def _info(self, told: Numbers, codes: Codes, present: Flags) -> dict[str, Any]:
+    def _info(self, infos: StructArray, present: Flags) -> dict[str, Any]:
         """Return the info as arrays by name, each with its mask."""
-        return self._completed(_by_name(told, present), codes, present)
+        return self._completed(_by_name(infos, present), infos, present)
 
-    def _completed(self, info: dict[str, Any], codes: Codes, present: Flags) -> dict[str, Any]:
-        """Return ``info`` with the entries that are not numbers of the table: whole numbers, flags and names."""
+    def _completed(self, info: dict[str, Any], infos: StructArray, present: Flags) -> dict[str, Any]:
+        """Return ``info`` with the entries that are not fields: names and flags."""
         truth = info["truth"]
-        truth["units"] = codes[_UNITS]
         truth["specimen_class"], truth["_specimen_class"] = _where(present, self.batch.classes), present
-        info["speed_out_of_range"], info["_speed_out_of_range"] = codes[_OUT_OF_RANGE] > 0, present
+        info["speed_out_of_range"], info["_speed_out_of_range"] = infos["out_of_range"] > 0, present
         return info
 
     def _add_ends(self, info: dict[str, Any], ended: Flags, ends: NDArray[np.int64]) -> None:
         info["end"], info["_end"] = _where(ended, _END_NAMES[ends]), ended
         info["is_success"], info["_is_success"] = self.batch.succeeded() & ended, ended
 
-    def _final(self, finished: NDArray[np.int64], ended: Flags, codes: Codes, told: Numbers) -> dict[str, Any]:
+    def _final(
+        self, finished: NDArray[np.int64], ended: Flags, ends: NDArray[np.int64], infos: StructArray
+    ) -> dict[str, Any]:
         """Return last observation and info of the cuts that have ended, before the next ones begin."""
-        last = np.zeros_like(told)
-        last[finished] = told[finished]
-        codes[:, ~ended] = 0
-        final_info = self._info(last, codes, ended)
-        self._add_ends(final_info, ended, codes[_END])
+        last = np.zeros_like(infos)
+        last[finished] = infos[finished]
+        final_info = self._info(last, ended)
+        self._add_ends(final_info, ended, ends)
         final_obs = np.full(self.num_envs, None, dtype=object)
         for n in finished:  # an array of arrays, by Gymnasium's convention
             final_obs[n] = self.batch.observations[n].copy()
@@ -224,13 +218,13 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         """Release nothing: there are no resources to release."""
 
 
-def _by_name(told: Numbers, present: Flags) -> dict[str, Any]:
-    """Return the table's columns as views by group and name, each with its mask; they may still be filled."""
-    columns = tuple(told.T)
+def _by_name(infos: StructArray, present: Flags) -> dict[str, Any]:
+    """Return the fields as views by group and name, each with its mask; they may still be filled."""
     info: dict[str, Any] = {}
-    for group, mask, names, masks, place in _NAMED:
-        inside: dict[str, Any] = dict(zip(names, columns[place], strict=True))
-        inside.update(dict.fromkeys(masks, present))
+    for group, mask, fields in _NAMED:
+        inside: dict[str, Any] = {}
+        for name, field_mask, place in fields:
+            inside[name], inside[field_mask] = infos[place], present
         info[group], info[mask] = inside, present
     return info
 

@@ -163,7 +163,6 @@ def _task(plant: ReplayPlant, target_length: float | None, deadline: float, tick
         tissue,
         RewardWeights(),
         Limits(),
-        truth=None,
         friction_per_depth=tissue.friction_share * tissue.fracture_resistance,
         target_length=float(target_length),
         deadline=deadline,

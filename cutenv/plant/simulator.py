@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
 from cutenv._base.validation import array_in_range, in_range
 from cutenv.cutting.drive import Hand, Rig
-from cutenv.cutting.dtypes import READING, TICK, new_state
+from cutenv.cutting.dtypes import READING, new_state
 from cutenv.cutting.parameters import LawParameters, law_records, profile_records
 from cutenv.cutting.sensor import SensorParameters, sensor_records
-from cutenv.cutting.simulate import CUT, ENERGIES, account_one, hold
+from cutenv.cutting.simulate import CUT, Physics, account_one, hold
 from cutenv.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen
 
 ANGLE_RANGE = (math.radians(45.0), math.radians(90.0))
@@ -22,16 +20,6 @@ ANGLE_RANGE = (math.radians(45.0), math.radians(90.0))
 
 _ANGLE_LOW, _ANGLE_HIGH = ANGLE_RANGE[0] - 1e-9, ANGLE_RANGE[1] + 1e-9  # slack for rounding through degrees and back
 _FASTEST = 0.5  # [m/s]
-
-
-class Snapshot(NamedTuple):
-    """Copies of the full state, from which the law can continue, each of shape (1,); hidden truth included."""
-
-    states: StructArray
-    profiles: StructArray
-    laws: StructArray
-    drives: StructArray
-    sensors: StructArray
 
 
 class SimulatedPlant:
@@ -80,12 +68,11 @@ class SimulatedPlant:
         if self.depth.shape != (N_POINTS,):
             raise ValueError(f"depth has shape {self.depth.shape}; give {N_POINTS} values, one every {SPACING} m.")
         self.cuts = np.zeros(1, CUT)
-        self.cuts["state"] = new_state(1, angle)
-        self.cuts["profile"] = profile_records([specimen])
-        self.cuts["law"] = law_records([specimen], law)
-        self.cuts["drive"] = (drive or Rig()).records(travel=LENGTH - SPACING)
-        self.cuts["sensor"] = sensor_records([sensor or SensorParameters()], [seed], [episode])
-        self._energies = np.zeros(len(ENERGIES))
+        self.cuts["states"] = new_state(1, angle)
+        self.cuts["profiles"] = profile_records([specimen])
+        self.cuts["laws"] = law_records([specimen], law)
+        self.cuts["drives"] = (drive or Rig()).records(travel=LENGTH - SPACING)
+        self.cuts["sensors"] = sensor_records([sensor or SensorParameters()], [seed], [episode])
         self._readings = np.zeros(1, READING)
 
     def advance(self, speed: float, angle: float, ticks: int) -> StructArray:
@@ -97,35 +84,29 @@ class SimulatedPlant:
             if in_range("ticks", ticks, 1, 10**7, "1", "Give a whole number of milliseconds.") % 1.0:
                 raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
             self._readings = np.zeros(int(ticks), READING)
-        hold(self.cuts, speed, angle, TICK, self._readings)
+        hold(self.cuts, speed, angle, self._readings)
         return self._readings
-
-    def take_back(self, ticks: int, speed: float, angle: float) -> None:
-        """Undo the last :meth:`advance`, given its command, except for its first ``ticks`` milliseconds."""
-        self.cuts["state"], self.cuts["sensor"] = self.cuts["state_before"], self.cuts["sensor_before"]
-        self.advance(speed, angle, ticks)
 
     @property
     def states(self) -> StructArray:
         """The hidden state, :data:`~cutenv.cutting.dtypes.STATE`, shape (1,)."""
-        return self.cuts["state"]
+        return self.cuts["states"][0]
 
     @property
     def profiles(self) -> StructArray:
         """The hidden truth along the cut, :data:`~cutenv.cutting.dtypes.PROFILE`, shape (1,)."""
-        return self.cuts["profile"]
+        return self.cuts["profiles"][0]
 
-    def snapshot(self) -> Snapshot:
-        """Return copies of the hidden state and of everything that determines its future."""
-        return Snapshot(*(self.cuts[part].copy() for part in ("state", "profile", "law", "drive", "sensor")))
+    def snapshot(self) -> Physics:
+        """Return copies of the hidden state and of everything that determines its future, each of shape (1,)."""
+        return Physics(*(self.cuts[name][0].copy() for name in Physics._fields))
 
     def energy(self) -> dict[str, float]:
         """Return the energies since the start [J]: work, stored, fracture, friction, loss, ledger, and residual.
 
         The residual is work minus all the others.
         """
-        account_one(self.cuts, self._energies)
-        return dict(zip(ENERGIES, self._energies.tolist(), strict=True))
+        return account_one(self.cuts)._asdict()
 
 
 def check_angle(angle: float) -> None:

@@ -8,13 +8,17 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Struct, StructArray
-from cutenv._engine.jit import njit, njit_internal
-from cutenv.cutting.drive import lag_gain
-from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.simulate import update
-from cutenv.task.assessment import assess
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
+from cutenv._engine.jit import njit, njit_internal, njit_nogil
+from cutenv._engine.lanes import first_row
+from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
+from cutenv.cutting.dtypes import READING
+from cutenv.cutting.row import LANES, ROW, plain_views
+from cutenv.task.assessment import COUNT
+from cutenv.task.cuts import Cuts, flat_views, step_row
+from cutenv.task.info import INFO
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, SPEED_SCALE
 
+N_COMPONENTS = len(COMPONENTS)
 KNOTS = 28
 """Number of segments of a plan, each with its own speed and angle."""
 STRETCH = 0.005
@@ -33,6 +37,7 @@ PLAN: np.dtype[Any] = np.dtype(
             ("stop", "f8"),  # blade position at which it stops [m]
             ("retreat", "f8"),  # speed of drawing back [m/s]
             ("rest_lag", "f8"),  # lag of the tip at which drawing back ends [m]
+            ("stopping", "i8"),  # of the rollout: 1 once it draws back, 2 once it rests
         ],
     )
 )
@@ -48,80 +53,77 @@ def planned_command(plan: Struct, position: float) -> tuple[float, float]:
     return speed, angle
 
 
-@njit_internal
-def roll_out(
-    state: Struct,
-    profile: Struct,
-    law: Struct,
-    drive: Struct,
-    sensor: Struct,
-    task: Struct,
-    progress: Struct,
-    plan: Struct,
-    readings: StructArray,
-    terms: StructArray,
-    commands: StructArray,
-) -> float:
-    """Follow ``plan`` to the end of the cut; return its return (sum of rewards).
+@njit_nogil
+def roll_out_some(
+    passed: WorkQueue,
+    core: int,
+    cuts: Cuts,
+    plans: StructArray,
+    ticks: int,
+    decisions: int,
+    returns: StructArray,
+    actions: StructArray,
+) -> None:
+    """Follow n plans, each to the end of its own cut, with the reward assessed from hidden state.
 
     Parameters
     ----------
-    state, law, drive, sensor, task, progress : Record
-        The cut at its start; ``state``, ``sensor`` and ``progress`` are changed.
-    profile : Record
-        The tissue.
-    readings : Records
-        Buffer for the readings of a decision, shape (ticks,).
-    terms : array, shape (12,)
-        Buffer for the reward's terms.
-    commands : array, shape (decisions, 2)
-        Filled with the speeds [m/s] and angles [rad] commanded.
+    passed, core : WorkQueue, int
+        Work queue and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
+    cuts : Cuts
+        n cuts at their start, changed in place.
+    plans : Records
+        :data:`PLAN`, shape (n,).
+    ticks, decisions : int
+        Milliseconds between decisions; largest number of decisions.
+    returns : array, shape (n,)
+        Filled with the return of each plan.
+    actions : array, shape (n, decisions, 2) or (0, 0, 2)
+        Filled with the actions taken, unless it has no rows.
     """
-    total = 0.0
-    share = lag_gain(drive, TICK)
-    stopping = False
-    rested = False
-    for decision in range(len(commands)):
-        speed, angle = planned_command(plan, state.blade)
-        stopping = stopping or state.blade >= plan.stop
-        if stopping:
-            rested = rested or (state.speed <= 0.0 and state.blade - state.tip <= plan.rest_lag)
-            speed, angle = (0.0 if rested else -plan.retreat), UPRIGHT
-        # Rounded like an action (float32), so that the plan's rollout equals its execution.
-        speed = SPEED_SCALE * np.float64(np.float32(speed / SPEED_SCALE))
-        angle = ANGLE_CENTRE + ANGLE_SCALE * np.float64(np.float32((angle - ANGLE_CENTRE) / ANGLE_SCALE))
-        commands[decision, 0] = speed
-        commands[decision, 1] = angle
-        for i in range(len(readings)):
-            update(state, profile, law, drive, sensor, share, speed, angle, TICK, readings[i])
-        assess(task, progress, profile, readings, True, terms, terms, terms)  # no estimates are needed
-        total += terms.sum()
-        if progress.end != 0:
-            break
-    return total
+    count = len(plans)
+    action, observations, rewards = np.zeros((count, 2)), np.zeros((count, N_COMPONENTS), np.float32), np.zeros(count)
+    ends, over, infos = np.zeros(count, np.int64), np.zeros(count, np.bool_), np.zeros(count, INFO)
+    readings = np.zeros((0, 0), READING)
+    rows, counts = np.zeros(1, ROW), np.zeros(1, COUNT)
+    row, lanes = first_row(rows), first_row(counts)
+    plain = plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    fetched = flat_views(cuts, plain, infos)
+    first, last = next_chunk(passed, core, LANES)
+    while first < last:
+        left = last - first
+        for n in range(first, last):
+            returns[n] = 0.0
+        for decision in range(decisions):
+            for n in range(first, last):
+                if not over[n]:
+                    _choose(plans[n], cuts.states[n], action[n])
+                    if len(actions) > 0:
+                        actions[n, decision, 0], actions[n, decision, 1] = action[n, 0], action[n, 1]
+            step_row(
+                cuts, row, lanes, plain, first, last, ticks, True, over, action, observations, rewards, ends, infos,
+                readings, fetched, (0, 0),
+            )  # fmt: skip
+            for n in range(first, last):
+                returns[n] += rewards[n]
+                if ends[n] != 0:
+                    over[n] = True
+                    left -= 1
+            if left == 0:
+                break
+        mark_done(passed, core, last - first)
+        first, last = next_chunk(passed, core, LANES)
 
 
-@njit
-def roll_out_all(
-    starts: StructArray,
-    profiles: StructArray,
-    laws: StructArray,
-    drives: StructArray,
-    sensors: StructArray,
-    tasks: StructArray,
-    progresses: StructArray,
-    plans: StructArray,
-    readings: StructArray,
-    terms: StructArray,
-    commands: StructArray,
-    returns: StructArray,
-) -> None:
-    """Run :func:`roll_out` for every plan, shape (n,), from one start (arrays of length 2: start, working copy)."""
-    for n in range(len(plans)):
-        starts[1] = starts[0]
-        sensors[1] = sensors[0]
-        progresses[1] = progresses[0]
-        returns[n] = roll_out(
-            starts[1], profiles[0], laws[0], drives[0], sensors[1], tasks[0], progresses[1], plans[n], readings, terms,
-            commands,
-        )  # fmt: skip
+@njit_internal
+def _choose(plan: Struct, state: Struct, action: StructArray) -> None:
+    """Fill ``action`` with the plan's for the present state, rounded to float32 as an environment's is."""
+    speed, angle = planned_command(plan, state.blade)
+    if plan.stopping == 0 and state.blade >= plan.stop:
+        plan.stopping = 1
+    if plan.stopping > 0:
+        if state.speed <= 0.0 and state.blade - state.tip <= plan.rest_lag:
+            plan.stopping = 2
+        speed, angle = (0.0 if plan.stopping == 2 else -plan.retreat), UPRIGHT
+    action[0] = np.float64(np.float32(speed / SPEED_SCALE))
+    action[1] = np.float64(np.float32((angle - ANGLE_CENTRE) / ANGLE_SCALE))

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from cutenv._base.arrays import Array, Array32, StructArray
 from cutenv._base.validation import in_range
-from cutenv.cutting.dtypes import READING
+from cutenv._engine.parallel import parallel_for
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.policy.plan import PLAN, UPRIGHT, planned_command, roll_out_all
+from cutenv.policy.plan import PLAN, UPRIGHT, planned_command, roll_out_some
 from cutenv.policy.scripted import INCLINED, Script
 from cutenv.policy.unloading import StopAndUnload
-from cutenv.task.episode_dtypes import TERMS
-from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.task.cuts import Cuts
+from cutenv.task.gentle_cutting import GentleCutting, SimulatedCutting
 from cutenv.task.observation import COMPONENTS, SCALES, to_action
 from cutenv.task.weights import Limits, RewardWeights
 from cutenv.tissue.description import TissueDescription, measured_liver
@@ -23,62 +24,78 @@ from cutenv.tissue.specimen import Specimen
 
 _FASTEST, _SLOWEST = 0.0254, 0.001  # [m/s]
 _DEADLINE, _TICKS = 30.0, 20  # [s], [ms]: the environment's defaults
+_AT_ONCE = 4096  # plans that are rolled out together
 _NEVER = 1.0  # [m], a place that no blade reaches
 _NAMES = [component.name for component in COMPONENTS]
 _POSITION, _DISTANCE = _NAMES.index("position"), _NAMES.index("distance")
 
 
 class Search:
-    """Random local search over plans, started from the best of a grid of constant ones.
+    """Random local search over plans, started from the best of a grid of constant ones, for one cut or many at once.
 
     Parameters
     ----------
-    cutting : GentleCutting
-        A cut at its start on a simulated plant; it is copied and not changed.
+    *cuttings : SimulatedCutting
+        Cuts at their start, of one rate and deadline; they are copied and not changed.
     """
 
-    def __init__(self, cutting: GentleCutting) -> None:
-        if not isinstance(cutting.plant, SimulatedPlant):
-            raise TypeError(f"plans need a SimulatedPlant to simulate, got {type(cutting.plant).__name__}.")
-        start = cutting.plant.snapshot()
-        self._task, progress = cutting.assessment()
-        self._target = cutting.target_length
-        self._profiles, self._law, self._drive = start.profiles, start.laws, start.drives
-        # Index 0: start; index 1: working copy.
-        self._state, self._sensor, self._progress = (np.repeat(r, 2) for r in (start.states, start.sensors, progress))
-        self._readings, self._terms = np.zeros(cutting.ticks, READING), np.zeros(len(TERMS))
-        self._commands = np.zeros((math.ceil(1e3 * cutting.deadline / cutting.ticks), 2))
+    def __init__(self, *cuttings: SimulatedCutting) -> None:
+        for cutting in cuttings:
+            if not isinstance(cutting, SimulatedCutting):
+                raise TypeError(f"plans need a SimulatedCutting to simulate, got {type(cutting).__name__}.")
+        self._starts = [cutting.snapshot() for cutting in cuttings]
+        self._targets = [cutting.target_length for cutting in cuttings]
+        self._ticks = cuttings[0].ticks
+        self._decisions = math.ceil(1e3 * cuttings[0].deadline / self._ticks)
 
-    def returns(self, plans: StructArray) -> Array:
-        """Return the return of each plan, shape (n,)."""
-        returns = np.zeros(len(plans))
-        roll_out_all(
-            self._state, self._profiles, self._law, self._drive, self._sensor, self._task, self._progress, plans,
-            self._readings, self._terms, self._commands, returns,
-        )  # fmt: skip
-        return returns
+    def returns(self, plans: list[StructArray]) -> list[Array]:
+        """Return the return of each plan, shape (n,), for the plans of each cut."""
+        each = max(_AT_ONCE // max(len(own) for own in plans), 1)  # whole cuts, as many as memory should hold
+        found: list[Array] = []
+        for k in range(0, len(plans), each):
+            together = plans[k : k + each]
+            returns, _ = self._roll_out(self._starts[k : k + each], together, recorded=False)
+            found += np.split(returns, np.cumsum([len(own) for own in together])[:-1])
+        return found
 
-    def commands(self, plan: StructArray) -> Array:
-        """Return speed [m/s] and angle [rad] at each decision of a plan, shape (1,); shape (decisions, 2)."""
-        self.returns(plan)
-        return self._commands.copy()
+    def commands(self, plans: list[StructArray]) -> list[Array]:
+        """Return the actions of a plan, shape (1,), for each cut at each decision; shape (decisions, 2)."""
+        return list(self._roll_out(self._starts, plans, recorded=True)[1])
 
-    def best(self, rng: np.random.Generator, *, rounds: int, offspring: int = 16) -> tuple[StructArray, float]:
-        """Search for ``rounds`` rounds; return the best plan found, shape (1,), and its return."""
-        plans = self.plain_plans()
-        plan, value = _better(plans, self.returns(plans), plans[:1], -math.inf)
-        size = 1.0
+    def _roll_out(self, starts: list[Cuts], plans: list[StructArray], *, recorded: bool) -> tuple[Array, Array]:
+        every = np.concatenate(plans)
+        every["stopping"] = 0
+        counts = [len(own) for own in plans]
+        cuts = Cuts(*(np.repeat(np.concatenate(records), counts) for records in zip(*starts, strict=True)))
+        returns = np.zeros(len(every))
+        actions = np.zeros((len(every), self._decisions, 2) if recorded else (0, 0, 2))
+        parallel_for(roll_out_some, len(every), cuts, every, self._ticks, self._decisions, returns, actions)
+        return returns, actions
+
+    def best(
+        self, rngs: Sequence[np.random.Generator], *, rounds: int, offspring: int = 16
+    ) -> list[tuple[StructArray, float]]:
+        """Search for ``rounds`` rounds; return the best plan found, shape (1,), and its return, for each cut."""
+        plans = [self.plain_plans(target) for target in self._targets]
+        best = [
+            _better(own, returns, own[:1], -math.inf) for own, returns in zip(plans, self.returns(plans), strict=True)
+        ]
+        sizes = [1.0] * len(best)
         for _ in range(rounds):
-            tries = self.varied(plan, size, offspring, rng)
-            before = value
-            plan, value = _better(tries, self.returns(tries), plan, value)
-            size = min(1.3 * size, 1.0) if value > before else max(0.7 * size, 0.05)
-        return plan, value
+            tries = [
+                self.varied(plan, target, size, offspring, rng)
+                for (plan, _), target, size, rng in zip(best, self._targets, sizes, rngs, strict=True)
+            ]
+            for k, returns in enumerate(self.returns(tries)):
+                before = best[k][1]
+                best[k] = _better(tries[k], returns, *best[k])
+                sizes[k] = min(1.3 * sizes[k], 1.0) if best[k][1] > before else max(0.7 * sizes[k], 0.05)
+        return best
 
-    def plain_plans(self) -> StructArray:
-        """Return a grid of plans with one speed and one angle throughout, and many positions to stop."""
+    def plain_plans(self, target: float) -> StructArray:
+        """Return a grid of plans for a length [m] with one speed and angle throughout, and many positions to stop."""
         speeds, angles = np.array([0.0254, 0.0190, 0.0127, 0.0064]), np.radians([45.0, 60.0, 90.0])
-        stops = self._target + np.linspace(-0.004, 0.044, 33)  # the blade leads the tip by up to 4 cm
+        stops = target + np.linspace(-0.004, 0.044, 33)  # the blade leads the tip by up to 4 cm
         v, theta, stop = (grid.ravel() for grid in np.meshgrid(speeds, angles, stops, indexing="ij"))
         plans = np.zeros(len(v), PLAN)
         plans["speed"], plans["angle"] = v[:, None], theta[:, None]
@@ -89,7 +106,9 @@ class Search:
         plans["rest_lag"] = 0.5e-3
         return plans
 
-    def varied(self, plan: StructArray, size: float, count: int, rng: np.random.Generator) -> StructArray:
+    def varied(
+        self, plan: StructArray, target: float, size: float, count: int, rng: np.random.Generator
+    ) -> StructArray:
         """Return ``count`` mutations of ``plan``, shape (1,): each number is changed with a probability of 1/3."""
         plans = np.repeat(plan, count)
 
@@ -101,11 +120,11 @@ class Search:
         change("speed", 0.006, _SLOWEST, _FASTEST)
         change("angle", math.radians(12.0), INCLINED, UPRIGHT)
         change("last_speed", 0.006, _SLOWEST, _FASTEST)
-        change("stop", 0.002, 0.5 * self._target, self._target + 0.05)
+        change("stop", 0.002, 0.5 * target, target + 0.05)
         change("retreat", 0.004, 0.002, _FASTEST)
         change("rest_lag", 1e-3, 0.0, 0.004)
         for name in ("upright_from", "slow_from"):
-            near = np.where(plans[name] == _NEVER, self._target - 0.010, plans[name])
+            near = np.where(plans[name] == _NEVER, target - 0.010, plans[name])
             moved = near + size * 0.005 * rng.standard_normal(count)
             plans[name] = np.where(rng.random(count) < 1.0 / 3.0, moved, plans[name])
         return plans
@@ -133,20 +152,25 @@ class PlannerWithTruth:
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the last cut."""
         self._rng = rng
-        self._commands: list[tuple[float, float]] = []
+        self._actions: list[Array32] = []
 
     def set_state(self, cutting: GentleCutting) -> None:
         """Plan the cut that is about to begin."""
-        search = Search(cutting)
-        plan, _ = search.best(self._rng, rounds=self._rounds)
-        self._commands = [(speed, angle) for speed, angle in search.commands(plan).tolist()]
-        self._commands.reverse()
+        if not isinstance(cutting, SimulatedCutting):
+            raise TypeError(f"plans need a SimulatedCutting to simulate, got {type(cutting).__name__}.")
+        self._actions = list(self.actions_for([cutting], [self._rng])[0][::-1])
+
+    def actions_for(self, cuttings: Sequence[SimulatedCutting], rngs: Sequence[np.random.Generator]) -> list[Array32]:
+        """Plan many cuts that are about to begin, on all cores; return the actions of each, shape (decisions, 2)."""
+        search = Search(*cuttings)
+        plans = [plan for plan, _ in search.best(rngs, rounds=self._rounds)]
+        return [actions.astype(np.float32) for actions in search.commands(plans)]
 
     def __call__(self, observation: Array32) -> Array32:
-        """Return the next command of the plan, whatever the observation."""
-        if not self._commands:
+        """Return the next action of the plan, whatever the observation."""
+        if not self._actions:
             raise RuntimeError("this planner must be shown the cut: call set_state(env.unwrapped.cutting) after reset.")
-        return to_action(*self._commands.pop())
+        return self._actions.pop()
 
 
 class PlannerNominal(Script):
@@ -184,21 +208,19 @@ class PlannerNominal(Script):
         """Return the plan for a target length [m], rounded to a centimetre, shape (1,); cached."""
         length = round(target, 2)
         if length not in self._plans:
-            self._plans[length] = Search(_mean_cut(self._tissue, length)).best(
-                np.random.default_rng(0), rounds=self._rounds
-            )[0]
+            search = Search(_mean_cut(self._tissue, length))
+            self._plans[length] = search.best([np.random.default_rng(0)], rounds=self._rounds)[0][0]
         return self._plans[length]
 
 
-def _mean_cut(tissue: TissueDescription, target: float) -> GentleCutting:
+def _mean_cut(tissue: TissueDescription, target: float) -> SimulatedCutting:
     specimen = Specimen.mean(tissue)
     plant = SimulatedPlant(specimen, sensor=SensorParameters(force_noise=0.0))
-    return GentleCutting(
+    return SimulatedCutting(
         plant,
         tissue,
         RewardWeights(),
         Limits(),
-        truth=plant.profiles,
         friction_per_depth=specimen.friction_per_depth,
         target_length=target,
         deadline=_DEADLINE,

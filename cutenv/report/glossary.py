@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
-from cutenv.task.assessment import FORCE_ALLOWED, LAG_ALLOWED, TIP_ERROR_CAP
+from cutenv.task.reward import FORCE_ALLOWED, LAG_ALLOWED, REWARD, TIP_ERROR_CAP
 from cutenv.task.weights import RewardWeights
 from cutenv.task_quantities import ANGLE_TOLERANCE, TIP_TOLERANCE
 
 _WEIGHTS = RewardWeights()
 _IDLE_COST = _WEIGHTS.time + TIP_ERROR_CAP * _WEIGHTS.tip_error  # the whole time, and the largest tip error
 
-TERM_MEANINGS = {
-    "progress": "progress",
-    **{weight.name: weight.metadata["title"] for weight in dataclasses.fields(RewardWeights)},
-    "safety": "ended for safety",
-}
-"""Title of each of :data:`cutenv.task.episode_dtypes.TERMS`."""
+TERM_MEANINGS = {term.name: term.title for term in REWARD}
+"""Title of each term of the reward."""
 
 MEANINGS = (
     (

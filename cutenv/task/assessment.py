@@ -1,275 +1,359 @@
-"""Reward and ends of gentle cutting, assessed every millisecond so that nothing is missed between decisions.
+"""Assessment of a cut, every millisecond so that nothing is missed between decisions: reward, ends, observation, info.
 
-Reward of a step = progress / L - costs.  All costs are non-negative and additive: they are charged as they occur.
-Every end is charged the same terminal cost; an end for safety also pays the largest cost that stopping could still
-have had, so that it never pays to end early:
-
-    time left, tip error at its cap, a full wedge, and a tissue left loaded.
-
-Costs that only time bounds (force, lag, jumps, backward travel) are not part of that largest cost: a policy that
-stops and unloads avoids them, so a breach costs more than stopping in every state.
+The functions that do it are put together from the declarations of :mod:`cutenv.task.reward`,
+:mod:`cutenv.task.observation` and :mod:`cutenv.task.info`.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
 from cutenv._base.arrays import Struct, StructArray
-from cutenv._engine.jit import njit, njit_inline, njit_internal
+from cutenv._engine.fuse import expression, fuse
+from cutenv._engine.intrinsics import as_float64_view
+from cutenv._engine.jit import njit, njit_fused, njit_inline
+from cutenv._engine.lanes import first_row
+from cutenv._engine.randomness import Integer
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import depth_at, stiffness_at, toughness_at
-from cutenv.task_quantities import (
-    ANGLE_TOLERANCE,
-    SHALLOWEST,
-    TIP_TOLERANCE,
-    force_per_depth,
-    lag,
-    overshoot,
-    tip_error,
-    wedge,
-)
+from cutenv.cutting.row import LANES
+from cutenv.cutting.simulate import account
+from cutenv.task import info, observation, reward
+from cutenv.task.info import FIELDS, INFO, column
+from cutenv.task.observation import CLIP, COMPONENTS
+from cutenv.task.reward import CUT_ENDS, ENDS, MOMENT, REWARD
+from cutenv.task.tip_estimation import estimated_tip
+from cutenv.task_quantities import ANGLE_TOLERANCE, SHALLOWEST, TIP_TOLERANCE, lag, tip_error
+from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 
-FORCE_ALLOWED = 400.0
-"""Force per depth of cut up to which no force cost is charged [N/m]."""
-LAG_ALLOWED = 0.010
-"""Lag of the tip behind the blade up to which no lag cost is charged [m]."""
-OVERSHOOT_ALLOWED = 0.005
-"""Overshoot of the tip beyond the target above which the task ends [m]."""
-LAG_CHARGED = 0.010
-"""Largest excess lag that is charged [m]: in a soft and tough specimen no blade can keep the tip nearer."""
-TIP_ERROR_CAP = 3.0
-"""Largest tip error that is charged, in multiples of the tolerance."""
 TRAVEL_TO_FINISH = 0.010
 """Position that the blade must have reached before the task can be finished [m]."""
 SPEED_AT_REST = 0.5e-3
 """Speed below which the blade counts as at rest [m/s]."""
 FORCE_UNLOADED = 0.1
 """Force above friction below which the blade counts as unloaded [N]."""
-TIME_AT_REST = 0.3
-"""Time at rest and unloaded after which the cut is finished [s]."""
-DECELERATION = 0.1
-"""Deceleration of a stopping blade, in the cost of haste [m/s2]."""
-TIME_SCALE = 30.0
-"""Time that costs its weight once [s]."""
-WORST_STORED = 2.0
-"""Largest stored energy that is charged at an end, in R B 3 mm: a tip 12 mm behind at F = R B."""
 
-_PROGRESS, _UNCONTROLLED, _JUMP, _FORCE, _LAG, _BACKWARD, _HASTE, _TIME, _TIP, _WEDGE, _STORED, _SAFETY = range(12)
-_FINISHED, _FORCE_LIMIT, _OVERSHOOT, _DEADLINE = range(1, 5)
-
-
-class Tally(NamedTuple):
-    """Accumulators of a step, updated every millisecond: memory of the assessment, and sums to be weighted."""
-
-    position: float
-    """Position of the blade [m]."""
-    touched: int
-    """1 once the blade has loaded the tissue."""
-    furthest: float
-    """Furthest position of the blade so far [m]."""
-    time: float
-    """Time since reset [s]."""
-    quiet: float
-    """Time for which the blade has been at rest and unloaded [s]."""
-    tip: float
-    """Crack tip as assessed [m]."""
-    end: int
-    """Index in :data:`~cutenv.task.episode_dtypes.ENDS`."""
-    updates: int
-    """Number of updates in this step."""
-    out_of_range: int
-    """Number of updates at a speed outside the measured range."""
-    over_limit: float
-    """Largest force above the limit [N]."""
-    uncontrolled: float
-    """Sum of unstable growth [m]."""
-    jumped: float
-    """Sum of squared unstable growth [m2]."""
-    over_force: float
-    """Sum over updates of the force per depth above the free allowance [N/m]."""
-    over_lag: float
-    """Sum over updates of the lag above the free allowance [m]."""
-    backward: float
-    """Backward travel [m]."""
-    haste: float
-    """Integral of speed squared over travel [m3/s2]."""
+_FINISHED = ENDS.index("finished")
+_DECLARED = {"reward": REWARD, "seen": COMPONENTS, "info": FIELDS}
+"""Tables whose entries add up something at every millisecond."""
+_TOTALS: dict[str, Any] = {
+    f"{table}_{entry.name}": entry
+    for table, entries in _DECLARED.items()
+    for entry in entries
+    if entry.each is not None or getattr(entry, "fold", None) is not None
+}
+"""Entries with a total, by the name of its accumulator."""
 
 
-@njit_internal
-def fresh(progress: Struct) -> Tally:
-    """Return the tally at the beginning of a step."""
-    return Tally(
-        progress.position, progress.touched, progress.furthest, progress.time, progress.quiet, progress.tip,
-        0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    )  # fmt: skip
+def count_dtype(lanes: int) -> np.dtype[Any]:
+    """Return the structured dtype of the accumulators of a row's step, one of each for every lane."""
+    whole = {name: "i8" for name, entry in _TOTALS.items() if getattr(entry, "whole", False)}
+    fields = [
+        ("position", "f8"),  # memory between milliseconds, see PROGRESS
+        ("touched", "i8"),
+        ("furthest", "f8"),
+        ("time", "f8"),
+        ("quiet", "f8"),
+        ("tip", "f8"),
+        ("speed", "f8"),
+        ("end", "i8"),
+        ("updates", "i8"),
+        ("target", "f8"),  # limits of the task, see TASK
+        ("deadline", "f8"),
+        ("force_limit_per_depth", "f8"),
+        ("friction_per_depth", "f8"),
+        ("speed_min", "f8"),
+        ("speed_max", "f8"),
+        *((name, whole.get(name, "f8")) for name in _TOTALS),
+    ]
+    return np.dtype((np.record, [(name, kind, (lanes,)) for name, kind in fields]))
+
+
+COUNT = count_dtype(LANES)
+"""Accumulators of a row of a batch."""
+COUNT_ONE = count_dtype(1)
+"""Accumulators of a single cut."""
+
+
+def _fused(name: str, parameters: Iterable[str], lines: Iterable[str]) -> Any:
+    return njit_fused(fuse(name, list(parameters), list(lines), [reward, observation, info, __name__]))
+
+
+def _start_lines() -> list[str]:
+    return [
+        f"count.{name}[k] = {'math.' if math.isinf(start) else ''}{start}".replace("math.-inf", "-math.inf")
+        for name, entry in _TOTALS.items()
+        for start in [0 if getattr(entry, "whole", False) else float(getattr(entry, "start", 0.0))]
+    ]
+
+
+def _add_lines() -> list[str]:
+    lines = []
+    for name, entry in _TOTALS.items():
+        total = f"count.{name}[k]"
+        if entry.each is not None:
+            lines.append(f"{total} += {expression(entry.each, MOMENT)}")
+        else:
+            lines.append(f"{total} = {expression(entry.fold, MOMENT, {'total': total})}")
+    return lines
+
+
+def _end_lines() -> list[str]:
+    ended = "0"
+    for code, end in reversed(list(enumerate(CUT_ENDS, start=1))):
+        ended = f"{code} if {expression(end.when, MOMENT)} else ({ended})"
+    return [f"count.end[k] = {ended}"]
+
+
+def _charge_lines() -> list[str]:
+    lines = []
+    for term in REWARD:
+        words = {"weight": f"task.{term.name}", "total": f"count.reward_{term.name}[k]"}
+        charged = "0.0"
+        if term.gain is not None:
+            charged = expression(term.gain, reward.STEP, words)
+        elif term.cost is not None:
+            charged = f"0.0 - {expression(term.cost, reward.STEP, words)}"
+        lines.append(f"info.reward_terms_{term.name} = {charged}")
+    return lines
+
+
+def _charge_end_lines() -> list[str]:
+    """Charge every end its terminal costs, and an end for safety the largest that stopping could still have had."""
+    lines, passing, final = [], [], []
+    for term in REWARD:
+        words = {"weight": f"task.{term.name}"}
+        if term.end_cost is not None:
+            lines.append(f"info.reward_terms_{term.name} -= {expression(term.end_cost, reward.END, words)}")
+        if term.largest is not None:
+            (final if term.end_cost is not None else passing).append(expression(term.largest, reward.STEP, words))
+    safety = " or ".join(f"progress.end == {ENDS.index(name)}" for name in reward.SAFETY_ENDS)
+    lines += [f"if {safety}:", *(f"    info.reward_terms_safety -= {cost}" for cost in passing)]
+    return [*lines, f"    info.reward_terms_safety -= {' + '.join(final)}"]
+
+
+def _observe_lines() -> list[str]:
+    lines = []
+    for number, one in enumerate(COMPONENTS):
+        value = expression(one.value, observation.QUANTITIES, {"total": f"count.seen_{one.name}[k]"})
+        scaled = f"({value} - {one.offset!r}) / {one.scale!r}"
+        lines.append(f"observation[{number}] = min(max({scaled}, {-CLIP}), {CLIP})")
+    return lines
+
+
+def _info_lines(groups: set[str], quantities: Iterable[str]) -> list[str]:
+    return [
+        f"info.{column(field)} = {expression(field.value, set(quantities), {'total': f'count.info_{field.name}[k]'})}"
+        for field in FIELDS
+        if field.value is not None and field.group in groups
+    ]
+
+
+_start = _fused("_start", ("count", "k"), _start_lines())
+_add = _fused("_add", ("count", "k", *MOMENT), [*_add_lines(), *_end_lines()])
+_charge = _fused("_charge", ("count", "k", "task", *reward.STEP, "info"), _charge_lines())
+_charge_end = _fused("_charge_end", ("task", "progress", *reward.END, "info"), _charge_end_lines())
+_fill = _fused("_fill", ("count", "k", *observation.QUANTITIES, "observation"), _observe_lines())
+_tell_cost = _fused("_tell_cost", ("count", "k", "task", "tip", "info"), _info_lines({"cost", ""}, ("task", "tip")))
+_tell = _fused(
+    "_tell",
+    ("state", "law", "task", "energy", "modulus", "resistance", "info"),
+    _info_lines({"truth", "energy"}, info.MADE_OF),
+)
+
+N_FIELDS = np.int64(len(FIELDS))
+_TERMS = info.PLACES["reward_terms"]
+_FIRST_TERM, _LAST_TERM = np.int64(_TERMS.start), np.int64(_TERMS.stop)
 
 
 @njit_inline
-def counted(
-    tally: Tally,
-    task: Struct,
-    x: float,
+def begin_count(count: Struct, k: Integer, task: Struct, progress: Struct) -> None:
+    """Prepare the accumulators of lane ``k`` for a step."""
+    count.position[k], count.touched[k], count.furthest[k] = progress.position, progress.touched, progress.furthest
+    count.time[k], count.quiet[k], count.tip[k] = progress.time, progress.quiet, progress.tip
+    count.end[k], count.updates[k] = 0, 0
+    count.target[k], count.deadline[k] = task.target, task.deadline
+    count.force_limit_per_depth[k], count.friction_per_depth[k] = task.force_limit_per_depth, task.friction_per_depth
+    count.speed_min[k], count.speed_max[k] = task.speed_min, task.speed_max
+    _start(count, k)
+
+
+@njit_inline
+def count_lane(
+    count: Struct,
+    k: Integer,
+    position: float,
     velocity: float,
     force: float,
     felt: float,
-    a: float,
+    tip: float,
     jump: float,
     depth: float,
-) -> Tally:
-    """Return the tally one millisecond later.
+) -> None:
+    """Count one millisecond of lane ``k``; sets ``count.end``, an index in :data:`~cutenv.task.reward.ENDS`.
 
     Parameters
     ----------
-    tally : Tally
-        The tally before.
-    task : Record
-        Limits and target, by name as in :data:`~cutenv.task.episode_dtypes.TASK`.
-    x, velocity : float
+    count, k : Record, int
+        Accumulators of a row (:func:`count_dtype`), and the lane.
+    position, velocity : float
         Position [m] and velocity [m/s] of the blade.
     force, felt : float
         Force on the blade, true or measured; measured force [N].
-    a, jump : float
+    tip, jump : float
         Crack tip and unstable growth, true or estimated [m].
     depth : float
         Depth of cut at the blade [m].
     """
-    moved = x - tally.position
-    speed, size = abs(velocity), abs(force)
+    moved, speed, size = position - count.position[k], abs(velocity), abs(force)
     depth = max(depth, SHALLOWEST)
-    force_limit = task.force_limit_per_depth * depth
-
-    over_force = force_per_depth(size, depth) - FORCE_ALLOWED if size > FORCE_ALLOWED * depth else 0.0
-    backward = max(-moved, 0.0) if tally.touched == 1 else 0.0
-    furthest = max(tally.furthest, x)
-    time = tally.time + TICK
-    measured = speed == 0.0 or task.speed_min <= speed <= task.speed_max
-
-    unloaded = felt < task.friction_per_depth * depth + FORCE_UNLOADED
+    furthest = max(count.furthest[k], position)
+    unloaded = felt < count.friction_per_depth[k] * depth + FORCE_UNLOADED
     resting = speed < SPEED_AT_REST and unloaded and furthest >= TRAVEL_TO_FINISH
-    quiet = tally.quiet + TICK if resting else 0.0
-
-    end = 0
-    if time >= task.deadline - 0.5 * TICK:
-        end = _DEADLINE
-    if quiet >= TIME_AT_REST - 0.5 * TICK:
-        end = _FINISHED
-    if a > task.target + OVERSHOOT_ALLOWED:
-        end = _OVERSHOOT
-    if size > force_limit:
-        end = _FORCE_LIMIT
-
-    return Tally(
-        x,
-        1 if x > a else tally.touched,
-        furthest,
-        time,
-        quiet,
-        a,
-        end,
-        tally.updates + 1,
-        tally.out_of_range + (0 if measured else 1),
-        max(tally.over_limit, size - force_limit),
-        tally.uncontrolled + jump,
-        tally.jumped + jump**2,
-        tally.over_force + over_force,
-        tally.over_lag + min(max(lag(x, a) - LAG_ALLOWED, 0.0), LAG_CHARGED),
-        tally.backward + backward,
-        tally.haste + speed**2 * abs(moved),
-    )
-
-
-@njit_internal
-def assess(
-    task: Struct,
-    progress: Struct,
-    profile: Struct,
-    readings: StructArray,
-    from_truth: bool,
-    tips: StructArray,
-    jumps: StructArray,
-    terms: StructArray,
-) -> None:
-    """Charge one step to the reward's terms and determine whether the task has ended.
-
-    Parameters
-    ----------
-    task : Record
-        :data:`~cutenv.task.episode_dtypes.TASK`.
-    progress : Record
-        :data:`~cutenv.task.episode_dtypes.PROGRESS`, changed in place.
-    profile : Record
-        :data:`~cutenv.cutting.dtypes.PROFILE`: the tissue, true or nominal.
-    readings : Records
-        :data:`~cutenv.cutting.dtypes.READING`, shape (ticks,).
-    from_truth : bool
-        True: force on the blade, crack tip and unstable growth are the readings' true ones. False: the force is the
-        measured one and the others are estimates.
-    tips, jumps : array, shape (ticks,)
-        Estimates of the tip and of unstable growth at each tick [m].
-    terms : array, shape (12,)
-        Filled with the terms of this step in the order of :data:`~cutenv.task.episode_dtypes.TERMS`; their sum is the
-        reward.
-    """
-    tally = fresh(progress)
-    for i in range(len(readings)):
-        reading = readings[i]
-        tally = counted(
-            tally,
-            task,
-            reading.position,
-            reading.speed,
-            reading.true_force if from_truth else reading.force,
-            reading.force,
-            reading.tip if from_truth else tips[i],
-            reading.jump if from_truth else jumps[i],
-            depth_at(profile, reading.position),
-        )
-        if tally.end != 0:
-            break
-    charge(task, progress, profile, tally, readings[tally.updates - 1].angle, terms)
+    time, quiet = count.time[k] + TICK, count.quiet[k] + TICK if resting else 0.0
+    _add(
+        count, k, felt, size, count.force_limit_per_depth[k] * depth, depth, position, moved, speed, tip, jump,
+        count.touched[k], time, quiet, count.target[k], count.deadline[k], count.speed_min[k], count.speed_max[k],
+    )  # fmt: skip
+    count.touched[k] = 1 if position > tip else count.touched[k]
+    count.position[k], count.speed[k], count.tip[k] = position, velocity, tip
+    count.furthest[k], count.time[k], count.quiet[k] = furthest, time, quiet
+    count.updates[k] += 1
 
 
 @njit_inline
-def charge(task: Struct, progress: Struct, profile: Struct, tally: Tally, angle: float, terms: StructArray) -> None:
-    """Charge the accumulated costs of a step to the reward's terms; the blade ended at ``angle`` [rad]."""
-    L = task.target
-    progress.position, progress.touched, progress.furthest = tally.position, tally.touched, tally.furthest
-    progress.time, progress.quiet, progress.end = tally.time, tally.quiet, tally.end
-    tip_before = progress.tip
-    progress.tip, progress.angle = tally.tip, angle
-    progress.over_limit, progress.out_of_range = tally.over_limit, tally.out_of_range
-    progress.updates = tally.updates
-    progress.overshoot = overshoot(tally.tip, L)
+def conclude(
+    count: Struct,
+    k: Integer,
+    task: Struct,
+    progress: Struct,
+    profile: Struct,
+    measured: Struct,
+    felt: float,
+    angle: float,
+    action: StructArray,
+    info: Struct,
+    observation: StructArray,
+) -> None:
+    """Conclude the step of lane ``k``: charge the reward's terms, remember the progress, fill the observation.
 
-    terms[:] = 0.0
-    terms[_PROGRESS] = (min(tally.tip, L) - min(tip_before, L)) / L
-    terms[_UNCONTROLLED] -= task.uncontrolled * tally.uncontrolled / L
-    terms[_JUMP] -= task.jump * tally.jumped / (0.010 * 0.010)
-    terms[_FORCE] -= task.force * tally.over_force * TICK / 100.0
-    terms[_LAG] -= task.lag * tally.over_lag * TICK / 0.010
-    terms[_BACKWARD] -= task.backward * tally.backward / L
-    terms[_HASTE] -= task.haste * tally.haste / (2.0 * DECELERATION * TIP_TOLERANCE * L)
-    terms[_TIME] -= task.time * tally.updates * TICK / TIME_SCALE
-    if tally.end != 0:
-        charge_end(task, progress, profile, terms)
+    Parameters
+    ----------
+    count, k : Record, int
+        Accumulators of a row, and the lane.
+    task, progress : Record
+        :data:`~cutenv.task.episode_dtypes.TASK` and :data:`~cutenv.task.episode_dtypes.PROGRESS`; the latter is
+        changed.
+    profile, measured : Record
+        :data:`~cutenv.cutting.dtypes.PROFILE`: the tissue as assessed, true or nominal; that with the depth measured
+        beforehand.
+    felt, angle : float
+        Measured force [N] and angle of the blade [rad] at the end of the step.
+    action : array, shape (2,)
+        The step's action.
+    info, observation : Record, array of shape (12,)
+        Terms and cost of :data:`~cutenv.task.info.INFO`, and the observation: filled.
+    """
+    tip_before, tip = progress.tip, count.tip[k]
+    progress.position, progress.touched, progress.furthest = count.position[k], count.touched[k], count.furthest[k]
+    progress.time, progress.quiet, progress.end = count.time[k], count.quiet[k], count.end[k]
+    progress.tip, progress.angle, progress.updates = tip, angle, count.updates[k]
+    time_left = max(task.deadline - progress.time, 0.0)
+    _charge(count, k, task, progress.updates, task.target, tip, tip_before, time_left, info)
+    if progress.end != 0:
+        charge_end(task, progress, profile, info)
+    _tell_cost(count, k, task, tip, info)
+    _fill(
+        count, k, felt, progress.updates, progress.position, count.speed[k], angle,
+        depth_at(measured, progress.position), progress.time, task.target, task.deadline, action[0], action[1],
+        observation,
+    )  # fmt: skip
 
 
 @njit
-def charge_end(task: Struct, progress: Struct, profile: Struct, terms: StructArray) -> None:
+def charge_end(task: Struct, progress: Struct, profile: Struct, info: Struct) -> None:
     """Charge the terminal cost, the same for every end, and the additional cost of an end for safety."""
-    x = progress.position
-    a = progress.tip
-    stored = 0.5 * stiffness_at(profile, a)[0] * lag(x, a) ** 2
-    terms[_TIP] -= task.tip_error * min(tip_error(a, task.target) / TIP_TOLERANCE, TIP_ERROR_CAP)
-    terms[_WEDGE] -= wedge(progress.angle, task.wedge)  # weight times the wedge's width over depth
-    terms[_STORED] -= task.stored * min(stored / (toughness_at(profile, a) * 0.003), WORST_STORED)
-    if progress.end in (_FORCE_LIMIT, _OVERSHOOT):
-        time_left = max(task.deadline - progress.time, 0.0)
-        terms[_SAFETY] -= task.time * time_left / TIME_SCALE
-        terms[_SAFETY] -= task.tip_error * TIP_ERROR_CAP + task.wedge + task.stored * WORST_STORED
+    tip = progress.tip
+    stored = 0.5 * stiffness_at(profile, tip)[0] * lag(progress.position, tip) ** 2
+    _charge_end(
+        task, progress, progress.updates, task.target, tip, tip, max(task.deadline - progress.time, 0.0),
+        progress.angle, stored, toughness_at(profile, tip), info,
+    )  # fmt: skip
+
+
+@njit_inline
+def reward_of(numbers: StructArray, cut: Integer) -> float:
+    """Return the reward of a step: the sum of its terms in `info`, whose records are given as a flat float64 view."""
+    total = 0.0
+    for k in range(_FIRST_TERM, _LAST_TERM):
+        total += numbers[N_FIELDS * cut + k]
+    return total
+
+
+@njit_inline
+def add_terms(numbers: StructArray, totals: StructArray) -> float:
+    """Add the terms of one cut's step to the ``totals`` of its episode; return the step's reward."""
+    for k in range(len(totals)):
+        totals[k] += numbers[_FIRST_TERM + k]
+    return reward_of(numbers, 0)
+
+
+@njit_inline
+def tell(state: Struct, profile: Struct, law: Struct, task: Struct, specimen: Struct, info: Struct) -> None:
+    """Fill hidden state and energies of an :data:`~cutenv.task.info.INFO`."""
+    place = min(int(state.tip * POINTS_PER_METRE + 0.5), N_POINTS - 1)
+    _tell(state, law, task, account(state, profile), specimen.modulus[place], specimen.fracture_resistance[place], info)
+
+
+@njit
+def observe_rest(task: Struct, measured: Struct, angle: float, last_angle: float, observation: StructArray) -> None:
+    """Fill the observation at the start: the blade at rest at the clamp, force tared to zero."""
+    count = first_row(np.zeros(1, COUNT_ONE))
+    _fill(
+        count, 0, 0.0, 1, 0.0, 0.0, angle, depth_at(measured, 0.0), 0.0, task.target, task.deadline, 0.0, last_angle,
+        observation,
+    )  # fmt: skip
+
+
+@njit
+def assess_readings(
+    episodes: StructArray, readings: StructArray, action: StructArray, observation: StructArray
+) -> tuple[float, int]:
+    """Assess and observe a rig's readings since the last decision, with tip and runs estimated from the force.
+
+    Parameters
+    ----------
+    episodes : Records, shape (1,)
+        :data:`cutenv.task.cuts.EPISODE`, changed in place.
+    readings : Records
+        :data:`~cutenv.cutting.dtypes.READING`; those after an end do not count.
+    action, observation : array, shape (2,), (12,) float32
+        The step's action; the observation, filled.
+
+    Returns
+    -------
+    reward, end : float, int
+        The latter an index in :data:`~cutenv.task.reward.ENDS`.
+    """
+    e = episodes[0]
+    count, task, progress, nominal = first_row(e.counts), e.tasks[0], e.progresses[0], e.nominals[0]
+    begin_count(count, 0, task, progress)
+    felt = angle = 0.0
+    for i in range(len(readings)):
+        reading = readings[i]
+        felt, angle, position = reading.force, reading.angle, reading.position
+        tip, jump = estimated_tip(
+            task, progress, nominal, count.tip[0], round(count.time[0] / TICK) + 1, position, reading.speed, felt
+        )
+        count_lane(count, 0, position, reading.speed, felt, felt, tip, jump, depth_at(nominal, position))
+        if count.end[0] != 0:
+            break
+    conclude(count, 0, task, progress, nominal, nominal, felt, angle, action, e.infos[0], observation)
+    return add_terms(as_float64_view(e.infos), e.totals), progress.end
 
 
 @njit

@@ -8,8 +8,9 @@ from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._engine.jit import njit, njit_internal, njit_nogil
 from cutenv._engine.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, Integer, uniform_at
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
+from cutenv.task.assessment import observe_rest
 from cutenv.task.cuts import Cuts
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, fill
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE
 from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.grid import N_POINTS
 from cutenv.tissue.nominal import nominal_stiffness
@@ -48,19 +49,13 @@ def expect(nominal: Struct, profile: Struct) -> None:
         profile.toughness[i] = nominal.toughness_per_depth * depth
 
 
-@njit
-def rest(task: Struct, nominal: Struct, angle: float, observation: StructArray) -> None:
-    """Fill the observation at the start: the blade at rest at the clamp, force tared to zero."""
-    last_angle = (angle - ANGLE_CENTRE) / ANGLE_SCALE
-    fill(task, nominal, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, angle, 0.0, 0.0, last_angle, observation)
-
-
 @njit_nogil
 def begin_some(
     passed: WorkQueue,
     core: int,
     cuts: Cuts,
     start: Cuts,
+    expected: StructArray,
     which: StructArray,
     seeds: StructArray,
     episodes: StructArray,
@@ -78,12 +73,14 @@ def begin_some(
 
     Parameters
     ----------
-    passed, core : Portions, int
+    passed, core : WorkQueue, int
         Work queue over ``which`` and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
     cuts : Cuts
         n cuts; those in ``which`` are reset.
     start : Cuts
         One cut at its start with everything that all share; what depends on the key is filled in here.
+    expected : Records, shape (1,)
+        Mean tissue, :data:`cutenv.tissue.nominal.NOMINAL`, from which the profiles that a rig expects are made.
     which : array of int, shape (m,)
         Indices of the cuts to reset.
     seeds, episodes : array of uint64, shape (n,)
@@ -138,7 +135,8 @@ def begin_some(
                 profile.toughness[i] = fracture_share * along.fracture_resistance[i] * depth
                 profile.depth[i] = depth
         measure_depth(seed, episode, depth_noise, depth_modes, profile.depth, nominal.depth)
-        expect(start.expected[0], nominal)
-        rest(cuts.tasks[n], nominal, cuts.states[n].angle, observations[n])
+        expect(expected[0], nominal)
+        angle = cuts.states[n].angle
+        observe_rest(cuts.tasks[n], nominal, angle, (angle - ANGLE_CENTRE) / ANGLE_SCALE, observations[n])
         mark_done(passed, core, 1)
         k, end = next_chunk(passed, core, 1)

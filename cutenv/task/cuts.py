@@ -1,4 +1,4 @@
-"""Batch state and batch step: one compiled call advances, assesses and observes many cuts, on all cores."""
+"""Stepping cuts: one compiled call advances, assesses and observes one cut, or many on all cores."""
 
 from __future__ import annotations
 
@@ -8,35 +8,38 @@ import numpy as np
 
 from cutenv._base.arrays import Struct, StructArray
 from cutenv._engine.intrinsics import as_float64_view, prefetch, without_refcount
-from cutenv._engine.jit import njit, njit_inline, njit_internal, njit_nogil
+from cutenv._engine.jit import njit, njit_inline, njit_nogil
+from cutenv._engine.lanes import first_row
 from cutenv._engine.randomness import Integer
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
-from cutenv.cutting.abreast import update_row
 from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, STATE, TICK
-from cutenv.cutting.law import grid_index
-from cutenv.cutting.row import ABREAST, ROW, begin, put, take
+from cutenv.cutting.law import depth_at, grid_index
+from cutenv.cutting.row import LANES, ROW, Plain, begin, note, plain_views, put, take
 from cutenv.cutting.sensor import SENSOR, WRAP
-from cutenv.task.assessment import charge
-from cutenv.task.counting import COUNT, begin_count, count_one, count_row, observe_counted, tally_of
-from cutenv.task.episode_dtypes import PROGRESS, TASK, TERMS
-from cutenv.task.info import INFO_SIZE, INT_FIELDS, fill_info
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
-from cutenv.tissue.grid import N_POINTS
-from cutenv.tissue.nominal import NOMINAL
-
-SPECIMEN: np.dtype[Any] = np.dtype(
-    (np.record, [("modulus", "f8", (N_POINTS,)), ("fracture_resistance", "f8", (N_POINTS,))])
+from cutenv.cutting.update import update_row
+from cutenv.task.assessment import (
+    COUNT,
+    COUNT_ONE,
+    N_FIELDS,
+    add_terms,
+    begin_count,
+    conclude,
+    count_lane,
+    reward_of,
+    tell,
 )
-"""Properties of a specimen reported in `info` beyond its profile: modulus [Pa], fracture resistance [J/m2]."""
+from cutenv.task.episode_dtypes import PROGRESS, SPECIMEN, TASK
+from cutenv.task.info import INFO
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
+from cutenv.task.reward import TERMS
+from cutenv.task.tip_estimation import estimated_tip
 
 
 # Sizes of records in numbers.  Numba compiles a kernel anew for each literal integer argument, but not for these.
 _NONE = np.int64(0)
-_STATE, _LAW, _DRIVE, _SENSOR, _TASK, _PROGRESS, _TOLD = (
-    np.int64(size)
-    for size in (*(kind.itemsize // 8 for kind in (STATE, LAW, DRIVE, SENSOR, TASK, PROGRESS)), INFO_SIZE)
+_STATE, _LAW, _DRIVE, _SENSOR, _TASK, _PROGRESS = (
+    np.int64(kind.itemsize // 8) for kind in (STATE, LAW, DRIVE, SENSOR, TASK, PROGRESS)
 )
-_END, _UNITS, _OUT_OF_RANGE = range(len(INT_FIELDS))
 _LINE = 8  # 64-bit numbers in a cache line
 _AT_A_TIME = 4  # cuts of the next row that are prefetched during one millisecond of this one
 
@@ -53,8 +56,6 @@ class Cuts(NamedTuple):
     progresses: StructArray
     nominals: StructArray
     """Profiles that a rig expects."""
-    expected: StructArray
-    """Mean tissue that the nominal profiles are made from; shape (1,), the same for all cuts."""
     specimens: StructArray
 
     @classmethod
@@ -69,9 +70,68 @@ class Cuts(NamedTuple):
             tasks=np.zeros(count, TASK),
             progresses=np.zeros(count, PROGRESS),
             nominals=np.zeros(count, PROFILE),
-            expected=np.zeros(1, NOMINAL),
             specimens=np.zeros(count, SPECIMEN),
         )
+
+
+EPISODE: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            ("tasks", TASK, (1,)),
+            ("progresses", PROGRESS, (1,)),
+            ("nominals", PROFILE, (1,)),
+            ("specimens", SPECIMEN, (1,)),
+            ("infos", INFO, (1,)),  # of the last step
+            ("totals", "f8", (len(TERMS),)),  # sum of the reward's terms since reset
+            ("counts", COUNT_ONE, (1,)),  # memory of the calls
+        ],
+    )
+)
+"""One episode in one record, beside :data:`~cutenv.cutting.simulate.CUT`; each part is an array of shape (1,)."""
+
+
+@njit
+def step_one(
+    cuts: StructArray,
+    episodes: StructArray,
+    ticks: int,
+    from_truth: bool,
+    action: StructArray,
+    observations: StructArray,
+    readings: StructArray,
+) -> tuple[float, int]:
+    """Step one cut by one decision; return its reward and end.
+
+    Parameters
+    ----------
+    cuts, episodes : Records, shape (1,)
+        :data:`~cutenv.cutting.simulate.CUT` and :data:`EPISODE`, changed in place.
+    ticks, from_truth
+        See :func:`step_some`.
+    action, observations, readings : array, shape (1, 2), (1, 12) float32, Records of shape (1, ticks)
+        Action within [-1, 1]; observation and readings: filled.
+    """
+    c, e = cuts[0], episodes[0]
+    one = Cuts(c.states, c.profiles, c.laws, c.drives, c.sensors, e.tasks, e.progresses, e.nominals, e.specimens)
+    row, count = first_row(c.rows), first_row(e.counts)
+    plain, numbers = plain_views(c.rows, c.states, c.laws, c.drives), as_float64_view(e.infos)
+    _take(one, row, plain, count, action, 0, 0)
+    begin(row, plain, 1)
+    for i in range(ticks):
+        _advance(one, row, count, from_truth, readings, i)
+        if count.end[0] != 0:
+            break
+    put(row, plain, 0, 0)
+    _conclude(one, 0, row, count, 0, from_truth, action[0], observations[0], e.infos[0])
+    return add_terms(numbers, e.totals), count.end[0]
+
+
+@njit
+def tell_one(cuts: StructArray, episodes: StructArray) -> None:
+    """Fill the `info` of one cut at its start: no reward yet."""
+    c, e = cuts[0], episodes[0]
+    tell(c.states[0], c.profiles[0], c.laws[0], e.tasks[0], e.specimens[0], e.infos[0])
 
 
 @njit_nogil
@@ -85,15 +145,15 @@ def step_some(
     actions: StructArray,
     observations: StructArray,
     rewards: StructArray,
-    codes: StructArray,
-    told: StructArray,
+    ends: StructArray,
+    infos: StructArray,
     readings: StructArray,
 ) -> None:
     """Step n cuts by one decision.
 
     Parameters
     ----------
-    passed, core : Portions, int
+    passed, core : WorkQueue, int
         Work queue and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
     cuts : Cuts
         The cuts, changed in place.
@@ -105,91 +165,132 @@ def step_some(
         Mask of cuts to skip because they have ended.
     actions : array, shape (n, 2)
         Actions within [-1, 1].
-    observations, rewards, codes, told : array, shape (n, 12) float32, (n,), (3, n) int64, (n, 30)
-        Filled: ``codes`` as :data:`~cutenv.task.info.INT_FIELDS`, ``told`` by :func:`~cutenv.task.info.fill_info`.
+    observations, rewards, ends, infos : array, shape (n, 12) float32, (n,), (n,) int64, Records of shape (n,)
+        Filled: ``ends`` with indices in :data:`~cutenv.task.reward.ENDS`, ``infos`` as
+        :data:`~cutenv.task.info.INFO`.
     readings : Records, shape (n, ticks) or (0, 0)
         Filled with :data:`~cutenv.cutting.dtypes.READING` up to the end of a cut, unless it has no rows.
     """
     cuts = without_refcount(cuts)
-    waiting, actions, observations, rewards, codes, told = without_refcount(
-        (waiting, actions, observations, rewards, codes, told)
+    waiting, actions, observations, rewards, ends, infos, readings = without_refcount(
+        (waiting, actions, observations, rewards, ends, infos, readings)
     )
     # One buffer for all rows: it stays in the first-level cache.
-    rows, counts, terms = np.zeros(1, ROW), np.zeros(1, COUNT), np.empty(len(TERMS))
-    row, count, numbers = rows[0], counts[0], as_float64_view(rows)
-    plain = (
-        as_float64_view(cuts.states), as_float64_view(cuts.laws), as_float64_view(cuts.drives),
-        as_float64_view(cuts.sensors),
-        as_float64_view(cuts.tasks), as_float64_view(cuts.progresses), as_float64_view(told),
-    )  # fmt: skip
-    first, last = next_chunk(passed, core, ABREAST)
+    rows, counts = np.zeros(1, ROW), np.zeros(1, COUNT)
+    row, count = first_row(rows), first_row(counts)
+    plain = plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    fetched = flat_views(cuts, plain, infos)
+    first, last = next_chunk(passed, core, LANES)
     while first < last:
-        following = next_chunk(passed, core, ABREAST)
-        taken: Integer = _NONE
-        for n in range(first, last):
-            if waiting[n]:
-                rewards[n] = 0.0
-                codes[:, n] = 0
-            else:
-                take(
-                    row, numbers, plain[0], plain[1], plain[2], cuts.drives[n], cuts.sensors[n], cuts.profiles[n],
-                    taken, n,
-                )  # fmt: skip
-                begin_count(count, cuts.tasks[n], cuts.progresses[n], taken)
-                row.given[taken] = SPEED_SCALE * actions[n, 0]
-                row.aim[taken] = ANGLE_CENTRE + ANGLE_SCALE * actions[n, 1]
-                taken += 1
-        if taken > 0:
-            begin(row, numbers, taken)
-        for i in range(ticks + 1 if taken > 0 else 0):
-            _fetch_some(cuts, plain, i, following[0], following[1])
-            over = taken  # after the last millisecond, all of them
-            if i < ticks:
-                update_row(row, cuts.profiles, cuts.sensors, i == 0)
-                if len(readings) > 0:
-                    _note(row, readings, i)
-                over = _count(cuts, row, count, from_truth)
-            for k in range(taken if over > 0 else 0):
-                if row.going[k] == 1 and (i == ticks or count.end[k] != 0):
-                    c = row.cut[k]
-                    row.going[k] = 0
-                    put(numbers, plain[0], k, c)
-                    _conclude(cuts, c, row, count, k, from_truth, actions[c], terms, observations[c], told[c])
-                    rewards[c], codes[_END, c] = total(terms), cuts.progresses[c].end
-                    codes[_UNITS, c], codes[_OUT_OF_RANGE, c] = row.units[k], cuts.progresses[c].out_of_range
+        following = next_chunk(passed, core, LANES)
+        step_row(
+            cuts, row, count, plain, first, last, ticks, from_truth, waiting, actions, observations, rewards, ends,
+            infos, readings, fetched, following,
+        )  # fmt: skip
         mark_done(passed, core, last - first)
         first, last = following
 
 
-@njit_internal
-def _note(row: Struct, readings: StructArray, i: int) -> None:
-    """Record millisecond ``i`` of the cuts of a row that have not ended."""
-    for k in range(row.taken):
-        if row.going[k] == 1:
-            reading = readings[row.cut[k], i]
-            moved = row.backlash[k] > 0.0  # the encoder sits at the motor
-            reading.time = row.tick[k] * TICK
-            reading.force = row.felt[k]
-            reading.position = row.hand[k] if moved else row.blade[k]
-            reading.speed = row.hand_speed[k] if moved else row.speed[k]
-            reading.angle = row.angle[k]
-            reading.true_force = row.force[k]
-            reading.elastic_force = row.elastic[k]
-            reading.tip = row.tip[k]
-            reading.jump = row.jump[k]
+@njit_inline
+def step_row(
+    cuts: Cuts,
+    row: Struct,
+    count: Struct,
+    plain: Plain,
+    first: Integer,
+    last: Integer,
+    ticks: int,
+    from_truth: bool,
+    waiting: StructArray,
+    actions: StructArray,
+    observations: StructArray,
+    rewards: StructArray,
+    ends: StructArray,
+    infos: StructArray,
+    readings: StructArray,
+    fetched: tuple[StructArray, ...],
+    following: tuple[int, int],
+) -> None:
+    """Step the cuts from number ``first`` to before ``last``, at most a row, by one decision; see :func:`step_some`.
+
+    ``fetched`` are flat views of the records, of which those of the ``following`` row are prefetched meanwhile.
+    """
+    taken: Integer = _NONE
+    for n in range(first, last):
+        if waiting[n]:
+            rewards[n], ends[n] = 0.0, 0
+        else:
+            _take(cuts, row, plain, count, actions, taken, n)
+            taken += 1
+    if taken > 0:
+        begin(row, plain, taken)
+    for i in range(ticks + 1 if taken > 0 else 0):
+        _fetch_some(cuts, fetched, i, following[0], following[1])
+        over = taken  # after the last millisecond, all of them
+        if i < ticks:
+            over = _advance(cuts, row, count, from_truth, readings, i)
+        for k in range(taken if over > 0 else 0):
+            if row.going[k] == 1 and (i == ticks or count.end[k] != 0):
+                c = row.cut[k]
+                row.going[k] = 0
+                put(row, plain, k, c)
+                _conclude(cuts, c, row, count, k, from_truth, actions[c], observations[c], infos[c])
+                rewards[c], ends[c] = reward_of(fetched[-1], c), count.end[k]
 
 
 @njit_inline
-def _count(cuts: Cuts, row: Struct, count: Struct, from_truth: bool) -> int:
-    """Accumulate one millisecond of a row; return how many of its cuts end with it."""
-    if from_truth and row.slack == 0:
-        return count_row(row, count)
+def flat_views(cuts: Cuts, plain: Plain, infos: StructArray) -> tuple[StructArray, ...]:
+    """Return flat views of the records that :func:`step_row` prefetches, those of ``infos`` last."""
+    return (
+        plain.states, plain.laws, plain.drives, as_float64_view(cuts.sensors), as_float64_view(cuts.tasks),
+        as_float64_view(cuts.progresses), as_float64_view(infos),
+    )  # fmt: skip
+
+
+@njit_inline
+def _take(cuts: Cuts, row: Struct, plain: Plain, count: Struct, actions: StructArray, k: Integer, n: Integer) -> None:
+    """Load cut number ``n`` and its action into lane ``k``."""
+    take(row, plain, cuts.profiles[n], cuts.drives[n], cuts.sensors[n], k, n)
+    begin_count(count, k, cuts.tasks[n], cuts.progresses[n])
+    row.given[k] = SPEED_SCALE * actions[n, 0]
+    row.aim[k] = ANGLE_CENTRE + ANGLE_SCALE * actions[n, 1]
+
+
+@njit_inline
+def _advance(cuts: Cuts, row: Struct, count: Struct, from_truth: bool, readings: StructArray, i: int) -> int:
+    """Advance and count millisecond ``i`` of a row; return how many of its cuts end with it."""
+    update_row(row, cuts.profiles, cuts.sensors, TICK, i == 0)
     over = 0
-    for k in range(row.taken):
-        c = row.cut[k]
-        known = cuts.profiles[c] if from_truth else cuts.nominals[c]
-        over += count_one(row, count, k, cuts.tasks[c], cuts.progresses[c], known, from_truth)
+    if from_truth and row.slack == 0:
+        for k in range(len(row.blade)):
+            count_lane(
+                count, k, row.blade[k], row.speed[k], row.force[k], row.felt[k], row.tip[k], row.jump[k], row.depth[k]
+            )
+            over += 1 if row.going[k] == 1 and count.end[k] != 0 else 0
+    else:
+        for k in range(row.taken):
+            _count_as_seen(cuts, row, count, k, from_truth)
+            over += 1 if row.going[k] == 1 and count.end[k] != 0 else 0
+    for k in range(row.taken if len(readings) > 0 else 0):
+        if row.going[k] == 1:
+            note(row, k, readings[row.cut[k], i], TICK)
     return over
+
+
+@njit_inline
+def _count_as_seen(cuts: Cuts, row: Struct, count: Struct, k: int, from_truth: bool) -> None:
+    """Count a millisecond of lane ``k`` as a rig sees it: the motor's position, and the tip estimated unless known."""
+    c, felt, position, speed = row.cut[k], row.felt[k], row.blade[k], row.speed[k]
+    if row.backlash[k] > 0.0:  # the encoder sits at the motor
+        position, speed = row.hand[k], row.hand_speed[k]
+    force, tip, jump, known = row.force[k], row.tip[k], row.jump[k], cuts.profiles[c]
+    if not from_truth:
+        force, known = felt, cuts.nominals[c]
+        tip, jump = estimated_tip(
+            cuts.tasks[c], cuts.progresses[c], known, count.tip[k], round(count.time[k] / TICK) + 1, position, speed,
+            felt,
+        )  # fmt: skip
+    count_lane(count, k, position, speed, force, felt, tip, jump, depth_at(known, position))
 
 
 @njit_inline
@@ -201,31 +302,28 @@ def _conclude(
     k: int,
     from_truth: bool,
     action: StructArray,
-    terms: StructArray,
     observation: StructArray,
-    told: StructArray,
+    info: Struct,
 ) -> None:
     """Compute reward terms, observation and info for the step of cut number ``c``, in lane ``k`` of a row."""
-    task, progress, profile, nominal = cuts.tasks[c], cuts.progresses[c], cuts.profiles[c], cuts.nominals[c]
-    charge(task, progress, profile if from_truth else nominal, tally_of(count, k), row.angle[k], terms)
-    observe_counted(row, count, k, task, progress, nominal, action, observation)
-    specimen = cuts.specimens[c]
-    fill_info(
-        cuts.states[c], profile, cuts.laws[c], task, progress, specimen.modulus, specimen.fracture_resistance, terms,
-        told,
+    profile, nominal = cuts.profiles[c], cuts.nominals[c]
+    conclude(
+        count, k, cuts.tasks[c], cuts.progresses[c], profile if from_truth else nominal, nominal, row.felt[k],
+        row.angle[k], action, info, observation,
     )  # fmt: skip
+    tell(cuts.states[c], profile, cuts.laws[c], cuts.tasks[c], cuts.specimens[c], info)
 
 
 @njit_inline
-def _fetch_some(cuts: Cuts, plain: tuple[StructArray, ...], i: int, first: int, last: int) -> None:
+def _fetch_some(cuts: Cuts, fetched: tuple[StructArray, ...], i: int, first: int, last: int) -> None:
     """Prefetch part of the next row, cuts ``first`` to before ``last``, during millisecond ``i`` of this row.
 
     Thousands of cuts do not fit into the first-level cache.  Their records come first, because these contain the grid
     indices of tip and blade, and then the profiles there.
     """
     for c in range(first + _AT_A_TIME * i, min(first + _AT_A_TIME * (i + 1), last)):
-        _fetch_records(plain, c)
-    later = first + _AT_A_TIME * i - ABREAST
+        _fetch_records(fetched, c)
+    later = first + _AT_A_TIME * i - LANES
     for c in range(max(later, first), min(later + _AT_A_TIME, last)):
         _fetch_places(cuts.states[c], cuts.profiles[c], cuts.nominals[c], cuts.specimens[c], cuts.sensors[c])
 
@@ -233,13 +331,13 @@ def _fetch_some(cuts: Cuts, plain: tuple[StructArray, ...], i: int, first: int, 
 @njit_inline
 def _fetch_records(records: tuple[StructArray, ...], n: Integer) -> None:
     """Prefetch the records of cut ``n``, given as flat views."""
-    states, laws, drives, sensors, tasks, progresses, told = records
+    states, laws, drives, sensors, tasks, progresses, infos = records
     _fetch_lines(states, _STATE, n)
     _fetch_lines(laws, _LAW, n)
     _fetch_lines(drives, _DRIVE, n)
     _fetch_lines(tasks, _TASK, n)
     _fetch_lines(progresses, _PROGRESS, n)
-    _fetch_lines(told, _TOLD, n)
+    _fetch_lines(infos, N_FIELDS, n)
     prefetch(sensors, _SENSOR * n)
 
 
@@ -265,22 +363,8 @@ def _fetch_places(state: Struct, profile: Struct, nominal: Struct, specimen: Str
         prefetch(sensor.line, (state.tick + k) & WRAP)
 
 
-@njit_internal
-def total(terms: StructArray) -> float:
-    """Return the reward: the sum of its terms, in order."""
-    reward = 0.0
-    for k in range(len(terms)):
-        reward += terms[k]
-    return reward
-
-
 @njit
-def tell_of_all(cuts: Cuts, which: StructArray, told: StructArray) -> None:
-    """Fill ``told`` for the cuts with indices ``which`` at their start: no reward yet."""
-    terms = np.zeros(len(TERMS))
+def tell_of_all(cuts: Cuts, which: StructArray, infos: StructArray) -> None:
+    """Fill ``infos`` for the cuts with indices ``which`` at their start: no reward yet."""
     for n in which:
-        specimen = cuts.specimens[n]
-        fill_info(
-            cuts.states[n], cuts.profiles[n], cuts.laws[n], cuts.tasks[n], cuts.progresses[n],
-            specimen.modulus, specimen.fracture_resistance, terms, told[n],
-        )  # fmt: skip
+        tell(cuts.states[n], cuts.profiles[n], cuts.laws[n], cuts.tasks[n], cuts.specimens[n], infos[n])

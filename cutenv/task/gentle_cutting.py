@@ -6,18 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
-from cutenv._engine.jit import njit, njit_internal
-from cutenv.cutting.dtypes import PROFILE
+from cutenv._engine.jit import njit
+from cutenv.cutting.dtypes import PROFILE, READING
 from cutenv.plant.interface import Plant
-from cutenv.task.assessment import assess, charge_end, succeeded
-from cutenv.task.beginning import expect, rest
-from cutenv.task.cuts import total
-from cutenv.task.episode_dtypes import ENDS, EPISODE, STOPPED, TERMS
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, SPEED_SCALE, observe
-from cutenv.task.tip_estimation import estimate_tips
+from cutenv.plant.simulator import SimulatedPlant
+from cutenv.task.assessment import assess_readings, charge_end, observe_rest, succeeded
+from cutenv.task.beginning import expect
+from cutenv.task.cuts import EPISODE, Cuts, step_one, tell_one
+from cutenv.task.info import GROUPS, OUT_OF_RANGE, PLACES, WHOLE
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, SPEED_SCALE
+from cutenv.task.reward import ENDS, STOPPED, TERMS
 from cutenv.task.weights import Limits, RewardWeights, task_record
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.nominal import nominal_tissue
+
+_GROUPS = {group: tuple(field.name for field in fields) for group, fields in GROUPS.items()}
 
 
 def nominal_profile(tissue: TissueDescription, depth: NDArray[np.float64]) -> StructArray:
@@ -33,56 +36,8 @@ def _expect(nominal: StructArray, profiles: StructArray) -> None:
     expect(nominal[0], profiles[0])
 
 
-@njit
-def decide_from_truth(
-    episodes: StructArray,
-    truths: StructArray,
-    readings: StructArray,
-    action: StructArray,
-    terms: StructArray,
-    totals: StructArray,
-    observation: StructArray,
-) -> tuple[float, int, int]:
-    """Assess the readings since the last decision by the hidden state, and observe; structured arrays of length 1.
-
-    Returns the reward, the end as an index in :data:`~cutenv.task.episode_dtypes.ENDS`, and the number of readings
-    that count.
-    """
-    task, progress = episodes[0].task, episodes[0].progress
-    assess(task, progress, truths[0], readings, True, terms, terms, terms)  # no estimates are needed
-    observe(task, episodes[0].nominal, readings[: progress.updates], progress.time, action, observation)
-    return add(terms, totals), progress.end, progress.updates
-
-
-@njit
-def decide_from_estimate(
-    episodes: StructArray,
-    readings: StructArray,
-    tips: StructArray,
-    jumps: StructArray,
-    action: StructArray,
-    terms: StructArray,
-    totals: StructArray,
-    observation: StructArray,
-) -> tuple[float, int, int]:
-    """Assess and observe like :func:`decide_from_truth`, with tip and runs estimated from the measured force."""
-    task, progress, nominal = episodes[0].task, episodes[0].progress, episodes[0].nominal
-    estimate_tips(task, progress, nominal, readings, tips, jumps)
-    assess(task, progress, nominal, readings, False, tips, jumps, terms)
-    observe(task, nominal, readings[: progress.updates], progress.time, action, observation)
-    return add(terms, totals), progress.end, progress.updates
-
-
-@njit_internal
-def add(terms: StructArray, totals: StructArray) -> float:
-    """Add the terms of a step to the totals of the episode; return the reward, the sum of the step's terms."""
-    for k in range(len(terms)):
-        totals[k] += terms[k]
-    return total(terms)
-
-
 class GentleCutting:
-    """An episode: cut gently from the clamp to ``target_length``.
+    """An episode: cut gently from the clamp to ``target_length``, assessed by the rig's estimate of the tip.
 
     Parameters
     ----------
@@ -90,9 +45,6 @@ class GentleCutting:
         The tissue and blade to control; the blade stands at the clamp.
     tissue : TissueDescription
         The tissue that the rig assumes; gives the nominal stiffness and friction.
-    truth : Records, optional
-        The true profile, shape (1,), if the reward is to be assessed from hidden state; otherwise it is assessed from
-        the rig's estimate of the tip.
     friction_per_depth : float
         Friction of the moving blade over the depth of cut, true or nominal [N/m].
     target_length, deadline : float
@@ -108,7 +60,6 @@ class GentleCutting:
         weights: RewardWeights,
         limits: Limits,
         *,
-        truth: StructArray | None,
         friction_per_depth: float,
         target_length: float,
         deadline: float,
@@ -118,12 +69,10 @@ class GentleCutting:
         self.ticks = ticks
         self.target_length = target_length
         self.deadline = deadline
-        self.terms = np.zeros(len(TERMS))
-        self._totals = np.zeros(len(TERMS))
+        self._views: tuple[NDArray[np.float64], NDArray[np.int64]] | None = None
         self.last_action = np.zeros(2)
-        self.command = (0.0, ANGLE_CENTRE)
         self.episode = np.zeros(1, EPISODE)
-        self.episode["task"] = task_record(
+        self.episode["tasks"] = task_record(
             weights,
             limits,
             target_length=target_length,
@@ -131,21 +80,16 @@ class GentleCutting:
             friction_per_depth=friction_per_depth,
             speeds=(tissue.speed_min, tissue.speed_max),
         )
-        self.episode["nominal"] = nominal_profile(tissue, plant.depth)
-        self._truth = truth
-        self._tips, self._jumps = np.zeros(ticks), np.zeros(ticks)
+        self.episode["nominals"] = nominal_profile(tissue, plant.depth)
         self._felt: StructArray | None = None
         self._end = 0
         self._stopped = False
-        self.updates = 0
-        """Milliseconds of the last decision that count: all, or those up to the end."""
 
     def step(self, action: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
         """Command an action (2 numbers in [-1, 1]) for one decision; return observation, shape (12,), and reward."""
         speed, angle = action.tolist()
-        speed, angle = self.command = (SPEED_SCALE * speed, ANGLE_CENTRE + ANGLE_SCALE * angle)
         self.last_action = action
-        return self._decide(self.plant.advance(speed, angle, self.ticks))
+        return self._assess(self.plant.advance(SPEED_SCALE * speed, ANGLE_CENTRE + ANGLE_SCALE * angle, self.ticks))
 
     def stopped(self, readings: StructArray) -> tuple[NDArray[np.float32], float]:
         """End a cut whose plant was stopped by the rig's safety in the step after ``readings``; a safety end.
@@ -155,38 +99,27 @@ class GentleCutting:
         tuple of observation, shape (12,), and reward
             Same as for :meth:`step`.
         """
-        ticks = len(readings)
-        self._tips, self._jumps = np.zeros(ticks), np.zeros(ticks)
-        observation, reward = self._decide(readings)
+        observation, reward = self._assess(readings)
         if not self._end:
-            before = float(self.terms.sum())
-            was, self.progress["end"] = self.terms.copy(), ENDS.index("force_limit")
-            charge_end(self.task[0], self.progress[0], self.nominal[0], self.terms)
-            self._totals += self.terms - was
-            reward += float(self.terms.sum()) - before
-            self._end = int(self.progress["end"][0])
+            before = self.terms.copy()
+            self.progress["end"] = self._end = ENDS.index("force_limit")
+            charge_end(self.task[0], self.progress[0], self.nominal[0], self.episode["infos"][0, 0])
+            self.episode["totals"] += self.terms - before
+            reward += float(self.terms.sum()) - float(before.sum())
         self._stopped = True  # whatever end the readings show
         return observation, reward
 
-    def _decide(self, readings: StructArray) -> tuple[NDArray[np.float32], float]:
+    def _assess(self, readings: StructArray) -> tuple[NDArray[np.float32], float]:
         self._felt = readings
-        action = self.last_action
         observation = np.empty(len(COMPONENTS), np.float32)
-        if self._truth is None:
-            reward, self._end, self.updates = decide_from_estimate(
-                self.episode, readings, self._tips, self._jumps, action, self.terms, self._totals, observation
-            )  # fmt: skip
-        else:
-            reward, self._end, self.updates = decide_from_truth(
-                self.episode, self._truth, readings, action, self.terms, self._totals, observation
-            )  # fmt: skip
+        reward, self._end = assess_readings(self.episode, readings, self.last_action, observation)
         return observation, reward
 
     def rest(self, angle: float) -> NDArray[np.float32]:
         """Return the observation at the start: the blade at rest at the clamp, force tared to zero."""
         self.last_action = np.array([0.0, (angle - ANGLE_CENTRE) / ANGLE_SCALE])
         observation = np.empty(len(COMPONENTS), np.float32)
-        rest(self.task[0], self.nominal[0], angle, observation)
+        observe_rest(self.task[0], self.nominal[0], angle, self.last_action[1], observation)
         return observation
 
     @property
@@ -194,26 +127,53 @@ class GentleCutting:
         """Readings since the last decision that count; None before the first."""
         return None if self._felt is None else self._felt[: self.updates]
 
+    @property
+    def updates(self) -> int:
+        """Milliseconds of the last decision that count: all, or those up to the end."""
+        return int(self.progress["updates"][0])
+
     # Properties, not attributes: a deep copy must not refer to the original's arrays.
 
     @property
     def task(self) -> StructArray:
         """Limits, weights and target of the task, shape (1,)."""
-        return self.episode["task"]
+        return self.episode["tasks"][0]
 
     @property
     def progress(self) -> StructArray:
         """State of the assessment, shape (1,)."""
-        return self.episode["progress"]
+        return self.episode["progresses"][0]
 
     @property
     def nominal(self) -> StructArray:
         """The profile that a rig expects, shape (1,)."""
-        return self.episode["nominal"]
+        return self.episode["nominals"][0]
 
-    def assessment(self) -> tuple[StructArray, StructArray]:
-        """Return copies of the task and its progress for the compiled assessment, shape (1,) each."""
-        return self.task.copy(), self.progress.copy()
+    @property
+    def terms(self) -> NDArray[np.float64]:
+        """The reward of the last step by term, shape (12,): a view."""
+        return self._numbers()[0][PLACES["reward_terms"]]
+
+    def info(self) -> list[float]:
+        """Return the fields of the last step's info, :data:`cutenv.task.info.FIELDS`, whole numbers as int.
+
+        Hidden state and energies are those of a simulated cut; 0 for others.
+        """
+        floats, whole = self._numbers()
+        numbers: list[float] = floats.tolist()
+        for place in WHOLE:
+            numbers[place] = int(whole[place])
+        return numbers
+
+    def _numbers(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return the last info's record seen as float64 and as int64; kept, for making a view takes as long as a step."""
+        if self._views is None:
+            record = self.episode["infos"][0]
+            self._views = record.view(np.float64), record.view(np.int64)
+        return self._views
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "_views": None}  # those of a copy would refer to the original's record
 
     @property
     def end(self) -> str:
@@ -228,7 +188,7 @@ class GentleCutting:
     @property
     def speed_out_of_range(self) -> bool:
         """True if the blade moved outside the measured range of speed since the last decision."""
-        return bool(self.progress["out_of_range"][0] > 0)
+        return self.info()[OUT_OF_RANGE] > 0
 
     @property
     def time(self) -> float:
@@ -243,8 +203,7 @@ class GentleCutting:
     @property
     def cost(self) -> dict[str, float]:
         """Limit breaches: largest force above the limit in this step [N] and the tip's overshoot so far [m]."""
-        over_limit, overshoot = self.progress["over_limit"], self.progress["overshoot"]
-        return {"force_N": float(over_limit[0]), "overshoot_m": float(overshoot[0])}
+        return info_group(self.info(), "cost")
 
     @property
     def reward_terms(self) -> dict[str, float]:
@@ -254,9 +213,79 @@ class GentleCutting:
     @property
     def reward_totals(self) -> dict[str, float]:
         """The reward since the start by term; the sum is the return."""
-        return dict(zip(TERMS, self._totals.tolist(), strict=True))
+        return dict(zip(TERMS, self.episode["totals"][0].tolist(), strict=True))
 
     @property
     def force_limit_per_depth(self) -> float:
         """Force per depth of cut above which the task ends [N/m]."""
         return float(self.task[0]["force_limit_per_depth"])
+
+
+class SimulatedCutting(GentleCutting):
+    """An episode on a simulated plant: each step is one compiled call, which stops where the cut ends.
+
+    Parameters
+    ----------
+    plant : SimulatedPlant
+        The tissue and blade to control; the blade stands at the clamp.
+    from_truth : bool
+        True: the reward is assessed from hidden state. False: from the rig's estimate of the tip.
+    tissue, weights, limits, friction_per_depth, target_length, deadline, ticks
+        See :class:`GentleCutting`.
+    """
+
+    plant: SimulatedPlant
+
+    def __init__(
+        self,
+        plant: SimulatedPlant,
+        tissue: TissueDescription,
+        weights: RewardWeights,
+        limits: Limits,
+        *,
+        from_truth: bool = True,
+        friction_per_depth: float,
+        target_length: float,
+        deadline: float,
+        ticks: int,
+    ) -> None:
+        super().__init__(
+            plant,
+            tissue,
+            weights,
+            limits,
+            friction_per_depth=friction_per_depth,
+            target_length=target_length,
+            deadline=deadline,
+            ticks=ticks,
+        )
+        self.from_truth = from_truth
+        self._recorded: StructArray = np.zeros((1, ticks), READING)
+        self.episode["specimens"]["modulus"] = plant.specimen.modulus
+        self.episode["specimens"]["fracture_resistance"] = plant.specimen.fracture_resistance
+
+    def step(self, action: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
+        """Command an action (2 numbers in [-1, 1]) for one decision; return observation, shape (12,), and reward."""
+        self.last_action = action
+        observation = np.empty((1, len(COMPONENTS)), np.float32)
+        reward, self._end = step_one(
+            self.plant.cuts, self.episode, self.ticks, self.from_truth, action.reshape(1, 2), observation,
+            self._recorded,
+        )  # fmt: skip
+        self._felt = self._recorded[0]
+        return observation[0], reward
+
+    def snapshot(self) -> Cuts:
+        """Return copies of everything about the cut, each of shape (1,); hidden truth included."""
+        parts = (self.episode[name][0].copy() for name in ("tasks", "progresses", "nominals", "specimens"))
+        return Cuts(*self.plant.snapshot(), *parts)
+
+    def rest(self, angle: float) -> NDArray[np.float32]:
+        """Return the observation at the start: the blade at rest at the clamp, force tared to zero."""
+        tell_one(self.plant.cuts, self.episode)
+        return super().rest(angle)
+
+
+def info_group(numbers: list[float], group: str) -> dict[str, float]:
+    """Return one group of the fields of :meth:`GentleCutting.info` by name."""
+    return dict(zip(_GROUPS[group], numbers[PLACES[group]], strict=True))

@@ -1,85 +1,94 @@
-"""Layout of `info`: hidden state, energies, reward terms, limit breaches. For people and tests, never for policies."""
+"""Fields of `info`: hidden state, energies, reward terms, limit breaches. For people and tests, never for policies."""
 
 from __future__ import annotations
 
-from cutenv._base.arrays import Struct, StructArray
-from cutenv._engine.jit import njit, njit_inline
-from cutenv.cutting.law import initiation_excess
-from cutenv.cutting.simulate import ENERGIES, account
-from cutenv.task.episode_dtypes import TERMS
-from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
+from dataclasses import dataclass
+from typing import Any
 
-TRUTH = (
-    "tip_m",
-    "blade_m",
-    "fracture_resistance_J_m2",
-    "modulus_Pa",
-    "initiation_excess",
-    "units",
-    "uncontrolled_m",
-    "target_length_m",
+import numpy as np
+
+from cutenv._engine.fuse import Formula
+from cutenv.cutting.law import initiation_excess  # noqa: F401  used by a formula
+from cutenv.cutting.simulate import EnergyAccount
+from cutenv.task.reward import TERMS
+from cutenv.task_quantities import overshoot
+
+
+@dataclass(frozen=True, kw_only=True)
+class InfoField:
+    """One number of `info`, in SI units.
+
+    In its formulas ``total`` is what the milliseconds of the step add up to.
+    """
+
+    name: str
+    group: str = ""
+    """Dictionary of `info` that holds it; empty: `info` itself."""
+    whole: bool = False
+    """True: a whole number."""
+    value: Formula | None = None
+    """Its value, of quantities of :data:`MADE_OF`; None: a term of the reward."""
+    each: Formula | None = None
+    """What is added up at every millisecond."""
+    fold: Formula | None = None
+    """What ``total`` becomes at every millisecond, for what is not a sum; from 0."""
+
+
+MADE_OF = ("state", "law", "task", "tip", "energy", "modulus", "resistance")
+"""Quantities of a field: records of the cut, tip as assessed [m], energy account, modulus and resistance at the tip."""
+
+FIELDS = (
+    InfoField(name="tip_m", group="truth", value=lambda state: state.tip),
+    InfoField(name="blade_m", group="truth", value=lambda state: state.blade),
+    InfoField(name="fracture_resistance_J_m2", group="truth", value=lambda resistance: resistance),
+    InfoField(name="modulus_Pa", group="truth", value=lambda modulus: modulus),
+    InfoField(name="initiation_excess", group="truth", value=lambda law, state: initiation_excess(law, state.pushing)),
+    InfoField(name="units", group="truth", whole=True, value=lambda state: state.units),
+    InfoField(name="uncontrolled_m", group="truth", value=lambda state: state.uncontrolled),
+    InfoField(name="target_length_m", group="truth", value=lambda task: task.target),
+    InfoField(name="work", group="energy", value=lambda energy: energy.work),
+    InfoField(name="stored", group="energy", value=lambda energy: energy.stored),
+    InfoField(name="fracture", group="energy", value=lambda energy: energy.fracture),
+    InfoField(name="friction", group="energy", value=lambda energy: energy.friction),
+    InfoField(name="loss", group="energy", value=lambda energy: energy.loss),
+    InfoField(name="ledger", group="energy", value=lambda energy: energy.ledger),
+    InfoField(name="residual", group="energy", value=lambda energy: energy.residual),
+    *(InfoField(name=name, group="reward_terms") for name in TERMS),
+    InfoField(
+        name="force_N",
+        group="cost",
+        fold=lambda total, force, force_limit: max(total, force - force_limit),
+        value=lambda total: total,
+    ),
+    InfoField(name="overshoot_m", group="cost", value=lambda tip, task: overshoot(tip, task.target)),
+    InfoField(
+        name="out_of_range",
+        whole=True,
+        each=lambda speed, speed_min, speed_max: 0 if speed == 0.0 or speed_min <= speed <= speed_max else 1,
+        value=lambda total: total,
+    ),
 )
-"""The hidden state: tip, blade, resistance and modulus at the tip, eta, number and length of runs, target."""
-COST = ("force_N", "overshoot_m")
-"""Limit breaches: largest force above the limit in the step, overshoot of the tip so far."""
-
-GROUPS = {"truth": TRUTH, "energy": ENERGIES, "reward_terms": TERMS, "cost": COST}
-"""Groups of numbers in `info`, in SI units and this order, followed by the flag for a speed out of range."""
-INFO_SIZE = sum(len(names) for names in GROUPS.values()) + 1
-"""Number of values in `info`."""
-
-INT_FIELDS = ("end", "units", "out_of_range")
-"""Integer values: the end as an index in ENDS, number of runs so far, updates of the step out of range."""
-
-_ENERGY = len(TRUTH)
-_TERMS = _ENERGY + len(ENERGIES)
-_COST = _TERMS + len(TERMS)
-INFO_FIELDS = tuple(
-    (group, names, slice(first, first + len(names)))
-    for (group, names), first in zip(GROUPS.items(), (0, _ENERGY, _TERMS, _COST), strict=True)
-)
-"""Group, names and slice of each group in the array of values."""
+"""Fields in order: truth (hidden state), energy (account since reset), reward_terms and cost of the step (largest force
+above the limit, overshoot so far), and the updates of the step at a speed outside the measured range."""
 
 
-@njit_inline
-def fill_info(
-    state: Struct,
-    profile: Struct,
-    law: Struct,
-    task: Struct,
-    progress: Struct,
-    modulus: StructArray,
-    resistance: StructArray,
-    terms: StructArray,
-    told: StructArray,
-) -> None:
-    """Fill ``told``, shape (30,); ``modulus`` [Pa] and ``resistance`` [J/m2] are the specimen's, shape (301,)."""
-    place = min(int(state.tip * POINTS_PER_METRE + 0.5), N_POINTS - 1)
-    told[0] = state.tip
-    told[1] = state.blade
-    told[2] = resistance[place]
-    told[3] = modulus[place]
-    told[4] = initiation_excess(law, state.pushing)
-    told[5] = state.units
-    told[6] = state.uncontrolled
-    told[7] = task.target
-    account(state, profile, told[_ENERGY:_TERMS])
-    for k in range(len(terms)):
-        told[_TERMS + k] = terms[k]
-    told[_COST] = progress.over_limit
-    told[_COST + 1] = progress.overshoot
-    told[_COST + 2] = progress.out_of_range
+def column(field: InfoField) -> str:
+    """Return the name of a field in :data:`INFO`."""
+    return f"{field.group}_{field.name}" if field.group else field.name
 
 
-@njit
-def fill_info_of_one(
-    cuts: StructArray,
-    episodes: StructArray,
-    modulus: StructArray,
-    resistance: StructArray,
-    terms: StructArray,
-    told: StructArray,
-) -> None:
-    """Fill ``told`` for one cut and its episode, shape (1,) each, by :func:`fill_info`."""
-    c, e = cuts[0], episodes[0]
-    fill_info(c.state, c.profile, c.law, e.task, e.progress, modulus, resistance, terms, told)
+INFO: np.dtype[Any] = np.dtype((np.record, [(column(field), "i8" if field.whole else "f8") for field in FIELDS]))
+"""Structured dtype of all fields."""
+GROUPS = {
+    group: tuple(field for field in FIELDS if field.group == group)
+    for group in dict.fromkeys(field.group for field in FIELDS if field.group)
+}
+"""Fields of each group."""
+PLACES = {group: slice(FIELDS.index(fields[0]), FIELDS.index(fields[-1]) + 1) for group, fields in GROUPS.items()}
+"""Place of each group in a record, counted in fields, each 8 bytes wide."""
+WHOLE = tuple(number for number, field in enumerate(FIELDS) if field.whole)
+"""Places of the whole numbers."""
+OUT_OF_RANGE = [field.name for field in FIELDS].index("out_of_range")
+"""Place of the updates out of range."""
+
+assert tuple(field.name for field in GROUPS["energy"]) == EnergyAccount._fields

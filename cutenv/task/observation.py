@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cutenv._base.arrays import Struct, StructArray
+from cutenv._base.arrays import StructArray
 from cutenv._base.validation import in_range
-from cutenv._engine.jit import njit, njit_internal
-from cutenv.cutting.law import depth_at
+from cutenv._engine.fuse import Formula
+from cutenv._engine.jit import njit
 
 SPEED_SCALE = 0.0254
 """Speed of action 1 [m/s]: the fastest measured."""
@@ -23,96 +23,108 @@ CLIP = 10.0
 """Bound to which observations are clipped in either direction."""
 
 
-@dataclass(frozen=True)
+QUANTITIES = (
+    "felt", "updates", "position", "speed", "angle", "depth", "time", "target", "deadline", "last_speed", "last_angle",
+)  # fmt: skip
+"""Quantities that a component is made of, in SI units: measured force, number of milliseconds of the step; position,
+speed and angle of the blade, depth of cut there as measured beforehand; time since reset; target length and deadline of
+the task; last action.  Those of a millisecond are in :data:`cutenv.task.reward.MOMENT`."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Component:
-    """One component of the observation: (value - offset) / scale, value in ``unit``."""
+    """One component of the observation: (value - offset) / scale, value in ``unit``.
+
+    In its formulas ``total`` is what the milliseconds since the last decision add up to.
+    """
 
     name: str
     meaning: str
     unit: str
     scale: float
     offset: float = 0.0
+    value: Formula
+    """Its value in ``unit``."""
+    each: Formula | None = None
+    """What is added up at every millisecond."""
+    fold: Formula | None = None
+    """What ``total`` becomes at every millisecond, for what is not a sum."""
+    start: float = 0.0
+    """What ``total`` begins with."""
 
 
 COMPONENTS = (
-    Component("force", "force now", "N", 5.0),
-    Component("force_mean", "its mean since the last decision", "N", 5.0),
-    Component("force_min", "its minimum since the last decision", "N", 5.0),
-    Component("force_max", "its maximum since the last decision", "N", 5.0),
-    Component("position", "blade, from the clamp", "m", 0.1),
-    Component("speed", "of the blade", "m/s", SPEED_SCALE),
-    Component("angle", "of the blade; 90 degrees is upright", "rad", ANGLE_SCALE, ANGLE_CENTRE),
-    Component("depth", "of cut at the blade, as measured beforehand", "m", 0.02),
-    Component("distance", "from blade to target", "m", 0.1),
-    Component("time_left", "until the deadline", "s", 30.0),
-    Component("last_speed", "last action: target speed", "1", 1.0),
-    Component("last_angle", "last action: target angle", "1", 1.0),
+    Component(name="force", meaning="force now", unit="N", scale=5.0, value=lambda felt: felt),
+    Component(
+        name="force_mean",
+        meaning="its mean since the last decision",
+        unit="N",
+        scale=5.0,
+        each=lambda felt: felt,
+        value=lambda total, updates: total / updates,
+    ),
+    Component(
+        name="force_min",
+        meaning="its minimum since the last decision",
+        unit="N",
+        scale=5.0,
+        start=math.inf,
+        fold=lambda total, felt: min(total, felt),
+        value=lambda total: total,
+    ),
+    Component(
+        name="force_max",
+        meaning="its maximum since the last decision",
+        unit="N",
+        scale=5.0,
+        start=-math.inf,
+        fold=lambda total, felt: max(total, felt),
+        value=lambda total: total,
+    ),
+    Component(name="position", meaning="blade, from the clamp", unit="m", scale=0.1, value=lambda position: position),
+    Component(name="speed", meaning="of the blade", unit="m/s", scale=SPEED_SCALE, value=lambda speed: speed),
+    Component(
+        name="angle",
+        meaning="of the blade; 90 degrees is upright",
+        unit="rad",
+        scale=ANGLE_SCALE,
+        offset=ANGLE_CENTRE,
+        value=lambda angle: angle,
+    ),
+    Component(
+        name="depth",
+        meaning="of cut at the blade, as measured beforehand",
+        unit="m",
+        scale=0.02,
+        value=lambda depth: depth,
+    ),
+    Component(
+        name="distance",
+        meaning="from blade to target",
+        unit="m",
+        scale=0.1,
+        value=lambda target, position: target - position,
+    ),
+    Component(
+        name="time_left",
+        meaning="until the deadline",
+        unit="s",
+        scale=30.0,
+        value=lambda deadline, time: deadline - time,
+    ),
+    Component(
+        name="last_speed", meaning="last action: target speed", unit="1", scale=1.0, value=lambda last_speed: last_speed
+    ),
+    Component(
+        name="last_angle", meaning="last action: target angle", unit="1", scale=1.0, value=lambda last_angle: last_angle
+    ),
 )
 """Components of the observation, in order."""
+NAMES = tuple(component.name for component in COMPONENTS)
+"""Their names."""
 
 SCALES = np.array([component.scale for component in COMPONENTS])
 OFFSETS = np.array([component.offset for component in COMPONENTS])
-
-
-@njit_internal
-def observe(
-    task: Struct,
-    measured: Struct,
-    readings: StructArray,
-    time: float,
-    last_action: StructArray,
-    observation: StructArray,
-) -> None:
-    """Fill ``observation``, shape (12,) float32, from the readings since the last decision.
-
-    ``measured`` is the profile with the depth measured beforehand; ``time`` is since reset [s].
-    """
-    low = high = readings[0].force
-    total = 0.0
-    for i in range(len(readings)):
-        total += readings[i].force
-        low = min(low, readings[i].force)
-        high = max(high, readings[i].force)
-    last = readings[len(readings) - 1]
-    fill(
-        task, measured, last.force, total / len(readings), low, high, last.position, last.speed, last.angle, time,
-        last_action[0], last_action[1], observation,
-    )  # fmt: skip
-
-
-@njit_internal
-def fill(
-    task: Struct,
-    measured: Struct,
-    force: float,
-    mean: float,
-    low: float,
-    high: float,
-    position: float,
-    speed: float,
-    angle: float,
-    time: float,
-    last_speed: float,
-    last_angle: float,
-    observation: StructArray,
-) -> None:
-    """Fill ``observation`` from values in SI units: scaled, then clipped to :data:`CLIP`."""
-    values = (
-        force,
-        mean,
-        low,
-        high,
-        position,
-        speed,
-        angle,
-        depth_at(measured, position),
-        task.target - position,
-        task.deadline - time,
-        last_speed,
-        last_angle,
-    )
-    for k in range(len(values)):
-        observation[k] = min(max((values[k] - OFFSETS[k]) / SCALES[k], -CLIP), CLIP)
 
 
 @njit

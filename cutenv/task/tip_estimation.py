@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cutenv._base.arrays import Struct, StructArray
+from cutenv._base.arrays import Struct
 from cutenv._engine.jit import njit_inline, njit_internal
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import depth_at, stiffness_at
@@ -20,20 +20,6 @@ _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
 def dragged(bristle: float, moved: float) -> float:
     """Return the deflection [m] of friction's bristles after the blade has moved: limited to the presliding length."""
     return min(max(bristle + moved, -PRESLIDING), PRESLIDING)
-
-
-@njit_internal
-def estimate_tips(
-    task: Struct, progress: Struct, nominal: Struct, readings: StructArray, tips: StructArray, jumps: StructArray
-) -> None:
-    """Fill ``tips`` [m] and ``jumps`` [m], shape (ticks,), from the readings."""
-    a = progress.tip
-    tick = round(progress.time / TICK)
-    for i in range(len(readings)):
-        tick += 1
-        reading = readings[i]
-        a, jumps[i] = estimated_tip(task, progress, nominal, a, tick, reading.position, reading.speed, reading.force)
-        tips[i] = a
 
 
 @njit_internal

@@ -9,37 +9,49 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cutenv._base.arrays import StructArray
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv.task.episode_dtypes import TASK
+from cutenv.task.reward import REWARD
 from cutenv.task_quantities import FORCE_LIMIT_PER_DEPTH
 
 
-def _weight(default: float, title: str, why: str) -> Any:
-    return parameter(default, unit="1", low=0.0, high=100.0, provenance="choice", source=why, title=title)
+if TYPE_CHECKING:
 
+    @dataclass(frozen=True, kw_only=True)
+    class RewardWeights:
+        """Weights of the costs; each cost is charged as it occurs, so that ending early saves nothing."""
 
-@dataclass(frozen=True, kw_only=True)
-class RewardWeights:
-    """Weights of the costs; each cost is charged as it occurs, so that ending early saves nothing."""
+        def __init__(self, **weights: float) -> None: ...
 
-    uncontrolled: float = _weight(0.15, "uncontrolled advance", "per target length of unstable growth")
-    jump: float = _weight(0.05, "large jumps", "per (run of 10 mm) squared")
-    force: float = _weight(0.02, "force per depth", "per 100 N/m s of force per depth above 400 N/m")
-    lag: float = _weight(0.03, "lag", "per 10 mm s of lag above 10 mm, up to 20 mm")
-    backward: float = _weight(0.15, "backing up", "per target length of backward travel")
-    haste: float = _weight(0.1, "too fast to stop", "per target length at a speed that takes 3 mm to stop from")
-    time: float = _weight(0.15, "time", "per 30 s")
-    tip_error: float = _weight(0.2, "tip error", "at the end, per 3 mm, up to 9 mm")
-    wedge: float = _weight(0.2, "wedge left", "at the end, per wedge as wide as deep")
-    stored: float = _weight(0.1, "left loaded", "at the end, per fracture energy of 3 mm, up to 6 mm")
+        def __getattr__(self, name: str) -> float: ...
 
-    def __post_init__(self) -> None:
-        check_parameters(self)
+else:
+    RewardWeights = dataclasses.make_dataclass(
+        "RewardWeights",
+        [
+            (
+                term.name,
+                float,
+                parameter(
+                    term.weight, unit="1", low=0.0, high=100.0, provenance="choice", source=term.per, title=term.title
+                ),
+            )
+            for term in REWARD
+            if term.weight is not None
+        ],
+        namespace={
+            "__module__": __name__,
+            "__doc__": "Weights of the costs; each cost is charged as it occurs, so that ending early saves nothing.",
+            "__post_init__": check_parameters,
+        },
+        frozen=True,
+        kw_only=True,
+    )
 
 
 DRAFT = RewardWeights(

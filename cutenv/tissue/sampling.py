@@ -81,16 +81,11 @@ def sampler(tissue: TissueDescription) -> NDArray[Any]:
     record["resistance_within_sigma"] = lognormal_sigma(tissue.fracture_within_cut_cv)
     record["friction_share"] = tissue.friction_share
     record["depth"] = bulge_of(tissue)
-    record["slab"] = tissue.slab()
-    _fill_effective_depth(record, tissue.thickness)
+    slab = record["slab"] = tissue.slab()
+    recipe = record[0]
+    partial_depth(slab, recipe["depth"], tissue.thickness, recipe["effective_depth"], recipe["share"])
     record.setflags(write=False)
     return record
-
-
-@njit
-def _fill_effective_depth(recipes: Array, thickness: float) -> None:
-    recipe = recipes[0]
-    partial_depth(recipe.slab, recipe.depth, thickness, recipe.effective_depth, recipe.share)
 
 
 @lru_cache(maxsize=8)

@@ -97,8 +97,13 @@ def _kept(name: str) -> dict[str, Any]:
 
 @njit
 def _prepare(slabs: Array) -> None:
-    tip_stiffness(slabs[0], np.ones(ROWS), slabs[0].uniform)
-    between_tips(slabs[0].tips, slabs[0].kappa)
+    uniform, tips, kappa = np.ones(ROWS), np.empty(ROWS), np.empty(N_POINTS)  # not the record's, of another type,
+    tip_stiffness(slabs[0], np.ones(ROWS), uniform)  # for which the functions would be compiled again
+    for j in range(ROWS):
+        slabs[0].uniform[j], tips[j] = uniform[j], slabs[0].tips[j]
+    between_tips(tips, kappa)
+    for i in range(N_POINTS):
+        slabs[0].kappa[i] = kappa[i]
 
 
 def stiffness_along(slab: NDArray[Any], modulus: Array, depth: Array, thickness: float) -> Array:
@@ -111,15 +116,13 @@ def stiffness_along(slab: NDArray[Any], modulus: Array, depth: Array, thickness:
         Modulus of the material [Pa]; depth of the cut [m], up to ``thickness`` [m].
     """
     stiffness, effective, share = np.empty(N_POINTS), np.empty(N_POINTS), np.empty(N_POINTS)
-    _stiffness_along(slab, modulus, depth, thickness, effective, share, stiffness)
+    partial_depth(slab, depth, thickness, effective, share)
+    _stiffness_along(slab, modulus, effective, share, stiffness)
     return stiffness
 
 
 @njit
-def _stiffness_along(
-    slabs: Array, modulus: Array, depth: Array, thickness: float, effective: Array, share: Array, stiffness: Array
-) -> None:
-    partial_depth(slabs[0], depth, thickness, effective, share)
+def _stiffness_along(slabs: Array, modulus: Array, effective: Array, share: Array, stiffness: Array) -> None:
     fill_stiffness(slabs[0], modulus, effective, share, stiffness)
 
 
@@ -281,11 +284,11 @@ def _end_slope(near: float, far: float) -> float:
     return slope
 
 
-@njit_internal
-def partial_depth(slab: Struct, depth: Array, thickness: float, effective: Array, share: Array) -> None:
+@njit
+def partial_depth(slabs: Array, depth: Array, thickness: float, effective: Array, share: Array) -> None:
     """Fill ``effective`` with the effective depth T g [m] and ``share`` with c, for the depth at each of 301 points."""
     for i in range(N_POINTS):
-        effective[i], share[i] = at_depth(slab, i, depth[i], thickness)
+        effective[i], share[i] = at_depth(slabs[0], i, depth[i], thickness)
 
 
 @njit_inline

@@ -10,10 +10,12 @@ import numpy as np
 
 from cutenv._base.arrays import StructArray
 from cutenv._engine.jit import njit
-from cutenv.cutting.dtypes import LAW, PROFILE, STATE, TICK, new_state
-from cutenv.cutting.law import cut
+from cutenv._engine.lanes import first_row
+from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, STATE, TICK, new_state
 from cutenv.cutting.parameters import LawParameters, law_records, profile_records
+from cutenv.cutting.row import ONE, begin, plain_views, put, take_tissue
 from cutenv.cutting.sensor import SENSOR, SensorParameters, measure, sensor_records
+from cutenv.cutting.update import cut_row
 from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.rig.errors import RigError
 from cutenv.tissue.description import TissueDescription
@@ -26,10 +28,12 @@ _TISSUE: np.dtype[Any] = np.dtype(
     (
         np.record,
         [
-            ("state", STATE),
-            ("profile", PROFILE),
-            ("law", LAW),
-            ("sensor", SENSOR),
+            ("states", STATE, (1,)),
+            ("profiles", PROFILE, (1,)),
+            ("laws", LAW, (1,)),
+            ("drives", DRIVE, (1,)),  # unused: the motor is emulated
+            ("sensors", SENSOR, (1,)),
+            ("rows", ONE, (1,)),  # memory of the calls
             ("free_air", "i8"),
             ("extra", "f8"),  # [N] added force
             ("true_force", "f8"),  # [N] on the blade
@@ -42,18 +46,23 @@ _TISSUE: np.dtype[Any] = np.dtype(
 def feel(tissues: StructArray, position: float, angle: float, dt: float) -> float:
     """Move the blade to ``position`` [m] and ``angle`` [rad] in ``dt`` [s]; return the sensor's reading [N]."""
     tissue = tissues[0]
-    state = tissue.state
+    state, row = tissue.states[0], first_row(tissue.rows)
     force = tissue.extra
-    dx = position - state.blade
     if tissue.free_air:
+        state.speed = (position - state.blade) / dt
         state.blade = position
+        state.tick += 1
     else:
-        elastic, friction, _ = cut(state, tissue.profile, tissue.law, dx, angle, dt)
-        force += elastic + friction
-    state.speed = dx / dt
-    state.tick += 1
+        plain = plain_views(tissue.rows, tissue.states, tissue.laws, tissue.drives)
+        take_tissue(row, plain, tissue.profiles[0], 0, 0)
+        begin(row, plain, 1)
+        row.dx[0], row.next_angle[0] = position - row.blade[0], angle
+        row.turns = 1 if angle != row.angle[0] else 0
+        cut_row(row, tissue.profiles, dt)
+        put(row, plain, 0, 0)
+        force += row.force[0]
     tissue.true_force = force
-    return measure(tissue.sensor, force, state.tick - 1)
+    return measure(tissue.rows, tissue.sensors, force, state.tick - 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,8 +98,8 @@ class EmulatedTissue:
         self._sensor, self._law = sensor or SensorParameters(), law
         self._records = np.zeros(1, _TISSUE)
         self.laid: Laid | None = None
-        self._records["state"] = new_state(1, math.pi / 2)
-        self._records["sensor"] = sensor_records([self._sensor], [0], [0])
+        self._records["states"] = new_state(1, math.pi / 2)
+        self._records["sensors"] = sensor_records([self._sensor], [0], [0])
         self._records["free_air"] = 1
 
     def mount(self, specimen: Specimen, laid: Laid, *, position: float, angle: float) -> None:
@@ -117,11 +126,11 @@ class EmulatedTissue:
                 "before a specimen is laid."
             )
         records = np.zeros(1, _TISSUE)
-        records["state"] = new_state(1, _measured(angle))
-        records["state"]["blade"] = records["state"]["tip"] = _within(position)
-        records["profile"] = profile_records([specimen])
-        records["law"] = law_records([specimen], self._law)
-        records["sensor"] = sensor_records([self._sensor], [laid.seed], [laid.episode])
+        records["states"] = new_state(1, _measured(angle))
+        records["states"]["blade"] = records["states"]["tip"] = _within(position)
+        records["profiles"] = profile_records([specimen])
+        records["laws"] = law_records([specimen], self._law)
+        records["sensors"] = sensor_records([self._sensor], [laid.seed], [laid.episode])
         records["extra"] = self._records["extra"]
         self._records = records
         self.laid = laid
@@ -147,7 +156,7 @@ class EmulatedTissue:
     @property
     def tip(self) -> float:
         """Position of the crack tip [m]."""
-        return float(self._records[0].state.tip)
+        return float(self._records[0].states[0].tip)
 
 
 def _within(position: float) -> float:

@@ -58,8 +58,8 @@ class SpecimenPlant:
         """Advance by a millisecond; a quick stop brakes at its own rate, without the velocity loop's lag."""
         self._angle += turn * TICK
         speed = 0.0 if stopping else speed
-        self.plant.cuts["drive"]["acceleration"] = self._quick_stop if stopping else self._drive.acceleration
-        self.plant.cuts["drive"]["lag"] = TICK if stopping else self._drive.motor_lag
+        self.plant.cuts["drives"]["acceleration"] = self._quick_stop if stopping else self._drive.acceleration
+        self.plant.cuts["drives"]["lag"] = TICK if stopping else self._drive.motor_lag
         self._reading = self.plant.advance(speed, self._measured_angle, 1)
 
     @property
@@ -69,7 +69,7 @@ class SpecimenPlant:
 
     def block(self) -> None:
         """Advance by a millisecond in which nothing can move."""
-        self.plant.cuts["state"]["hand_speed"] = 0.0
+        self.plant.cuts["states"]["hand_speed"] = 0.0
         self._reading = self.plant.advance(0.0, self._measured_angle, 1)
 
     @property

@@ -1,26 +1,18 @@
-"""The cutting law, batched: one millisecond of many cuts at a time, several cuts in one SIMD instruction.
+"""One force update, a millisecond, of every cut in a row: drive, cutting law and force sensor.
 
-The functions of :mod:`cutenv.cutting.law` and its neighbours are called in loops over a row of cuts, whose state is a
-structure of arrays; :func:`_load`, :func:`_grow` and :func:`_run` repeat the sequence of ``law.move`` and ``law.cut``:
-a change of the law has to be made in both places, and ``test_compiled_agreement`` fails where they differ.
-A loop that does nothing but arithmetic is compiled to vector instructions, eight numbers at once on a processor that
-has them.  Gathering from each cut's own profile has separate loops; so has turning, skipped where no blade turns, and
-the unstable run of a crack, which is computed one cut after the other.
-Results are bit for bit those of :func:`cutenv.cutting.simulate.update` on each cut alone (tested).
+The functions of :mod:`cutenv.cutting.law` and its neighbours are called in loops over the lanes of a row, a structure of
+arrays (:mod:`cutenv.cutting.row`).  A loop that does nothing but arithmetic is compiled to vector instructions, eight
+numbers at once on a processor that has them; for a row of one lane it is compiled to plain instructions.  Gathering
+from each cut's own profile has separate loops; so has turning, skipped where no blade turns, and the unstable run of a
+crack, which is computed one cut after the other.  A cut's results do not depend on the lanes beside it (tested).
 """
 
 from __future__ import annotations
 
-import numpy as np
-
 from cutenv._base.arrays import Struct, StructArray
-from cutenv._engine.intrinsics import as_float64_view, without_refcount
-from cutenv._engine.jit import njit_inline, njit_nogil
-from cutenv._engine.randomness import SENSOR_NOISE, WIDTHS, in_layer, normal_at_the_rim, words_at
-from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
+from cutenv._engine.jit import njit_inline
 from cutenv.cutting.blade import leaning, sweeping
 from cutenv.cutting.drive import backlash_motion, coupling_step, dead_time_step, rate_limited, velocity_loop_step
-from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.friction import deflected, friction_force, friction_work, grip
 from cutenv.cutting.law import (
     LONGEST_ADVANCE,
@@ -41,22 +33,33 @@ from cutenv.cutting.law import (
     value_and_rise,
 )
 from cutenv.cutting.relaxation import relaxed
-from cutenv.cutting.row import ABREAST, BLOCK, ROW, DriveInRow, begin, law_in_row, put, take
-from cutenv.cutting.sensor import as_read, delayed_force, wandered
+from cutenv.cutting.row import DriveInRow, law_in_row
+from cutenv.cutting.sensor import feel_row
 
 
 @njit_inline
-def update_row(row: Struct, profiles: StructArray, sensors: StructArray, first: bool) -> None:
-    """Advance every cut in a row by one force update; ``first`` is True for the first update since the row was loaded.
+def update_row(row: Struct, profiles: StructArray, sensors: StructArray, dt: float, first: bool) -> None:
+    """Advance every cut in a row by ``dt`` [s] under its commanded speed and angle, ``row.given`` and ``row.aim``.
 
-    :func:`cutenv.cutting.simulate.update` does the same for one cut.
+    ``first`` is True for the first update since the row was loaded.
     """
-    _drive(row)
+    _drive(row, dt)
+    cut_row(row, profiles, dt)
+    feel_row(row, sensors, first)
+
+
+@njit_inline
+def cut_row(row: Struct, profiles: StructArray, dt: float) -> None:
+    """Advance the law: each blade turns to ``row.next_angle`` and moves by ``row.dx`` in ``dt`` [s]; tissue responds.
+
+    ``row.turns`` is the number of blades that turn.  The force on the blade is ``row.force``: that of the tissue,
+    ``row.elastic``, and of friction on its faces, positive toward the clamp [N]; ``row.jump`` the unstable growth [m].
+    """
     if row.turns > 0:
         _turn(row, profiles)
     if row.relaxing > 0:
-        _relax(row)
-    _load(row)
+        _relax(row, dt)
+    _load(row, dt)
     if row.leaps > 0:
         _leap(row, profiles)
     if row.points > 0:
@@ -64,49 +67,50 @@ def update_row(row: Struct, profiles: StructArray, sensors: StructArray, first: 
     _grow(row)
     if row.runs > 0:
         _run(row, profiles)
-    _feel(row, sensors, first)
+    for n in range(len(row.blade)):
+        row.force[n] = row.elastic[n] + row.rubbing[n]
 
 
 @njit_inline
-def _drive(row: Struct) -> None:
-    for n in range(ABREAST):
+def _drive(row: Struct, dt: float) -> None:
+    for n in range(len(row.blade)):
         row.command[n] = row.given[n]
     if row.late > 0:
-        for n in range(ABREAST):
+        for n in range(len(row.blade)):
             if row.dead_ticks[n] > 0:
                 row.next_target[n], row.waiting[n], row.target[n] = dead_time_step(
                     row.given[n], row.dead_ticks[n], row.next_target[n], row.waiting[n], row.target[n]
                 )
                 row.command[n] = row.target[n]
     turns = 0
-    for n in range(ABREAST):
+    for n in range(len(row.blade)):
         hand, hand_speed = velocity_loop_step(
-            row.hand[n], row.hand_speed[n], row.command[n], row.share[n], row.acceleration[n], row.travel[n], TICK
+            row.hand[n], row.hand_speed[n], row.command[n], row.share[n], row.acceleration[n], row.travel[n], dt
         )
         row.hand[n], row.hand_speed[n] = hand, hand_speed
         row.dx[n] = backlash_motion(hand, row.blade[n], row.backlash[n])
-        row.next_angle[n] = rate_limited(row.angle[n], row.aim[n], row.rotation_rate[n], TICK)
+        row.next_angle[n] = rate_limited(row.angle[n], row.aim[n], row.rotation_rate[n], dt)
         turns += 1 if row.next_angle[n] != row.angle[n] else 0
     row.turns = turns
     if row.hands > 0:
-        for n in range(ABREAST):
+        for n in range(len(row.blade)):
             if row.mass[n] > 0.0:
                 drive = DriveInRow(row.travel[n], row.mass[n], row.coupling_stiffness[n], row.coupling_damping[n])
                 row.dx[n] = coupling_step(
                     drive, row.hand[n], row.hand_speed[n], row.blade[n], row.speed[n],
                     row.K[n] * max(row.blade[n] - row.creep[n] - row.tip[n], 0.0),
-                    grip(law_in_row(row, n), row.depth[n], row.bristle[n]), TICK,
+                    grip(law_in_row(row, n), row.depth[n], row.bristle[n]), dt,
                 )  # fmt: skip
 
 
 @njit_inline
 def _turn(row: Struct, profiles: StructArray) -> None:
-    for n in range(ABREAST):
+    for n in range(len(row.blade)):
         row.blade_point[n], row.blade_share[n] = grid_index(row.blade[n])
-    for n in range(ABREAST):
+    for n in range(len(row.blade)):
         profile, i, share = profiles[row.cut[n]], row.blade_point[n], row.blade_share[n]
         row.edge_toughness[n] = lerp(profile.toughness, i, share)
-    for n in range(ABREAST):  # a blade that does not turn keeps its angle
+    for n in range(len(row.blade)):  # a blade that does not turn keeps its angle
         lean, pushing = leaning(row.next_angle[n])
         energy = sweeping(row.lean[n], lean, row.edge_toughness[n], row.depth[n])
         row.lean[n], row.pushing[n], row.angle[n] = lean, pushing, row.next_angle[n]
@@ -115,23 +119,23 @@ def _turn(row: Struct, profiles: StructArray) -> None:
 
 
 @njit_inline
-def _relax(row: Struct) -> None:
+def _relax(row: Struct, dt: float) -> None:
     for n in range(row.taken):
         if row.relaxing_share[n] > 0.0:
             row.creep[n], row.locked[n], row.ledger[n], row.loss[n] = relaxed(
                 law_in_row(row, n), row.K[n], row.blade[n] - row.tip[n], row.creep[n], row.locked[n],
-                row.ledger[n], row.loss[n], TICK,
+                row.ledger[n], row.loss[n], dt,
             )  # fmt: skip
 
 
 @njit_inline
-def _load(row: Struct) -> None:
+def _load(row: Struct, dt: float) -> None:
     """Compute the elastic motion, and the position to which the tip would follow."""
     points = leaps = 0
-    for n in range(ABREAST):
+    for n in range(len(row.blade)):
         law = law_in_row(row, n)
         x, a, dx, K = row.blade[n] - row.creep[n], row.tip[n], row.dx[n], row.K[n]
-        speed = dx / TICK
+        speed = dx / dt
         row.speed[n] = speed
         U = 0.5 * K * max(x - a, 0.0) ** 2
         F_start = force_to_grow(law, row.arrest_ratio[n], row.held_force[n], row.pushing[n], row.toughness[n])
@@ -187,7 +191,7 @@ def _leap(row: Struct, profiles: StructArray) -> None:
 @njit_inline
 def _look(row: Struct, profiles: StructArray) -> None:
     """Gather the profile at the blade and at the tip's next position, for cuts that reach another grid point."""
-    for n in range(ABREAST):
+    for n in range(len(row.blade)):
         i, j = row.tip_point[n], row.blade_point[n]
         if i != row.seen_tip_point[n]:
             profile = profiles[row.cut[n]]
@@ -203,7 +207,7 @@ def _look(row: Struct, profiles: StructArray) -> None:
 def _grow(row: Struct) -> None:
     """Advance the tip where the ledger admits it, and add friction on the blade."""
     runs = 0
-    for n in range(ABREAST):
+    for n in range(len(row.blade)):
         law = law_in_row(row, n)
         a, K, dK, running, share = row.tip[n], row.K[n], row.dK[n], row.running[n], row.tip_share[n]
         next_K = at_share(row.point_K[n], row.rise_K[n], share)
@@ -259,100 +263,3 @@ def _run(row: Struct, profiles: StructArray) -> None:
             row.uncontrolled[n] += row.jump[n]
             row.units[n] += 1 - row.running[n]
             row.running[n] = 1
-
-
-@njit_inline
-def _feel(row: Struct, sensors: StructArray, first: bool) -> None:
-    for n in range(ABREAST):
-        row.force[n] = row.elastic[n] + row.rubbing[n]
-    for n in range(row.taken):
-        if row.going[n] == 1:
-            row.delayed[n] = delayed_force(sensors[row.cut[n]].line, row.delay[n], row.force[n], row.tick[n] - 1)
-    for n in range(row.taken if row.drifting > 0 else 0):
-        if row.going[n] == 1:
-            row.offset[n] = wandered(sensors[row.cut[n]], row.tick[n] - 1)
-    new = 0
-    for n in range(ABREAST):
-        new += 1 if (row.tick[n] - 1) & 3 == 0 else 0
-    if new > 0 or first:
-        _draw(row)
-    for n in range(ABREAST):
-        k, z0, z1, z2, z3 = (
-            (row.tick[n] - 1) & 3, row.normals[0, n], row.normals[1, n], row.normals[2, n], row.normals[3, n],
-        )  # fmt: skip
-        low, high = z1 if k == 1 else z0, z3 if k == 3 else z2
-        row.felt[n] = as_read(
-            row.delayed[n] + row.offset[n] - row.tare[n], row.noise[n], high if k > 1 else low, row.resolution[n]
-        )
-
-
-@njit_inline
-def _draw(row: Struct) -> None:
-    """Draw four milliseconds' sensor noise of every cut, as :func:`cutenv._engine.randomness.four_normals_at` does."""
-    for n in range(ABREAST):
-        row.words[0, n], row.words[1, n], row.words[2, n], row.words[3, n] = words_at(
-            row.seed[n], row.episode[n], SENSOR_NOISE, (row.tick[n] - 1) >> 2
-        )
-    for k in range(BLOCK):
-        unsettled = 0
-        for n in range(ABREAST):
-            layer, sign, across = in_layer(row.words[k, n])
-            x, inner = across * WIDTHS[layer], WIDTHS[layer + 1]
-            row.normals[k, n], row.inner[n] = sign * x, inner
-            unsettled += 0 if x < inner else 1
-        for n in range(row.taken if unsettled > 0 else 0):
-            if abs(row.normals[k, n]) >= row.inner[n]:
-                layer, sign, _ = in_layer(row.words[k, n])
-                tick = BLOCK * ((row.tick[n] - 1) >> 2) + k
-                row.normals[k, n] = sign * normal_at_the_rim(
-                    layer, abs(row.normals[k, n]), row.seed[n], row.episode[n], SENSOR_NOISE, tick
-                )
-
-
-@njit_nogil
-def hold_some(
-    passed: WorkQueue,
-    core: int,
-    states: StructArray,
-    profiles: StructArray,
-    laws: StructArray,
-    drives: StructArray,
-    sensors: StructArray,
-    commands: StructArray,
-    ticks: int,
-    felt: StructArray,
-) -> None:
-    """Advance n cuts by ``ticks`` updates, each under one constant command; the bare physics loop, without a task.
-
-    Parameters
-    ----------
-    passed, core : Portions, int
-        Work queue and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
-    states, profiles, laws, drives, sensors : Records
-        The cuts' structured arrays, shape (n,); states and sensors are changed.
-    commands : array, shape (n, 2)
-        Speed [m/s] and angle [rad].
-    ticks : int
-        Number of updates, one millisecond each.
-    felt : array, shape (n,)
-        Filled with the last force measured [N].
-    """
-    states, profiles, laws, drives, sensors = without_refcount((states, profiles, laws, drives, sensors))
-    rows = np.zeros(1, ROW)
-    row, numbers = rows[0], as_float64_view(rows)
-    plain_states, plain_laws, plain_drives = as_float64_view(states), as_float64_view(laws), as_float64_view(drives)
-    begun, end = next_chunk(passed, core, ABREAST)
-    while begun < end:
-        taken = end - begun
-        for k in range(taken):
-            n = begun + k
-            take(row, numbers, plain_states, plain_laws, plain_drives, drives[n], sensors[n], profiles[n], k, n)
-            row.given[k], row.aim[k] = commands[n, 0], commands[n, 1]
-        begin(row, numbers, taken)
-        for i in range(ticks):
-            update_row(row, profiles, sensors, i == 0)
-        for k in range(taken):
-            put(numbers, plain_states, k, begun + k)
-            felt[begun + k] = row.felt[k]
-        mark_done(passed, core, taken)
-        begun, end = next_chunk(passed, core, ABREAST)

@@ -1,0 +1,242 @@
+"""The reward's terms and the ends of a cut, each declared once.
+
+Reward of a step = progress / L - costs.  All costs are non-negative and additive: they are charged as they occur.
+Every end is charged the same terminal cost; an end for safety also pays the largest cost that stopping could still
+have had, so that it never pays to end early:
+
+    time left, tip error at its cap, a full wedge, and a tissue left loaded.
+
+Costs that only time bounds (force, lag, jumps, backward travel) are not part of that largest cost: a policy that
+stops and unloads avoids them, so a breach costs more than stopping in every state.
+
+An entry of a table is all that a term or an end consists of: the compiled assessment, the layout of its records, the
+weights and their keywords, ``info``, docstrings and labels of reports are made from it.  Its formulas are lambdas whose
+parameters name quantities: those of a millisecond (:data:`MOMENT`), of a step (:data:`STEP`) or of an end (:data:`END`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from cutenv._engine.fuse import Formula
+from cutenv.cutting.dtypes import TICK
+from cutenv.task_quantities import TIP_TOLERANCE, force_per_depth, lag, tip_error, wedge
+
+FORCE_ALLOWED = 400.0
+"""Force per depth of cut up to which no force cost is charged [N/m]."""
+LAG_ALLOWED = 0.010
+"""Lag of the tip behind the blade up to which no lag cost is charged [m]."""
+OVERSHOOT_ALLOWED = 0.005
+"""Overshoot of the tip beyond the target above which the task ends [m]."""
+LAG_CHARGED = 0.010
+"""Largest excess lag that is charged [m]: in a soft and tough specimen no blade can keep the tip nearer."""
+TIP_ERROR_CAP = 3.0
+"""Largest tip error that is charged, in multiples of the tolerance."""
+TIME_AT_REST = 0.3
+"""Time at rest and unloaded after which the cut is finished [s]."""
+DECELERATION = 0.1
+"""Deceleration of a stopping blade, in the cost of haste [m/s2]."""
+TIME_SCALE = 30.0
+"""Time that costs its weight once [s]."""
+WORST_STORED = 2.0
+"""Largest stored energy that is charged at an end, in R B 3 mm: a tip 12 mm behind at F = R B."""
+
+MOMENT = (
+    "felt", "force", "force_limit", "depth", "position", "moved", "speed", "tip", "jump", "touched", "time", "quiet",
+    "target", "deadline", "speed_min", "speed_max",
+)  # fmt: skip
+"""Quantities of a millisecond, in SI units: measured force; force on the blade and its limit (true or measured, its
+size), depth of cut; position of the blade, its motion and the size of its speed; crack tip and its unstable growth
+(true or estimated); 1 if the blade has loaded the tissue before; time since reset, time at rest and unloaded; target
+length and deadline of the task, measured range of speed."""
+STEP = ("updates", "target", "tip", "tip_before", "time_left")
+"""Quantities of a step: number of milliseconds, target length [m], tip at its end and before [m], time left [s]."""
+END = (*STEP, "angle", "stored", "toughness")
+"""Quantities of an end: those of its step, angle of the blade [rad], stored energy [J], R B at the tip [N]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Term:
+    """One term of the reward.
+
+    In its formulas ``weight`` is the term's weight, and ``total`` its sum over the milliseconds of the step.
+    """
+
+    name: str
+    title: str
+    """Label in reports."""
+    text: str
+    """What it is charged for."""
+    weight: float | None = None
+    """Default weight; None: it has none that could be changed."""
+    per: str = ""
+    """Unit of the weight."""
+    each: Formula | None = None
+    """What is added up at every millisecond."""
+    gain: Formula | None = None
+    """What a step earns."""
+    cost: Formula | None = None
+    """What a step costs."""
+    end_cost: Formula | None = None
+    """What an end costs."""
+    largest: Formula | None = None
+    """Largest cost that stopping could still have; an end for safety pays it."""
+
+
+REWARD = (
+    Term(
+        name="progress",
+        title="progress",
+        text="tip gained / L, up to the target",
+        gain=lambda tip, tip_before, target: (min(tip, target) - min(tip_before, target)) / target,
+    ),
+    Term(
+        name="uncontrolled",
+        title="uncontrolled advance",
+        text="unstable growth / L",
+        weight=0.15,
+        per="per target length of unstable growth",
+        each=lambda jump: jump,
+        cost=lambda weight, total, target: weight * total / target,
+    ),
+    Term(
+        name="jump",
+        title="large jumps",
+        text="sum of (run / 10 mm)^2",
+        weight=0.05,
+        per="per (run of 10 mm) squared",
+        each=lambda jump: jump**2,
+        cost=lambda weight, total: weight * total / (0.010 * 0.010),
+    ),
+    Term(
+        name="force",
+        title="force per depth",
+        text="integral of force per depth above 400 N/m, / (100 N/m s)",
+        weight=0.02,
+        per="per 100 N/m s of force per depth above 400 N/m",
+        each=lambda force, depth: (
+            force_per_depth(force, depth) - FORCE_ALLOWED if force > FORCE_ALLOWED * depth else 0.0
+        ),
+        cost=lambda weight, total: weight * total * TICK / 100.0,
+    ),
+    Term(
+        name="lag",
+        title="lag",
+        text="integral of the tip's lag above 10 mm, / (10 mm s)",
+        weight=0.03,
+        per="per 10 mm s of lag above 10 mm, up to 20 mm",
+        each=lambda position, tip: min(max(lag(position, tip) - LAG_ALLOWED, 0.0), LAG_CHARGED),
+        cost=lambda weight, total: weight * total * TICK / 0.010,
+    ),
+    Term(
+        name="backward",
+        title="backing up",
+        text="backward travel after first contact / L",
+        weight=0.15,
+        per="per target length of backward travel",
+        each=lambda moved, touched: max(-moved, 0.0) if touched == 1 else 0.0,
+        cost=lambda weight, total, target: weight * total / target,
+    ),
+    Term(
+        name="haste",
+        title="too fast to stop",
+        text="integral over travel of stopping distance / 3 mm, / L",
+        weight=0.1,
+        per="per target length at a speed that takes 3 mm to stop from",
+        each=lambda speed, moved: speed**2 * abs(moved),
+        cost=lambda weight, total, target: weight * total / (2.0 * DECELERATION * TIP_TOLERANCE * target),
+    ),
+    Term(
+        name="time",
+        title="time",
+        text="time / 30 s",
+        weight=0.15,
+        per="per 30 s",
+        cost=lambda weight, updates: weight * updates * TICK / TIME_SCALE,
+        largest=lambda weight, time_left: weight * time_left / TIME_SCALE,
+    ),
+    Term(
+        name="tip_error",
+        title="tip error",
+        text="at the end: min(tip error / 3 mm, 3)",
+        weight=0.2,
+        per="at the end, per 3 mm, up to 9 mm",
+        end_cost=lambda weight, tip, target: weight * min(tip_error(tip, target) / TIP_TOLERANCE, TIP_ERROR_CAP),
+        largest=lambda weight: weight * TIP_ERROR_CAP,
+    ),
+    Term(
+        name="wedge",
+        title="wedge left",
+        text="at the end: uncut wedge / B = cot(angle)",
+        weight=0.2,
+        per="at the end, per wedge as wide as deep",
+        end_cost=lambda weight, angle: wedge(angle, weight),
+        largest=lambda weight: weight,
+    ),
+    Term(
+        name="stored",
+        title="left loaded",
+        text="at the end: min(stored energy / (R B 3 mm), 2)",
+        weight=0.1,
+        per="at the end, per fracture energy of 3 mm, up to 6 mm",
+        end_cost=lambda weight, stored, toughness: weight * min(stored / (toughness * 0.003), WORST_STORED),
+        largest=lambda weight: weight * WORST_STORED,
+    ),
+    Term(
+        name="safety",
+        title="ended for safety",
+        text="at an end for safety: the worst that stopping could still have cost",
+    ),
+)
+"""Terms of the reward, in order; the reward is their sum."""
+TERMS = tuple(term.name for term in REWARD)
+"""Names of the terms."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class End:
+    """One way in which a cut ends."""
+
+    name: str
+    text: str
+    """When it ends so."""
+    when: Formula | None
+    """Condition, of quantities of a millisecond; None: no simulated cut ends so."""
+    safety: bool = False
+    """True: an end for safety."""
+
+
+CUT_ENDS = (
+    End(
+        name="force_limit",
+        text="force per depth above ``force_limit_per_depth``; an end for safety",
+        when=lambda force, force_limit: force > force_limit,
+        safety=True,
+    ),
+    End(
+        name="overshoot",
+        text="tip more than 5 mm beyond the target; an end for safety",
+        when=lambda tip, target: tip > target + OVERSHOOT_ALLOWED,
+        safety=True,
+    ),
+    End(
+        name="finished",
+        text="after 10 mm of travel, speed below 0.5 mm/s and force below friction + 0.1 N for 0.3 s",
+        when=lambda quiet: quiet >= TIME_AT_REST - 0.5 * TICK,
+    ),
+    End(
+        name="deadline",
+        text="``deadline_s`` have passed",
+        when=lambda time, deadline: time >= deadline - 0.5 * TICK,
+    ),
+)
+"""Ends, of which the first that applies counts."""
+ENDS = ("", *(end.name for end in CUT_ENDS))
+"""Names of the ends by code; code 0: not ended."""
+STOPPED = "stopped"
+"""Name of the end of a cut that a rig's safety has stopped; no simulated cut has it."""
+SAFETY_ENDS = tuple(end.name for end in CUT_ENDS if end.safety)
+"""Names of the ends for safety."""
+
+assert math.isclose(TIP_TOLERANCE, 0.003), "the texts above say 3 mm"
