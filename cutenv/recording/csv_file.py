@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv.recording.columns import Column
 from cutenv.recording.schema import SCHEMA, as_names, check_schema, from_json, mapping_from_json, shortened, to_json
 from cutenv.recording.table import CUT_COLUMN, CutTable, parsed_headers, table_of
 from cutenv.trace import Trace
@@ -32,6 +32,7 @@ class _Head:
     """Lines above the first row of numbers, and their count."""
 
     names: list[str] = field(default_factory=list)
+    columns: list[Column | None] = field(default_factory=list)
     lines: int = 0
     native: bool = False
     facts: dict[tuple[str, int | None], Any] = field(default_factory=dict)
@@ -76,28 +77,36 @@ def read(path: Path) -> list[CutTable]:
         If it is not such a file; the message names the line.
     """
     try:
-        with path.open(encoding=_ENCODING) as file:
-            head = _head(file)
-            growing = head.native and head.facts.get(_ROWS, 0) is None
-            numbers = _numbers(_whole_lines(file) if growing else file)
-    except UnicodeDecodeError:
-        raise ValueError(_fault_of_text(path)) from None
+        text = path.read_bytes().decode(_ENCODING).replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        line, byte = error.object.count(b"\n", 0, error.start) + 1, error.object[error.start]
+        raise ValueError(
+            f"line {line}: the byte 0x{byte:02x} is no text in UTF-8. Save the file as CSV in UTF-8."
+        ) from None
+    lines = text.split("\n")
+    head = _head(lines)
+    growing = head.native and head.facts.get(_ROWS, 0) is None
+    if growing:  # only complete lines; zero bytes replace lines that a disk lost in a power cut
+        lost = (number for number in range(head.lines, len(lines)) if "\0" in lines[number])
+        del lines[next(lost, -1) :]
+    filled = [number for number in range(head.lines, len(lines)) if lines[number]]
+    rows = [lines[number] for number in filled]
+    numbers = _numbers(rows)
     if numbers is None or (numbers.size and numbers.shape[1] != len(head.names)):
-        raise ValueError(_fault_of_numbers(path, head))
+        raise ValueError(_fault_of_numbers(filled, rows, head))
     if not numbers.size:
         raise ValueError("it holds no readings, only names of columns.")
     if _ROWS in head.facts and not growing:
-        _check_whole(path, head.facts[_ROWS], len(numbers))
-    columns = dict(zip(head.names, numbers.T, strict=True))
-    cut = columns.pop(CUT_COLUMN, None)
+        _check_whole(head.facts[_ROWS], len(numbers), ended=not lines[-1])
+    metadata = {**head.facts.get(("metadata", None), {}), **({TRUNCATED: True} if growing else {})}
     return [
-        CutTable(
-            headers=tuple(columns),
-            values=tuple(columns.values()),
-            cut=cut,
-            place=_line_of(path, head),
+        CutTable.of(
+            head.names,
+            list(numbers.T),
+            columns=head.columns,
+            place=lambda row: f"line {filled[row] + 1}",
             native=head.native,
-            shared={**head.facts.get(("metadata", None), {}), **({TRUNCATED: True} if growing else {})},
+            shared=metadata,
             own=head.of_cuts("metadata"),
             held=head.of_cuts("columns"),
         )
@@ -121,10 +130,10 @@ def is_own(path: Path) -> bool:
     return False
 
 
-def _head(file: TextIO) -> _Head:
+def _head(lines: Iterable[str]) -> _Head:
     """Read up to the headers, and check them."""
     head = _Head()
-    for line in file:
+    for line in lines:
         head.lines += 1
         text = line.strip()
         if text.startswith("#"):
@@ -141,7 +150,7 @@ def _head(file: TextIO) -> _Head:
         if mark in text:
             raise ValueError(f"{place}{called} part the columns. Part them by commas, and write decimals with a point.")
     try:
-        parsed_headers(head.names)
+        head.columns = parsed_headers(head.names)
     except ValueError as error:
         raise ValueError(f"{place}{error}") from None
     return head
@@ -168,29 +177,18 @@ def _take_comment(head: _Head, text: str) -> None:
         head.facts[key] = from_json(what, found["json"])
 
 
-def _whole_lines(file: TextIO) -> list[str]:
-    """Return the complete lines; zero bytes replace lines that a disk lost in a power cut."""
-    whole, _, _ = file.read().partition("\0")[0].rpartition("\n")
-    return whole.splitlines()
-
-
-def _numbers(file: Iterable[str]) -> NDArray[np.float64] | None:
+def _numbers(rows: list[str]) -> NDArray[np.float64] | None:
     """Return the rows below the headers, shape (n, columns); None if one of them cannot be read."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # an empty file is reported in other words
         try:
-            return np.loadtxt(file, delimiter=",", comments=None, ndmin=2)
-        except UnicodeDecodeError:
-            raise
+            return np.loadtxt(rows, delimiter=",", comments=None, ndmin=2)
         except ValueError:
             return None
 
 
-def _check_whole(path: Path, announced: object, found: int) -> None:
+def _check_whole(announced: object, found: int, *, ended: bool) -> None:
     """Raise an error for a file that lost its end: the remaining rows would look like a shorter cut."""
-    with path.open("rb") as file:
-        file.seek(-1, 2)
-        ended = file.read(1) in b"\r\n"
     if announced != found or not ended:
         lost = "and its last line is not whole" if not ended else "rows were lost or added"
         raise ValueError(
@@ -199,33 +197,18 @@ def _check_whole(path: Path, announced: object, found: int) -> None:
         )
 
 
-def _line_of(path: Path, head: _Head) -> Callable[[int], str]:
-    """Return a function from the number of a row to the line that holds it."""
-
-    def place(row: int) -> str:
-        with path.open(encoding=_ENCODING) as file:
-            filled = (number for number, line in enumerate(file, 1) if number > head.lines and line != "\n")
-            return f"line {next(itertools.islice(filled, row, None), '?')}"
-
-    return place
-
-
-def _fault_of_numbers(path: Path, head: _Head) -> str:
+def _fault_of_numbers(places: list[int], rows: list[str], head: _Head) -> str:
     """Describe the first row that is not a row of numbers: line, column, text and cure."""
     n = len(head.names)
-    with path.open(encoding=_ENCODING) as file:
-        for number, line in enumerate(file, 1):
-            text = line.rstrip("\n")
-            if number <= head.lines or not text:
-                continue
-            cells = text.split(",")
-            if len(cells) != n:
-                what = f"{len(cells)} value{'s' * (len(cells) != 1)} for {n} columns ({', '.join(head.names)})"
-                return f"line {number}: {what}: {shortened(text)}. {_cure_of_row(text, n)}"
-            for name, cell in zip(head.names, cells, strict=True):
-                if not _is_number(cell):
-                    what = f"{shortened(cell)} is not a number" if cell.strip() else "the value is missing"
-                    return f"line {number}, column {name}: {what}. {_cure_of_cell(cell)}"
+    for place, row in zip(places, rows, strict=True):
+        cells = row.split(",")
+        if len(cells) != n:
+            what = f"{len(cells)} value{'s' * (len(cells) != 1)} for {n} columns ({', '.join(head.names)})"
+            return f"line {place + 1}: {what}: {shortened(row)}. {_cure_of_row(row, n)}"
+        for name, cell in zip(head.names, cells, strict=True):
+            if not _is_number(cell):
+                what = f"{shortened(cell)} is not a number" if cell.strip() else "the value is missing"
+                return f"line {place + 1}, column {name}: {what}. {_cure_of_cell(cell)}"
     return f"below line {head.lines} there is something that is no row of {n} numbers. Take the file again."
 
 
@@ -243,18 +226,6 @@ def _cure_of_cell(cell: str) -> str:
     if '"' in cell or "'" in cell:
         return "Leave out the quotation marks."
     return "Leave out the whole row; a gap in time is allowed." if not cell.strip() else "Write it as 0.125 or 1.25e-1."
-
-
-def _fault_of_text(path: Path) -> str:
-    """Describe the first line that is not UTF-8."""
-    with path.open("rb") as file:
-        for number, line in enumerate(file, 1):
-            try:
-                line.decode("utf-8")
-            except UnicodeDecodeError as error:
-                byte = line[error.start]
-                return f"line {number}: the byte 0x{byte:02x} is no text in UTF-8. Save the file as CSV in UTF-8."
-    return "it is no text in UTF-8. Save the file as CSV in UTF-8."
 
 
 def _is_number(cell: str) -> bool:

@@ -31,6 +31,8 @@ class CutTable:
     ----------
     headers : tuple of str
         Headers of the columns, except the cut's.
+    columns : tuple of Column
+        Their content.
     values : tuple of ndarray, each of shape (n,)
         Values in the units that the headers name.
     cut : ndarray of shape (n,), or None
@@ -50,6 +52,7 @@ class CutTable:
     """
 
     headers: tuple[str, ...]
+    columns: tuple[Column, ...]
     values: tuple[Array, ...]
     cut: Array | None
     place: Callable[[int], str]
@@ -58,6 +61,21 @@ class CutTable:
     own: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
     held: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
     name: str = ""
+
+    @classmethod
+    def of(
+        cls, names: Sequence[str], values: Sequence[Array], columns: Sequence[Column | None] | None = None, **facts: Any
+    ) -> CutTable:
+        """Make a table of columns as read, with the cut's among them; raises as :func:`parsed_headers`."""
+        parsed = list(zip(columns or parsed_headers(names), names, values, strict=True))
+        kept = [(column, name, held) for column, name, held in parsed if column is not None]
+        return cls(
+            headers=tuple(name for _, name, _ in kept),
+            columns=tuple(column for column, _, _ in kept),
+            values=tuple(held for _, _, held in kept),
+            cut=next((held for column, _, held in parsed if column is None), None),
+            **facts,
+        )
 
 
 def row_from_0(row: int) -> str:
@@ -76,19 +94,21 @@ def table_of(traces: Sequence[Trace]) -> CutTable:
         if header in any_of
     )
     nothing = [np.full(len(trace), np.nan) for trace in traces]
-    columns = [
+    columns = tuple(map(parse_header, headers))
+    values = [
         np.concatenate(
             [
-                getattr(trace, parse_header(header).field) if header in holds else nan
+                getattr(trace, column.field) if header in holds else nan
                 for trace, holds, nan in zip(traces, headers_of, nothing, strict=True)
             ]
         )
-        for header in headers
+        for header, column in zip(headers, columns, strict=True)
     ]
     alike = all(trace.metadata == traces[0].metadata for trace in traces)
     return CutTable(
         headers=headers,
-        values=tuple(columns),
+        columns=columns,
+        values=tuple(values),
         cut=np.repeat(np.arange(float(len(traces))), [len(trace) for trace in traces]) if len(traces) > 1 else None,
         place=row_from_0,
         native=True,
@@ -138,7 +158,6 @@ def traces_of(table: CutTable, force: str | None = None) -> list[Trace]:
     ValueError
         If there is anything wrong with it: names place, reason and cure.
     """
-    columns = [column for column in parsed_headers(table.headers) if column is not None]
     if not table.values[0].size:
         raise ValueError("it holds no readings, only names of columns.")
     blocks = _blocks(table)
@@ -156,16 +175,17 @@ def traces_of(table: CutTable, force: str | None = None) -> list[Trace]:
         if unknown_names := [name for name in holds if name not in table.headers]:
             raise ValueError(f"cut {number} is said to hold {unknown_names[0]!r}, which is no column. Save it again.")
         parts: dict[str, tuple[Column, Array]] = {}
-        for header, column, values in zip(table.headers, columns, table.values, strict=True):
+        for header, column, values in zip(table.headers, table.columns, table.values, strict=True):
             if header in holds:
                 parts[header] = (column, values[rows])
             elif not np.isnan(values[rows]).all():
                 raise ValueError(f"cut {number} holds {header!r}, but is said not to hold it. Save it again.")
         where = _Where(table, rows, f"cut {number}, " if labelled else "")
-        try:
-            parsed_headers(list(parts))
-        except ValueError as error:
-            raise ValueError(f"cut {number}: {error}") from None
+        if len(parts) < len(table.headers):
+            try:
+                parsed_headers(list(parts))
+            except ValueError as error:
+                raise ValueError(f"cut {number}: {error}") from None
         traces.append(_trace(parts, metadata, force, where))
     return traces
 

@@ -94,7 +94,7 @@ def test_a_table_is_understood(content: str, mapping: list[str], encode: str, tm
 @pytest.mark.parametrize(
     ("content", "mapping", "message"),
     [
-        ("", {}, "it holds no numbers"),
+        ("", {}, "it is empty. Record or copy it again"),
         ("# only\n\n", {}, "it holds no numbers"),
         ("t,F\n", {}, "no rows of numbers"),
         ("some text\nand more of it\n", {}, "no rows of numbers"),
@@ -121,8 +121,8 @@ def test_a_table_is_understood(content: str, mapping: list[str], encode: str, tm
         ("t,F\n0,1\n", {}, "lines 2 to 2: a trace has 2 instants or more"),
         ("t,F\n0,1\n1000,2\n2000,3\n", {}, "it looks like milliseconds"),
         ("t,F,x\n0,1,2\n0.001,2,3\n", {"position": "x"}, "position = 2 m is outside.*looks like centimetres"),
-        (b"PK\x03\x04rest", {}, "an Excel workbook or a zip archive. Save the sheet as CSV"),
-        (b"\x89HDF\r\n\x1a\n", {}, "an HDF5 file. Read it with cutenv.recording.load"),
+        (b"PK\x03\x04rest", {}, "it is no text but a zip file or a spreadsheet.* save it as CSV"),
+        (b"\x89HDF\r\n\x1a\n", {}, "it is no text but HDF5. Give it the suffix of what it is"),
         (b"t,F\n0,1\x00\n", {}, "it is no text: it holds zero bytes"),
         ("t,F\n1,2\n".encode("utf-16-le"), {}, "it is no text: it holds zero bytes"),
         (b"t,F\n0,1\x81\n", {}, "no text in UTF-8, UTF-16 or Windows' encoding"),
