@@ -300,13 +300,13 @@ def _decimal_sign(rows: list[str], separator: str) -> str:
 
 
 def _explained(sample: list[str], separator: str, decimal: str) -> float:
-    """Return the share of the characters that belongs to numbers, in rows of the most frequent length [1]."""
+    """Return the share of the lines that is numbers and their separators, in rows of the most frequent length [1]."""
     rows = [split_row(line, separator) for line in sample]
     length, _ = Counter(len(row) for row in rows).most_common(1)[0]
     number = _NUMBERS[decimal]
     cells = [cell for row in rows if len(row) == length for cell in row]
-    numbers = sum(len(cell) for cell in cells if number.fullmatch(cell))
-    return numbers / max(1, sum(len(cell) for row in rows for cell in row))
+    numbers = sum(len(cell) + 1 for cell in cells if number.fullmatch(cell))
+    return numbers / sum(len(cell) + 1 for row in rows for cell in row)
 
 
 def _table(

@@ -68,6 +68,7 @@ def test_what_a_program_wrote_is_read_back(dialect: Any, known: tuple[str, ...],
     ("content", "mapping"),
     [
         ("t,F\n0,1.5\n1,2.5\n2,4.5\n", ["time=t[ms]", "force=F[N]"]),
+        ("time,force\n0,1500\n1,2500\n2,4500\n", ["time=time[ms]", "force=force[mN]"]),
         ("t ; F\n0 ; 1,5\n1 ; 2,5\n2 ; 4,5\n", ["time=t[ms]", "force=F[N]"]),
         ("t [ms]  F [N]\n0  1.5\n1\t2.5\n2     4.5\n", ["time=t", "force=F"]),
         ('"t (ms)","F (N)"\n"0","1,5"\n"1","2,5"\n"2","4,5"\n', ["time=t", "force=F"]),
