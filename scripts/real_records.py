@@ -14,20 +14,20 @@ not be a run of the crack: the force also falls if a hand slows down or eases of
 from __future__ import annotations
 
 import argparse
-import csv
-import itertools
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from cutenv.measurement import Segment, loading_segments
 from cutenv.measurement.segments import STRAIGHT
+from cutenv.recording import ColumnMap, load_foreign
 from cutenv.trace import Trace
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "scalpel_excision_forces.csv"
 CUT_SAMPLES = 120
-COLUMNS = ["trial", "cut", "time_s", "force_normalised"]
+COLUMNS = ColumnMap(time="time_s", force="force_normalised", unit="1", split_by=("trial", "cut"))
 SMALLEST_DROP = 0.05  # of the largest force of the data set; noise is 0.003 in the median cut (second differences)
 SHOWN = ("T01", "T04", "T07", "T13", "T15", "T18")  # trials of which a cut is drawn: smooth ones, and sawing ones
 LICENCE = "MIT, (c) Arturas Straizys"
@@ -41,7 +41,7 @@ def read_cuts(path: Path) -> list[Trace]:
     ------
     FileNotFoundError
         If the file is missing; the message names the cure.
-    ValueError
+    RecordError
         If its columns are others.
     """
     if not path.is_file():
@@ -49,23 +49,12 @@ def read_cuts(path: Path) -> list[Trace]:
             f"No file {path}. The recorded cuts are not part of this repository: put "
             f"scalpel_excision_forces.csv there, or name it with --data."
         )
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = csv.reader(line for line in file if not line.startswith("#"))
-        header = next(rows, [])
-        if header != COLUMNS:
-            raise ValueError(f"{path} has columns {', '.join(header)}; expected {', '.join(COLUMNS)}.")
-        traces = []
-        for (trial, cut), group in itertools.groupby(rows, key=lambda row: (row[0], int(row[1]))):
-            time, force = np.array([row[2:] for row in group], dtype=np.float64).T
-            metadata = {
-                "trial": trial,
-                "cut": cut,
-                "cut_samples": CUT_SAMPLES,
-                "source": SOURCE,
-                "licence": LICENCE,
-            }
-            traces.append(Trace(time=time, force=force, force_unit="1", metadata=metadata))
-    return traces
+    facts = {"cut_samples": CUT_SAMPLES, "source": SOURCE, "licence": LICENCE}
+    cuts = []
+    for record in load_foreign(path, COLUMNS, search=None).records:
+        group = record.metadata["group"]
+        cuts.append(replace(record, metadata={"trial": group["trial"], "cut": int(group["cut"]), **facts}))
+    return cuts
 
 
 def force_statistics(cuts: list[Trace]) -> dict[str, float]:

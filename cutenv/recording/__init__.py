@@ -16,8 +16,7 @@ from cutenv.recording.schema import SCHEMA
 if TYPE_CHECKING:
     from cutenv.recording.column_map import ColumnMap
     from cutenv.recording.cut_detection import CutSearch
-    from cutenv.recording.importers import Imported, load_foreign
-    from cutenv.recording.record import read_record
+    from cutenv.recording.importers import Imported, load_foreign, read_record
 
 __all__ = [
     "SCHEMA",
@@ -47,7 +46,7 @@ _WHEN_USED = {
     "CutSearch": "cut_detection",
     "Imported": "importers",
     "load_foreign": "importers",
-    "read_record": "record",
+    "read_record": "importers",
 }
 
 

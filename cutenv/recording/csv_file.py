@@ -83,13 +83,12 @@ def read(path: Path) -> list[CutTable]:
         raise ValueError(
             f"line {line}: the byte 0x{byte:02x} is no text in UTF-8. Save the file as CSV in UTF-8."
         ) from None
-    *lines, last = text.split("\n")
-    head = _head([*lines, last])
+    lines = text.split("\n")
+    head = _head(lines)
     growing = head.native and head.facts.get(_ROWS, 0) is None
     if growing:  # only complete lines; zero bytes replace lines that a disk lost in a power cut
-        *lines, last = text.partition("\0")[0].split("\n")
-    elif last:
-        lines.append(last)
+        lost = (number for number in range(head.lines, len(lines)) if "\0" in lines[number])
+        del lines[next(lost, -1) :]
     filled = [number for number in range(head.lines, len(lines)) if lines[number]]
     rows = [lines[number] for number in filled]
     numbers = _numbers(rows)
@@ -98,11 +97,13 @@ def read(path: Path) -> list[CutTable]:
     if not numbers.size:
         raise ValueError("it holds no readings, only names of columns.")
     if _ROWS in head.facts and not growing:
-        _check_whole(head.facts[_ROWS], len(numbers), ended=not last)
+        _check_whole(head.facts[_ROWS], len(numbers), ended=not lines[-1])
     metadata = {**head.facts.get(("metadata", None), {}), **({TRUNCATED: True} if growing else {})}
     return [
         CutTable.of(
-            dict(zip(head.names, zip(head.columns, numbers.T, strict=True), strict=True)),
+            head.names,
+            list(numbers.T),
+            columns=head.columns,
             place=lambda row: f"line {filled[row] + 1}",
             native=head.native,
             shared=metadata,

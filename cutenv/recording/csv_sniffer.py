@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import Array
 from cutenv.recording.column_map import known_unit
 from cutenv.recording.columns import UNITS
-from cutenv.recording.record_errors import RecordError
+from cutenv.recording.record_errors import UTF_16, RecordError, check_beginning
 
 # Separator and decimal sign, in order of preference if two explain the lines equally well. A space as separator stands
 # for any number of blanks; quotation marks distinguish commas of both kinds.
@@ -24,19 +24,13 @@ _DIALECTS = (("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), (" ",
 _NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "blanks"}
 _SAMPLE = 400  # lines from which the separator is chosen
 _NO_ROW = frozenset(("", "#", "%", "/"))  # beginnings of lines that are blank or comments
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
-_NUMBER_COMMA = re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?")
+_NUMBERS = {
+    ".": re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"),
+    ",": re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?"),
+}
 _POINT, _COMMA = re.compile(r"\d\.\d"), re.compile(r"\d,\d")
 _MISSING = re.compile(r"|--?|[+-]?(nan|inf(inity)?)|#?n/?a|#value!|#div/0!|null|none", re.IGNORECASE)
 _BRACKETS = re.compile(r"(.*\S)\s*[\[(]\s*([^\[\]()]*?)\s*[\])]")
-_OTHER_PROGRAMS = {
-    b"PK\x03\x04": "an Excel workbook or a zip archive. Save the sheet as CSV",
-    b"\x89HDF": "an HDF5 file. Read it with cutenv.recording.load",
-    b"PAR1": "a Parquet file. Read it with cutenv.recording.load",
-    b"\x1f\x8b": "packed by gzip. Unpack it first",
-    b"\xd0\xcf\x11\xe0": "an old Excel workbook. Save the sheet as CSV",
-    b"TDSm": "a LabVIEW TDMS file. Export it as text",
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -199,7 +193,7 @@ class SniffedTable:
 
     def _bad_cell(self, indices: list[int], reason: str) -> RecordError:
         """Return an error that names the bad cell; only an unreadable file is searched cell by cell."""
-        number = _NUMBER_COMMA if self.decimal == "," else _NUMBER
+        number = _NUMBERS[self.decimal]
         for row, line in zip(self.rows, self.lines, strict=True):
             cells = split_row(row, self.separator)
             if len(cells) != self.n_columns:
@@ -231,20 +225,21 @@ def sniff_table(path: Path) -> SniffedTable:
     written = [i for i, line in enumerate(lines) if line.lstrip()[:1] not in _NO_ROW]
     if not written:
         raise RecordError(path, "it holds no numbers: every line is blank or a comment.")
-    middle = len(written) // 2
-    around = max(0, middle - _SAMPLE // 2)
+    around = max(0, len(written) // 2 - _SAMPLE // 2)
     sample = [lines[i] for i in written[around : around + _SAMPLE]]
-    ranked = sorted((-_explained(sample, *dialect), rank) for rank, dialect in enumerate(_DIALECTS))
-    best = [_DIALECTS[rank] for score, rank in ranked if score == ranked[0][0]]
-    if ranked[0][0] == 0.0:
-        raise RecordError(path, "it holds no rows of numbers, parted by commas, semicolons, tabs or blanks.")
+    explained = {dialect: _explained(sample, *dialect) for dialect in _DIALECTS}
+    best = [dialect for dialect, share in explained.items() if share == max(explained.values())]
     tables = [_table(path, lines, written, sample, *dialect) for dialect in best]
-    # A sample of whole numbers does not show the decimal sign; the other rows do.
-    tables = [table for table in tables if table.decimal == _decimal_sign(table.rows, table.separator)] or tables
-    # "0,15" is one number or two; if both explain the lines, the header decides.
-    several = [table for table in tables if table.n_columns > 1]
-    named = [table for table in several + tables if len(table.headers) == table.n_columns]
-    return [*named, *several, *tables][0]
+    # A sample of whole numbers does not show the decimal sign; the other rows do. "0,15" is one number or two; if both
+    # explain the lines, the header decides.
+    return max(
+        tables,
+        key=lambda table: (
+            table.decimal == _decimal_sign(table.rows, table.separator),
+            len(table.headers) == table.n_columns,
+            table.n_columns > 1,
+        ),
+    )
 
 
 def bare_name(header: str) -> str:
@@ -286,10 +281,8 @@ def split_row(row: str, separator: str) -> list[str]:
 
 def _decoded(path: Path) -> str:
     content = path.read_bytes()
-    for magic, what in _OTHER_PROGRAMS.items():
-        if content.startswith(magic):
-            raise RecordError(path, f"it is {what}.")
-    encodings = ("utf-16",) if content.startswith((b"\xff\xfe", b"\xfe\xff")) else ("utf-8-sig", "cp1252")
+    check_beginning(path, content, "text", UTF_16)
+    encodings = ("utf-16",) if content[:2] in UTF_16 else ("utf-8-sig", "cp1252")
     for encoding in encodings:
         try:
             text = content.decode(encoding)
@@ -307,19 +300,19 @@ def _decimal_sign(rows: list[str], separator: str) -> str:
 
 
 def _explained(sample: list[str], separator: str, decimal: str) -> float:
-    """Return the share of the characters that belongs to numbers, in rows of the most frequent length [1]."""
+    """Return the share of the lines that is numbers and their separators, in rows of the most frequent length [1]."""
     rows = [split_row(line, separator) for line in sample]
     length, _ = Counter(len(row) for row in rows).most_common(1)[0]
-    number = _NUMBER_COMMA if decimal == "," else _NUMBER
+    number = _NUMBERS[decimal]
     cells = [cell for row in rows if len(row) == length for cell in row]
-    numbers = sum(len(cell) for cell in cells if number.fullmatch(cell))
-    return numbers / max(1, sum(len(cell) for row in rows for cell in row))
+    numbers = sum(len(cell) + 1 for cell in cells if number.fullmatch(cell))
+    return numbers / sum(len(cell) + 1 for row in rows for cell in row)
 
 
 def _table(
     path: Path, lines: list[str], written: list[int], sample: list[str], separator: str, decimal: str
 ) -> SniffedTable:
-    number = _NUMBER_COMMA if decimal == "," else _NUMBER
+    number = _NUMBERS[decimal]
     rows = [split_row(line, separator) for line in sample]
     length, _ = Counter(len(row) for row in rows).most_common(1)[0]
     rows = [row for row in rows if len(row) == length]
@@ -335,7 +328,7 @@ def _table(
         )
 
     first = next((k for k, i in enumerate(written) if holds_numbers(lines[i])), None)
-    if first is None or not numeric:
+    if first is None:
         raise RecordError(path, "it holds no rows of numbers, parted by commas, semicolons, tabs or blanks.")
     here = written[first:]
     headers, units_row, above = _header(lines[: here[0]], separator, length)

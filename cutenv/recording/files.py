@@ -3,43 +3,34 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from types import MappingProxyType
+from typing import NamedTuple
 
 from cutenv._base.atomic_file import atomic_write
 from cutenv._base.validation import one_of
 from cutenv.recording import csv_file, hdf5_file, parquet_file
 from cutenv.recording.provenance import check_operator
-from cutenv.recording.record_errors import RecordError
+from cutenv.recording.record_errors import RecordError, check_beginning
 from cutenv.recording.table import ALONG_CUT, CutTable, traces_of
 from cutenv.trace import Trace
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Format:
-    """Writer and reader of a kind of file."""
+class _Format(NamedTuple):
+    """Name, writer and reader of a kind of file."""
 
     name: str
     write: Callable[[Sequence[Trace], Path], None]
     read: Callable[[Path], list[CutTable]]
 
 
-_CSV = _Format(name="CSV", write=csv_file.write, read=csv_file.read)
-_PARQUET = _Format(name="Parquet", write=parquet_file.write, read=parquet_file.read)
-_HDF5 = _Format(name="HDF5", write=hdf5_file.write, read=hdf5_file.read)
-_FORMATS: Mapping[str, _Format] = MappingProxyType({".csv": _CSV, ".parquet": _PARQUET, ".h5": _HDF5, ".hdf5": _HDF5})
-
-_BEGINNINGS = {
-    b"PAR1": "Parquet",
-    b"\x89HDF\r\n\x1a\n": "HDF5",
-    b"PK\x03\x04": "a zip file or a spreadsheet",
-    b"\x1f\x8b": "a gzip file",
-    b"\xff\xfe": "text in UTF-16",
-    b"\xfe\xff": "text in UTF-16",
+_HDF5 = _Format("HDF5", hdf5_file.write, hdf5_file.read)
+_FORMATS = {
+    ".csv": _Format("CSV", csv_file.write, csv_file.read),
+    ".parquet": _Format("Parquet", parquet_file.write, parquet_file.read),
+    ".h5": _HDF5,
+    ".hdf5": _HDF5,
 }
-"""First bytes of other kinds of file."""
 
 
 def save(traces: Trace | Iterable[Trace], path: str | os.PathLike[str]) -> None:
@@ -129,7 +120,8 @@ def load(path: str | os.PathLike[str], *, force: str | None = None) -> list[Trac
     path = Path(path)
     chosen = _format_of(path)
     try:
-        _check_beginning(path, chosen.name)
+        with path.open("rb") as file:
+            check_beginning(path, file.read(16), chosen.name)
         tables = chosen.read(path)
     except (FileNotFoundError, PermissionError, IsADirectoryError, RecordError):
         raise
@@ -163,16 +155,3 @@ def _format_of(path: Path) -> _Format:
         known = ", ".join(_FORMATS)
         raise RecordError(path, f"its suffix {path.suffix!r} is no format of a record. Use one of {known}.")
     return _FORMATS[path.suffix.lower()]
-
-
-def _check_beginning(path: Path, name: str) -> None:
-    """Raise an error for an empty file, or one whose content is not what its suffix promises."""
-    with path.open("rb") as file:
-        beginning = file.read(max(map(len, _BEGINNINGS)))
-    if not beginning:
-        raise RecordError(path, "it is empty. Record or copy it again.")
-    for known, what in _BEGINNINGS.items():
-        if beginning.startswith(known) and what != name:
-            raise RecordError(
-                path, f"it is no {name} but {what}. Give it the suffix of what it is, or save it as CSV in UTF-8."
-            )

@@ -1,4 +1,4 @@
-"""Records of other programs and laboratories, read through a mapping of their columns."""
+"""Reading of any record: of this package, or of other programs, through a mapping of their columns."""
 
 from __future__ import annotations
 
@@ -16,31 +16,22 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv.measurement import QualityIssue, quality_issues
-from cutenv.recording.column_map import ColumnMap
+from cutenv.recording.column_map import MAP_FILE, ColumnMap
+from cutenv.recording.csv_file import is_own
 from cutenv.recording.csv_sniffer import SniffedTable, bare_name, column_stem, sniff_table
 from cutenv.recording.cut_detection import STANDARD, CutSearch, FoundCut, contact_level, find_cuts, find_tare
+from cutenv.recording.files import load
 from cutenv.recording.mapped_columns import MappedReadings
 from cutenv.recording.record_errors import RecordError
 from cutenv.trace import Trace
 
+_NAMED_INSIDE = (".parquet", ".h5", ".hdf5")  # formats that need no mapping
 # Names of the blade's way in other programs' headers, without accents.
-_WAYS = frozenset(
-    (
-        "way",
-        "position",
-        "pos",
-        "displacement",
-        "travel",
-        "weg",
-        "verschiebung",
-        "deplacement",
-        "desplazamiento",
-        "posicion",
-        "spostamento",
-        "posizione",
-    )
-)
-_DEPTHS = frozenset(("depth", "thickness", "tiefe", "dicke", "profondeur", "epaisseur"))
+_WAYS = {
+    "way", "position", "pos", "displacement", "travel", "weg", "verschiebung", "deplacement", "desplazamiento",
+    "posicion", "spostamento", "posizione",
+}  # fmt: skip
+_DEPTHS = {"depth", "thickness", "tiefe", "dicke", "profondeur", "epaisseur"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,6 +93,70 @@ class Imported:
             "cuts": [cut.samples for cut in cuts],
             "flaws": self.flaws[first : first + max(1, len(cuts))],
         }
+
+
+def read_record(
+    path: str | os.PathLike[str], mapping: ColumnMap | None = None, *, search: CutSearch | None = STANDARD
+) -> Imported:
+    """Read the cuts of a file that this package or another program wrote, and check them.
+
+    A file whose headers name quantity and unit (:func:`cutenv.recording.load`) needs no mapping; its cuts are used as
+    they are. Any other text file is read by :func:`load_foreign`, through `mapping` or the
+    one saved beside it.
+
+    Parameters
+    ----------
+    path : path
+        Path of the record.
+    mapping : ColumnMap, optional
+        Mapping of its columns.
+    search : CutSearch or None
+        As in :func:`load_foreign`.
+
+    Returns
+    -------
+    Imported
+        Its `sound` holds the cuts to calculate with.
+
+    Raises
+    ------
+    RecordError
+        If the file cannot be read: names place, reason and cure.
+    OSError
+        If the file cannot be opened.
+    ModuleNotFoundError
+        If the format's library is not installed; the message gives the pip command.
+    """
+    path = Path(path)
+    is_text = path.suffix.lower() not in _NAMED_INSIDE
+    if mapping is not None:
+        if is_text:
+            return load_foreign(path, mapping, search=search)
+        raise RecordError(path, "a mapping is for text files; here the names of the columns define them. Leave it out.")
+    try:
+        traces = tuple(load(path))
+    except RecordError as error:
+        if not is_text or is_own(path):
+            raise
+        if (path.parent / MAP_FILE).is_file():
+            return load_foreign(path, search=search)
+        try:
+            table = sniff_table(path)
+        except RecordError:  # no table of numbers either
+            raise error from None
+        cure = "if another program wrote it, leave it as it is and name its columns, as at the end of this message."
+        own = f"(Cutenv's own format it is not: {error.reason})"
+        raise RecordError(path, f"{cure} {own} {_how_to_map(table)}") from None
+    return Imported(
+        path=path,
+        mapping=None,
+        records=traces,
+        tared=traces,
+        cuts=tuple((FoundCut(start=0, stop=len(trace)),) for trace in traces),
+        traces=traces,
+        flaws=tuple(map(quality_issues, traces)),
+        notes=(f"{path.name}: {len(traces)} cut{'' if len(traces) == 1 else 's'}, as recorded.",),
+    )
 
 
 def load_foreign(
@@ -169,7 +224,7 @@ def load_foreign(
     )
 
 
-def how_to_map(table: SniffedTable) -> str:
+def _how_to_map(table: SniffedTable) -> str:
     """Return the columns of a table and, last, the ``--map`` that is guessed for it."""
     time, force, position = _guessed(table)
     items = ["rate=1000Hz" if time is None else f"time={_name(table, time)}", f"force={_name(table, force)}"]
@@ -226,7 +281,7 @@ def _saved_mapping(path: Path, table: SniffedTable) -> ColumnMap:
     try:
         return ColumnMap.load(path.parent)
     except FileNotFoundError:
-        raise RecordError(path, f"which of its columns is what? Name them: {how_to_map(table)}") from None
+        raise RecordError(path, f"which of its columns is what? Name them: {_how_to_map(table)}") from None
 
 
 def _unused(table: SniffedTable, mapping: ColumnMap) -> tuple[str, ...]:

@@ -63,17 +63,15 @@ def read(path: Path) -> list[CutTable]:
             f"it is no Parquet file, or a damaged one ({str(error).partition(chr(10))[0] or type(error).__name__}). "
             "Take the file again."
         ) from None
-    parsed_headers(names)
+    columns = parsed_headers(names)
     for name, kind in strange:
         raise ValueError(f"column {name!r} holds {kind}, no numbers. Write it as float64.")
-    columns = dict(zip(names, values, strict=True))
-    cut = columns.pop(CUT_COLUMN, None)
     facts = _facts(notes)
     return [
-        CutTable(
-            headers=tuple(columns),
-            values=tuple(columns.values()),
-            cut=cut,
+        CutTable.of(
+            names,
+            values,
+            columns=columns,
             place=row_from_0,
             native=_SCHEMA_KEY in notes,
             shared=as_mapping("metadata", facts.get("metadata", {})),

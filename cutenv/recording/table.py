@@ -63,12 +63,19 @@ class CutTable:
     name: str = ""
 
     @classmethod
-    def of(cls, columns: Mapping[str, tuple[Column | None, Array]], **facts: Any) -> CutTable:
-        """Make a table of columns as read, by header; the one that is None numbers the cuts."""
-        cut = next((values for column, values in columns.values() if column is None), None)
-        fields = {header: (column, values) for header, (column, values) in columns.items() if column is not None}
-        headers, parsed, values = tuple(fields), *map(tuple, zip(*fields.values(), strict=True))
-        return cls(headers=headers, columns=parsed, values=values, cut=cut, **facts)
+    def of(
+        cls, names: Sequence[str], values: Sequence[Array], columns: Sequence[Column | None] | None = None, **facts: Any
+    ) -> CutTable:
+        """Make a table of columns as read, with the cut's among them; raises as :func:`parsed_headers`."""
+        parsed = list(zip(columns or parsed_headers(names), names, values, strict=True))
+        kept = [(column, name, held) for column, name, held in parsed if column is not None]
+        return cls(
+            headers=tuple(name for _, name, _ in kept),
+            columns=tuple(column for column, _, _ in kept),
+            values=tuple(held for _, _, held in kept),
+            cut=next((held for column, _, held in parsed if column is None), None),
+            **facts,
+        )
 
 
 def row_from_0(row: int) -> str:

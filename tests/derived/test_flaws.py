@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
-from foreign_script import foreign_records as fr
 from recorded_cut import recorded_cut
 
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.measurement import quality_issues
 from cutenv.trace import Trace
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+from virtual_records import FLAWS, one_cut, valid_record
 
 SENSORS = [
     SensorParameters(force_noise=noise, force_resolution=resolution)
@@ -133,7 +137,7 @@ def test_clipping_is_found_from_the_first_flat_top_to_the_last(sensor: SensorPar
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_gap_is_found_at_its_rows(seed: int) -> None:
-    trace, rows = fr.gap(fr.one_cut(seed), np.random.default_rng(seed))
+    trace, rows = FLAWS["gap"](one_cut(seed), np.random.default_rng(seed))
     check_found(trace, "gap", rows, off=0, refuse=abs(np.diff(trace.position[list(rows)])[0]) > 1e-3)
     check_found(force_only(trace), "gap", rows, off=0, refuse=True)
 
@@ -147,7 +151,7 @@ def test_a_gap_in_which_the_blade_stood_is_worth_a_look() -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_reversed_force_is_refused_where_the_motion_is_known(seed: int) -> None:
-    trace, _ = fr.reversed_sign(fr.one_cut(seed), np.random.default_rng(seed))
+    trace, _ = FLAWS["reversed"](one_cut(seed), np.random.default_rng(seed))
     found = [flaw for flaw in quality_issues(trace) if flaw.kind == "reversed"]
     assert [flaw.refuse for flaw in found] == [True]
     assert "force=-column" in found[0].message
@@ -169,8 +173,8 @@ def test_a_short_record_is_refused() -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_an_irregular_clock_is_worth_a_look(seed: int) -> None:
-    cut = fr.one_cut(seed)
-    trace, rows = fr.clock(force_only(cut), np.random.default_rng(seed))
+    cut = one_cut(seed)
+    trace, rows = FLAWS["clock"](force_only(cut), np.random.default_rng(seed))
     check_found(trace, "clock", rows, off=20, refuse=False)
     jitter = 1e-4 * np.random.default_rng(seed).standard_normal(len(cut)).clip(-3, 3)
     assert quality_issues(dataclasses.replace(force_only(cut), time=cut.time + jitter)) == ()
@@ -199,7 +203,7 @@ def test_flaws_come_in_order_of_time() -> None:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_valid_records_with_mild_noise_are_accepted(seed: int) -> None:
-    record = fr.valid_record(seed)
+    record = valid_record(seed)
     assert quality_issues(dataclasses.replace(record.trace, force=record.trace.force - record.offset)) == ()
 
 

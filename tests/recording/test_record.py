@@ -14,7 +14,7 @@ from recorded_cut import recorded_cut
 from cutenv import recording
 from cutenv.recording import RecordError, save
 from cutenv.recording.column_map import ColumnMap
-from cutenv.recording.record import read_record
+from cutenv.recording.importers import read_record
 from cutenv.trace import Trace
 
 MAPPING = ColumnMap.parse(["time=t", "force=F"], unit="N")

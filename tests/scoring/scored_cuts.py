@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import json
+import math
 from typing import Any
 
 import numpy as np
 from recorded_cut import recorded_cut
 
+from cutenv.scoring import ScoreCard
 from cutenv.tissue import measured_liver
 from cutenv.trace import Trace
 
@@ -92,3 +95,14 @@ def ends_under_force(kind: str) -> bool:
     """Whether tissue is loaded at the end of the cut."""
     trace = cut(kind)
     return bool(trace.force[-50:].mean() > 0.2)
+
+
+def check_card(card: ScoreCard) -> None:
+    """Every number is finite or has a reason, and every form of the card can be made."""
+    json.loads(card.to_json())
+    assert str(card)
+    assert card._repr_html_()
+    for name, scored in card.metrics.items():
+        assert (scored.value is None) == bool(scored.unavailable), name
+        assert scored.value is None or math.isfinite(scored.value), name
+    assert (card.overall_score is None) == bool(card.no_score)
