@@ -45,6 +45,8 @@ def test_sdo_frames_are_those_of_the_standard():
     drive = HandMovedDrive()
     drive.wait(0.002)
     assert drive.asked(bytes.fromhex("2B 40 60 00 06 00 00 00")) == bytes.fromhex("60 40 60 00 00 00 00 00")
+    assert drive.asked(bytes.fromhex("22 40 60 00 07 00 00 00")) == bytes.fromhex("60 40 60 00 00 00 00 00")
+    assert drive.asked(bytes.fromhex("40 40 60 00 00 00 00 00")) == bytes.fromhex("4B 40 60 00 07 00 00 00")
     assert drive.asked(bytes.fromhex("40 41 60 00 00 00 00 00"))[:4] == bytes.fromhex("4B 41 60 00")
     assert drive.asked(bytes.fromhex("40 00 10 00 00 00 00 00")) == bytes.fromhex("43 00 10 00 92 01 02 00")
     assert drive.asked(bytes.fromhex("40 18 10 01 00 00 00 00")) == bytes.fromhex("43 18 10 01 FB 00 00 00")
@@ -100,6 +102,15 @@ def test_what_a_pdo_carries_is_what_the_master_has_mapped():
         drive.put(SYNC, b"")
     assert drive.sent(0x2AA) == [bytes.fromhex("00 00 40 02")] * 2  # every second SYNC
     assert not drive.sent(0x281)
+
+
+def test_an_empty_slot_of_a_pdo_carries_nothing():
+    drive = HandMovedDrive()
+    drive.wait(0.002)
+    drive.map(0x1400, 0x1600, 0x201, 255, (0x60400010, 0))
+    drive.put(0x000, b"\x01\x01")
+    drive.put(0x201, b"\x06\x00")
+    assert drive.read(0x6041) & 0x6F == 0x21
 
 
 def test_a_synchronous_rpdo_waits_for_the_sync_and_one_too_short_is_not_used():

@@ -74,7 +74,7 @@ def test_the_sensor_streams_at_a_thousand_hertz(emulator):
 
 
 def test_a_foreign_master_sets_it_up_and_moves_it(emulator):
-    """canopen's remote node, its object dictionary made here: another CANopen than the emulator's own."""
+    """canopen's remote node, its object dictionary made here: nothing of the rig's own master."""
     dictionary = canopen.ObjectDictionary()
     kinds = canopen.objectdictionary.datatypes
     for index, name, kind in (

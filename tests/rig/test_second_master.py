@@ -118,8 +118,8 @@ def test_a_master_that_nobody_hears_is_stopped_by_what_the_drive_tells():
 
     def intrude(now: float) -> None:
         if now < ends:
-            rig.node.dictionary.write(0x60FF, 0, struct.pack("<i", round(SPEED * MILLI_RPM_PER_M_S)))
-            rig.node.dictionary.write(0x6040, 0, b"\x0f\x00")
+            rig.node.dictionary.set_data(0x60FF, 0, struct.pack("<i", round(SPEED * MILLI_RPM_PER_M_S)))
+            rig.node.dictionary.set_data(0x6040, 0, b"\x0f\x00")
 
     rig.clock.every(0.020, intrude, "by another way")
     rig.wait(3.0)

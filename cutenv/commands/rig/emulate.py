@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 def main(argv: Sequence[str]) -> int:
     """Run the command until it is ended; return 0, or 2 if an option is bad or a port is taken."""
+    arguments = _parser().parse_args(argv)
     from cutenv.rig.emulator.faults import FAULTS, parsed_fault
 
-    arguments = _parser().parse_args(argv)
     if arguments.list_faults:
         for name, fault in FAULTS.items():
             known = [f"{key}={about.default:g} {about.unit}" for key, about in fault.parameters.items()]

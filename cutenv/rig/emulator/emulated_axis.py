@@ -8,6 +8,7 @@ from fractions import Fraction
 import numpy as np
 
 from cutenv.rig.config.settings import Axis
+from cutenv.rig.devices.canopen.objects import WHOLE_RPM
 from cutenv.rig.devices.samples import DriveState
 from cutenv.rig.emulator.motor import (
     MODE_OFF,
@@ -19,7 +20,7 @@ from cutenv.rig.emulator.motor import (
     motor_record,
     turn_motor,
 )
-from cutenv.rig.emulator.object_dictionary import RPM, ObjectDictionary
+from cutenv.rig.emulator.object_dictionary import ObjectDictionary
 from cutenv.rig.emulator.state_machine import HALT, POWERED, STATUSWORDS, StatusBit
 
 _DISABLED = 0xFFFFFFFF  # a following-error window that is switched off
@@ -80,7 +81,7 @@ class EmulatedAxis:
 
     def _velocity(self, dictionary: ObjectDictionary) -> float:
         """Return one velocity unit of the drive [m/s or rad/s]."""
-        return self._revolution(dictionary) / (60.0 if dictionary[0x60A9] == RPM else 60000.0)
+        return self._revolution(dictionary) / (60.0 if dictionary[0x60A9] == WHOLE_RPM else 60000.0)
 
     def units(self, dictionary: ObjectDictionary, speed: float) -> int:
         """Return a speed [m/s or rad/s] in the drive's velocity units."""

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
+import logging
 import struct
 from collections.abc import Callable
 from enum import IntEnum
 from typing import Any
 
+from canopen import SdoAbortedError
+from canopen.sdo.server import SdoServer
+
+from cutenv.rig.devices.canopen.objects import ENABLE_OPERATION, Entry
 from cutenv.rig.devices.samples import DriveState
 from cutenv.rig.emulator.emulated_axis import EmulatedAxis
 from cutenv.rig.emulator.hub import Frame
-from cutenv.rig.emulator.object_dictionary import Abort, ObjectDictionary, ObjectEntry, SdoAbort, epos4
-from cutenv.rig.emulator.process_data import ProcessData, check_mapping
-from cutenv.rig.emulator.sdo import SdoServer
+from cutenv.rig.emulator.object_dictionary import Abort, ObjectDictionary, epos4
+from cutenv.rig.emulator.process_data import ProcessData, Write, check_mapping
 from cutenv.rig.emulator.state_machine import FAULT_RESET_BIT, POWERED, DriveCommand, after, command
 
-_ENABLE = 0x0F  # controlword
 _SAVE = 0x65766173  # "save", backwards
 _REACTION_ENDS = 1.0  # [s] after which a fault reaction ends even if the axis still moves
+logging.getLogger("canopen.sdo.server").setLevel(logging.CRITICAL)  # it logs as an error what it answers
 Happened = Callable[..., None]
 """Callback ``happened(what, axis=..., **details)`` for events that a test may ask for."""
 
@@ -85,7 +90,10 @@ class Node:
 
     def _boot(self, now: float) -> None:
         self.dictionary.restore()
-        self._sdo = SdoServer(self.dictionary)
+        server: Any = SdoServer  # canopen's classes are typed in part
+        self._sdo = server(0x600 + self.number, 0x580 + self.number, self.dictionary)
+        self._sdo.network = self
+        self._sdo._index = self._sdo._subindex = 0  # without them it cannot refuse a transfer that was never begun
         self._pdo = ProcessData(self.dictionary)
         self.state = DriveState.DISABLED
         self._then: DriveState | None = None  # state after the present ramp
@@ -124,10 +132,10 @@ class Node:
                 self._write_all(self._pdo.synchronised())
                 self.axis.tell(self.dictionary, self.state, True, ahead=now - self._ticked)
                 for cob, sent in self._pdo.due_at_sync():
-                    self._send(cob, sent)
+                    self.send_message(cob, sent)
         elif identifier == 0x600 + self.number:
-            if self.nmt is not Nmt.STOPPED and (answer := self._sdo.answer(data)) is not None:
-                self._send(0x580 + self.number, answer)
+            if self.nmt is not Nmt.STOPPED and len(data) == 8:
+                self._sdo.on_request(identifier, self._sized(data), now)
         elif identifier == 0x700 + (self.dictionary[0x1016, 1] >> 16 & 0x7F) and len(data) == 1:
             if self.dictionary[0x1016, 1] & 0xFFFF:
                 self._master = now
@@ -135,6 +143,13 @@ class Node:
                     self._clear()
         elif self.nmt is Nmt.OPERATIONAL:
             self._write_all(self._pdo.received(identifier, data))
+
+    def _sized(self, request: bytes) -> bytes:
+        """State the size of an expedited download that leaves it to the object: canopen's server takes four bytes."""
+        entry = self.dictionary.entries.get(struct.unpack_from("<HB", request, 1))
+        if entry is None or request[0] & 0xE3 != 0x22:
+            return request
+        return bytes([0x23 | 4 - entry.bits // 8 << 2]) + request[1:]
 
     def _network_command(self, data: bytes) -> None:
         if len(data) != 2 or data[1] not in (0, self.number):
@@ -153,26 +168,25 @@ class Node:
         if before is Nmt.OPERATIONAL and self.nmt is not Nmt.OPERATIONAL and self.state in POWERED:
             self._connection_lost()
 
-    def _write_all(self, writes: list[tuple[ObjectEntry, bytes]]) -> None:
-        for entry, data in sorted(writes, key=lambda write: write[0].index == 0x6040):  # targets before the command
-            try:
-                self.dictionary.write(entry.index, entry.sub, data)
-            except SdoAbort:
-                continue  # a PDO has no answer: the standard lets the device ignore a value that it cannot take
+    def _write_all(self, writes: list[Write]) -> None:
+        for write in sorted(writes, key=lambda write: write[0] == 0x6040):  # targets before the command
+            # A PDO has no answer: the standard lets the device ignore a value that it cannot take.
+            with contextlib.suppress(SdoAbortedError):
+                self.dictionary.set_data(*write)
 
-    def _written(self, entry: ObjectEntry, value: int) -> None:
+    def _written(self, entry: Entry, value: int) -> None:
         if entry.index == 0x6040:
             self._control(value)
         elif 0x1400 <= entry.index < 0x1C00:
             check_mapping(self.dictionary, entry, value)
         elif entry.index == 0x1010:
             if value != _SAVE:
-                raise SdoAbort(Abort.VALUE)
+                raise SdoAbortedError(Abort.VALUE)
             self.dictionary.keep()
         elif entry.index == 0x1016:
             self._master = None
         elif entry.index == 0x60A9 and self.state in POWERED:
-            raise SdoAbort(Abort.DEVICE_STATE)
+            raise SdoAbortedError(Abort.DEVICE_STATE)
 
     def _control(self, controlword: int) -> None:
         before, self._controlword = self._controlword, controlword
@@ -201,7 +215,7 @@ class Node:
         if not self._powered:
             return
         if self.nmt is Nmt.BOOTING:
-            self._send(0x700 + self.number, b"\x00")
+            self.send_message(0x700 + self.number, b"\x00")
             self.nmt = Nmt.PRE_OPERATIONAL
         self._watch_master(now)
         self._finish_ramps(now)
@@ -212,10 +226,10 @@ class Node:
         if beat and now - self._beat >= beat:
             self._beat = now if now - self._beat > 2 * beat else self._beat + beat
             if not self.heartbeat_lost:
-                self._send(0x700 + self.number, bytes([self.nmt]))
+                self.send_message(0x700 + self.number, bytes([self.nmt]))
         if self.nmt is Nmt.OPERATIONAL:
             for cob, data in self._pdo.due_by_event(now):
-                self._send(cob, data)
+                self.send_message(cob, data)
 
     def _watch_master(self, now: float) -> None:
         allowed = 1e-3 * (self.dictionary[0x1016, 1] & 0xFFFF)
@@ -286,17 +300,18 @@ class Node:
 
     def _send_emergency(self, code: int) -> None:
         if self.nmt in (Nmt.OPERATIONAL, Nmt.PRE_OPERATIONAL):
-            self._send(0x80 + self.number, struct.pack("<HB5x", code, self.dictionary[0x1001]))
+            self.send_message(0x80 + self.number, struct.pack("<HB5x", code, self.dictionary[0x1001]))
 
-    def _send(self, identifier: int, data: bytes) -> None:
+    def send_message(self, identifier: int, data: bytes) -> None:
+        """Put a frame on the bus, unless a fault prevents it; the name is the one that canopen's SDO server calls."""
         if self._powered and not self.bus_off:
             for _ in range(1 + self.doubles):
-                self._put(Frame(identifier, data))
+                self._put(Frame(identifier, bytes(data)))
 
     def command(self, speed: float) -> Frame:
         """Return the frame (RPDO1, as the rig maps it) with which a master enables it at ``speed`` [m/s or rad/s]."""
         velocity = self.axis.units(self.dictionary, speed)
-        return Frame(0x200 + self.number, struct.pack("<Hib", _ENABLE, velocity, self.dictionary[0x6060]))
+        return Frame(0x200 + self.number, struct.pack("<Hib", ENABLE_OPERATION, velocity, self.dictionary[0x6060]))
 
     def about(self) -> dict[str, Any]:
         """Return the drive's state for the control port."""

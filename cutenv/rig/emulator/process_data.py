@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cutenv.rig.emulator.object_dictionary import Abort, ObjectDictionary, ObjectEntry, SdoAbort
+from canopen import SdoAbortedError
 
-_INVALID = 0x80000000
+from cutenv.rig.devices.canopen.objects import PDO_UNUSED, Entry
+from cutenv.rig.emulator.object_dictionary import Abort, ObjectDictionary
+
 _IDENTIFIER = 0x7FF
 _SYNCHRONOUS = 240  # greatest transmission type that depends on SYNC
+Write = tuple[int, int, bytes]
+"""Index, sub-index and new value of an object that a received frame writes."""
 
 
 def _parts(mapped: int) -> tuple[int, int, int]:
@@ -16,23 +20,17 @@ def _parts(mapped: int) -> tuple[int, int, int]:
     return mapped >> 16, mapped >> 8 & 0xFF, mapped & 0xFF
 
 
-def check_mapping(dictionary: ObjectDictionary, entry: ObjectEntry, value: int) -> None:
-    """Raise Refused for a write to 1400, 1600, 1800, 1A00 or their successors that the standard does not allow.
-
-    Raises
-    ------
-    Refused
-        If the write is not allowed; has the abort code.
-    """
+def check_mapping(dictionary: ObjectDictionary, entry: Entry, value: int) -> None:
+    """Raise SdoAbortedError for a write to 1400, 1600, 1800, 1A00 or their successors that CiA 301 does not allow."""
     settings = entry.index & ~0x200
     sends = settings >= 0x1800
-    valid = not dictionary[settings, 1] & _INVALID
+    valid = not dictionary[settings, 1] & PDO_UNUSED
     if entry.index == settings:
-        if entry.sub == 1 and valid and not value & _INVALID and value != dictionary[settings, 1]:
-            raise SdoAbort(Abort.DEVICE_STATE)
+        if entry.sub == 1 and valid and not value & PDO_UNUSED and value != dictionary[settings, 1]:
+            raise SdoAbortedError(Abort.DEVICE_STATE)
         return
     if valid or (entry.sub > 0 and dictionary[entry.index, 0] > 0):
-        raise SdoAbort(Abort.DEVICE_STATE)  # first the COB-ID must be made invalid and the number of objects 0
+        raise SdoAbortedError(Abort.DEVICE_STATE)  # first the COB-ID must be made invalid and the number of objects 0
     if entry.sub > 0:
         _check_mapped(dictionary, value, "T" if sends else "R")
         return
@@ -41,7 +39,7 @@ def check_mapping(dictionary: ObjectDictionary, entry: ObjectEntry, value: int) 
         _check_mapped(dictionary, dictionary[entry.index, sub], "T" if sends else "R")
         bits += dictionary[entry.index, sub] & 0xFF
     if bits > 64:
-        raise SdoAbort(Abort.PDO_LENGTH)
+        raise SdoAbortedError(Abort.PDO_LENGTH)
 
 
 def _check_mapped(dictionary: ObjectDictionary, mapped: int, way: str) -> None:
@@ -50,7 +48,7 @@ def _check_mapped(dictionary: ObjectDictionary, mapped: int, way: str) -> None:
     index, sub, bits = _parts(mapped)
     found = dictionary.entry(index, sub)
     if way not in found.mappable or bits != found.bits:
-        raise SdoAbort(Abort.NOT_MAPPABLE)
+        raise SdoAbortedError(Abort.NOT_MAPPABLE)
 
 
 @dataclass
@@ -65,7 +63,7 @@ class _Pdo:
     def cob(self, dictionary: ObjectDictionary) -> int | None:
         """Return the identifier; None if the PDO is not in use."""
         cob = dictionary[self.settings, 1]
-        return None if cob & _INVALID else cob & _IDENTIFIER
+        return None if cob & PDO_UNUSED else cob & _IDENTIFIER
 
     def places(self, dictionary: ObjectDictionary) -> list[tuple[int, int, int]]:
         return [_parts(dictionary[self.mapping, sub]) for sub in range(1, dictionary[self.mapping, 0] + 1)]
@@ -79,9 +77,9 @@ class ProcessData:
         self._received = [_Pdo(0x1400 + i, 0x1600 + i) for i in range(4)]
         self._sent = [_Pdo(0x1800 + i, 0x1A00 + i) for i in range(4)]
 
-    def received(self, identifier: int, data: bytes) -> list[tuple[ObjectEntry, bytes]]:
+    def received(self, identifier: int, data: bytes) -> list[Write]:
         """Return the writes of a received frame; a synchronous RPDO's are kept for :meth:`synchronised`."""
-        writes = []
+        writes: list[Write] = []
         for pdo in self._received:
             if pdo.cob(self._dictionary) != identifier:
                 continue
@@ -91,9 +89,9 @@ class ProcessData:
                 writes += self._unpacked(pdo, data)
         return writes
 
-    def synchronised(self) -> list[tuple[ObjectEntry, bytes]]:
+    def synchronised(self) -> list[Write]:
         """Return the writes that have waited for this SYNC."""
-        writes = []
+        writes: list[Write] = []
         for pdo in self._received:
             if pdo.pending is not None:
                 writes += self._unpacked(pdo, pdo.pending)
@@ -132,16 +130,16 @@ class ProcessData:
 
     def _packed(self, pdo: _Pdo) -> bytes:
         dictionary = self._dictionary
-        return b"".join(
-            dictionary.packed(dictionary.entry(index, sub)) for index, sub, bits in pdo.places(dictionary) if bits
-        )
+        return b"".join(dictionary.get_data(index, sub) for index, sub, bits in pdo.places(dictionary) if bits)
 
-    def _unpacked(self, pdo: _Pdo, data: bytes) -> list[tuple[ObjectEntry, bytes]]:
+    def _unpacked(self, pdo: _Pdo, data: bytes) -> list[Write]:
         places = pdo.places(self._dictionary)
         if len(data) < sum(bits for *_, bits in places) // 8:
             return []  # a frame that is too short is not used at all (CiA 301)
-        writes, at = [], 0
+        writes: list[Write] = []
+        at = 0
         for index, sub, bits in places:
-            writes.append((self._dictionary.entry(index, sub), data[at : at + bits // 8]))
-            at += bits // 8
-        return [(entry, part) for (entry, part) in writes if part]
+            if bits:
+                writes.append((index, sub, data[at : at + bits // 8]))
+                at += bits // 8
+        return writes

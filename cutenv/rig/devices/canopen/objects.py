@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from typing import Literal
 
 from cutenv.rig.devices.samples import DriveState
 
@@ -17,15 +18,31 @@ class Entry:
     index, sub : int
         Address of the value.
     kind : str
-        Format code of :mod:`struct`, little endian.
+        Format code of :mod:`struct`, little endian; "s" for a text.
     name : str
         Name in the standard.
+    access : {"rw", "ro"}
+        Whether it may be written.
+    default : int or str
+        Value after power on, until another is stored.
+    low, high : int, optional
+        Limits of what may be written; None: those of the kind.
+    choices : tuple of int
+        Values that may be written; empty: all.
+    mappable : str
+        PDOs that it may be mapped to: "R" received, "T" transmitted by the drive.
     """
 
     index: int
     sub: int
     kind: str
     name: str
+    access: Literal["rw", "ro"] = "rw"
+    default: int | str = 0
+    low: int | None = None
+    high: int | None = None
+    choices: tuple[int, ...] = ()
+    mappable: str = ""
 
     @property
     def bits(self) -> int:
@@ -41,39 +58,50 @@ class Entry:
         return f"0x{self.index:04X}:{self.sub:02X} ({self.name})"
 
 
-DEVICE_TYPE = Entry(0x1000, 0, "I", "device type")
-VENDOR = Entry(0x1018, 1, "I", "vendor")
-CONSUMER_HEARTBEAT = Entry(0x1016, 1, "I", "consumer heartbeat time")
-PRODUCER_HEARTBEAT = Entry(0x1017, 0, "H", "producer heartbeat time")
-CURRENT_LIMIT = Entry(0x3001, 2, "I", "output current limit")  # [mA]
-GEAR_NUMERATOR = Entry(0x3003, 1, "I", "gear reduction numerator")
-GEAR_DENOMINATOR = Entry(0x3003, 2, "I", "gear reduction denominator")
-ENCODER_PULSES = Entry(0x3010, 1, "I", "encoder pulses per turn")
-ABORT_CONNECTION = Entry(0x6007, 0, "h", "abort connection option")
-CONTROLWORD = Entry(0x6040, 0, "H", "controlword")
-STATUSWORD = Entry(0x6041, 0, "H", "statusword")
-QUICK_STOP_OPTION = Entry(0x605A, 0, "h", "quick stop option")
-FAULT_REACTION = Entry(0x605E, 0, "h", "fault reaction option")
-MODE = Entry(0x6060, 0, "b", "mode of operation")
-MODE_SHOWN = Entry(0x6061, 0, "b", "mode of operation display")
-POSITION = Entry(0x6064, 0, "i", "position actual value")  # [increments]
-FOLLOWING_WINDOW = Entry(0x6065, 0, "I", "following error window")  # [increments]
-VELOCITY = Entry(0x606C, 0, "i", "velocity actual value")  # [velocity units]
-TORQUE = Entry(0x6077, 0, "h", "torque actual value")  # [per mille of the rated torque]
-LOW_LIMIT = Entry(0x607D, 1, "i", "software position limit, minimum")  # [increments]
-HIGH_LIMIT = Entry(0x607D, 2, "i", "software position limit, maximum")  # [increments]
-PROFILE_SPEED_LIMIT = Entry(0x607F, 0, "I", "max profile velocity")  # [velocity units]
-MOTOR_SPEED_LIMIT = Entry(0x6080, 0, "I", "max motor speed")  # [rpm] in CiA 402, whatever the velocity unit
-PROFILE_ACCELERATION = Entry(0x6083, 0, "I", "profile acceleration")  # [rpm/s]
-PROFILE_DECELERATION = Entry(0x6084, 0, "I", "profile deceleration")  # [rpm/s]
-QUICK_STOP_DECELERATION = Entry(0x6085, 0, "I", "quick stop deceleration")  # [rpm/s]
-VELOCITY_UNIT = Entry(0x60A9, 0, "I", "SI unit velocity")
-TARGET_VELOCITY = Entry(0x60FF, 0, "i", "target velocity")  # [velocity units]
-
 SERVO_402 = 0x0002_0192
 """Device type of a servo drive that follows CiA 402."""
 MAXON = 0x0000_00FB
 """Vendor number of maxon motor."""
+STOP_AND_STAY = 6
+"""Value of 0x605A: down the quick-stop ramp, then stay in "quick stop active", which a command can leave."""
+STOP_AND_RELEASE = 2
+"""Value of 0x605A: down the quick-stop ramp, during which commands have no effect, and then without power."""
+WHOLE_RPM = 0x00B4_4700
+"""Value of 0x60A9: revolutions (0xB4) per minute (0x47); its first byte is a power of ten, two's complement."""
+MILLI_RPM = 0xFD00_0000 | WHOLE_RPM
+
+# What the rig reads and writes by name. An emulated drive has these same entries, and those that no name is needed for.
+DEVICE_TYPE = Entry(0x1000, 0, "I", "device type", "ro", SERVO_402)
+VENDOR = Entry(0x1018, 1, "I", "vendor", "ro", MAXON)
+CONSUMER_HEARTBEAT = Entry(0x1016, 1, "I", "consumer heartbeat time", high=0x7FFFFF)
+PRODUCER_HEARTBEAT = Entry(0x1017, 0, "H", "producer heartbeat time")  # [ms]
+CURRENT_LIMIT = Entry(0x3001, 2, "I", "output current limit", default=5440, high=30000)  # [mA]
+GEAR_NUMERATOR = Entry(0x3003, 1, "I", "gear reduction numerator", default=1, low=1)
+GEAR_DENOMINATOR = Entry(0x3003, 2, "I", "gear reduction denominator", default=1, low=1)
+ENCODER_PULSES = Entry(0x3010, 1, "I", "encoder pulses per turn", default=500, low=16, high=2500000)
+ABORT_CONNECTION = Entry(0x6007, 0, "h", "abort connection option", default=1, low=0, high=3)
+CONTROLWORD = Entry(0x6040, 0, "H", "controlword", mappable="RT")
+STATUSWORD = Entry(0x6041, 0, "H", "statusword", "ro", mappable="T")
+QUICK_STOP_OPTION = Entry(0x605A, 0, "h", "quick stop option", default=2, choices=(STOP_AND_RELEASE, STOP_AND_STAY))
+FAULT_REACTION = Entry(0x605E, 0, "h", "fault reaction option", default=2, low=-1, high=2)
+MODE = Entry(0x6060, 0, "b", "mode of operation", choices=(0, 3, 6, 9), mappable="RT")
+MODE_SHOWN = Entry(0x6061, 0, "b", "mode of operation display", "ro", mappable="T")
+POSITION = Entry(0x6064, 0, "i", "position actual value", "ro", mappable="T")  # [increments]
+FOLLOWING_WINDOW = Entry(0x6065, 0, "I", "following error window", default=2000)  # [increments]
+VELOCITY = Entry(0x606C, 0, "i", "velocity actual value", "ro", mappable="T")  # [velocity units]
+TORQUE = Entry(0x6077, 0, "h", "torque actual value", "ro", mappable="T")  # [per mille of the rated torque]
+LOW_LIMIT = Entry(0x607D, 1, "i", "software position limit, minimum", default=-(2**31))  # [increments]
+HIGH_LIMIT = Entry(0x607D, 2, "i", "software position limit, maximum", default=2**31 - 1)  # [increments]
+PROFILE_SPEED_LIMIT = Entry(0x607F, 0, "I", "max profile velocity", default=50000)  # [velocity units]
+# [rpm] in CiA 402, whatever the velocity unit
+MOTOR_SPEED_LIMIT = Entry(0x6080, 0, "I", "max motor speed", default=50000)
+PROFILE_ACCELERATION = Entry(0x6083, 0, "I", "profile acceleration", default=10000, low=1)  # [rpm/s]
+PROFILE_DECELERATION = Entry(0x6084, 0, "I", "profile deceleration", default=10000, low=1)  # [rpm/s]
+QUICK_STOP_DECELERATION = Entry(0x6085, 0, "I", "quick stop deceleration", default=10000, low=1)  # [rpm/s]
+VELOCITY_UNIT = Entry(0x60A9, 0, "I", "SI unit velocity", default=WHOLE_RPM, choices=(WHOLE_RPM, MILLI_RPM))
+TARGET_VELOCITY = Entry(0x60FF, 0, "i", "target velocity", mappable="RT")  # [velocity units]
+NAMED = tuple(entry for entry in tuple(vars().values()) if isinstance(entry, Entry))
+"""All of the above."""
 
 # Controlwords (CiA 402)
 DISABLE_VOLTAGE = 0x00
@@ -87,16 +115,9 @@ PROFILE_VELOCITY = 3
 """Mode in which the drive ramps to a target velocity by its own acceleration."""
 ABORT_BY_QUICK_STOP = 3
 """Value of 0x6007: a drive that loses this computer's heartbeat makes a quick stop."""
-STOP_AND_STAY = 6
-"""Value of 0x605A: down the quick-stop ramp, then stay in "quick stop active", which a command can leave."""
-STOP_AND_RELEASE = 2
-"""Value of 0x605A: down the quick-stop ramp, during which commands have no effect, and then without power."""
 FAULT_BY_QUICK_STOP = 2
 """Value of 0x605E: a fault that allows it ends in a stop down the quick-stop ramp."""
 
-WHOLE_RPM = 0x00B4_4700
-"""Value of 0x60A9: revolutions (0xB4) per minute (0x47); its first byte is a power of ten, two's complement."""
-MILLI_RPM = 0xFD00_0000 | WHOLE_RPM
 VELOCITY_STEPS: dict[int, int] = {WHOLE_RPM | (-power & 0xFF) << 24: 10**power for power in range(7)}
 """Steps in one rpm for each value of 0x60A9 that counts revolutions a minute."""
 
