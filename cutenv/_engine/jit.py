@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core import compiler, event, targetconfig
+from numba.core import compiler, event, targetconfig, types
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -35,6 +35,24 @@ def _compare_flags_fast() -> None:
 
 
 _compare_flags_fast()
+
+
+def _remember_operators() -> None:
+    """Let Numba remember what an operator of given types is; it tries up to 16 templates at each ``x * y`` and ``a[n]``."""
+    resolve = types.functions.BaseFunction.get_call_type
+
+    def remembered(own: Any, context: Any, args: Any, kws: Any) -> Any:
+        if kws or getattr(own.typing_key, "__module__", "") != "_operator":
+            return resolve(own, context, args, kws)
+        known = own.__dict__.setdefault("_cutenv_known", {})
+        if (found := known.get((context, args))) is None:
+            found = known[context, args] = resolve(own, context, args, kws)
+        return found
+
+    types.functions.BaseFunction.get_call_type = remembered
+
+
+_remember_operators()
 
 
 class _Lean(compiler.CompilerBase):  # type: ignore[misc]  # Numba has no type annotations
