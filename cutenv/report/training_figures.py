@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cutenv.report.page import Html, Row, escaped, html_table, label, new_figure, number
+from cutenv.report.page import label, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +22,6 @@ ROLES = ("agent", "script", "bound", "other")
 _COLOURS = {"agent": "#0072b2", "script": "#e69f00", "bound": "#009e73", "other": "#6b6b6b"}
 _MARKERS = {"agent": "o", "script": "s", "bound": "D", "other": "o"}
 _RETURN, _VALIDATION, _KEPT = "#56b4e9", "#d55e00", "#009e73"
-_PALE, _DEEP = (0xF1, 0xF6, 0xFA), (0x00, 0x5A, 0x94)  # ends of the heat map's colours
 _PHONE = 6.0  # [in] width below which a figure is drawn for a phone
 
 
@@ -35,6 +34,9 @@ class Bar:
     mean: float
     low: float
     high: float
+
+    def __str__(self) -> str:
+        return f"{self.policy} {self.mean:.2f} [{self.low:.2f}, {self.high:.2f}]"
 
 
 def returns_figure(bars: Sequence[Bar], width: float) -> Figure:
@@ -133,36 +135,3 @@ def _plain(axes: Axes, grid: Any) -> None:
     axes.set_axisbelow(True)
     if axes.get_xlim()[0] < 0.0 < axes.get_xlim()[1] and grid == "x":
         axes.axvline(0.0, color="0.6", linewidth=0.8, zorder=0.5)
-
-
-def heat_map(grid: Sequence[Mapping[str, Any]]) -> Html:
-    """Return a table of the return at every speed and angle, with shaded cells; screen readers can read it."""
-    cells = {(row["speed_cm_s"], row["angle_deg"]): row for row in grid}
-    speeds, angles = (sorted({row[name] for row in grid}) for name in ("speed_cm_s", "angle_deg"))
-    means = [row["mean"] for row in grid]
-    lowest, best = min(means), max(means)
-    headings = [Html('speed<br><span class="unit">[cm/s]</span>'), *(Html(f"{angle:g}&deg;") for angle in angles)]
-    rows = [
-        Row([escaped(f"{speed:g}"), *(_heat_cell(cells[speed, angle], lowest, best) for angle in angles)])
-        for speed in speeds
-    ]
-    return html_table("Return of constant feed at each speed (rows) and blade angle (columns)", headings, rows, "heat")
-
-
-def _heat_cell(row: Mapping[str, Any], lowest: float, best: float) -> Html:
-    share = (row["mean"] - lowest) / (best - lowest) if best > lowest else 0.0
-    colour = [round(pale + share * (deep - pale)) for pale, deep in zip(_PALE, _DEEP, strict=True)]
-    ink = "#fff" if _luminance(colour) < 0.179 else "#000"  # where both have the same contrast
-    half = 0.5 * (row["high_95"] - row["low_95"])
-    is_best = row["mean"] == best
-    return Html(
-        f'<span class="shade{" best" if is_best else ""}" style="background:#{bytes(colour).hex()};color:{ink}">'
-        f"<b>{number(row['mean'], 2)}</b><small>&plusmn;{number(half, 2)}</small>"
-        f"<small>{number(100.0 * row['success'], 0)} %{' <i>best</i>' if is_best else ''}</small></span>"
-    )
-
-
-def _luminance(colour: Sequence[int]) -> float:
-    """Return the relative luminance of an sRGB colour, as defined by WCAG 2."""
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (v / 255.0 for v in colour)]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
