@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _TEMPLATES = Path(__file__).parent / "templates"
+_ESTIMATE = re.compile(r"([-−+<\d., %]+) (\[[-−+<\d., %]+\])")
 
 
 class EmbeddedFigure(NamedTuple):
@@ -61,29 +63,8 @@ def number(value: float, digits: int) -> str:
 
 
 def estimate_text(mean: float, low: float, high: float, digits: int) -> str:
-    """Return a mean with its interval; pages show the interval in small type."""
+    """Return a mean with its interval; tables of pages show the interval in small type."""
     return f"{number(mean, digits)} [{number(low, digits)}, {number(high, digits)}]"
-
-
-def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure of a size [in]; pages have figures of two widths, for a desktop screen and a phone.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
-    """
-    try:
-        from matplotlib.figure import Figure  # an extra, and slow to import
-    except ImportError as error:
-        cure = "Pictures need matplotlib. Install it with: pip install 'cutenv[view]'"
-        raise ModuleNotFoundError(cure, name="matplotlib") from error
-    return Figure(figsize=(width, height), layout="constrained")
-
-
-def label(text: str) -> str:
-    """Return text that matplotlib shows unchanged: a dollar sign starts no formula."""
-    return text.replace("$", r"\$")
 
 
 def _embedded(figure: Figure) -> EmbeddedFigure:
@@ -94,4 +75,10 @@ def _embedded(figure: Figure) -> EmbeddedFigure:
     return EmbeddedFigure(address, round(width), round(height))
 
 
-_FILTERS: dict[str, Callable[..., Any]] = {"embedded": _embedded, "number": number}
+def _parted(text: str) -> tuple[str, str]:
+    """Return value and interval of a text such as "-0.5 [-0.6, -0.4]", with minus signs as in print; or text and ""."""
+    found = _ESTIMATE.fullmatch(text)
+    return (found[1].replace("-", "−"), found[2].replace("-", "−")) if found else (text, "")
+
+
+_FILTERS: dict[str, Callable[..., Any]] = {"embedded": _embedded, "number": number, "parted": _parted}

@@ -6,11 +6,11 @@ import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutenv.report.page import label, new_figure
+from cutenv.report.figure import PHONE_WIDTH, label, new_figure, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +22,6 @@ ROLES = ("agent", "script", "bound", "other")
 _COLOURS = {"agent": "#0072b2", "script": "#e69f00", "bound": "#009e73", "other": "#6b6b6b"}
 _MARKERS = {"agent": "o", "script": "s", "bound": "D", "other": "o"}
 _RETURN, _VALIDATION, _KEPT = "#56b4e9", "#d55e00", "#009e73"
-_PHONE = 6.0  # [in] width below which a figure is drawn for a phone
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class Bar:
 
 def returns_figure(bars: Sequence[Bar], width: float) -> Figure:
     """Draw dot and interval of every policy's return, in the order given from above, for a width [in]."""
-    phone = width < _PHONE
+    phone = width < PHONE_WIDTH
     figure = new_figure(width, 0.75 + (0.5 if phone else 0.36) * len(bars))
     axes = figure.subplots()
     places = -np.arange(len(bars))
@@ -61,7 +60,7 @@ def returns_figure(bars: Sequence[Bar], width: float) -> Figure:
         axes.set_yticks(places, [textwrap.fill(name, 36) for name in names])
     axes.set_ylim(-len(bars) + 0.5, 0.7 if phone else 0.5)
     axes.set_xlabel("return")
-    _plain(axes, "x")
+    _plain_from_zero(axes)
     return figure
 
 
@@ -77,7 +76,7 @@ def costs_figure(terms: Sequence[str], policies: Sequence[Sequence[Bar]], width:
     width : float
         Width [in].
     """
-    phone = width < _PHONE
+    phone = width < PHONE_WIDTH
     figure = new_figure(width, 1.0 + len(terms) * (0.12 + 0.14 * len(policies)) + (0.2 * len(policies) * phone))
     axes = figure.subplots()
     thickness = 0.8 / len(policies)
@@ -92,7 +91,7 @@ def costs_figure(terms: Sequence[str], policies: Sequence[Sequence[Bar]], width:
     axes.set_ylim(-len(terms) + 0.45, 0.55)
     axes.set_xlabel("cost, in units of return")
     figure.legend(loc="outside upper left", ncols=1 if phone else len(policies), frameon=False, fontsize=9)
-    _plain(axes, "x")
+    _plain_from_zero(axes)
     return figure
 
 
@@ -100,7 +99,7 @@ def curve_figure(curve: Sequence[Mapping[str, float]], chosen_at: int | None, wi
     """Draw return and success over the training decisions, and mark the checkpoint that was kept."""
     from matplotlib.ticker import EngFormatter
 
-    phone = width < _PHONE
+    phone = width < PHONE_WIDTH
     figure = new_figure(width, 4.6 if phone else 4.8)
     panels = figure.subplots(2, 1, sharex=True)
     for axes, name in zip(panels, ("return", "success"), strict=True):
@@ -113,7 +112,7 @@ def curve_figure(curve: Sequence[Mapping[str, float]], chosen_at: int | None, wi
         if chosen_at is not None:
             axes.axvline(chosen_at, color=_KEPT, linestyle="--", linewidth=1.5, label="checkpoint kept")
         axes.set_ylabel(name)
-        _plain(axes, "y")
+        plain_axes(axes)
     panels[1].set_ylim(-0.03, 1.03)
     panels[1].set_xlabel("decisions")
     panels[1].xaxis.set_major_formatter(EngFormatter())
@@ -128,10 +127,8 @@ def _column(curve: Sequence[Mapping[str, float]], name: str) -> tuple[list[float
     return [row["decisions"] for row in rows], [row[name] for row in rows]
 
 
-def _plain(axes: Axes, grid: Any) -> None:
-    """Remove the box around the drawing, and add faint grid lines across the axis that is read."""
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(axis=grid, color="0.9", linewidth=0.8)
-    axes.set_axisbelow(True)
-    if axes.get_xlim()[0] < 0.0 < axes.get_xlim()[1] and grid == "x":
+def _plain_from_zero(axes: Axes) -> None:
+    """Draw plain axes that are read across, with a line at zero if there are values on both sides of it."""
+    plain_axes(axes, "x")
+    if axes.get_xlim()[0] < 0.0 < axes.get_xlim()[1]:
         axes.axvline(0.0, color="0.6", linewidth=0.8, zorder=0.5)

@@ -50,7 +50,7 @@ def write_view(path: Path, cut: ShownCut, *, colour: str = "displacement") -> in
     ValueError
         If the colour is unknown.
     ImportError
-        If meshcat is not installed.
+        If meshcat or Jinja2 is not installed.
     OSError
         If the page cannot be written.
     """
