@@ -48,6 +48,7 @@ def test_an_estimate_reads_as_mean_and_interval_in_small_type(tmp_path: Path) ->
     assert estimate_text(0.5, -0.25, 1.25, 2) == "0.50 [\u22120.25, 1.25]"
     document = written(tmp_path, body="")
     assert '<td>0.50 <span class="interval">[\u22120.25, 1.25]</span></td>' in document
+    assert "<td>group-1 [0-2]</td>" in written(tmp_path, body="", estimate="group-1 [0-2]"), "no estimate"
     assert Page(document).rows == [["policy", "return [1]"], [HOSTILE.strip(), "0.50 [\u22120.25, 1.25]"]]
 
 
