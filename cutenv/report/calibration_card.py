@@ -13,7 +13,7 @@ import numpy as np
 
 from cutenv.measurement import LeftOutCut, MeasuredCut, estimate_local_effective_moduli, leave_one_out
 from cutenv.report.calibration_figures import overlay_figure, resistance_figure, speed_figure
-from cutenv.report.page import number, write_page, write_text
+from cutenv.report.page import significant, write_page, write_text
 from cutenv.tissue import CutModel, TissueDescription
 from cutenv.tissue.parameter_provenance import Evidence, TissueCalibration
 
@@ -194,17 +194,10 @@ def _values(card: ValidationCard) -> list[tuple[Evidence, str, str, str]]:
         factor, unit = _DISPLAYED.get(about[each.name]["unit"], (1.0, about[each.name]["unit"]))
         interval = ""
         if each.low is not None and each.high is not None:
-            interval = f"{_shown(factor * each.low)} to {_shown(factor * each.high)}"
-        value = _shown(factor * getattr(card.tissue, each.name))
+            interval = f"{significant(factor * each.low, 4)} to {significant(factor * each.high, 4)}"
+        value = significant(factor * getattr(card.tissue, each.name), 4)
         rows.append((each, value, "" if unit == "1" else unit, interval))
     return rows
-
-
-def _shown(value: float) -> str:
-    """Return a number with four significant digits, in print typography."""
-    if value == 0.0:
-        return "0"
-    return number(value, max(0, 3 - math.floor(math.log10(abs(value)))))
 
 
 def _without_depth(cut: MeasuredCut, model: CutModel) -> float | None:

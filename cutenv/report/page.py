@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import math
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -62,6 +63,16 @@ def number(value: float, digits: int) -> str:
     return shown.replace("-", "\u2212")
 
 
+def significant(value: float, digits: int) -> str:
+    """Return so many significant digits in print typography, and those before the point; a zero is "0"."""
+    return "0" if value == 0.0 else number(value, max(0, digits - 1 - math.floor(math.log10(abs(value)))))
+
+
+def spoken(name: str) -> str:
+    """Return a program's name as words."""
+    return name.replace("_", " ")
+
+
 def estimate_text(mean: float, low: float, high: float, digits: int) -> str:
     """Return a mean with its interval; tables of pages show the interval in small type."""
     return f"{number(mean, digits)} [{number(low, digits)}, {number(high, digits)}]"
@@ -81,4 +92,4 @@ def _parted(text: str) -> tuple[str, str]:
     return (found[1].replace("-", "−"), found[2].replace("-", "−")) if found else (text, "")
 
 
-_FILTERS: dict[str, Callable[..., Any]] = {"embedded": _embedded, "number": number, "parted": _parted}
+_FILTERS: dict[str, Callable[..., Any]] = {"embedded": _embedded, "number": number, "parted": _parted, "spoken": spoken}

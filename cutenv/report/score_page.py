@@ -115,10 +115,5 @@ def _digits(value: float) -> str:
     return number(value, 0 if whole else 1 if abs(value) >= 10.0 else 2 if abs(value) >= 1.0 else 3)
 
 
-_SHARED = {
-    "disclaimer": DISCLAIMER,
-    "handy": _handy,
-    "metrics": METRICS,
-    "spoken": lambda name: name.replace("_", " "),
-}
+_SHARED = {"disclaimer": DISCLAIMER, "handy": _handy, "metrics": METRICS}
 """What both pages are given."""

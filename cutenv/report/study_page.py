@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cutenv.report.page import estimate_text, write_page
+from cutenv.report.page import estimate_text, spoken, write_page
 from cutenv.report.study_figures import groups_figure, learning_figure, reliability_figure, typeset
 from cutenv.report.study_table import correlation_text, cuts_needed, spread, three_digits, write_cards
 from cutenv.scoring import METRICS
@@ -70,7 +70,6 @@ def write_study(path: Path, study: Study) -> Path:
         reliability=_reliability,
         retest=lambda found: [correlation_text(found.agreement), correlation_text(found.consistency)],
         separation=_separation,
-        spoken=_spoken,
         typeset=typeset,
         groups_figure=groups_figure,
         learning_figure=learning_figure,
@@ -102,7 +101,7 @@ def study_headline(study: Study) -> str:
     if reliable:
         best, found = max(reliable, key=lambda pair: pair[1].single.value)
         said.append(
-            f"The most reliable metric of a single cut is {_spoken(best.metric)}, "
+            f"The most reliable metric of a single cut is {spoken(best.metric)}, "
             f"ICC {_interval(found.single, 2)}; its mean over {_an(study.who)}'s cuts {_interval(found.mean, 2)}."
         )
     return " ".join(said) or "Too few people or cuts for any statement about people: there are metrics only."
@@ -183,7 +182,7 @@ def _holds(told: Separation | NotEstimable, value: float) -> bool:
 def _larger(apart: list[Findings], group: str, is_first: bool) -> str:
     """Return a sentence that names the metrics that are larger in a group; "" if there are none."""
     names = [
-        _spoken(each.metric)
+        spoken(each.metric)
         for each in apart
         if isinstance(each.separation, Separation) and (each.separation.superiority.value > 0.5) is is_first
     ]
@@ -196,10 +195,6 @@ def _of(group: str) -> str:
 
 def _an(noun: str) -> str:
     return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
-
-
-def _spoken(metric: str) -> str:
-    return metric.replace("_", " ")
 
 
 def _unit(found: Findings) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cutenv._base.atomic_file import atomic_write
-from cutenv.report.page import number
+from cutenv.report.page import number, significant
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import Estimate, Findings, Intraclass, NotEstimable, OneWay, Separation, Study, numbered
 
@@ -110,6 +110,4 @@ def _plain_interval(each: Estimate) -> str:
 
 def three_digits(value: float) -> str:
     """Return three significant digits in print typography."""
-    if value == 0.0:
-        return "0"
-    return number(value, max(0, 2 - math.floor(math.log10(abs(value)))))
+    return significant(value, 3)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cutenv.report.figure import PHONE_WIDTH, label, new_figure, plain_axes
+from cutenv.report.page import spoken
 from cutenv.sim_to_real import Agreement, ClockKept, ComparedCut, Finding, force_over_position, force_rmse
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ def differences_figure(findings: Sequence[Finding], width: float) -> Figure:
     axes = figure.subplots()
     axes.axvspan(-1.0, 1.0, color="0.92", zorder=0)
     axes.axvline(0.0, color="0.6", linewidth=0.8)
+    names = [label(spoken(each.measure.name)) for each in findings]
     told: set[str] = set()
     for row, each in enumerate(findings):
         low, value, high = (
@@ -39,8 +41,8 @@ def differences_figure(findings: Sequence[Finding], width: float) -> Figure:
         told.add(each.answer)
         if phone:  # names beside the marks would leave no room for them
             place = ((0.0, -row), (2, 3), ("axes fraction", "data"))
-            axes.annotate(spoken(each), place[0], place[1], place[2], textcoords="offset points", fontsize=7)
-    axes.set_yticks([] if phone else -np.arange(len(findings)), [] if phone else [spoken(each) for each in findings])
+            axes.annotate(names[row], place[0], place[1], place[2], textcoords="offset points", fontsize=7)
+    axes.set_yticks([] if phone else -np.arange(len(findings)), [] if phone else names)
     axes.set_xlim(-_FARTHEST - 0.1, _FARTHEST + 0.1)
     axes.set_ylim(-len(findings) + 0.4, 0.8)
     axes.set_xlabel("rig minus simulator, in margins, 95 % interval")
@@ -109,8 +111,3 @@ def clock_figure(clock: ClockKept, width: float) -> Figure:
     panels[0].legend(frameon=False, fontsize=8)
     panels[0].set_ylabel("commands")
     return figure
-
-
-def spoken(each: Finding) -> str:
-    """Return a measure's name in plain words."""
-    return label(each.measure.name.replace("_", " "))

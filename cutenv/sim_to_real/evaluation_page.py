@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cutenv.report.page import write_page
+from cutenv.report.page import spoken, write_page
 from cutenv.report.study_figures import typeset
 from cutenv.report.study_table import three_digits
 from cutenv.sim_to_real import ComparedCut, Finding
@@ -43,7 +43,6 @@ def write_evaluation(path: Path, evaluation: Evaluation) -> None:
         pair=typical_pair(agreement) if agreement.paired else None,
         specimens=_specimens(evaluation) if agreement.paired else [],
         bars=bars,
-        spoken=_spoken,
         three_digits=three_digits,
         typeset=typeset,
         clock_figure=clock_figure,
@@ -84,10 +83,6 @@ def _specimens(evaluation: Evaluation) -> list[tuple[ComparedCut, str, float]]:
     return rows
 
 
-def _spoken(name: str) -> str:
-    return name.replace("_", " ")
-
-
 def _listed(names: tuple[str, ...]) -> str:
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(map(_spoken, names[:_NAMED])) + more
+    return ", ".join(map(spoken, names[:_NAMED])) + more
