@@ -32,8 +32,8 @@ def written(folder: Path, **values: Any) -> str:
     """A page of one section."""
     (folder / "some.html").write_text(PAGE, encoding="utf-8")
     values = {"title": "A & B", "subtitle": "of <today>", "heading": HOSTILE, "estimate": "0.50 [-0.25, 1.25]"} | values
-    write_page(folder / "page.html", folder / "some.html", **values)
-    return (folder / "page.html").read_text(encoding="utf-8")
+    write_page(folder / "written.html", folder / "some.html", **values)
+    return (folder / "written.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
