@@ -148,17 +148,21 @@ def _costs(result: TrainingResult) -> dict[str, Any]:
     unpaid = [term for term in costs if term not in shown]
     bars = [[result.bar(policy, f"reward_{term}", -1.0) for term in shown] for policy in policies]
     earned = [term for term in result.terms() if term == "progress"]
-    terms = [(TERM_MEANINGS[term], f"reward_{term}") for term in (*earned, *shown, *unpaid)]
+    terms = [(_title(term), Score(f"reward_{term}", "", "", 1.0, 3)) for term in (*earned, *shown, *unpaid)]
+    terms.append(("return", Score("return", "", "", 1.0, 3)))
     return {
-        "costs": [TERM_MEANINGS[term] for term in shown],
-        "unpaid": [TERM_MEANINGS[term] for term in unpaid],
+        "costs": [_title(term) for term in shown],
+        "unpaid": [_title(term) for term in unpaid],
         "cost_bars": bars,
         "dearest": [f"{own[0].policy} {own[0].mean:.2f}" for own in bars if own],
-        "terms": [
-            (title, [*(_shown(result.score, policy, [Score(name, "", "", 1.0, 3)])[0] for policy in policies)])
-            for title, name in (*terms, ("return", "return"))
-        ],
+        "terms": [(title, [_shown(result.score, p, [score])[0] for p in policies]) for title, score in terms],
     }
+
+
+def _title(term: str) -> str:
+    """Return what a term of the reward is called on pages."""
+    title: str = TERM_MEANINGS[term]
+    return title
 
 
 def grid_shade(means: Sequence[float], mean: float) -> str:
