@@ -20,6 +20,7 @@ _EXTRAS_OF_MODULE = {
     "can": ("rig",),
     "canopen": ("rig",),
     "h5py": ("data",),
+    "jinja2": ("view", "rl", "view3d"),
     "matplotlib": ("view", "rl"),
     "meshcat": ("view3d",),
     "minari": ("data",),

@@ -6,7 +6,6 @@ import dataclasses
 import json
 import math
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,24 +13,9 @@ import numpy as np
 
 from cutenv.measurement import LeftOutCut, MeasuredCut, estimate_local_effective_moduli, leave_one_out
 from cutenv.report.calibration_figures import overlay_figure, resistance_figure, speed_figure
-from cutenv.report.page import (
-    Html,
-    PageSection,
-    Row,
-    definitions,
-    element,
-    escaped,
-    folded,
-    html_table,
-    joined,
-    number,
-    page,
-    paragraph,
-    picture,
-    write_page,
-)
+from cutenv.report.page import significant, write_page, write_text
 from cutenv.tissue import CutModel, TissueDescription
-from cutenv.tissue.parameter_provenance import TissueCalibration
+from cutenv.tissue.parameter_provenance import Evidence, TissueCalibration
 
 VALIDATION_SCHEMA = "cutenv-calibration-card/1"
 _OVERLAID = 4  # cuts whose prediction is drawn
@@ -95,12 +79,13 @@ class ValidationCard:
                 source: None if pair is None else {"rmse_N": pair[0], "percent_of_peak": pair[1]}
                 for source, pair in errors.items()
             },
-            "cuts": [self._row_of(cut) for cut in self.cuts],
+            "cuts": [self.row_of(cut) for cut in self.cuts],
             "left_out": [_left_out_content(each) for each in self.left_out],
         }
         return json.dumps(content, indent=1, allow_nan=False)
 
-    def _row_of(self, cut: MeasuredCut) -> dict[str, Any]:
+    def row_of(self, cut: MeasuredCut) -> dict[str, Any]:
+        """Return the measurements of one of the cuts; units are in the names."""
         plain = _without_depth(cut, self.model)
         found = len(cut.moduli) > 0
         return {
@@ -156,22 +141,20 @@ def write_validation_card(path: Path, card: ValidationCard) -> Path:
     ImportError
         If matplotlib is not installed; the message gives the command that installs it.
     """
-    sections = [
-        PageSection("tissue", "The tissue in numbers", _numbers(card)),
-        PageSection("prediction", "Predicted and measured force", _prediction(card)),
-        PageSection("speed", "Modulus against speed and angle", _speed(card)),
-        PageSection("resistance", "Fracture resistance against length", _resistance(card)),
-        PageSection("cuts", "Every cut", _cuts(card)),
-        PageSection("notes", "What a user must know", _notes(card)),
-    ]
-    facts = card.calibration
-    subtitle = (
-        f"Calibrated from {_count(facts.cuts, 'cut')} of {_count(facts.specimens, 'specimen')}; moduli of "
-        f"{card.model.element}, {card.model.formulation.replace('_', ' ')}, Poisson's ratio {card.model.poisson:g}."
+    write_page(
+        path,
+        "calibration_card.html",
+        card=card,
+        headline=calibration_headline(card),
+        values=_values(card),
+        rows=[card.row_of(cut) for cut in card.cuts],
+        count=_count,
+        overlay_figure=overlay_figure,
+        resistance_figure=resistance_figure,
+        speed_figure=speed_figure,
     )
-    write_page(path, page(f"Validation card: {card.tissue.name}", subtitle, _lead(card), sections))
     data = path.with_suffix(".json")
-    write_page(data, Html(card.to_json() + "\n"))
+    write_text(data, card.to_json() + "\n")
     return data
 
 
@@ -203,132 +186,18 @@ def _count(n: int, noun: str) -> str:
     return f"{n} {noun}" + ("" if n == 1 else "s")
 
 
-def _lead(card: ValidationCard) -> Html:
-    missing = card.calibration.not_measured
-    told = "Every number of the tissue was measured." if not missing else f"Not measured: {', '.join(missing)}."
-    kind = "open" if missing else "good"
-    return Html(
-        f'<div class="verdict {kind}">\n{paragraph("How well it predicts", "word")}\n'
-        f"{paragraph(calibration_headline(card), 'headline')}\n{paragraph(told)}</div>"
-    )
-
-
-def _numbers(card: ValidationCard) -> Html:
+def _values(card: ValidationCard) -> list[tuple[Evidence, str, str, str]]:
+    """Return each value's provenance, and value, unit and interval as shown."""
     about = {field.name: field.metadata for field in dataclasses.fields(TissueDescription)}
     rows = []
     for each in card.calibration.evidence:
         factor, unit = _DISPLAYED.get(about[each.name]["unit"], (1.0, about[each.name]["unit"]))
-        value = factor * getattr(card.tissue, each.name)
-        interval = escaped("")
+        interval = ""
         if each.low is not None and each.high is not None:
-            interval = Html(f"{_shown(factor * each.low)} to {_shown(factor * each.high)}")
-        mark = "" if each.provenance == "measured" else "own"
-        rows.append(
-            Row(
-                [
-                    escaped(each.name.replace("_", " ")),
-                    Html(_shown(value)),
-                    escaped("" if unit == "1" else unit),
-                    interval,
-                    element("span", escaped(each.provenance), "chip"),
-                    Html(f'<span style="white-space:normal;display:block;text-align:left">{escaped(each.how)}</span>'),
-                ],
-                mark,
-            )
-        )
-    heads = [escaped(text) for text in ("", "value", "unit", "95 % interval", "provenance", "how")]
-    return html_table("Values, their bootstrap intervals over cuts, and their sources", heads, rows)
-
-
-def _shown(value: float) -> str:
-    """Return a number with four significant digits, in print typography."""
-    if value == 0.0:
-        return "0"
-    return number(value, max(0, 3 - math.floor(math.log10(abs(value)))))
-
-
-def _prediction(card: ValidationCard) -> Html:
-    rows = []
-    for source, what in (
-        ("same_rmse", "other cuts of its specimen"),
-        ("other_rmse", "another specimen"),
-        ("own_rmse", "each segment's own modulus (what noise and curvature leave)"),
-    ):
-        pair = card.median_error(source)
-        n = sum(getattr(each, source) is not None for each in card.left_out)
-        cells = ("not possible", "", "0") if pair is None else (number(pair[0], 3), number(pair[1], 1), str(n))
-        rows.append(Row([escaped(what), *(escaped(cell) for cell in cells)]))
-    heads = [escaped(text) for text in ("predicted from", "RMSE [N]", "of the peak [%]", "cuts")]
-    parts = [
-        paragraph(
-            "The measured displacement of the blade goes into the finite-element model with the average modulus of "
-            "other cuts (thesis, section 7.4). Each ramp starts where the measured one does: its rise is predicted."
-        ),
-        html_table("Error of the predicted force on the loading ramps, median over the cuts", heads, rows),
-    ]
-    shown = card.shown()
-    if shown:
-        parts.append(
-            picture(
-                partial(overlay_figure, shown, card.model),
-                "Force of the blade against its position, with the predicted loading ramps",
-                escaped("From above: the cut predicted best, two between, and the one predicted worst."),
-            )
-        )
-    return joined(*parts)
-
-
-def _speed(card: ValidationCard) -> Html:
-    return picture(
-        partial(speed_figure, card.tissue, card.cuts),
-        "Local effective modulus of every cut against speed, with a line for each angle",
-        escaped("Mean over the segments of each cut; the bars are their standard deviation."),
-    )
-
-
-def _resistance(card: ValidationCard) -> Html:
-    return picture(
-        partial(resistance_figure, card.cuts),
-        "Fracture resistance of every cut against the length of the cut",
-        escaped("The thesis's formula takes the blade for the tip and stored energy for fracture: it reads low."),
-    )
-
-
-def _cuts(card: ValidationCard) -> Html:
-    heads = [
-        escaped(text)
-        for text in (
-            "cut", "specimen", "speed [cm/s]", "angle [°]", "segments", "LEM [kPa]", "SD [kPa]",
-            "LEM without depth [kPa]", "R apparent [J/m²]", "R [J/m²]", "friction [N/m]", "length [cm]",
-        )
-    ]  # fmt: skip
-    rows = []
-    for cut in card.cuts:
-        row = card._row_of(cut)
-        kilo = [
-            "" if row[name] is None else number(row[name] / 1e3, 1)
-            for name in ("modulus_Pa", "sd_modulus_Pa", "modulus_without_depth_Pa")
-        ]
-        rest = [number(row[name], 0) for name in ("apparent_resistance_J_m2", "resistance_J_m2", "friction_N_m")]
-        cells = [
-            row["name"], row["specimen"], number(row["speed_cm_s"], 2), number(row["angle_deg"], 0),
-            str(row["segments"]), *kilo, *rest, number(row["cut_length_cm"], 1),
-        ]  # fmt: skip
-        rows.append(Row([escaped(cell) for cell in cells]))
-    return folded(_count(len(card.cuts), "cut") + ", one row each", html_table("Every cut", heads, rows))
-
-
-def _notes(card: ValidationCard) -> Html:
-    notes = card.calibration.notes or ("Nothing beyond the numbers.",)
-    listed = Html("\n".join(f"<li>{escaped(note)}</li>" for note in notes))
-    valid = (
-        ("Speeds", f"{100 * card.tissue.speed_min:.3g} to {100 * card.tissue.speed_max:.3g} cm/s; outside, the modulus "
-         "of the nearest and a flag in info"),
-        ("Angles", "45 to 90 degrees, linear between; what is marked assumed above is pig liver's, in proportion"),
-        ("Model", f"moduli belong to {card.model.element}, {card.model.formulation.replace('_', ' ')}; "
-         "CutModel.convert_modulus takes them to another"),
-    )  # fmt: skip
-    return joined(element("ul", listed), definitions(list(valid)))
+            interval = f"{significant(factor * each.low, 4)} to {significant(factor * each.high, 4)}"
+        value = significant(factor * getattr(card.tissue, each.name), 4)
+        rows.append((each, value, "" if unit == "1" else unit, interval))
+    return rows
 
 
 def _without_depth(cut: MeasuredCut, model: CutModel) -> float | None:

@@ -11,16 +11,14 @@ import numpy as np
 from cutenv.measurement import LeftOutCut, MeasuredCut
 from cutenv.measurement.prediction import predicted_ramps
 from cutenv.measurement.speed_dependence import BETWEEN
-from cutenv.report.page import label, new_figure
+from cutenv.report.figure import PHONE_WIDTH, label, new_figure, plain_axes
 from cutenv.tissue import CutModel, TissueDescription
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _STEEP, _FLAT = "#0072b2", "#d55e00"
 _MEASURED, _SAME, _OTHER = "0.65", "#0072b2", "#d55e00"
-_PHONE = 6.0  # [in] width below which a figure is drawn for a phone
 _LETTERS = 24  # letters of a name in a title: a longer one would leave no room for the drawing on a phone
 _POINTS = 2500  # points of a line: more than a figure has pixels
 
@@ -55,8 +53,8 @@ def speed_figure(tissue: TissueDescription, cuts: Sequence[MeasuredCut], width: 
     axes.set_xlabel("speed [cm/s]")
     axes.set_ylabel("local effective modulus [kPa]")
     axes.set_ylim(bottom=0.0)
-    _plain(axes)
-    figure.legend(loc="outside upper left", ncols=2 if width < _PHONE else 4, frameon=False, fontsize=9)
+    plain_axes(axes)
+    figure.legend(loc="outside upper left", ncols=2 if width < PHONE_WIDTH else 4, frameon=False, fontsize=9)
     return figure
 
 
@@ -73,7 +71,7 @@ def resistance_figure(cuts: Sequence[MeasuredCut], width: float) -> Figure:
     axes.set_ylabel("fracture resistance [J/m²]")
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
-    _plain(axes)
+    plain_axes(axes)
     figure.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=9)
     return figure
 
@@ -105,19 +103,15 @@ def overlay_figure(shown: Sequence[tuple[MeasuredCut, LeftOutCut]], model: CutMo
         axes.set_title(label(title), fontsize=10, loc="left")
         axes.set_ylabel("force [N]")
         axes.set_ylim(bottom=min(0.0, float(F.min())))
-        _plain(axes)
+        plain_axes(axes)
     panels[-1].set_xlabel("blade [cm]")
     handles, names = panels[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper left", ncols=1 if width < _PHONE else 3, frameon=False, fontsize=9)
+    figure.legend(
+        handles, names, loc="outside upper left", ncols=1 if width < PHONE_WIDTH else 3, frameon=False, fontsize=9
+    )
     return figure
 
 
 def _shortened(text: str, letters: int) -> str:
     """Return text shortened to so many letters; an ellipsis marks the omission."""
     return text if len(text) <= letters else f"{text[: letters - 1]}…"
-
-
-def _plain(axes: Axes) -> None:
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(axis="y", color="0.9", linewidth=0.8)
-    axes.set_axisbelow(True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv._base.atomic_file import atomic_write
-from cutenv.report.page import label, new_figure
+from cutenv.report.figure import PHONE_WIDTH, label, new_figure
 from cutenv.tissue.specimen import SPACING
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _TISSUE, _RUN, _FORCE, _TARGET, _ANGLE = "#f2d3c9", "#d55e00", "#0072b2", "#009e73", "#8a3ffc"
 _TOLERANCE_MM = 3.0
 _POINTS = 3000  # points of a line: more than a figure has pixels; 30 s at 1 kHz would be megabytes of vector drawing
-_WIDE, _PHONE = 9.0, 6.0  # [in] width as a file; below the second one the figure is drawn for a phone
+_WIDE = 9.0  # [in] width as a file
 
 
 def draw_cut(
@@ -81,7 +81,7 @@ def cut_figure(
     beside : sequence of Records
         Readings of the cuts to compare with: the axes cover them too, so that all have the same scales.
     """
-    phone = width < _PHONE
+    phone = width < PHONE_WIDTH
     figure = new_figure(width, 6.4 if phone else 6.5)
     side, trace, motion = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 2.2, 1.0))
     _draw_side(side, readings, depth)

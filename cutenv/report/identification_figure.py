@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.atomic_file import atomic_write
-from cutenv.report.page import label, new_figure
+from cutenv.report.figure import label, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

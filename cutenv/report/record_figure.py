@@ -11,7 +11,7 @@ import numpy as np
 from cutenv._base.atomic_file import atomic_write
 from cutenv.measurement import QualityIssue
 from cutenv.report.cut_figure import thinned
-from cutenv.report.page import label, new_figure
+from cutenv.report.figure import label, new_figure
 from cutenv.trace import Trace
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv.measurement import loading_segments
 from cutenv.measurement.strokes import blade_speed
-from cutenv.report.page import label, new_figure
+from cutenv.report.figure import PHONE_WIDTH, label, new_figure
 from cutenv.scoring import ScoreCard
 from cutenv.task_quantities import FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
 from cutenv.trace import Trace
@@ -24,7 +24,6 @@ _FORCE, _RAMP, _FAULT, _LIMIT, _TARGET, _SPEED, _ANGLE = (
     "0.55", "#0072b2", "#d55e00", "#b00020", "#009e73", "#0072b2", "#8a3ffc",
 )  # fmt: skip
 _POINTS = 3000  # points of a line: more than a figure has pixels
-_PHONE = 6.0  # [in] width below which a figure is drawn for a phone
 
 
 def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, width: float) -> Figure:
@@ -67,7 +66,7 @@ def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, wid
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(axis="y", color="0.92", linewidth=0.8)
         axes.set_axisbelow(True)
-    columns = 2 if width < _PHONE else 5
+    columns = 2 if width < PHONE_WIDTH else 5
     figure.legend(loc="outside upper left", ncols=columns, frameon=False, fontsize=9)
     return figure
 

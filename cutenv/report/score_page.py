@@ -5,24 +5,10 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from cutenv._base.atomic_file import atomic_write
-from cutenv.report.page import (
-    Html,
-    PageSection,
-    Row,
-    definitions,
-    element,
-    escaped,
-    html_table,
-    number,
-    page,
-    paragraph,
-    picture,
-    write_page,
-)
+from cutenv.report.page import number, write_page, write_text
 from cutenv.report.score_figure import score_figure
 from cutenv.scoring import METRICS, ScoreCard
 from cutenv.scoring.score_card import DISCLAIMER
@@ -63,23 +49,24 @@ def write_score_page(path: Path, scored: ScoredRecord) -> Path:
     ImportError
         If matplotlib is not installed; the message gives the command that installs it.
     """
-    card = scored.card
-    sections = [
-        PageSection("cut", "The cut", _drawing(scored)),
-        PageSection("next", "What to try next", _advice(card)),
-        PageSection("metrics", "Every metric", _metrics(card)),
-        PageSection("meaning", "What the metrics mean", _meaning(card)),
-    ]
+    card, trace = scored.card, scored.trace
     kind = "open" if card.overall_score is None else ("good" if card.overall_score >= 50.0 else "bad")
     if kind == "good" and _SPOILS & {fault.kind for fault in card.faults}:
         kind = "open"  # not shown in green, however gentle the rest was
-    lead = Html(
-        f'<div class="verdict {kind}">\n{paragraph("Score", "word")}\n{paragraph(_sentence(card), "headline")}\n'
-        f"{paragraph(' '.join(note[0].upper() + note[1:] + '.' for note in card.notes))}\n{paragraph(DISCLAIMER)}</div>"
+    aimed = "" if scored.target_length is None else f", aimed at {1e3 * scored.target_length:.0f} mm"
+    write_page(
+        path,
+        "score.html",
+        subtitle=f"{trace.duration:.1f} s at {trace.sample_rate:.0f} Hz{aimed}; tip: {card.tip_source}.",
+        kind=kind,
+        score_figure=score_figure,
+        directions={"lower": "lower", "higher": "higher", "none": "not rewarded"},
+        sentence=lambda text: text[0].upper() + text[1:] + ".",
+        **vars(scored),
+        **_SHARED,
     )
-    write_page(path, page(f"Score: {card.name}", _subtitle(scored), lead, sections))
     data = path.with_suffix(".json")
-    write_page(data, Html(card.to_json() + "\n"))
+    write_text(data, card.to_json() + "\n")
     return data
 
 
@@ -103,24 +90,8 @@ def write_summary(folder: Path, records: Sequence[tuple[ScoredRecord, str]]) -> 
             cells = ["" if value is None else f"{value:.6g}" for value in values]
             faults = "; ".join(fault.says for fault in card.faults)
             writer.writerow([card.name, overall, card.tip_source, *cells, faults])
-    heads = [escaped(text) for text in ("cut", "score", "tip error [mm]", "peak force", "drops", "time [s]", "faults")]
-    rows = []
-    for record, name in records:
-        card = record.card
-        shown = [
-            "" if card.overall_score is None else number(card.overall_score, 0),
-            *(_cell(card, metric) for metric in ("tip_error", "peak_force", "force_drops", "duration")),
-        ]
-        link = Html(f'<a href="{escaped(name)}">{escaped(card.name)}</a>')
-        faults = Html(
-            '<span style="white-space:normal;display:block;text-align:left">'
-            f"{escaped('; '.join(fault.says for fault in card.faults))}</span>"
-        )
-        rows.append(Row([link, *(escaped(cell) for cell in shown), faults]))
     target = folder / "summary.html"
-    lead = Html(f'<div class="verdict open">{paragraph(DISCLAIMER)}</div>')
-    sections = [PageSection("cuts", "Every cut", html_table("One row a cut", heads, rows))]
-    write_page(target, page(f"{len(records)} scored cuts", records[0][0].card.reference, lead, sections))
+    write_page(target, "summary.html", subtitle=records[0][0].card.reference, records=records, **_SHARED)
     return data, target
 
 
@@ -129,86 +100,11 @@ def _column(name: str, card: ScoreCard) -> str:
     return name if unit == "1" else f"{name}_{unit}"
 
 
-def _cell(card: ScoreCard, name: str) -> str:
+def _handy(card: ScoreCard, name: str) -> tuple[str, str]:
+    """Return value and unit of a metric as shown; "" for a metric that is unavailable."""
     value = card.metrics[name].value
-    if value is None:
-        return ""
-    factor, _ = _HANDY.get(card.unit(name), (1.0, ""))
-    return _digits(factor * value)
-
-
-def _subtitle(scored: ScoredRecord) -> str:
-    trace = scored.trace
-    aimed = "" if scored.target_length is None else f", aimed at {1e3 * scored.target_length:.0f} mm"
-    return f"{trace.duration:.1f} s at {trace.sample_rate:.0f} Hz{aimed}; tip: {scored.card.tip_source}."
-
-
-def _sentence(card: ScoreCard) -> str:
-    text = card.headline()
-    return text[0].upper() + text[1:] + "."
-
-
-def _drawing(scored: ScoredRecord) -> Html:
-    numbered = [f"{i}: {fault.says}" for i, fault in enumerate(scored.card.faults, 1)]
-    caption = "; ".join(numbered) + "." if numbered else "No fault was found."
-    return picture(
-        partial(score_figure, scored.trace, scored.card, scored.target_length),
-        "Force of the cut with its loading segments, and the faults",
-        escaped(caption),
-    )
-
-
-def _advice(card: ScoreCard) -> Html:
-    if not card.faults:
-        return paragraph("No fault was found to correct; look at the percentiles below.")
-    return definitions([(fault.says, fault.try_next + ".") for fault in card.faults])
-
-
-def _metrics(card: ScoreCard) -> Html:
-    heads = [escaped(text) for text in ("", "value", "unit", "better", "better than [%]", "weight")]
-    rows = []
-    for name, scored in card.metrics.items():
-        about = METRICS[name]
-        factor, unit = _HANDY.get(card.unit(name), (1.0, card.unit(name)))
-        title = escaped(name.replace("_", " "))
-        if scored.value is None:
-            gone = element("span", escaped(f"unavailable: {scored.unavailable}"), "chip")
-            rows.append(Row([title, gone, escaped(""), escaped(""), escaped(""), escaped("")]))
-            continue
-        weight = card.weights.get(name)
-        cells = [
-            escaped(_digits(factor * scored.value)),
-            escaped("" if unit == "1" else unit),
-            escaped({"lower": "lower", "higher": "higher", "none": "not rewarded"}[about.direction]),
-            _bar(scored.percentile),
-            escaped("" if weight is None else number(weight, 2)),
-        ]
-        rows.append(Row([title, *cells], "own" if weight is not None else ""))
-    return html_table("Metrics of the cut; those with a weight make the score", heads, rows)
-
-
-def _bar(percentile: float | None) -> Html:
-    if percentile is None:
-        return escaped("")
-    return Html(
-        f'{number(percentile, 0)} <span style="display:inline-block;width:4rem;height:0.55rem;background:var(--line);'
-        f'border-radius:0.3rem;vertical-align:middle"><span style="display:block;width:{percentile:.0f}%;height:100%;'
-        'background:var(--accent);border-radius:0.3rem"></span></span>'
-    )
-
-
-def _meaning(card: ScoreCard) -> Html:
-    known = [name for name, scored in card.metrics.items() if scored.value is not None]
-    return definitions(
-        [
-            (
-                name.replace("_", " "),
-                f"{METRICS[name].meaning} {METRICS[name].formula}. Source: {METRICS[name].source}. "
-                f"Valid: {METRICS[name].validity}.",
-            )
-            for name in known
-        ]
-    )
+    factor, unit = _HANDY.get(card.unit(name), (1.0, card.unit(name)))
+    return "" if value is None else _digits(factor * value), "" if unit == "1" else unit
 
 
 def _digits(value: float) -> str:
@@ -217,3 +113,7 @@ def _digits(value: float) -> str:
         return "0"
     whole = abs(value) >= 100.0
     return number(value, 0 if whole else 1 if abs(value) >= 10.0 else 2 if abs(value) >= 1.0 else 3)
+
+
+_SHARED = {"disclaimer": DISCLAIMER, "handy": _handy, "metrics": METRICS}
+"""What both pages are given."""

@@ -8,22 +8,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutenv.report.page import label, new_figure
+from cutenv.report.figure import PHONE_WIDTH, label, new_figure, plain_axes
 from cutenv.scoring.study import Estimate, Findings, Intraclass, LearningCurve, OneWay, Separation, Study
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 _MARKERS = ("o", "s", "D", "^", "v", "P")
 _TARGET = "#6b6b6b"
-_PHONE = 6.0  # [in] width below which a figure is drawn for a phone
 
 
 def learning_figure(study: Study, found: Findings, width: float) -> Figure:
     """Draw a metric by the number of the cut, a line for each operator; below, each one's learning curve CUSUM."""
-    phone = width < _PHONE
+    phone = width < PHONE_WIDTH
     summed = isinstance(found.cusums, Mapping)
     figure = new_figure(width, (5.4 if phone else 5.0) if summed else 3.0)
     panels = figure.subplots(2 if summed else 1, 1, sharex=True, squeeze=False)[:, 0]
@@ -65,14 +63,14 @@ def learning_figure(study: Study, found: Findings, width: float) -> Figure:
     panels[-1].set_xlabel("number of the cut")
     panels[-1].xaxis.get_major_locator().set_params(integer=True)
     for axes in panels:
-        _plain(axes, "y")
+        plain_axes(axes)
     figure.legend(loc="outside upper left", ncols=1 if phone else 3, frameon=False, fontsize=9)
     return figure
 
 
 def groups_figure(study: Study, width: float) -> Figure:
     """Draw the means of people by group, a panel for each metric, with the probability of superiority."""
-    phone = width < _PHONE
+    phone = width < PHONE_WIDTH
     across = 2 if phone else 3
     findings = study.findings
     down = math.ceil(len(findings) / across)
@@ -95,7 +93,7 @@ def groups_figure(study: Study, width: float) -> Figure:
         if isinstance(found.separation, Separation):
             p = found.separation.superiority
             axes.set_xlabel(f"P = {p.value:.2f}\n[{p.low:.2f}, {p.high:.2f}]", fontsize=8)
-        _plain(axes, "y")
+        plain_axes(axes)
     for axes in panels[len(findings) :]:
         axes.remove()
     return figure
@@ -103,7 +101,7 @@ def groups_figure(study: Study, width: float) -> Figure:
 
 def reliability_figure(study: Study, width: float) -> Figure:
     """Draw the reliability of single cuts, of means and of sessions, with intervals, a row for each metric."""
-    phone = width < _PHONE
+    phone = width < PHONE_WIDTH
     findings = [found for found in study.findings if _estimates(found)]
     tall = 0.62 if phone else 0.5
     figure = new_figure(width, 1.1 + tall * len(findings))
@@ -131,7 +129,7 @@ def reliability_figure(study: Study, width: float) -> Figure:
     axes.set_xlim(left=max(-1.0, min(-0.1, axes.get_xlim()[0])), right=1.02)
     axes.axvline(0.0, color="0.6", linewidth=0.8, zorder=0.5)
     axes.set_xlabel("intraclass correlation, 95 % interval")
-    _plain(axes, "x")
+    plain_axes(axes, "x")
     figure.legend(loc="outside upper left", ncols=1 if phone else 3, frameon=False, fontsize=9)
     return figure
 
@@ -159,10 +157,3 @@ def _quantity(found: Findings) -> str:
 def typeset(unit: str) -> str:
     """Return a unit in print typography."""
     return unit.replace("s2", "s²")
-
-
-def _plain(axes: Axes, grid: str) -> None:
-    """Remove the box around the drawing, and add faint grid lines across the axis that is read."""
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(axis=grid, color="0.9", linewidth=0.8)  # type: ignore[arg-type]
-    axes.set_axisbelow(True)

@@ -2,30 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from cutenv.report.page import (
-    Html,
-    PageSection,
-    Row,
-    definitions,
-    element,
-    escaped,
-    folded,
-    html_table,
-    joined,
-    number,
-    page,
-    paragraph,
-    picture,
-    write_page,
-)
+from cutenv.report.page import estimate_text, spoken, write_page
 from cutenv.report.study_figures import groups_figure, learning_figure, reliability_figure, typeset
-from cutenv.report.study_table import correlation, cuts_needed, spread, three_digits, write_cards
+from cutenv.report.study_table import correlation_text, cuts_needed, spread, three_digits, write_cards
 from cutenv.scoring import METRICS
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import (
@@ -62,19 +47,34 @@ def write_study(path: Path, study: Study) -> Path:
     ImportError
         If matplotlib is not installed; the message gives the command that installs it.
     """
-    sections = [PageSection("metrics", f"Metrics of these {study.who}s", _metrics(study))]
-    if study.groups is not None:
-        sections.append(PageSection("groups", "Separation of the groups", _groups(study)))
-    sections += [
-        PageSection("reliability", "Reliability", _reliability(study)),
-        PageSection("learning", f"Cut by cut, {study.who} by {study.who}", _learning(study)),
-        PageSection("meaning", "What the numbers mean", _meaning(study)),
-    ]
     cuts, people = len(study.cuts), len(study.operators)
     groups = [group for group in dict.fromkeys(study.group_of.values()) if group]
     by = f" in {len(groups)} groups ({', '.join(groups)})" if len(groups) > 1 else ""
-    subtitle = f"{cuts} cuts of {people} {study.who}s{by}. {DISCLAIMER}"
-    write_page(path, page(f"Study: {study.name}", subtitle, _lead(study), sections))
+    write_page(
+        path,
+        "study.html",
+        study=study,
+        subtitle=f"{cuts} cuts of {people} {study.who}s{by}. {DISCLAIMER}",
+        headline=study_headline(study),
+        disclaimer=DISCLAIMER,
+        metrics=METRICS,
+        better=_BETTER,
+        groups=groups if study.groups else [],
+        retested=any(isinstance(found.retest, Intraclass) for found in study.findings),
+        an=_an(study.who),
+        apart=lambda found: not _holds(found.separation, 0.5),
+        caption=_caption,
+        changes=_changes,
+        means_and_spread=partial(_means_and_spread, study, groups if study.groups else []),
+        people=partial(_people, study),
+        reliability=_reliability,
+        retest=lambda found: [correlation_text(found.agreement), correlation_text(found.consistency)],
+        separation=_separation,
+        typeset=typeset,
+        groups_figure=groups_figure,
+        learning_figure=learning_figure,
+        reliability_figure=reliability_figure,
+    )
     cards = path.with_suffix(".csv")
     write_cards(cards, study)
     return cards
@@ -101,140 +101,38 @@ def study_headline(study: Study) -> str:
     if reliable:
         best, found = max(reliable, key=lambda pair: pair[1].single.value)
         said.append(
-            f"The most reliable metric of a single cut is {_spoken(best.metric)}, "
+            f"The most reliable metric of a single cut is {spoken(best.metric)}, "
             f"ICC {_interval(found.single, 2)}; its mean over {_an(study.who)}'s cuts {_interval(found.mean, 2)}."
         )
     return " ".join(said) or "Too few people or cuts for any statement about people: there are metrics only."
 
 
-def _lead(study: Study) -> Html:
-    return Html(
-        f'<div class="verdict '
-        f'open">\n{paragraph("For research", "word")}\n{paragraph(study_headline(study), "headline")}\n'
-        f"{paragraph(DISCLAIMER + ' Several metrics are looked at, and no interval is widened for that.')}</div>"
-    )
-
-
-def _metrics(study: Study) -> Html:
-    groups = [group for group in dict.fromkeys(study.group_of.values()) if group] if study.groups else []
-    heads = ["metric", "mean", *groups, f"SD between {study.who}s", f"SD within {_an(study.who)}", "cuts"]
-    rows = []
-    for found in study.findings:
-        mean, between, within = spread(found)
-        of_groups = [
-            [v.mean() for operator, v in found.series.items() if study.group_of[operator] == group] for group in groups
-        ]
-        cells = [
-            three_digits(mean),
-            *("" if not means else three_digits(float(np.mean(means))) for means in of_groups),
-            between,
-            within,
-            str(sum(len(values) for values in found.series.values())),
-        ]
-        rows.append(Row([_named(found), *(escaped(cell) for cell in cells)]))
-    return joined(
-        html_table(
-            f"Means over {study.who}s, each counting the same; and spread", [escaped(head) for head in heads], rows
-        ),
-        element("ul", Html("\n".join(f"<li>{escaped(note)}</li>" for note in study.notes)))
-        if study.notes
-        else Html(""),
-    )
-
-
-def _groups(study: Study) -> Html:
-    assert study.groups is not None, "there is a separation"
-    first, second = study.groups
-    rows = []
-    for found in study.findings:
-        if isinstance(found.separation, NotEstimable):
-            cells = [_said(found.separation.reason), escaped("")]
-        else:
-            cells = [_cell(found.separation.superiority, 2), _cell(found.separation.difference, 2)]
-        apart = isinstance(found.separation, Separation) and not _holds(found.separation, 0.5)
-        rows.append(Row([_named(found), *cells], "own" if apart else ""))
-    heads = [escaped(text) for text in ("metric", f"P({first} larger than {second})", "Hedges' g")]
-    return joined(
-        paragraph(
-            f"Each {study.who} is one value, the mean of the cuts: cuts of one {study.who} are alike, and intervals "
-            f"over cuts would be too narrow. P is the probability that one of group {first} has a larger mean than one "
-            f"of group {second}: 0.5 is no separation, 0 and 1 are full. In marked rows the interval excludes 0.5."
-        ),
-        html_table(f"{first} against {second}, 95 % intervals", heads, rows),
-        picture(
-            partial(groups_figure, study),
-            f"Means of {study.who}s by group, a panel for each metric",
-            escaped(f"A mark for each {study.who}'s mean; the line is the group's. P with its 95 % interval below."),
-        ),
-    )
-
-
-def _reliability(study: Study) -> Html:
-    retest = any(isinstance(found.retest, Intraclass) for found in study.findings)
-    heads = ["metric", "one cut", f"mean of {_an(study.who)}'s cuts", "cuts for 0.8"]
-    heads += ["sessions, agreement", "sessions, consistency"] if retest else []
-    rows = []
-    for found in study.findings:
-        if isinstance(found.reliability, NotEstimable):
-            cells = [_said(found.reliability.reason), escaped(""), escaped("")]
-        else:
-            told = found.reliability
-            cells = [_correlation(told.single), _correlation(told.mean), escaped(cuts_needed(told))]
-        if retest and isinstance(found.retest, Intraclass):
-            cells += [_correlation(found.retest.agreement), _correlation(found.retest.consistency)]
-        elif retest:
-            assert isinstance(found.retest, NotEstimable)
-            cells += [_said(found.retest.reason), escaped("")]
-        rows.append(Row([_named(found), *cells]))
-    parts = [
-        paragraph(
-            f"Share of the variance that is between {study.who}s, by one-way analysis of variance: of one cut, and of "
-            f"{_an(study.who)}'s mean. 1 is a metric that is always the same for the same {study.who}, 0 one that "
-            "does not distinguish them; below 0 is chance. Beside it the number of cuts whose mean would reach 0.8."
-            + " Groups that differ add to it: within one group it is less."
-            * (study.groups is not None)
-        ),
-        html_table("Intraclass correlations, 95 % intervals", [escaped(head) for head in heads], rows),
+def _means_and_spread(study: Study, groups: Sequence[str], found: Findings) -> list[str]:
+    mean, between, within = spread(found)
+    of_groups = [
+        [v.mean() for operator, v in found.series.items() if study.group_of[operator] == group] for group in groups
     ]
-    if any(isinstance(found.reliability, OneWay) for found in study.findings):
-        parts.append(
-            picture(
-                partial(reliability_figure, study),
-                "Intraclass correlations of every metric with their intervals",
-                escaped("Intervals by the F distribution; an end below -1 is drawn at -1."),
-            )
-        )
-    return joined(*parts)
-
-
-def _learning(study: Study) -> Html:
-    parts = [
-        paragraph(
-            f"Above, each {study.who}'s cuts and their mean. Below, the learning curve CUSUM: every {study.who} begins "
-            "at 0, taken to be one standard deviation of single cuts beyond the target; cuts at the target let the sum "
-            "grow, worse ones let it fall. Where it passes the line the target counts as reached (a dot): after 8 cuts "
-            "on average for one that is there, and by mistake once in 335 cuts for one that is not."
-        )
+    return [
+        three_digits(mean),
+        *("" if not means else three_digits(float(np.mean(means))) for means in of_groups),
+        between,
+        within,
+        str(sum(len(values) for values in found.series.values())),
     ]
-    for found in study.findings:
-        about = METRICS[found.metric]
-        changes = " ".join(_change(group, curve, found) for group, curve in found.curves.items())
-        parts.append(element("h3", Html(f"{_named(found)}")))
-        parts.append(paragraph(f"{about.meaning} ({about.formula}; {_BETTER[about.direction]}.) {changes}".rstrip()))
-        parts.append(
-            picture(
-                partial(learning_figure, study, found),
-                f"{_spoken(found.metric)} by number of the cut, and its learning curve CUSUM",
-                escaped(_caption(found)),
-            )
-        )
-        parts.append(folded(f"{_spoken(found.metric)} of every {study.who}", _people(study, found)))
-    return joined(*parts)
 
 
-def _people(study: Study, found: Findings) -> Html:
+def _separation(found: Findings) -> list[str]:
+    assert isinstance(found.separation, Separation)
+    return [_estimate(each, 2) for each in (found.separation.superiority, found.separation.difference)]
+
+
+def _reliability(told: OneWay) -> list[str]:
+    return [correlation_text(told.single), correlation_text(told.mean), cuts_needed(told)]
+
+
+def _people(study: Study, found: Findings) -> list[tuple[str, list[str]]]:
+    """Return every person's name and row: group, cuts, mean, SD, first, last, and the cuts at which the sums signal."""
     sums = found.cusums if isinstance(found.cusums, Mapping) else {}
-    heads = [study.who, *(["group"] if study.groups else []), "cuts", "mean", "SD", "first", "last", "reached", "left"]
     rows = []
     for operator, values in found.series.items():
         cusum = sums.get(operator)
@@ -248,9 +146,8 @@ def _people(study: Study, found: Findings) -> Html:
             "" if cusum is None else str(cusum.reached_at or "no"),
             "" if cusum is None else str(cusum.left_at or "no"),
         ]
-        rows.append(Row([escaped(operator), *(escaped(cell) for cell in cells)]))
-    caption = "Reached, left: number of the cut at which the sums signal that the target is reached, or left again"
-    return html_table(f"{_spoken(found.metric)}{_in_unit(found)}. {caption}", [escaped(head) for head in heads], rows)
+        rows.append((operator, cells))
+    return rows
 
 
 def _caption(found: Findings) -> str:
@@ -274,26 +171,8 @@ def _change(group: str, curve: LearningCurve | NotEstimable, found: Findings) ->
     )
 
 
-def _meaning(study: Study) -> Html:
-    entries = [
-        ("Metrics", "cutenv.scoring: functions of one cut. Without a reference set they make no claim of skill."),
-        (
-            "ICC",
-            "Intraclass correlation. McGraw & Wong 1996; Thomas & Hultquist 1978 for unequal numbers of cuts. The "
-            "spread within is taken to be alike for all, and about normal.",
-        ),
-        (
-            "Agreement, consistency",
-            "Of session means: a shift of everybody between sessions (learning) counts against agreement, and not "
-            "against consistency.",
-        ),
-        ("P", "Probability of superiority, Mann-Whitney's U over mn, the area under the ROC curve. Newcombe 2006."),
-        ("Hedges' g", f"Difference of the groups' means over the standard deviation between their {study.who}s."),
-        ("Learning curve CUSUM", "Biau & Porcher 2010, one-sided: slack 0.5, threshold 4 standard deviations."),
-        ("Left", "Page's CUSUM, the other way round: cuts are worse than the target by more than half a deviation."),
-        ("Target", "What the sums are taken against; it is a level of this study, not of skill, unless it was given."),
-    ]
-    return joined(definitions(entries), paragraph(DISCLAIMER))
+def _changes(found: Findings) -> str:
+    return " ".join(_change(group, curve, found) for group, curve in found.curves.items())
 
 
 def _holds(told: Separation | NotEstimable, value: float) -> bool:
@@ -303,7 +182,7 @@ def _holds(told: Separation | NotEstimable, value: float) -> bool:
 def _larger(apart: list[Findings], group: str, is_first: bool) -> str:
     """Return a sentence that names the metrics that are larger in a group; "" if there are none."""
     names = [
-        _spoken(each.metric)
+        spoken(each.metric)
         for each in apart
         if isinstance(each.separation, Separation) and (each.separation.superiority.value > 0.5) is is_first
     ]
@@ -318,36 +197,14 @@ def _an(noun: str) -> str:
     return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
 
 
-def _named(found: Findings) -> Html:
-    unit = f' <span class="unit">[{escaped(typeset(found.unit))}]</span>' if found.unit != "1" else ""
-    return Html(f"{escaped(_spoken(found.metric))}{unit}")
-
-
-def _spoken(metric: str) -> str:
-    return metric.replace("_", " ")
-
-
 def _unit(found: Findings) -> str:
     return "" if found.unit == "1" else f" {typeset(found.unit)}"
 
 
-def _in_unit(found: Findings) -> str:
-    return "" if found.unit == "1" else f" [{typeset(found.unit)}]"
-
-
-def _cell(each: Estimate, digits: int) -> Html:
-    interval = f"[{number(each.low, digits)}, {number(each.high, digits)}]"
-    return Html(f'{number(each.value, digits)} <span class="interval">{interval}</span>')
-
-
-def _correlation(each: Estimate) -> Html:
-    interval = f"[{correlation(each.low)}, {correlation(each.high)}]"
-    return Html(f'{escaped(correlation(each.value))} <span class="interval">{escaped(interval)}</span>')
-
-
-def _said(reason: str) -> Html:
-    return Html(f'<span class="interval" style="white-space:normal">{escaped(reason)}</span>')
+def _estimate(each: Estimate, digits: int) -> str:
+    return estimate_text(each.value, each.low, each.high, digits)
 
 
 def _interval(each: Estimate, digits: int) -> str:
-    return f"{number(each.value, digits)} ({number(each.low, digits)} to {number(each.high, digits)})"
+    """Return an estimate within a sentence."""
+    return _estimate(each, digits).replace("[", "(").replace(",", " to").replace("]", ")")

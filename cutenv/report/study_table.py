@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cutenv._base.atomic_file import atomic_write
-from cutenv.report.page import number
+from cutenv.report.page import number, significant
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import Estimate, Findings, Intraclass, NotEstimable, OneWay, Separation, Study, numbered
 
@@ -30,7 +30,7 @@ def table_lines(study: Study) -> list[str]:
         told = (
             reliability.reason
             if isinstance(reliability, NotEstimable)
-            else f"{_correlation(reliability.single):21s} {_correlation(reliability.mean):21s} "
+            else f"{correlation_text(reliability.single):21s} {correlation_text(reliability.mean):21s} "
             f"{cuts_needed(reliability):>12s}"
         )
         lines.append(f"{found.metric:24s} {found.unit:6s} {mean:9.4g} {between:>11s} {within:>10s}  {told}".rstrip())
@@ -90,7 +90,7 @@ def _both(told: Separation | Intraclass | NotEstimable, first: str, second: str)
     """Return two estimates beside each other, or the reason why there are none."""
     if isinstance(told, NotEstimable):
         return told.reason
-    shown = _correlation if isinstance(told, Intraclass) else _plain_interval
+    shown = correlation_text if isinstance(told, Intraclass) else _plain_interval
     return f"{shown(getattr(told, first)):21s} {shown(getattr(told, second))}"
 
 
@@ -99,7 +99,8 @@ def correlation(value: float) -> str:
     return f"< {number(-1.0, 0)}" if value < -1.0 else number(value, 2)
 
 
-def _correlation(each: Estimate) -> str:
+def correlation_text(each: Estimate) -> str:
+    """Return a correlation with its interval as text."""
     return f"{correlation(each.value)} [{correlation(each.low)}, {correlation(each.high)}]"
 
 
@@ -109,6 +110,4 @@ def _plain_interval(each: Estimate) -> str:
 
 def three_digits(value: float) -> str:
     """Return three significant digits in print typography."""
-    if value == 0.0:
-        return "0"
-    return number(value, max(0, 2 - math.floor(math.log10(abs(value)))))
+    return significant(value, 3)

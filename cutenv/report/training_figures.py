@@ -6,11 +6,11 @@ import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutenv.report.page import Html, Row, escaped, html_table, label, new_figure, number
+from cutenv.report.figure import PHONE_WIDTH, label, new_figure, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,8 +22,6 @@ ROLES = ("agent", "script", "bound", "other")
 _COLOURS = {"agent": "#0072b2", "script": "#e69f00", "bound": "#009e73", "other": "#6b6b6b"}
 _MARKERS = {"agent": "o", "script": "s", "bound": "D", "other": "o"}
 _RETURN, _VALIDATION, _KEPT = "#56b4e9", "#d55e00", "#009e73"
-_PALE, _DEEP = (0xF1, 0xF6, 0xFA), (0x00, 0x5A, 0x94)  # ends of the heat map's colours
-_PHONE = 6.0  # [in] width below which a figure is drawn for a phone
 
 
 @dataclass(frozen=True)
@@ -36,10 +34,13 @@ class Bar:
     low: float
     high: float
 
+    def __str__(self) -> str:
+        return f"{self.policy} {self.mean:.2f} [{self.low:.2f}, {self.high:.2f}]"
+
 
 def returns_figure(bars: Sequence[Bar], width: float) -> Figure:
     """Draw dot and interval of every policy's return, in the order given from above, for a width [in]."""
-    phone = width < _PHONE
+    phone = width < PHONE_WIDTH
     figure = new_figure(width, 0.75 + (0.5 if phone else 0.36) * len(bars))
     axes = figure.subplots()
     places = -np.arange(len(bars))
@@ -59,7 +60,7 @@ def returns_figure(bars: Sequence[Bar], width: float) -> Figure:
         axes.set_yticks(places, [textwrap.fill(name, 36) for name in names])
     axes.set_ylim(-len(bars) + 0.5, 0.7 if phone else 0.5)
     axes.set_xlabel("return")
-    _plain(axes, "x")
+    _plain_from_zero(axes)
     return figure
 
 
@@ -75,7 +76,7 @@ def costs_figure(terms: Sequence[str], policies: Sequence[Sequence[Bar]], width:
     width : float
         Width [in].
     """
-    phone = width < _PHONE
+    phone = width < PHONE_WIDTH
     figure = new_figure(width, 1.0 + len(terms) * (0.12 + 0.14 * len(policies)) + (0.2 * len(policies) * phone))
     axes = figure.subplots()
     thickness = 0.8 / len(policies)
@@ -90,7 +91,7 @@ def costs_figure(terms: Sequence[str], policies: Sequence[Sequence[Bar]], width:
     axes.set_ylim(-len(terms) + 0.45, 0.55)
     axes.set_xlabel("cost, in units of return")
     figure.legend(loc="outside upper left", ncols=1 if phone else len(policies), frameon=False, fontsize=9)
-    _plain(axes, "x")
+    _plain_from_zero(axes)
     return figure
 
 
@@ -98,7 +99,7 @@ def curve_figure(curve: Sequence[Mapping[str, float]], chosen_at: int | None, wi
     """Draw return and success over the training decisions, and mark the checkpoint that was kept."""
     from matplotlib.ticker import EngFormatter
 
-    phone = width < _PHONE
+    phone = width < PHONE_WIDTH
     figure = new_figure(width, 4.6 if phone else 4.8)
     panels = figure.subplots(2, 1, sharex=True)
     for axes, name in zip(panels, ("return", "success"), strict=True):
@@ -111,7 +112,7 @@ def curve_figure(curve: Sequence[Mapping[str, float]], chosen_at: int | None, wi
         if chosen_at is not None:
             axes.axvline(chosen_at, color=_KEPT, linestyle="--", linewidth=1.5, label="checkpoint kept")
         axes.set_ylabel(name)
-        _plain(axes, "y")
+        plain_axes(axes)
     panels[1].set_ylim(-0.03, 1.03)
     panels[1].set_xlabel("decisions")
     panels[1].xaxis.set_major_formatter(EngFormatter())
@@ -126,43 +127,8 @@ def _column(curve: Sequence[Mapping[str, float]], name: str) -> tuple[list[float
     return [row["decisions"] for row in rows], [row[name] for row in rows]
 
 
-def _plain(axes: Axes, grid: Any) -> None:
-    """Remove the box around the drawing, and add faint grid lines across the axis that is read."""
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(axis=grid, color="0.9", linewidth=0.8)
-    axes.set_axisbelow(True)
-    if axes.get_xlim()[0] < 0.0 < axes.get_xlim()[1] and grid == "x":
+def _plain_from_zero(axes: Axes) -> None:
+    """Draw plain axes that are read across, with a line at zero if there are values on both sides of it."""
+    plain_axes(axes, "x")
+    if axes.get_xlim()[0] < 0.0 < axes.get_xlim()[1]:
         axes.axvline(0.0, color="0.6", linewidth=0.8, zorder=0.5)
-
-
-def heat_map(grid: Sequence[Mapping[str, Any]]) -> Html:
-    """Return a table of the return at every speed and angle, with shaded cells; screen readers can read it."""
-    cells = {(row["speed_cm_s"], row["angle_deg"]): row for row in grid}
-    speeds, angles = (sorted({row[name] for row in grid}) for name in ("speed_cm_s", "angle_deg"))
-    means = [row["mean"] for row in grid]
-    lowest, best = min(means), max(means)
-    headings = [Html('speed<br><span class="unit">[cm/s]</span>'), *(Html(f"{angle:g}&deg;") for angle in angles)]
-    rows = [
-        Row([escaped(f"{speed:g}"), *(_heat_cell(cells[speed, angle], lowest, best) for angle in angles)])
-        for speed in speeds
-    ]
-    return html_table("Return of constant feed at each speed (rows) and blade angle (columns)", headings, rows, "heat")
-
-
-def _heat_cell(row: Mapping[str, Any], lowest: float, best: float) -> Html:
-    share = (row["mean"] - lowest) / (best - lowest) if best > lowest else 0.0
-    colour = [round(pale + share * (deep - pale)) for pale, deep in zip(_PALE, _DEEP, strict=True)]
-    ink = "#fff" if _luminance(colour) < 0.179 else "#000"  # where both have the same contrast
-    half = 0.5 * (row["high_95"] - row["low_95"])
-    is_best = row["mean"] == best
-    return Html(
-        f'<span class="shade{" best" if is_best else ""}" style="background:#{bytes(colour).hex()};color:{ink}">'
-        f"<b>{number(row['mean'], 2)}</b><small>&plusmn;{number(half, 2)}</small>"
-        f"<small>{number(100.0 * row['success'], 0)} %{' <i>best</i>' if is_best else ''}</small></span>"
-    )
-
-
-def _luminance(colour: Sequence[int]) -> float:
-    """Return the relative luminance of an sRGB colour, as defined by WCAG 2."""
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (v / 255.0 for v in colour)]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

@@ -2,32 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cutenv._base.arrays import StructArray
 from cutenv.report.cut_figure import cut_figure
 from cutenv.report.glossary import LIMITS, MEANINGS, TERM_MEANINGS
-from cutenv.report.page import (
-    Html,
-    PageSection,
-    Row,
-    definitions,
-    element,
-    escaped,
-    estimate_text,
-    folded,
-    html_table,
-    joined,
-    number,
-    page,
-    paragraph,
-    picture,
-    write_page,
-)
-from cutenv.report.training_figures import costs_figure, curve_figure, heat_map, returns_figure
+from cutenv.report.page import estimate_text, number, write_page
+from cutenv.report.training_figures import costs_figure, curve_figure, returns_figure
 from cutenv.report.training_result import (
     COLUMNS,
     DIFFERENCES,
@@ -39,6 +22,7 @@ from cutenv.report.training_result import (
 
 __all__ = ["CutPicture", "TrainingResult", "training_headline", "write_training_page"]
 
+_PALE, _DEEP = (0xF1, 0xF6, 0xFA), (0x00, 0x5A, 0x94)  # ends of the grid's colours
 _SHOWN_COST = 5e-4  # a smaller one is a bar without length
 
 
@@ -57,17 +41,31 @@ def write_training_page(path: Path, result: TrainingResult) -> None:
     ImportError
         If matplotlib is not installed; the message gives the command that installs it.
     """
-    sections = [
-        PageSection("comparison", "Agent and scripts", _comparison(result)),
-        PageSection("differences", "Agent minus each baseline", _differences(result)),
-        PageSection("costs", "Where the reward goes", _costs(result)),
-        PageSection("grid", "Constant feed at every speed and angle", _grid(result)),
-        PageSection("cuts", "A cut above its force trace", _cuts(result)),
-        PageSection("curve", "Learning curve", _curve(result)),
-        PageSection("meaning", "What the numbers mean", _meaning()),
-        PageSection("facts", "Facts of the run", definitions(list(result.facts.items()), "facts")),
-    ]
-    write_page(path, page(result.title, result.subtitle, _lead(result), sections))
+    grid = result.grid
+    write_page(
+        path,
+        "training.html",
+        result=result,
+        headline=training_headline(result),
+        stronger=_stronger_scripts(result),
+        columns=COLUMNS,
+        differences=DIFFERENCES,
+        baselines=[row["baseline"] for row in result.differences],
+        heads=_heads,
+        shown=_shown,
+        decision=partial(_decision, result),
+        bars=[result.bar(policy, "return") for policy in result.policies],
+        best=max(grid, key=lambda row: float(row["mean"])),
+        grid_heads=[("speed", "cm/s"), *(f"{angle:g}\u00b0" for angle in sorted({row["angle_deg"] for row in grid}))],
+        shade=partial(grid_shade, [row["mean"] for row in grid]),
+        meanings=MEANINGS,
+        limits=LIMITS,
+        returns_figure=returns_figure,
+        costs_figure=costs_figure,
+        cut_figure=cut_figure,
+        curve_figure=curve_figure,
+        **_costs(result),
+    )
 
 
 def training_headline(result: TrainingResult) -> tuple[str, str, str]:
@@ -111,207 +109,72 @@ def _left(result: TrainingResult) -> str:
     return f" The gap to the upper bound ({result.bound}) is {number(most - own, 2)}: {gap}."
 
 
-def _lead(result: TrainingResult) -> Html:
-    kind, word, sentences = training_headline(result)
-    return Html(
-        f'<div class="verdict {kind}">\n{paragraph(word, "word")}\n{paragraph(sentences, "headline")}\n'
-        f"{_stronger_scripts(result)}</div>"
-    )
-
-
-def _stronger_scripts(result: TrainingResult) -> Html:
-    """Return a note on other policies that got more than the script named in the headline."""
+def _stronger_scripts(result: TrainingResult) -> list[str]:
+    """Return other policies that got more than the script named in the headline."""
     others = [policy for policy in result.policies if result.role(policy) == "other"]
     least = result.score(result.best_script, "return")["mean"]
-    above = [policy for policy in others if result.score(policy, "return")["mean"] > least]
-    if not above:
-        return Html("")
-    return paragraph(f"On these specimens {', '.join(above)} got more than {result.best_script}: see the comparison.")
+    return [policy for policy in others if result.score(policy, "return")["mean"] > least]
 
 
-def _named(result: TrainingResult, policy: str) -> Html:
-    """Return a policy's name with its role."""
-    chips = {"agent": "learned", "script": "best script", "bound": "upper bound: sees hidden state"}
-    role = result.role(policy)
-    chip = f' <span class="chip">{chips[role]}</span>' if role in chips else ""
-    return Html(f"{escaped(policy)}{chip}")
+def _heads(columns: Sequence[Score]) -> list[str | tuple[str, str]]:
+    return [(column.heading, column.unit) if column.unit else column.heading for column in columns]
 
 
-def _heading(column: Score) -> Html:
-    unit = f'<br><span class="unit">[{escaped(column.unit)}]</span>' if column.unit else ""
-    return Html(f"{escaped(column.heading)}{unit}")
+def _shown(row_of: Callable[[str, str], Mapping[str, Any] | None], policy: str, columns: Sequence[Score]) -> list[str]:
+    """Return a policy's means with their intervals, or a dash where a score has none."""
+    cells = []
+    for column in columns:
+        row = row_of(policy, column.name)
+        mean, low, high = (column.factor * row[name] if row else 0.0 for name in ("mean", "low_95", "high_95"))
+        if column.unit == "%":  # a normal interval of a share may reach beyond 0 or 100 %
+            low, high = max(low, 0.0), min(high, 100.0)
+        cells.append(estimate_text(mean, low, high, column.digits) if row else "\u2013")
+    return cells
 
 
-def _shown(row: Mapping[str, Any], column: Score) -> Html:
-    mean, low, high = (column.factor * row[name] for name in ("mean", "low_95", "high_95"))
-    if column.unit == "%":  # a normal interval of a share may reach beyond 0 or 100 %
-        low, high = max(low, 0.0), min(high, 100.0)
-    return estimate_text(mean, low, high, column.digits)
-
-
-def _comparison(result: TrainingResult) -> Html:
-    rows = [
-        Row(
-            [_named(result, policy), *(_shown(result.score(policy, column.name), column) for column in COLUMNS)],
-            "own" if policy == result.agent else "",
-        )
-        for policy in result.policies
-    ]
-    cuts = result.score(result.agent, "return")["cuts"]
-    bars = [result.bar(policy, "return") for policy in result.policies]
-    spoken = ", ".join(f"{bar.policy} {bar.mean:.2f} [{bar.low:.2f}, {bar.high:.2f}]" for bar in bars)
-    return joined(
-        paragraph(
-            "The best return first. The agent is judged on specimens that it has never seen, and every policy cuts the "
-            "same ones."
-        ),
-        html_table(
-            f"Means over {cuts:.0f} held-out specimens, with 95 % intervals",
-            [Html("policy"), *map(_heading, COLUMNS)],
-            rows,
-        ),
-        picture(
-            partial(returns_figure, bars),
-            f"Mean return with 95 % interval: {spoken}.",
-            Html(
-                "Return of every policy: mean and 95 % interval. Blue dot: learned; orange square: best script; open "
-                "green diamond: upper bound."
-            ),
-        ),
-    )
-
-
-def _differences(result: TrainingResult) -> Html:
-    baselines = list(dict.fromkeys(row["baseline"] for row in result.differences))
-    rows = []
-    for baseline in sorted(baselines, key=result.policies.index):
-        cells = [(result.difference(baseline, column.name), column) for column in DIFFERENCES]
-        shown = [Html("&ndash;") if row is None else _shown(row, column) for row, column in cells]
-        rows.append(Row([_named(result, baseline), *shown, escaped(_decision(cells[0][0]))]))
-    return joined(
-        paragraph(
-            f"Paired by specimen: what {result.agent} got, less what the baseline got on the same piece of tissue. "
-            "Above 0 the agent is better."
-        ),
-        html_table(
-            "Mean paired differences with 95 % intervals",
-            [Html("baseline"), *map(_heading, DIFFERENCES), Html("by return, the agent is")],
-            rows,
-        ),
-    )
-
-
-def _decision(row: Mapping[str, Any] | None) -> str:
+def _decision(result: TrainingResult, baseline: str) -> str:
+    row = result.difference(baseline, "return")
     if row is None:
         return "not compared"
     return "better" if row["low_95"] > 0.0 else "worse" if row["high_95"] < 0.0 else "undecided"
 
 
-def _costs(result: TrainingResult) -> Html:
+def _costs(result: TrainingResult) -> dict[str, Any]:
+    """Return the terms of the reward that cost something, the largest first, their bars, and all terms as numbers."""
     policies = result.compared()
     costs = [term for term in result.terms() if term != "progress"]
     largest = {term: max(result.bar(policy, f"reward_{term}", -1.0).mean for policy in policies) for term in costs}
     shown = [term for term in sorted(costs, key=lambda term: -largest[term]) if largest[term] >= _SHOWN_COST]
-    if not shown:
-        return paragraph("No term of the reward was recorded, or no cost was incurred.")
+    unpaid = [term for term in costs if term not in shown]
     bars = [[result.bar(policy, f"reward_{term}", -1.0) for term in shown] for policy in policies]
-    names = [TERM_MEANINGS[term] for term in shown]
-    unpaid = [TERM_MEANINGS[term] for term in costs if term not in shown]
-    caption = "Mean cost of a cut by term of the reward, with 95 % intervals; less is better."
-    if unpaid:
-        caption += f" No cost was incurred for: {', '.join(unpaid)}."
-    dearest = ", ".join(f"{own[0].policy} {own[0].mean:.2f}" for own in bars)
-    return joined(
-        paragraph("Return is progress less these costs: what is not cut gently, and what is not right at the end."),
-        picture(
-            partial(costs_figure, names, bars),
-            f"Costs of {', '.join(policies)}, term by term. The largest is {names[0]}: {dearest}.",
-            escaped(caption),
-        ),
-        folded("The same as numbers", _cost_table(result, policies, [*shown, *(t for t in costs if t not in shown)])),
-    )
-
-
-def _cost_table(result: TrainingResult, policies: Sequence[str], costs: Sequence[str]) -> Html:
-    """Return a table of all terms, which add up to the return."""
     earned = [term for term in result.terms() if term == "progress"]
-    column = Score("", "", "", 1.0, 3)
-    rows = [
-        Row([escaped(TERM_MEANINGS[term]), *(_shown(result.score(p, f"reward_{term}"), column) for p in policies)])
-        for term in (*earned, *costs)
-    ]
-    rows.append(Row([Html("return"), *(_shown(result.score(p, "return"), column) for p in policies)], "total"))
-    return html_table("Terms of the reward, which add up to the return", [Html("term"), *map(escaped, policies)], rows)
+    terms = [(_title(term), Score(f"reward_{term}", "", "", 1.0, 3)) for term in (*earned, *shown, *unpaid)]
+    terms.append(("return", Score("return", "", "", 1.0, 3)))
+    return {
+        "costs": [_title(term) for term in shown],
+        "unpaid": [_title(term) for term in unpaid],
+        "cost_bars": bars,
+        "dearest": [f"{own[0].policy} {own[0].mean:.2f}" for own in bars if own],
+        "terms": [(title, [_shown(result.score, p, [score])[0] for p in policies]) for title, score in terms],
+    }
 
 
-def _grid(result: TrainingResult) -> Html:
-    best = max(result.grid, key=lambda row: float(row["mean"]))
-    return joined(
-        paragraph(
-            "The simplest script: one speed and one angle all the way, then stop and unload. Each cell holds the mean "
-            "return, plus or minus half of its 95 % interval, and the share of cuts that succeed. "
-            f"The best is {best['speed_cm_s']:g} cm/s at {best['angle_deg']:g} degrees, with a return of "
-            f"{number(best['mean'], 2)} and {number(100.0 * best['success'], 0)} % success; 90 degrees is upright."
-        ),
-        heat_map(result.grid),
-    )
+def _title(term: str) -> str:
+    """Return what a term of the reward is called on pages."""
+    title: str = TERM_MEANINGS[term]
+    return title
 
 
-def _cuts(result: TrainingResult) -> Html:
-    if not result.cuts:
-        return paragraph("No cut was kept to be drawn.")
-    beside = [cut.readings for cut in result.cuts]
-    return joined(
-        paragraph(
-            "The tissue from the side, cut as far as the crack tip came; below it force, speed and angle of the blade, "
-            "over its position. All cuts have the same scales. Where the force drops at once, the crack ran ahead."
-        ),
-        *(_cut(result, cut, beside) for cut in result.cuts),
-    )
+def grid_shade(means: Sequence[float], mean: float) -> str:
+    """Return the colours of a cell among those of all cells, as a style."""
+    lowest, best = min(means), max(means)
+    share = (mean - lowest) / (best - lowest) if best > lowest else 0.0
+    colour = [round(pale + share * (deep - pale)) for pale, deep in zip(_PALE, _DEEP, strict=True)]
+    ink = "#fff" if _luminance(colour) < 0.179 else "#000"  # where both have the same contrast
+    return f"background:#{bytes(colour).hex()};color:{ink}"
 
 
-def _cut(result: TrainingResult, cut: CutPicture, beside: Sequence[StructArray]) -> Html:
-    last = cut.readings[-1]
-    beyond_mm = 1e3 * (float(last["tip"]) - cut.target_length)
-    alt = (
-        f"Cut by {cut.policy}: force up to {cut.readings['force'].max():.1f} N, {(cut.readings['jump'] > 0.0).sum()} "
-        f"jumps, {last['time']:.1f} s; the crack tip ends {abs(beyond_mm):.1f} mm "
-        f"{'beyond' if beyond_mm > 0.0 else 'short of'} the target of {1e3 * cut.target_length:.0f} mm."
-    )
-    draw = partial(_drawn, cut, beside)
-    return joined(element("h3", _named(result, cut.policy)), picture(draw, alt, escaped(cut.caption)))
-
-
-def _drawn(cut: CutPicture, beside: Sequence[StructArray], width: float) -> Any:
-    return cut_figure(
-        cut.readings,
-        cut.depth,
-        target_length=cut.target_length,
-        force_limit_per_depth=cut.force_limit_per_depth,
-        width=width,
-        beside=beside,
-    )
-
-
-def _curve(result: TrainingResult) -> Html:
-    if not result.curve:
-        return paragraph("No learning curve was recorded.")
-    first, last = result.curve[0], result.curve[-1]
-    kept = "" if result.chosen_at is None else f" The checkpoint after {result.chosen_at:,} decisions was kept."
-    return picture(
-        partial(curve_figure, result.curve, result.chosen_at),
-        f"Return of training episodes from {first['return']:.2f} to {last['return']:.2f}, success from "
-        f"{first['success']:.2f} to {last['success']:.2f}, over {last['decisions']:,.0f} decisions.{kept}",
-        escaped(
-            "Return and success while training. Training episodes explore, so they do worse than the agent does "
-            f"when it acts as it thinks best, which is how it is validated and judged.{kept}"
-        ),
-    )
-
-
-def _meaning() -> Html:
-    return joined(
-        definitions(MEANINGS),
-        Html("<h3>Limits of these results</h3>"),
-        paragraph(LIMITS),
-    )
+def _luminance(colour: Sequence[int]) -> float:
+    """Return the relative luminance of an sRGB colour, as defined by WCAG 2."""
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (v / 255.0 for v in colour)]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

@@ -7,27 +7,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutenv.report.page import label, new_figure
+from cutenv.report.figure import PHONE_WIDTH, label, new_figure, plain_axes
+from cutenv.report.page import spoken
 from cutenv.sim_to_real import Agreement, ClockKept, ComparedCut, Finding, force_over_position, force_rmse
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 VERDICT_COLOURS = {"agree": "#0072b2", "differ": "#d55e00", "undecided": "#6b6b6b"}
 _MARKERS = {"agree": "o", "differ": "D", "undecided": "s"}
 _RIG, _SIMULATOR = "#d55e00", "#0072b2"
-_PHONE = 6.0  # [in] width below which a figure is drawn for a phone
 _FARTHEST = 4.0  # margins beyond which a difference is drawn at the edge
 
 
 def differences_figure(findings: Sequence[Finding], width: float) -> Figure:
     """Draw every measure's difference with its interval, in margins: the band from -1 to 1 is no difference."""
-    phone = width < _PHONE
+    phone = width < PHONE_WIDTH
     figure = new_figure(width, 1.2 + (0.34 if phone else 0.26) * len(findings))
     axes = figure.subplots()
     axes.axvspan(-1.0, 1.0, color="0.92", zorder=0)
     axes.axvline(0.0, color="0.6", linewidth=0.8)
+    names = [label(spoken(each.measure.name)) for each in findings]
     told: set[str] = set()
     for row, each in enumerate(findings):
         low, value, high = (
@@ -41,12 +41,12 @@ def differences_figure(findings: Sequence[Finding], width: float) -> Figure:
         told.add(each.answer)
         if phone:  # names beside the marks would leave no room for them
             place = ((0.0, -row), (2, 3), ("axes fraction", "data"))
-            axes.annotate(spoken(each), place[0], place[1], place[2], textcoords="offset points", fontsize=7)
-    axes.set_yticks([] if phone else -np.arange(len(findings)), [] if phone else [spoken(each) for each in findings])
+            axes.annotate(names[row], place[0], place[1], place[2], textcoords="offset points", fontsize=7)
+    axes.set_yticks([] if phone else -np.arange(len(findings)), [] if phone else names)
     axes.set_xlim(-_FARTHEST - 0.1, _FARTHEST + 0.1)
     axes.set_ylim(-len(findings) + 0.4, 0.8)
     axes.set_xlabel("rig minus simulator, in margins, 95 % interval")
-    _plain(axes, "x")
+    plain_axes(axes, "x")
     figure.legend(loc="outside upper left", ncols=3, frameon=False, fontsize=9)
     return figure
 
@@ -66,7 +66,7 @@ def typical_pair(agreement: Agreement) -> tuple[int, ComparedCut, list[ComparedC
 
 def force_figure(cut: ComparedCut, simulated: Sequence[ComparedCut], width: float) -> Figure:
     """Draw the force along the way on both sides, and below their difference and that of two simulated cuts."""
-    phone = width < _PHONE
+    phone = width < PHONE_WIDTH
     figure = new_figure(width, 5.2 if phone else 4.8)
     panels = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
     for number, each in enumerate(simulated):
@@ -87,14 +87,14 @@ def force_figure(cut: ComparedCut, simulated: Sequence[ComparedCut], width: floa
     panels[1].set_ylabel("less the simulator [N]")
     panels[1].set_xlabel("position of the blade [mm], up to the first retreat")
     for axes in panels:
-        _plain(axes, "y")
+        plain_axes(axes)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=2, frameon=False, fontsize=9)
     return figure
 
 
 def clock_figure(clock: ClockKept, width: float) -> Figure:
     """Draw histograms of control periods and of the latency from force to command; counts on a logarithmic axis."""
-    phone = width < _PHONE
+    phone = width < PHONE_WIDTH
     figure = new_figure(width, 4.8 if phone else 2.9)
     panels = figure.subplots(2, 1) if phone else figure.subplots(1, 2)
     for axes, values, name in (
@@ -106,20 +106,8 @@ def clock_figure(clock: ClockKept, width: float) -> Figure:
         axes.set_yscale("log")
         axes.set_ylim(bottom=0.7)
         axes.set_xlabel(f"{name} [ms]")
-        _plain(axes, "y")
+        plain_axes(axes)
     panels[0].axvline(1e3 * clock.nominal, color=_RIG, linewidth=1.2, linestyle="--", label="asked for")
     panels[0].legend(frameon=False, fontsize=8)
     panels[0].set_ylabel("commands")
     return figure
-
-
-def spoken(each: Finding) -> str:
-    """Return a measure's name in plain words."""
-    return label(each.measure.name.replace("_", " "))
-
-
-def _plain(axes: Axes, grid: str) -> None:
-    """Remove the box around the drawing, and add faint grid lines across the axis that is read."""
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(axis=grid, color="0.9", linewidth=0.8)  # type: ignore[arg-type]
-    axes.set_axisbelow(True)

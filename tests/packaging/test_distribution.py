@@ -16,7 +16,7 @@ DATA = [
     ROOT / "assets" / folder for folder in ("derived", "policies", "reference", "tables")
 ]  # pictures are for the README
 ASSETS = {path.relative_to(ROOT).as_posix() for folder in DATA for path in folder.rglob("*") if path.is_file()}
-CODE = (".py", ".js", ".css")
+CODE = (".py", ".js", ".css", ".html")
 MODULES = {path.relative_to(ROOT).as_posix() for path in (ROOT / "cutenv").rglob("*") if path.suffix in CODE}
 
 LOAD_A_POLICY = """

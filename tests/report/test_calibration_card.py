@@ -16,6 +16,8 @@ import pytest
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
 
 from reading import Page
+from test_page_in_browser import check_fetches_nothing as check_only_itself_was_read
+from test_page_in_browser import check_fits
 from virtual_session import MODEL, cuts, silent
 
 from cutenv.measurement import MeasuredCut, leave_one_out, tissue_of
@@ -196,16 +198,13 @@ def test_a_tissue_that_was_not_calibrated_has_no_card() -> None:
 
 @pytest.mark.skipif(chromium.PROGRAM is None, reason="no chromium: apt-get install chromium")
 def test_a_browser_shows_the_pages_fetches_nothing_and_runs_no_name(
-    written: Path, hostile: Path, tmp_path: Path
+    browser: chromium.Browser, written: Path, hostile: Path
 ) -> None:
-    with chromium.browser(tmp_path / "profile") as browser:
-        for path, title in ((written, "Validation card: virtual liver"), (hostile, f"Validation card: {HOSTILE}")):
-            for width in (1400, 390):
-                browser.open(path, width)
-                assert browser.value("document.title") == title
-                assert browser.value("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
-                shown = browser.value("[...document.images].map(i => i.complete && i.naturalWidth > 0)")
-                assert shown == [True] * 3
-                asked = [address for address in browser.requests() if not address.startswith("data:")]
-                assert asked == [path.as_uri()]
-                assert browser.complaints() == []
+    for path, title in ((written, "Validation card: virtual liver"), (hostile, f"Validation card: {HOSTILE}")):
+        for width in (1400, 390):
+            browser.open(path, width)
+            assert browser.value("document.title") == title
+            check_fits(browser, width)
+            check_only_itself_was_read(browser, path)
+            shown = browser.value("[...document.images].map(i => i.complete && i.naturalWidth > 0)")
+            assert shown == [True] * 3

@@ -1,14 +1,39 @@
-"""Building blocks: numbers as print sets them, tables that fit, shades that can be read on."""
+"""What pages share: numbers as print sets them, a whole document, text that stays text, shades that can be read on."""
 
 from __future__ import annotations
 
 import re
+import sys
+from pathlib import Path
+from typing import Any
 
 import pytest
 from reading import Page
 
-from cutenv.report.page import Html, PageSection, Row, escaped, estimate_text, html_table, number, page
-from cutenv.report.training_figures import heat_map
+pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
+
+from jinja2 import UndefinedError
+
+from cutenv.report.page import estimate_text, number, write_page
+from cutenv.report.training_page import grid_shade
+
+PAGE = """{% extends "page.html" %}
+{% from "parts.html" import row, table %}
+{% set sections = [("one", heading)] %}
+{% block one %}
+<p title="{{ heading }}">{{ body }}</p>
+{% call table("Scores", ["policy", ("return", "1")]) %}{{ row(heading, [estimate]) }}{% endcall %}
+{% endblock %}
+"""
+HOSTILE = """First & <last> " onclick='"""
+
+
+def written(folder: Path, **values: Any) -> str:
+    """A page of one section."""
+    (folder / "some.html").write_text(PAGE, encoding="utf-8")
+    values = {"title": "A & B", "subtitle": "of <today>", "heading": HOSTILE, "estimate": "0.50 [-0.25, 1.25]"} | values
+    write_page(folder / "written.html", folder / "some.html", **values)
+    return (folder / "written.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
@@ -19,33 +44,42 @@ def test_a_number_has_a_true_minus_and_no_negative_zero(value: float, digits: in
     assert number(value, digits) == shown
 
 
-def test_an_estimate_reads_as_mean_and_interval() -> None:
-    assert "".join(re.split(r"<[^>]*>", estimate_text(0.5, -0.25, 1.25, 2))) == "0.50 [\u22120.25, 1.25]"
+def test_an_estimate_reads_as_mean_and_interval_in_small_type(tmp_path: Path) -> None:
+    assert estimate_text(0.5, -0.25, 1.25, 2) == "0.50 [\u22120.25, 1.25]"
+    document = written(tmp_path, body="")
+    assert '<td>0.50 <span class="interval">[\u22120.25, 1.25]</span></td>' in document
+    assert "<td>group-1 [0-2]</td>" in written(tmp_path, body="", estimate="group-1 [0-2]"), "no estimate"
+    assert Page(document).rows == [["policy", "return [1]"], [HOSTILE.strip(), "0.50 [\u22120.25, 1.25]"]]
 
 
-def test_a_ragged_table_is_refused() -> None:
-    with pytest.raises(ValueError, match="row 1 of table 'Scores' has 1 cells for 2 columns"):
-        html_table("Scores", [Html("a"), Html("b")], [Row([Html("1"), Html("2")]), Row([Html("1")])])
-
-
-def test_a_page_is_a_whole_document_in_a_language_for_any_screen() -> None:
-    document = page(
-        "A & B", "of <today>", Html("<p>lead</p>"), [PageSection("one", "First & last", Html("<p>body</p>"))]
-    )
+def test_a_page_is_a_whole_document_in_a_language_for_any_screen(tmp_path: Path) -> None:
+    document = written(tmp_path, body="text")
     assert document.startswith("<!DOCTYPE html>")
     found = Page(document)
     elements = [(name, attributes.get("name", attributes.get("lang", ""))) for name, attributes in found.elements]
     assert ("html", "en") in elements
     assert ("meta", "viewport") in elements
-    assert found.headings == [(1, "A & B"), (2, "First & last")]
+    assert found.headings == [(1, "A & B"), (2, HOSTILE)]
     assert "of <today>" in found.text
     assert "prefers-color-scheme: dark" in document
 
 
-def test_escaped_text_cannot_leave_an_attribute() -> None:
-    assert Page(f'<p title="{escaped("a" + chr(34) + " onclick=" + chr(39))}">').elements == [
-        ("p", {"title": "a\" onclick='"})
-    ]
+def test_text_cannot_leave_its_place_or_its_attribute(tmp_path: Path) -> None:
+    elements = Page(written(tmp_path, body="<script>alert(1)</script>")).elements
+    assert ("p", {"title": HOSTILE}) in elements
+    assert "script" not in [name for name, _ in elements]
+
+
+def test_a_value_that_is_missing_is_an_error_and_leaves_no_page(tmp_path: Path) -> None:
+    with pytest.raises(UndefinedError, match="'body' is undefined"):
+        written(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["some.html"]
+
+
+def test_a_missing_jinja2_is_named_with_the_cure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    with pytest.raises(ImportError, match=re.escape("pip install 'cutenv[view]'")):
+        written(tmp_path, body="")
 
 
 def luminance(colour: str) -> float:
@@ -56,29 +90,26 @@ def luminance(colour: str) -> float:
     return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
-def check_shades_can_be_read(markup: str) -> None:
+def check_shades_can_be_read(styles: list[str]) -> None:
     """The numbers' contrast with their cell is 4.5 at least."""
-    shades = re.findall(r"background:(#\w+);color:(#\w+)", markup)
-    assert len(shades) == 41
-    for pair in shades:
-        dark, light = sorted(map(luminance, pair))
-        assert (light + 0.05) / (dark + 0.05) >= 4.5, pair
+    for style in styles:
+        ((background, ink),) = re.findall(r"background:(#\w+);color:(#\w+)", style)
+        dark, light = sorted((luminance(background), luminance(ink)))
+        assert (light + 0.05) / (dark + 0.05) >= 4.5, style
 
 
-def shaded_table() -> str:
-    rows = [{"speed_cm_s": 1.0, "angle_deg": k, "mean": 0.1 * k, "low_95": 0.0, "high_95": 5.0} for k in range(41)]
-    return heat_map([row | {"success": 0.5} for row in rows])
+SHADES = [grid_shade([0.0, 40.0], float(k)) for k in range(41)]
 
 
 def test_numbers_can_be_read_on_every_shade() -> None:
-    check_shades_can_be_read(shaded_table())
+    assert len(set(SHADES)) > 20
+    check_shades_can_be_read(SHADES)
 
 
 def test_a_shade_that_hides_its_number_is_noticed() -> None:
     with pytest.raises(AssertionError):
-        check_shades_can_be_read(shaded_table().replace("color:#000", "color:#fff"))
+        check_shades_can_be_read([style.replace("color:#000", "color:#fff") for style in SHADES])
 
 
 def test_a_grid_of_equal_returns_is_shaded_too() -> None:
-    row = {"speed_cm_s": 1.0, "angle_deg": 90, "mean": 0.3, "low_95": 0.2, "high_95": 0.4, "success": 0.5}
-    assert "0.30" in heat_map([row])
+    assert grid_shade([0.3], 0.3) == SHADES[0]

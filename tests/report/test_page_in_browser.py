@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import chromium
@@ -32,17 +32,12 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    """One browser for all of these tests."""
-    with chromium.browser(tmp_path_factory.mktemp("profile")) as opened:
-        yield opened
-
-
 def check_fits(browser: Browser, width: int) -> None:
-    """The window is as wide as asked for, and nothing but a table scrolls sideways."""
+    """The window is as wide as asked for, nothing but a table scrolls sideways, and no table's row has a gap."""
     assert browser.value("innerWidth") == width
     assert browser.value("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+    widths = "[...document.querySelectorAll('table')].map(t => new Set([...t.rows].map(r => r.cells.length)).size)"
+    assert set(browser.value(widths)) == {1}
 
 
 def check_pictures_show(browser: Browser) -> None:
@@ -112,12 +107,13 @@ def test_a_screenshot_is_dark_where_dark_is_wanted(browser: Browser, page: Path,
     ("found", "instead", "check"),
     [
         ("</main>", '<div style="width:500px">wide</div></main>', lambda browser, _: check_fits(browser, PHONE)),
+        ("</td></tr>", "</td><td></td></tr>", lambda browser, _: check_fits(browser, PHONE)),
         ("base64,PHN2|base64,PD94", "base64,AAAA", lambda browser, _: check_pictures_show(browser)),
         (r"<source[^>]*>", "", lambda browser, _: check_pictures_show(browser)),
         ("</main>", '<img src="http://127.0.0.1:9/a.png" alt=""></main>', check_fetches_nothing),
         ("--quiet: #57606a", "--quiet: #aab0b6", lambda browser, _: check_can_be_read(browser)),
     ],
-    ids=["too wide", "damaged pictures", "desk's pictures on a phone", "a fetch", "pale text"],
+    ids=["too wide", "ragged table", "damaged pictures", "desk's pictures on a phone", "a fetch", "pale text"],
 )
 def test_a_broken_page_is_noticed(
     browser: Browser, page: Path, tmp_path: Path, found: str, instead: str, check: Callable[[Browser, Path], None]

@@ -350,7 +350,7 @@ def test_a_bad_cut_is_refused_by_name(bad: dict[str, Any], message: str) -> None
 def test_a_failure_leaves_the_older_page_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     older = written(tmp_path, result(cuts=[]))
 
-    def fails(*_: Any) -> None:
+    def fails(*_: Any, **__: Any) -> None:
         raise OSError("no space left")
 
     for owner, name in ((training_page, "curve_figure"), (Path, "replace")):

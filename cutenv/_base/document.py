@@ -1,0 +1,51 @@
+"""Documents of one file, filled from Jinja2 templates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+_TEMPLATES = Path(__file__).parent / "templates"
+
+
+def render(
+    template: Path,
+    values: Mapping[str, Any],
+    *,
+    folders: Sequence[Path] = (),
+    filters: Mapping[str, Callable[..., Any]] | None = None,
+) -> str:
+    """Return a template filled with values: text is escaped, and a name that is missing is an error.
+
+    Parameters
+    ----------
+    template : Path
+        Template, which may extend ``document.html``: a document that loads nothing else.
+    values : mapping of str to object
+        Values by the names that the template has for them.
+    folders : sequence of Path
+        Folders of further templates; they and the template's own are searched first.
+    filters : mapping of str to callable, optional
+        Filters for the template's expressions.
+
+    Raises
+    ------
+    ImportError
+        If Jinja2 is not installed; the message gives the command that installs it.
+    """
+    try:
+        import jinja2  # an extra
+    except ImportError as error:
+        cure = "Pages need Jinja2. Install it with: pip install 'cutenv[view]'"
+        raise ModuleNotFoundError(cure, name="jinja2") from error
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader([template.parent, *folders, _TEMPLATES]),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters.update(filters or {})
+    return environment.get_template(template.name).render(values)

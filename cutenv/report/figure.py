@@ -1,0 +1,40 @@
+"""What figures of pages share: they are drawn for a desktop screen and for a phone, and load matplotlib when drawn."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PHONE_WIDTH = 6.0
+"""Width below which a figure is drawn for a phone [in]."""
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of a size [in]; pages have figures of two widths, for a desktop screen and a phone.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed; the message gives the command that installs it.
+    """
+    try:
+        from matplotlib.figure import Figure  # an extra, and slow to import
+    except ImportError as error:
+        cure = "Pictures need matplotlib. Install it with: pip install 'cutenv[view]'"
+        raise ModuleNotFoundError(cure, name="matplotlib") from error
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def label(text: str) -> str:
+    """Return text that matplotlib shows unchanged: a dollar sign starts no formula."""
+    return text.replace("$", r"\$")
+
+
+def plain_axes(axes: Axes, grid: Literal["x", "y"] = "y") -> None:
+    """Remove the box around the drawing, and add faint grid lines across the axis that is read."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(axis=grid, color="0.9", linewidth=0.8)
+    axes.set_axisbelow(True)
