@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from cutenv._base.atomic_file import atomic_write
+from cutenv._base.units import shown_unit
 from cutenv.report.page import (
     Html,
     PageSection,
@@ -28,8 +29,6 @@ from cutenv.scoring import METRICS, ScoreCard
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.trace import Trace
 
-_HANDY = {"m": (1e3, "mm")}
-"""Factor and unit for display, by SI unit."""
 _SPOILS = {"short", "overshoot", "force"}
 """Kinds of faults that no score compensates: a target missed, a force above the limit."""
 
@@ -133,8 +132,7 @@ def _cell(card: ScoreCard, name: str) -> str:
     value = card.metrics[name].value
     if value is None:
         return ""
-    factor, _ = _HANDY.get(card.unit(name), (1.0, ""))
-    return _digits(factor * value)
+    return _digits(shown_unit(card.unit(name)).from_si(value))
 
 
 def _subtitle(scored: ScoredRecord) -> str:
@@ -169,7 +167,7 @@ def _metrics(card: ScoreCard) -> Html:
     rows = []
     for name, scored in card.metrics.items():
         about = METRICS[name]
-        factor, unit = _HANDY.get(card.unit(name), (1.0, card.unit(name)))
+        unit = shown_unit(card.unit(name))
         title = escaped(name.replace("_", " "))
         if scored.value is None:
             gone = element("span", escaped(f"unavailable: {scored.unavailable}"), "chip")
@@ -177,8 +175,8 @@ def _metrics(card: ScoreCard) -> Html:
             continue
         weight = card.weights.get(name)
         cells = [
-            escaped(_digits(factor * scored.value)),
-            escaped("" if unit == "1" else unit),
+            escaped(_digits(unit.from_si(scored.value))),
+            escaped("" if unit.sign == "1" else unit.sign),
             escaped({"lower": "lower", "higher": "higher", "none": "not rewarded"}[about.direction]),
             _bar(scored.percentile),
             escaped("" if weight is None else number(weight, 2)),

@@ -235,7 +235,7 @@ def _costs(result: TrainingResult) -> Html:
 def _cost_table(result: TrainingResult, policies: Sequence[str], costs: Sequence[str]) -> Html:
     """Return a table of all terms, which add up to the return."""
     earned = [term for term in result.terms() if term == "progress"]
-    column = Score("", "", "", 1.0, 3)
+    column = Score("", "", "", 3)
     rows = [
         Row([escaped(TERM_MEANINGS[term]), *(_shown(result.score(p, f"reward_{term}"), column) for p in policies)])
         for term in (*earned, *costs)

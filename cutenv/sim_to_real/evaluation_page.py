@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+from cutenv._base.units import shown_unit
 from cutenv.report.page import (
     Html,
     PageSection,
@@ -24,7 +25,7 @@ from cutenv.report.study_figures import typeset
 from cutenv.report.study_table import three_digits
 from cutenv.sim_to_real import Finding
 from cutenv.sim_to_real.evaluation_figures import clock_figure, differences_figure, force_figure, typical_pair
-from cutenv.sim_to_real.evaluation_result import Evaluation, bars, interval, rounded_text, shown_unit
+from cutenv.sim_to_real.evaluation_result import Evaluation, bars, interval, rounded_text
 
 _NAMED = 8  # measures named in a sentence
 _KINDS = {"agree": ("good", "They agree"), "differ": ("bad", "They differ"), "undecided": ("open", "Undecided")}
@@ -83,11 +84,12 @@ def _differences(evaluation: Evaluation) -> Html:
     heads = ["measure", "simulator", "rig", "difference", "mean difference", "margin", "noise alone", "answer"]
     rows = []
     for each in findings:
-        unit, scale = shown_unit(each)
-        numbers = [rounded_text(scale * value) for value in (each.simulator, each.rig)]
-        shifts = [_cell(interval(shift.value, shift.low, shift.high, scale)) for shift in (each.shift, each.mean)]
-        rest = [rounded_text(scale * each.shift.margin), rounded_text(scale * each.noise), each.answer]
-        named = element("span", escaped(f" [{typeset(unit)}]"), "unit") if unit != "1" else Html("")
+        unit = shown_unit(each.measure.unit)
+        shown = [(shift.value, shift.low, shift.high) for shift in (each.shift, each.mean)]
+        shifts = [_cell(interval(*map(unit.from_si, each_shown))) for each_shown in shown]
+        numbers = [rounded_text(unit.from_si(value)) for value in (each.simulator, each.rig)]
+        rest = [rounded_text(unit.from_si(value)) for value in (each.shift.margin, each.noise)] + [each.answer]
+        named = element("span", escaped(f" [{typeset(unit.sign)}]"), "unit") if unit.sign != "1" else Html("")
         name = Html(f"{escaped(each.measure.name.replace('_', ' '))}{named}")
         cells = [name, *map(escaped, numbers), *shifts, *map(escaped, rest)]
         rows.append(Row(cells, "own" if each.answer == "differ" else ""))
