@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import cutenv
 from cutenv._base.arrays import StructArray
-from cutenv._base.units import NAMED_UNITS
+from cutenv._base.unit_table import NAMED_UNITS
 from cutenv.cutting.drive import Rig
 from cutenv.envs.constants import Constants
 from cutenv.plant.protocol import depth_along

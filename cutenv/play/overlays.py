@@ -7,7 +7,7 @@ import textwrap
 
 import numpy as np
 
-from cutenv._base.units import NAMED_UNITS
+from cutenv._base.unit_table import NAMED_UNITS
 from cutenv.play.play_session import GIVEN_UP, ViewState
 from cutenv.scoring import ScoreCard
 from cutenv.scoring.score_card import DISCLAIMER

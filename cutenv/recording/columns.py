@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.units import ANGLES, FORCES, LENGTHS, SPEEDS, TIMES, Unit
+from cutenv._base.unit_table import ANGLES, FORCES, LENGTHS, SPEEDS, TIMES, Unit
 from cutenv.trace import FORCE_UNITS
 
 _LENGTH = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d]+)")

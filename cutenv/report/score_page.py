@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from cutenv._base.atomic_file import atomic_write
-from cutenv._base.units import shown_unit
+from cutenv._base.unit_table import shown_unit
 from cutenv.report.page import (
     Html,
     PageSection,

@@ -297,17 +297,12 @@ class ScoredCut:
     def elastic_force(self) -> Array:
         """Force less friction, at least zero [N], shape (n,)."""
         F, back = self.newtons, self._return_stroke
-        friction = self._usual_friction if back is None else back.friction_per_depth
+        friction = self.tissue.nominal_friction_per_depth if back is None else back.friction_per_depth
         return np.maximum(F - friction * self.profile.at(self.position), 0.0)
 
     @cached_property
     def _return_stroke(self) -> ReturnStroke | None:
         return fit_return_stroke(self.trace, self.profile)
-
-    @property
-    def _usual_friction(self) -> float:
-        """Friction of the tissue over the depth of cut [N/m]."""
-        return self.tissue.friction_share * self.tissue.fracture_resistance
 
     @cached_property
     def own_modulus(self) -> float | None:
@@ -323,7 +318,7 @@ class ScoredCut:
             found = estimate_local_effective_moduli(
                 self.trace,
                 self.tissue.cut_model(),
-                friction_per_depth=self._usual_friction,
+                friction_per_depth=self.tissue.nominal_friction_per_depth,
                 smallest_drop=max(_DROP * float(self.force.max()), 1e-6),
             )
             depth = self.profile.at(found.position)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from cutenv._base.units import shown_unit
+from cutenv._base.unit_table import shown_unit
 from cutenv.report.page import (
     Html,
     PageSection,

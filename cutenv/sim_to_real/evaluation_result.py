@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cutenv._base.units import shown_unit
+from cutenv._base.unit_table import shown_unit
 from cutenv.report.page import number
 from cutenv.report.study_table import three_digits
 from cutenv.sim_to_real import Agreement, ClockKept, Finding

@@ -8,7 +8,7 @@ import typing
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from cutenv._base.units import NAMED_UNITS, Unit
+from cutenv._base.unit_table import NAMED_UNITS, Unit
 from cutenv.rig.config.settings import RigSettings
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from cutenv._base.parameter import check_parameters
-from cutenv._base.units import NAMED_UNITS
+from cutenv._base.unit_table import NAMED_UNITS
 from cutenv._base.validation import in_range, one_of
 
 _Pair = str | tuple[str, str]
@@ -35,7 +35,7 @@ def setting(
     default : object
         Default in SI.
     unit : str or (str, str)
-        Name of the unit in the file (:data:`cutenv._base.units.NAMED_UNITS`); "1" for a count, a ratio or a text. Of a
+        Name of the unit in the file (:data:`cutenv._base.unit_table.NAMED_UNITS`); "1" for a count, a ratio or a text. Of a
         pair the first is for a screw, the second for a hinge.
     meaning : str
         Explanation for the comment above the line.
