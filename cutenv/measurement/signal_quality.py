@@ -11,8 +11,8 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.special import erf, ndtr
 
 from cutenv.measurement.segments import SMALLEST_DROP
-from cutenv.measurement.strokes import STANDSTILL_SPEED, blade_speed, turning_points
-from cutenv.trace import Trace
+from cutenv.measurement.strokes import STANDSTILL_SPEED, turning_points
+from cutenv.trace import Trace, blade_speed
 
 Mask = NDArray[np.bool_]
 
@@ -165,7 +165,7 @@ def _new_ground(trace: Trace) -> Mask | None:
         return None
     reached = np.maximum.accumulate(trace.position)
     behind = reached - trace.position
-    return np.asarray((blade_speed(trace.time, trace.position) > STANDSTILL_SPEED) & (behind <= STANDSTILL_SPEED))
+    return np.asarray((trace.blade_speed > STANDSTILL_SPEED) & (behind <= STANDSTILL_SPEED))
 
 
 def _short(trace: Trace) -> list[QualityIssue]:
@@ -238,7 +238,7 @@ def _speed(trace: Trace) -> list[QualityIssue]:
     squares = float(said[moves] @ said[moves])
     if squares == 0.0:
         return []
-    share = float(blade_speed(trace.time, trace.position)[moves] @ said[moves]) / squares
+    share = float(trace.blade_speed[moves] @ said[moves]) / squares
     if abs(share - 1.0) <= SPEED_ERROR:
         return []
     where = np.flatnonzero(moves)

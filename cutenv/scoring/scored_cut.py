@@ -12,9 +12,16 @@ from scipy.signal import butter, sosfiltfilt
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import array_in_range, in_range
-from cutenv.measurement import DepthProfile, ReturnStroke, estimate_local_effective_moduli, fit_return_stroke
+from cutenv.measurement import (
+    DepthProfile,
+    QualityIssue,
+    ReturnStroke,
+    estimate_local_effective_moduli,
+    fit_return_stroke,
+    quality_issues,
+)
 from cutenv.measurement.loading_ratio import loading_ratio
-from cutenv.measurement.strokes import STANDSTILL_SPEED, blade_speed
+from cutenv.measurement.strokes import STANDSTILL_SPEED
 from cutenv.scoring.unavailable import Unavailable
 from cutenv.scoring.validity import LONGEST_RECORD, force_unusable, holds_two_cuts, is_truncated
 from cutenv.task_quantities import RUN_WINDOW, SHALLOWEST, SMALLEST_RUN
@@ -94,14 +101,20 @@ class ScoredCut:
     @property
     def force(self) -> Array:
         """Force in the trace's unit, shape (n,)."""
-        if self._spoiled:
-            raise Unavailable(self._spoiled)
+        if self.spoiled:
+            raise Unavailable(self.spoiled)
         return self.trace.force
 
     @property
     def position(self) -> Array:
         """Position of the blade [m], shape (n,)."""
         return self._field("position")
+
+    @property
+    def blade_speed(self) -> Array:
+        """Speed of the blade, from its position [m/s], shape (n,)."""
+        _ = self.position  # raises if it is missing
+        return self.trace.blade_speed
 
     @property
     def depth(self) -> Array:
@@ -159,7 +172,7 @@ class ScoredCut:
             window = 1.5 / RATE  # an even sample stands for its window, the first and the last for the record's ends
             return np.asarray((self.time >= under[0] - window) & (self.time <= under[-1] + window))
         x = self.position
-        forward = blade_speed(self.time, x) > STANDSTILL_SPEED
+        forward = self.trace.blade_speed > STANDSTILL_SPEED
         chosen: NDArray[np.bool_] = forward & (x >= np.maximum.accumulate(x) - 1e-4)
         if not chosen.any():
             raise Unavailable("the blade never advances")
@@ -216,8 +229,8 @@ class ScoredCut:
     @cached_property
     def smooth_force(self) -> Array:
         """Force at 100 Hz, low-pass filtered at 5 Hz, shape of :attr:`even_time`."""
-        if self._spoiled:
-            raise Unavailable(self._spoiled)
+        if self.spoiled:
+            raise Unavailable(self.spoiled)
         return self._smooth
 
     @cached_property
@@ -229,14 +242,20 @@ class ScoredCut:
         return chosen
 
     @cached_property
-    def _spoiled(self) -> str:
-        return force_unusable(self.trace)
+    def quality(self) -> tuple[QualityIssue, ...]:
+        """Issues of the record's signal."""
+        return quality_issues(self.trace)
+
+    @cached_property
+    def spoiled(self) -> str:
+        """Reason why the force is unusable; "" if there is none."""
+        return force_unusable(self.trace, self.quality)
 
     @cached_property
     def even_force(self) -> Array:
         """Force at 100 Hz, means over 10 ms, shape of :attr:`even_time`: sudden drops stay sudden."""
-        if self._spoiled:
-            raise Unavailable(self._spoiled)
+        if self.spoiled:
+            raise Unavailable(self.spoiled)
         return self._even
 
     @cached_property

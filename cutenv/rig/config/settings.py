@@ -35,7 +35,7 @@ def setting(
     default : object
         Default in SI.
     unit : str or (str, str)
-        Name of the unit in the file (:data:`cutenv._base.unit_table.NAMED_UNITS`); "1" for a count, a ratio or a text. Of a
+        Name in :data:`cutenv._base.unit_table.NAMED_UNITS` of the unit in the file; "1": a count, a ratio, a text. Of a
         pair the first is for a screw, the second for a hinge.
     meaning : str
         Explanation for the comment above the line.
