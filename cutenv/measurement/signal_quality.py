@@ -106,7 +106,7 @@ def quality_issues(trace: Trace) -> tuple[QualityIssue, ...]:
         clipped = _clipping(trace, signal)
         hidden = [range(flaw.rows[0], flaw.rows[1] + 1) for flaw in clipped]
         stuck = [flaw for flaw in _stuck(trace, signal) if not any(flaw.rows[0] in rows for rows in hidden)]
-        found += [*clipped, *stuck, *_reversed(trace)]
+        found += [*clipped, *stuck, *_reversed(trace, signal)]
     return tuple(sorted(found, key=lambda flaw: flaw.rows))
 
 
@@ -171,27 +171,16 @@ def _new_ground(trace: Trace) -> Mask | None:
 def _short(trace: Trace) -> list[QualityIssue]:
     if len(trace) >= SHORTEST_RECORD:
         return []
-    return [
-        QualityIssue(
-            kind="short",
-            rows=(0, len(trace) - 1),
-            message=f"the record has {len(trace)} readings, fewer than the {SHORTEST_RECORD} that show a ramp of "
-            "loading. "
-            "Record faster or longer.",
-            refuse=True,
-        )
-    ]
+    message = (
+        f"the record has {len(trace)} readings, fewer than the {SHORTEST_RECORD} that show a ramp of loading. Record "
+        "faster or longer."
+    )
+    return [QualityIssue(kind="short", rows=(0, len(trace) - 1), message=message, refuse=True)]
 
 
 def _constant(trace: Trace) -> list[QualityIssue]:
-    return [
-        QualityIssue(
-            kind="constant",
-            rows=(0, len(trace) - 1),
-            message=f"the force is {_shown(trace, 0)} at every instant. Check the sensor's cable, and the column.",
-            refuse=True,
-        )
-    ]
+    message = f"the force is {_shown(trace, 0)} at every instant. Check the sensor's cable, and the column."
+    return [QualityIssue(kind="constant", rows=(0, len(trace) - 1), message=message, refuse=True)]
 
 
 def _clock(trace: Trace) -> list[QualityIssue]:
@@ -205,26 +194,16 @@ def _clock(trace: Trace) -> list[QualityIssue]:
             refuse, lost = way > GAP_TRAVEL, f"{lost} and {1e3 * way:.2g} mm of travel"
         else:
             refuse = bool(step[i] > GAP_TIME)
-        found.append(
-            QualityIssue(
-                kind="gap",
-                rows=(i, i + 1),
-                message=f"nothing was recorded for {lost}. Record it again, or use the parts on either side.",
-                refuse=refuse,
-            )
-        )
+        message = f"nothing was recorded for {lost}. Record it again, or use the parts on either side."
+        found.append(QualityIssue(kind="gap", rows=(i, i + 1), message=message, refuse=refuse))
     uneven = (np.abs(step - usual) > UNEVEN_STEP * usual) & (step <= GAP_STEPS * usual)
     if uneven.mean() > UNEVEN_SHARE:
-        where = np.flatnonzero(uneven)
-        found.append(
-            QualityIssue(
-                kind="clock",
-                rows=(int(where[0]), int(where[-1]) + 1),
-                message=f"{uneven.mean():.0%} of the time steps differ by half from the usual {usual:.3g} s. Take "
-                "the time from the sensor, not from the program that stores it.",
-                refuse=False,
-            )
+        first, last = _ends(uneven)
+        message = (
+            f"{uneven.mean():.0%} of the time steps differ by half from the usual {usual:.3g} s. Take the time from "
+            "the sensor, not from the program that stores it."
         )
+        found.append(QualityIssue(kind="clock", rows=(first, last + 1), message=message, refuse=False))
     return found
 
 
@@ -241,42 +220,36 @@ def _speed(trace: Trace) -> list[QualityIssue]:
     share = float(trace.blade_speed[moves] @ said[moves]) / squares
     if abs(share - 1.0) <= SPEED_ERROR:
         return []
-    where = np.flatnonzero(moves)
-    return [
-        QualityIssue(
-            kind="speed",
-            rows=(int(where[0]), int(where[-1])),
-            message=f"the position changes {share:.2g} times as fast as the recorded speed. Check unit and sign of the "
-            "speed (backward is negative), or leave it out.",
-            refuse=False,
-        )
-    ]
+    message = (
+        f"the position changes {share:.2g} times as fast as the recorded speed. Check unit and sign of the speed "
+        "(backward is negative), or leave it out."
+    )
+    return [QualityIssue(kind="speed", rows=_ends(moves), message=message, refuse=False)]
 
 
-def _reversed(trace: Trace) -> list[QualityIssue]:
+def _reversed(trace: Trace, signal: _Signal) -> list[QualityIssue]:
     """Find a force that pulls the blade forward where it cuts, or, without position, one that is mostly negative."""
-    force, new_ground = trace.force, _new_ground(trace)
-    zero = _ZERO if trace.force_unit == "N" else 0.02 * float(np.abs(force).max())
-    if new_ground is not None:
-        if np.count_nonzero(new_ground) < SHORTEST_RECORD or float(force[new_ground].mean()) > -zero:
+    force, where = trace.force, signal.new_ground
+    if where is not None:
+        if np.count_nonzero(where) < SHORTEST_RECORD or float(force[where].mean()) > -signal.zero:
             return []
-        where = np.flatnonzero(new_ground)
     else:
         low, high = np.percentile(force, (1.0, 99.0))
-        if -low <= max(_PULL * high, zero):
+        if -low <= max(_PULL * high, signal.zero):
             return []
-        where = np.flatnonzero(force < 0.0)
-    rows = (int(where[0]), int(where[-1]))
-    return [
-        QualityIssue(
-            kind="reversed",
-            rows=rows,
-            message=f"the force is {force[where].mean():.2g}{_unit(trace)} on average "
-            f"{'where the blade cuts' if new_ground is not None else 'where it is negative'}: it counts positive "
-            "against forward motion. Reverse its sign (force=-column), or subtract the sensor's offset.",
-            refuse=new_ground is not None,
-        )
-    ]
+        where = force < 0.0
+    place = "it is negative" if signal.new_ground is None else "the blade cuts"
+    message = (
+        f"the force is {force[where].mean():.2g}{_unit(trace)} on average where {place}: it counts positive against "
+        "forward motion. Reverse its sign (force=-column), or subtract the sensor's offset."
+    )
+    return [QualityIssue(kind="reversed", rows=_ends(where), message=message, refuse=signal.new_ground is not None)]
+
+
+def _ends(where: Mask) -> tuple[int, int]:
+    """Return the first and the last instant of a mask."""
+    first, last = np.flatnonzero(where)[[0, -1]]
+    return int(first), int(last)
 
 
 def _stuck(trace: Trace, signal: _Signal) -> list[QualityIssue]:
@@ -298,15 +271,12 @@ def _stuck(trace: Trace, signal: _Signal) -> list[QualityIssue]:
             continue
         seconds = float(trace.time[last] - trace.time[first])
         way = None if trace.position is None else float(np.ptp(trace.position[first : last + 1]))
-        found.append(
-            QualityIssue(
-                kind="stuck",
-                rows=(first, last),
-                message=f"the sensor shows {_shown(trace, first)} for {seconds:.3g} s without a change"
-                f"{f', while the blade moves {1e3 * way:.1f} mm' if way else ''}. Check it and record again.",
-                refuse=way is None or way > GAP_TRAVEL,
-            )
+        message = (
+            f"the sensor shows {_shown(trace, first)} for {seconds:.3g} s without a change"
+            f"{f', while the blade moves {1e3 * way:.1f} mm' if way else ''}. Check it and record again."
         )
+        refuse = way is None or way > GAP_TRAVEL
+        found.append(QualityIssue(kind="stuck", rows=(first, last), message=message, refuse=refuse))
     return found
 
 
@@ -344,17 +314,13 @@ def _clipping(trace: Trace, signal: _Signal) -> list[QualityIssue]:
         )
         if not len(flat):
             continue
-        readings = int(signal.lengths[flat].sum())
-        found.append(
-            QualityIssue(
-                kind="clipping",
-                rows=(int(signal.starts[flat[0]]), int(signal.starts[flat[-1]] + signal.lengths[flat[-1]] - 1)),
-                message=f"the force stays at its {'largest' if extreme > 0.0 else 'lowest'} reading, "
-                f"{extreme:.4g}{_unit(trace)}, {len(flat)} times, {readings} readings in all: the sensor or its "
-                "amplifier is at its limit. Choose a larger range and record again.",
-                refuse=True,
-            )
+        message = (
+            f"the force stays at its {'largest' if extreme > 0.0 else 'lowest'} reading, {extreme:.4g}{_unit(trace)}, "
+            f"{len(flat)} times, {int(signal.lengths[flat].sum())} readings in all: the sensor or its amplifier is at "
+            "its limit. Choose a larger range and record again."
         )
+        rows = (int(signal.starts[flat[0]]), int(signal.starts[flat[-1]] + signal.lengths[flat[-1]] - 1))
+        found.append(QualityIssue(kind="clipping", rows=rows, message=message, refuse=True))
     return found
 
 

@@ -30,6 +30,7 @@ _UNFINISHED = f"""\
 # beginning.  Until then the file is refused, and the missing keys are listed.  The section [angle] may stay as it is.
 """
 _EMULATED_BUSES, _HERE = ("socketcand", "virtual"), ("127.0.0.1", "localhost", "::1")
+_NAMED = {section.name: section for section in SECTIONS}
 _WIDTH = 116  # characters of a comment, after its mark
 
 
@@ -135,7 +136,7 @@ def _settings(text: str, path: Path) -> RigSettings:
             f"{path}: only a person can supply {', '.join(missing)}. Write them into the file; 'cutenv rig init' writes"
             " one that explains each."
         )
-    parts = {name: _part(section, tables[name], path) for name, section in _by_name().items() if name in tables}
+    parts = {name: _part(section, tables[name], path) for name, section in _NAMED.items() if name in tables}
     top = parts.pop("")
     settings: RigSettings = _made(RigSettings, {**top, **parts}, str(path))
     try:
@@ -168,17 +169,11 @@ def _check_emulated(settings: RigSettings) -> None:
         )
 
 
-def _by_name() -> dict[str, FileSection]:
-    return {section.name: section for section in SECTIONS}
-
-
 def _tables(content: Mapping[str, Any], path: Path) -> dict[str, Mapping[str, Any]]:
     """Return names and values of every section, the top one under ""; a second axis only if it is there."""
-    sections = _by_name()
-    top = sections.pop("")
-    one_of_these = [key.name for key in top.keys] + list(sections)
+    sections = {name: section for name, section in _NAMED.items() if name}
     for name, value in content.items():
-        one_of(f"{path}: name", name, one_of_these)
+        one_of(f"{path}: name", name, [key.name for key in _NAMED[""].keys] + list(sections))
         if (name in sections) != isinstance(value, dict):
             kind = f"a section, [{name}]" if name in sections else f"a line, {name} = ..., above the first section"
             raise ValueError(f"{path}: {name} must be {kind}.")

@@ -229,8 +229,7 @@ class ScoredCut:
     @cached_property
     def smooth_force(self) -> Array:
         """Force at 100 Hz, low-pass filtered at 5 Hz, shape of :attr:`even_time`."""
-        if self.spoiled:
-            raise Unavailable(self.spoiled)
+        _ = self.force  # raises if it is unusable
         return self._smooth
 
     @cached_property
@@ -254,8 +253,7 @@ class ScoredCut:
     @cached_property
     def even_force(self) -> Array:
         """Force at 100 Hz, means over 10 ms, shape of :attr:`even_time`: sudden drops stay sudden."""
-        if self.spoiled:
-            raise Unavailable(self.spoiled)
+        _ = self.force  # raises if it is unusable
         return self._even
 
     @cached_property

@@ -72,14 +72,24 @@ class FileSection(NamedTuple):
         return f"{self.name}.{key.name}" if self.name else key.name
 
 
+_ABOUT = {
+    "bus": "The CAN bus, as python-can names it.",
+    "blade": "The axis that moves the blade along the cut.",
+    "angle": 'The axis that turns the blade: with angle_mode = "free" only.',
+    "sensor": "The force sensor (Net F/T), and how the cut lies in its axes.",
+    "limits": "Limits at which the blade is stopped, whatever the policy commands.",
+    "calibration": "When and how the force sensor was last checked with known weights.",
+    "identified": "What 'cutenv rig identify' has measured, and written here; the simulator adopts it.",
+}
+
+
 def _sections() -> Iterator[FileSection]:
     """Yield the sections of the file, the lines at the top first."""
     yield FileSection("", "", RigSettings, _keys(RigSettings, hinge=False))
     hints = typing.get_type_hints(RigSettings)
-    for part in dataclasses.fields(RigSettings):
-        if "about" in part.metadata:
-            of = _without_none(hints[part.name])
-            yield FileSection(part.name, part.metadata["about"], of, _keys(of, hinge=part.name == "angle"))
+    for name, about in _ABOUT.items():
+        of = _without_none(hints[name])
+        yield FileSection(name, about, of, _keys(of, hinge=name == "angle"))
 
 
 def _keys(of: type[Any], *, hinge: bool) -> tuple[FileKey, ...]:

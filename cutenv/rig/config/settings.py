@@ -286,27 +286,13 @@ class RigSettings:
         (), "mm", "Depth of cut, measured by caliper on this specimen: [position_mm, depth_mm] from the clamp on, the "
         "first within 1 mm of it, depths 1 to 60 mm.", example="[[0.0, 8.1], [5.0, 12.4], [20.0, 17.0], [150.0, 17.5]]",
     )  # fmt: skip
-    bus: Bus = field(default_factory=Bus, metadata={"about": "The CAN bus, as python-can names it."})
-    blade: Axis = field(default_factory=Axis, metadata={"about": "The axis that moves the blade along the cut."})
-    angle: Axis | None = field(
-        default=None, metadata={"about": 'The axis that turns the blade: with angle_mode = "free" only.'}
-    )
-    sensor: SensorSettings = field(
-        default_factory=SensorSettings,
-        metadata={"about": "The force sensor (Net F/T), and how the cut lies in its axes."},
-    )
-    limits: SafetyLimits = field(
-        default_factory=SafetyLimits,
-        metadata={"about": "Limits at which the blade is stopped, whatever the policy commands."},
-    )
-    calibration: SensorCalibration = field(
-        default_factory=SensorCalibration,
-        metadata={"about": "When and how the force sensor was last checked with known weights."},
-    )
-    identified: Identified = field(
-        default_factory=Identified,
-        metadata={"about": "What 'cutenv rig identify' has measured, and written here; the simulator adopts it."},
-    )
+    bus: Bus = field(default_factory=Bus)
+    blade: Axis = field(default_factory=Axis)
+    angle: Axis | None = None
+    sensor: SensorSettings = field(default_factory=SensorSettings)
+    limits: SafetyLimits = field(default_factory=SafetyLimits)
+    calibration: SensorCalibration = field(default_factory=SensorCalibration)
+    identified: Identified = field(default_factory=Identified)
 
     def __post_init__(self) -> None:
         one_of("angle_mode", self.angle_mode, ("fixed", "free"))
