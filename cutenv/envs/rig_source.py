@@ -16,7 +16,6 @@ from cutenv._base.arrays import StructArray
 from cutenv._base.unit_table import NAMED_UNITS
 from cutenv.cutting.drive import Rig
 from cutenv.envs.constants import Constants
-from cutenv.plant.protocol import depth_along
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.provenance import Provenance
 from cutenv.rig.config.imitated_rig import fake_settings
@@ -30,6 +29,7 @@ from cutenv.rig.operation.specimen_source import SpecimenKey, SpecimensByHand
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file
+from cutenv.tissue.grid import depth_below
 from cutenv.trace import Reading
 
 if TYPE_CHECKING:
@@ -244,7 +244,7 @@ class RigSource:
         self._record = record
 
         def keep(readings: StructArray) -> None:
-            depth = depth_along(plant, readings["position"])
+            depth = depth_below(plant.depth, readings["position"])
             columns = [readings[field].tolist() for field in ("time", "force", "position", "speed", "angle")]
             try:
                 record.append(map(Reading._make, zip(*columns, depth.tolist(), strict=True)))
