@@ -33,6 +33,7 @@ _LONGEST_STEP = 0.5  # [s]
 _GAP = 10.0  # median steps: a longer step is a gap in the record, over which speed is not integrated
 _DISAGREEMENT = 10.0  # a wrong unit is off by 10 or more, a noisy or commanded speed by less
 _STILL = 1e-3  # [m] to which noise of the speed may integrate
+_WINDOW = 0.025  # [s] to either side: speed is the difference of positions over it, which averages encoder steps
 
 
 def limits(name: str, force_unit: str = "N") -> tuple[float, float]:
@@ -196,6 +197,13 @@ class Trace:
         """Mean number of readings a second [Hz]."""
         return (len(self) - 1) / self.duration
 
+    @functools.cached_property
+    def blade_speed(self) -> NDArray[np.float64]:
+        """Speed [m/s] by :func:`blade_speed` from the positions, which must be known; shape (n,), read-only."""
+        speed = blade_speed(self.time, *self.require("position", by="blade_speed"))
+        speed.setflags(write=False)
+        return speed
+
     def require(self, *names: str, by: str) -> tuple[NDArray[np.float64], ...]:
         """Return the named fields, shape (n,) each; raise, naming the caller, if the trace lacks one.
 
@@ -259,6 +267,18 @@ class Trace:
         columns = {name: getattr(self, name)[index] for name in self.known}
         return Trace(**columns, force_unit=self.force_unit, metadata=self.metadata)
 
+    def with_metadata(self, metadata: Mapping[str, Any]) -> Trace:
+        """Return the same readings with other metadata; the readings, checked already, are not checked again.
+
+        Raises
+        ------
+        TypeError
+            If the metadata cannot be serialised to JSON.
+        """
+        copy = object.__new__(Trace)
+        copy.__dict__.update(self.__dict__, metadata=_json_copy(metadata))
+        return copy
+
     def __len__(self) -> int:
         return len(self.time)
 
@@ -284,6 +304,15 @@ class Trace:
     def __reduce__(self) -> tuple[Any, ...]:
         # Rebuilt through the constructor, so that a copy's arrays are read-only too.
         return functools.partial(Trace, **{f.name: getattr(self, f.name) for f in fields(self)}), ()
+
+
+def blade_speed(time: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the speed [m/s] from positions [m] at times [s], shape (n,): difference over 50 ms, or two samples."""
+    n = len(time)
+    half = max(1, round(_WINDOW * (n - 1) / float(time[-1] - time[0])))
+    before = np.maximum(np.arange(n) - half, 0)
+    after = np.minimum(np.arange(n) + half, n - 1)
+    return np.asarray((position[after] - position[before]) / (time[after] - time[before]))
 
 
 def _column(name: str, values: ArrayLike, limits: tuple[float, float, str, str]) -> NDArray[np.float64]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -134,4 +133,4 @@ def _named(trace: Trace, path: Path, number: int | None, pattern: re.Pattern[str
         if match is None:
             raise ValueError(f"--specimen {pattern.pattern!r} does not match {path}; it must match every file.")
         metadata[SPECIMEN_KEY] = match[1] if match.groups() else match[0]
-    return dataclasses.replace(trace, metadata=metadata)
+    return trace.with_metadata(metadata)

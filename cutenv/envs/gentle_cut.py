@@ -269,14 +269,13 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             angle=self.start_angle,
             depth=depth,
         )
-        nominal_friction = tissue.friction_share * tissue.fracture_resistance
         self.cutting = SimulatedCutting(
             self.plant,
             tissue,
             constants.weights,
             constants.limits,
             from_truth=self.from_truth,
-            friction_per_depth=specimen.friction_per_depth if self.from_truth else nominal_friction,
+            friction_per_depth=specimen.friction_per_depth if self.from_truth else tissue.nominal_friction_per_depth,
             target_length=length,
             deadline=self.deadline,
             ticks=self.ticks,

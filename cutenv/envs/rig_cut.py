@@ -255,7 +255,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             tissue,
             self.constants.weights,
             self.constants.limits,
-            friction_per_depth=tissue.friction_share * tissue.fracture_resistance,
+            friction_per_depth=tissue.nominal_friction_per_depth,
             target_length=length,
             deadline=self.deadline,
             ticks=self.ticks,

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 import cutenv
 from cutenv._base.arrays import StructArray
+from cutenv._base.unit_table import NAMED_UNITS
 from cutenv.cutting.drive import Rig
 from cutenv.envs.constants import Constants
-from cutenv.plant.protocol import depth_along
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.provenance import Provenance
 from cutenv.rig.config.imitated_rig import fake_settings
@@ -29,6 +29,7 @@ from cutenv.rig.operation.specimen_source import SpecimenKey, SpecimensByHand
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file
+from cutenv.tissue.grid import depth_below
 from cutenv.trace import Reading
 
 if TYPE_CHECKING:
@@ -81,17 +82,17 @@ class EmulatedSpecimens:
 
 
 _OPTIONS = {
-    "motor_lag": ("--lag-ms", 1e3),
-    "dead_time": ("--dead-time-ms", 1e3),
-    "backlash": ("--backlash-mm", 1e3),
-    "force_delay": ("--force-delay-ms", 1e3),
-    "force_noise": ("--force-noise-N", 1.0),
-    "force_resolution": ("--force-resolution-N", 1.0),
-    "force_drift": ("--force-drift-N", 1.0),
-    "debt_length": ("--debt-length-mm", 1e3),
-    "friction_per_depth_speed": ("--blade-friction-Ns-m2", 1.0),
+    "motor_lag": ("--lag-ms", "ms"),
+    "dead_time": ("--dead-time-ms", "ms"),
+    "backlash": ("--backlash-mm", "mm"),
+    "force_delay": ("--force-delay-ms", "ms"),
+    "force_noise": ("--force-noise-N", "N"),
+    "force_resolution": ("--force-resolution-N", "N"),
+    "force_drift": ("--force-drift-N", "N"),
+    "debt_length": ("--debt-length-mm", "mm"),
+    "friction_per_depth_speed": ("--blade-friction-Ns-m2", "Ns_m2"),
 }
-"""Options of ``cutenv rig emulate`` by constant, with the number of the option's units in one SI unit."""
+"""Options of ``cutenv rig emulate`` by constant, with the name of the unit."""
 _AS_BUILT = {"backlash"}  # of the emulated screw by default: the simulator's default of 0 is not that of a real screw
 
 
@@ -109,8 +110,8 @@ def emulator_arguments(constants: Constants) -> list[str]:
         for name in (field.name for field in dataclasses.fields(own)):
             value, changed = getattr(own, name), getattr(own, name) != getattr(usual, name, None)
             if name in _OPTIONS and (changed or name not in _AS_BUILT):
-                option, units = _OPTIONS[name]
-                arguments += [option, f"{units * value:.6g}"]
+                option, unit = _OPTIONS[name]
+                arguments += [option, f"{NAMED_UNITS[unit].from_si(value):.6g}"]
             elif changed:
                 raise ValueError(
                     f'{name}: an emulated rig has no such option, only {", ".join(_OPTIONS)}; rig="fake" has.'
@@ -243,7 +244,7 @@ class RigSource:
         self._record = record
 
         def keep(readings: StructArray) -> None:
-            depth = depth_along(plant, readings["position"])
+            depth = depth_below(plant.depth, readings["position"])
             columns = [readings[field].tolist() for field in ("time", "force", "position", "speed", "angle")]
             try:
                 record.append(map(Reading._make, zip(*columns, depth.tolist(), strict=True)))

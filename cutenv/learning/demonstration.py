@@ -163,7 +163,7 @@ def _task(plant: ReplayPlant, target_length: float | None, deadline: float, tick
         tissue,
         RewardWeights(),
         Limits(),
-        friction_per_depth=tissue.friction_share * tissue.fracture_resistance,
+        friction_per_depth=tissue.nominal_friction_per_depth,
         target_length=float(target_length),
         deadline=deadline,
         ticks=ticks,

@@ -11,7 +11,7 @@ import numpy as np
 
 from cutenv._base.arrays import StructArray
 from cutenv.scoring import METRICS, Truth, score
-from cutenv.tissue.specimen import SPACING
+from cutenv.tissue.grid import SPACING, depth_below
 from cutenv.trace import Trace
 
 METRIC_PREFIX = "metric_"
@@ -77,14 +77,13 @@ class FinishedCut:
     def metrics(self) -> dict[str, float | str]:
         """Return every metric of the score card, keyed by :func:`metric_column`; an undefined one is an empty text."""
         readings = self.readings
-        along = SPACING * np.arange(len(self.depth))
         trace = Trace(
             time=readings["time"],
             force=readings["force"],
             position=readings["position"],
             speed=readings["speed"],
             angle=readings["angle"],
-            depth=np.interp(readings["position"], along, self.depth),
+            depth=depth_below(self.depth, readings["position"]),
             force_unit="N",
         )
         cut = self.resistance[: max(int(self.truth["tip_m"] / SPACING), 0) + 1]

@@ -184,7 +184,7 @@ def estimate_fracture_resistance(
 
 def _check_speed(trace: Trace, position: Array, travel: float) -> None:
     """Raise for a cut so slow that it counts as standing, whose friction would be overlooked."""
-    advance = sum(position[s.stop - 1] - position[s.start] for s in strokes(trace.time, position) if s.forward)
+    advance = sum(position[s.stop - 1] - position[s.start] for s in strokes(trace) if s.forward)
     if advance < (1.0 - _SLOW_SHARE) * travel:
         raise ValueError(
             f"the blade moves slower than {STANDSTILL_SPEED * 1e3:g} mm/s over {1.0 - advance / travel:.0%} of the "
@@ -206,7 +206,7 @@ def _work(trace: Trace, position: Array, stop: int) -> float:
 
 def _rubbed_area(trace: Trace, position: Array, depth: DepthProfile, stop: int) -> float:
     """Return the integral of B |dx| over the strokes of the first ``stop`` readings [m2]."""
-    moved = strokes(trace.time, position)
+    moved = strokes(trace)
     return sum(abs(depth.area(*_ends(position, stroke))) for stroke in moved if stroke.stop <= stop)
 
 
@@ -259,7 +259,7 @@ def _open_loop(
 
     Friction that is a share of R is between none and all of the work: a root between bounds, however K varies.
     """
-    advance = [s for s in strokes(trace.time, position) if s.forward]
+    advance = [s for s in strokes(trace) if s.forward]
     stop = max(advance, key=lambda stroke: position[stroke.stop - 1]).stop
     moving = slice(int(np.searchsorted(trace.time, trace.time[stop - 1] - _FINAL)), stop)
     start, x, F = float(position[0]), float(position[moving].mean()), float(trace.force[moving].mean())

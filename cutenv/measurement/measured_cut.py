@@ -17,7 +17,7 @@ from cutenv.measurement.modulus import ModulusEstimate, elastic_record, moduli_o
 from cutenv.measurement.return_stroke import ReturnStroke
 from cutenv.measurement.segments import Segment, loading_segments
 from cutenv.measurement.stiffness import unit_stiffness
-from cutenv.measurement.strokes import blade_speed, strokes
+from cutenv.measurement.strokes import strokes
 from cutenv.measurement.zero import zeroed
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.slab import effective_depth
@@ -138,7 +138,7 @@ def measure_cut(
     """
     by = "measure_cut"
     trace.require_newtons(by=by)
-    position, _, _ = trace.require("position", "angle", "depth", by=by)
+    trace.require("position", "angle", "depth", by=by)
     trace, _ = zeroed(trace)
     fracture = estimate_fracture_resistance(trace, loading_ratio=ratio)
     back = fracture.return_stroke
@@ -157,7 +157,7 @@ def measure_cut(
         trace=trace,
         name=name,
         specimen=str(trace.metadata.get(SPECIMEN_KEY, "")),
-        speed=_speed(trace.time, position),
+        speed=_speed(trace),
         angle=float(np.mean(trace.require("angle", by=by))),
         moduli=moduli,
         fracture=fracture,
@@ -193,10 +193,9 @@ def named(traces: list[Trace]) -> list[tuple[str, Trace]]:
     return found
 
 
-def _speed(time: Array, position: Array) -> float:
+def _speed(trace: Trace) -> float:
     """Return the median speed of the forward strokes [m/s]."""
-    speed = blade_speed(time, position)
-    forward = [speed[stroke.samples] for stroke in strokes(time, position) if stroke.forward]
+    forward = [trace.blade_speed[stroke.samples] for stroke in strokes(trace) if stroke.forward]
     return float(np.median(np.concatenate(forward)))
 
 

@@ -118,7 +118,7 @@ def fit_return_stroke(trace: Trace, depth: DepthProfile, *, with_offset: bool = 
 def _way_back(trace: Trace, position: Array) -> list[Stroke]:
     """Return the backward strokes between the deepest point and the next forward stroke."""
     deepest = int(np.argmax(position))
-    later = [s for s in strokes(trace.time, position) if s.stop > deepest]
+    later = [s for s in strokes(trace) if s.stop > deepest]
     if later and later[0].forward:  # the stroke that led to the deepest point
         later = later[1:]
     ends = next((i for i, stroke in enumerate(later) if stroke.forward), len(later))

@@ -197,10 +197,7 @@ def loading_segments(
     drop = _smallest_drop(trace) if smallest_drop is None else _checked_drop(trace, smallest_drop)
     readings = smoothing_readings_of(trace) if smoothing_readings is None else smoothing_readings
     in_range("smoothing_readings", readings, 1, 10_000, "1", "It is a number of readings.")
-    if trace.position is None:
-        ways = [Stroke(start=0, stop=len(trace), forward=True)]
-    else:
-        ways = strokes(trace.time, trace.position)
+    ways = [Stroke(start=0, stop=len(trace), forward=True)] if trace.position is None else strokes(trace)
     return [segment for way in ways if way.forward for segment in _segments_of(trace, way, drop, int(readings))]
 
 

@@ -11,8 +11,8 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.special import erf, ndtr
 
 from cutenv.measurement.segments import SMALLEST_DROP
-from cutenv.measurement.strokes import STANDSTILL_SPEED, blade_speed, turning_points
-from cutenv.trace import Trace
+from cutenv.measurement.strokes import STANDSTILL_SPEED, turning_points
+from cutenv.trace import Trace, blade_speed
 
 Mask = NDArray[np.bool_]
 
@@ -57,7 +57,7 @@ _RISES = 2  # rises of force before a run that distinguish a cut from friction a
 _ZERO = 0.1  # [N], or the share 0.02 of the largest force: below it, a sensor with a dead zone shows nothing
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class QualityIssue:
     """One issue of signal quality in a record.
 
@@ -89,7 +89,7 @@ def quality_issues(trace: Trace) -> tuple[QualityIssue, ...]:
 
     Returns
     -------
-    tuple of QualityIssue
+    tuple of Flaw
         In order of time; empty for a good record.
 
     Notes
@@ -165,7 +165,7 @@ def _new_ground(trace: Trace) -> Mask | None:
         return None
     reached = np.maximum.accumulate(trace.position)
     behind = reached - trace.position
-    return np.asarray((blade_speed(trace.time, trace.position) > STANDSTILL_SPEED) & (behind <= STANDSTILL_SPEED))
+    return np.asarray((trace.blade_speed > STANDSTILL_SPEED) & (behind <= STANDSTILL_SPEED))
 
 
 def _short(trace: Trace) -> list[QualityIssue]:
@@ -175,12 +175,12 @@ def _short(trace: Trace) -> list[QualityIssue]:
         f"the record has {len(trace)} readings, fewer than the {SHORTEST_RECORD} that show a ramp of loading. Record "
         "faster or longer."
     )
-    return [QualityIssue("short", (0, len(trace) - 1), message, refuse=True)]
+    return [QualityIssue(kind="short", rows=(0, len(trace) - 1), message=message, refuse=True)]
 
 
 def _constant(trace: Trace) -> list[QualityIssue]:
     message = f"the force is {_shown(trace, 0)} at every instant. Check the sensor's cable, and the column."
-    return [QualityIssue("constant", (0, len(trace) - 1), message, refuse=True)]
+    return [QualityIssue(kind="constant", rows=(0, len(trace) - 1), message=message, refuse=True)]
 
 
 def _clock(trace: Trace) -> list[QualityIssue]:
@@ -195,15 +195,15 @@ def _clock(trace: Trace) -> list[QualityIssue]:
         else:
             refuse = bool(step[i] > GAP_TIME)
         message = f"nothing was recorded for {lost}. Record it again, or use the parts on either side."
-        found.append(QualityIssue("gap", (i, i + 1), message, refuse=refuse))
+        found.append(QualityIssue(kind="gap", rows=(i, i + 1), message=message, refuse=refuse))
     uneven = (np.abs(step - usual) > UNEVEN_STEP * usual) & (step <= GAP_STEPS * usual)
     if uneven.mean() > UNEVEN_SHARE:
-        where = np.flatnonzero(uneven)
+        first, last = _ends(uneven)
         message = (
             f"{uneven.mean():.0%} of the time steps differ by half from the usual {usual:.3g} s. Take the time from "
             "the sensor, not from the program that stores it."
         )
-        found.append(QualityIssue("clock", (int(where[0]), int(where[-1]) + 1), message, refuse=False))
+        found.append(QualityIssue(kind="clock", rows=(first, last + 1), message=message, refuse=False))
     return found
 
 
@@ -217,35 +217,39 @@ def _speed(trace: Trace) -> list[QualityIssue]:
     squares = float(said[moves] @ said[moves])
     if squares == 0.0:
         return []
-    share = float(blade_speed(trace.time, trace.position)[moves] @ said[moves]) / squares
+    share = float(trace.blade_speed[moves] @ said[moves]) / squares
     if abs(share - 1.0) <= SPEED_ERROR:
         return []
-    where = np.flatnonzero(moves)
     message = (
         f"the position changes {share:.2g} times as fast as the recorded speed. Check unit and sign of the speed "
         "(backward is negative), or leave it out."
     )
-    return [QualityIssue("speed", (int(where[0]), int(where[-1])), message, refuse=False)]
+    return [QualityIssue(kind="speed", rows=_ends(moves), message=message, refuse=False)]
 
 
 def _reversed(trace: Trace, signal: _Signal) -> list[QualityIssue]:
     """Find a force that pulls the blade forward where it cuts, or, without position, one that is mostly negative."""
-    force, new_ground = trace.force, signal.new_ground
-    if new_ground is not None:
-        if np.count_nonzero(new_ground) < SHORTEST_RECORD or float(force[new_ground].mean()) > -signal.zero:
+    force, where = trace.force, signal.new_ground
+    if where is not None:
+        if np.count_nonzero(where) < SHORTEST_RECORD or float(force[where].mean()) > -signal.zero:
             return []
-        where = np.flatnonzero(new_ground)
     else:
         low, high = np.percentile(force, (1.0, 99.0))
         if -low <= max(_PULL * high, signal.zero):
             return []
-        where = np.flatnonzero(force < 0.0)
+        where = force < 0.0
+    place = "it is negative" if signal.new_ground is None else "the blade cuts"
     message = (
-        f"the force is {force[where].mean():.2g}{_unit(trace)} on average "
-        f"{'where the blade cuts' if new_ground is not None else 'where it is negative'}: it counts positive against "
+        f"the force is {force[where].mean():.2g}{_unit(trace)} on average where {place}: it counts positive against "
         "forward motion. Reverse its sign (force=-column), or subtract the sensor's offset."
     )
-    return [QualityIssue("reversed", (int(where[0]), int(where[-1])), message, refuse=new_ground is not None)]
+    return [QualityIssue(kind="reversed", rows=_ends(where), message=message, refuse=signal.new_ground is not None)]
+
+
+def _ends(where: Mask) -> tuple[int, int]:
+    """Return the first and the last instant of a mask."""
+    first, last = np.flatnonzero(where)[[0, -1]]
+    return int(first), int(last)
 
 
 def _stuck(trace: Trace, signal: _Signal) -> list[QualityIssue]:
@@ -271,7 +275,8 @@ def _stuck(trace: Trace, signal: _Signal) -> list[QualityIssue]:
             f"the sensor shows {_shown(trace, first)} for {seconds:.3g} s without a change"
             f"{f', while the blade moves {1e3 * way:.1f} mm' if way else ''}. Check it and record again."
         )
-        found.append(QualityIssue("stuck", (first, last), message, refuse=way is None or way > GAP_TRAVEL))
+        refuse = way is None or way > GAP_TRAVEL
+        found.append(QualityIssue(kind="stuck", rows=(first, last), message=message, refuse=refuse))
     return found
 
 
@@ -314,8 +319,8 @@ def _clipping(trace: Trace, signal: _Signal) -> list[QualityIssue]:
             f"{len(flat)} times, {int(signal.lengths[flat].sum())} readings in all: the sensor or its amplifier is at "
             "its limit. Choose a larger range and record again."
         )
-        rows = int(signal.starts[flat[0]]), int(signal.starts[flat[-1]] + signal.lengths[flat[-1]] - 1)
-        found.append(QualityIssue("clipping", rows, message, refuse=True))
+        rows = (int(signal.starts[flat[0]]), int(signal.starts[flat[-1]] + signal.lengths[flat[-1]] - 1))
+        found.append(QualityIssue(kind="clipping", rows=rows, message=message, refuse=True))
     return found
 
 

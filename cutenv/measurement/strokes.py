@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
+from cutenv.trace import Trace
+from cutenv.trace import blade_speed as blade_speed
 
 STANDSTILL_SPEED = 0.5e-3
 """Speed below which the blade counts as standing [m/s]: half the lowest speed of the thesis."""
@@ -18,7 +20,6 @@ END_SPEED = 0.8e-3
 """Mean speed below which the blade rests at a record's end [m/s]: the slowest cut of the thesis moves at 1 mm/s."""
 
 _SHORTEST = 0.2e-3  # [m]
-_WINDOW = 0.025  # [s] to either side: speed is the difference of positions over it, which averages encoder steps
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,20 +36,11 @@ class Stroke:
         return slice(self.start, self.stop)
 
 
-def blade_speed(time: Array, position: Array) -> Array:
-    """Return the speed [m/s] from positions [m] at times [s], shape (n,): difference over 50 ms, or two samples."""
-    n = len(time)
-    half = max(1, round(_WINDOW * (n - 1) / float(time[-1] - time[0])))
-    before = np.maximum(np.arange(n) - half, 0)
-    after = np.minimum(np.arange(n) + half, n - 1)
-    return np.asarray((position[after] - position[before]) / (time[after] - time[before]))
-
-
-def strokes(time: Array, position: Array) -> list[Stroke]:
-    """Split a record where the blade stands or turns; strokes below 0.2 mm are left out."""
-    speed = blade_speed(time, position)
+def strokes(trace: Trace) -> list[Stroke]:
+    """Split a record with position where the blade stands or turns; strokes below 0.2 mm are left out."""
+    (position,), speed = trace.require("position", by="strokes"), trace.blade_speed
     direction = np.where(np.abs(speed) > STANDSTILL_SPEED, np.sign(speed), 0.0)
-    borders = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(time)]
+    borders = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(trace)]
     found = []
     for start, stop in itertools.pairwise(borders):
         if direction[start] != 0.0 and abs(position[stop - 1] - position[start]) >= _SHORTEST:

@@ -118,7 +118,7 @@ def estimate_unit_resistances(trace: Trace, *, friction_per_depth: float | None 
     depth = DepthProfile.recorded(trace, by=by)
     trace, zero = zeroed(trace)
     way_back = fit_return_stroke(trace, depth)
-    moved = strokes(trace.time, position)
+    moved = strokes(trace)
     probes = _probes(trace, position, moved)
     if friction_per_depth is not None:
         phi = in_range("friction_per_depth", friction_per_depth, 0.0, 1e5, "N/m")

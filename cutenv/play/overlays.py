@@ -7,6 +7,7 @@ import textwrap
 
 import numpy as np
 
+from cutenv._base.unit_table import NAMED_UNITS
 from cutenv.play.play_session import GIVEN_UP, ViewState
 from cutenv.scoring import ScoreCard
 from cutenv.scoring.score_card import DISCLAIMER
@@ -19,14 +20,14 @@ _EDGE = 26.0
 _VEIL = 0.55
 _MOST_FAULTS = 3
 _SHOWN = (
-    ("tip_error", "tip off target, estimated", 1e3, "mm", 1),
-    ("peak_force", "peak force", 1.0, "N", 2),
-    ("largest_jump", "longest run of the crack", 1e3, "mm", 1),
-    ("uncontrolled_share", "share cut by runs", 100.0, "%", 0),
-    ("force_rate", "change of force", 1.0, "N/s", 1),
-    ("duration", "time", 1.0, "s", 1),
+    ("tip_error", "tip off target, estimated", "mm", 1),
+    ("peak_force", "peak force", "N", 2),
+    ("largest_jump", "longest run of the crack", "mm", 1),
+    ("uncontrolled_share", "share cut by runs", "percent", 0),
+    ("force_rate", "change of force", "N_per_s", 1),
+    ("duration", "time", "s", 1),
 )
-"""Metric, its name for the reader, factor, unit, digits."""
+"""Metric, its name for the reader, name of the unit, digits."""
 
 
 def _panel(canvas: Canvas, layout: Layout, bottom: float) -> None:
@@ -114,10 +115,10 @@ def _draw_score(canvas: Canvas, card: ScoreCard, x: float, right: float) -> None
 
 
 def _draw_metrics(canvas: Canvas, card: ScoreCard, x: float, right: float, top: float) -> None:
-    for k, (name, words, factor, unit, digits) in enumerate(_SHOWN):
-        scored, y = card.metrics[name], top + 27 * k
+    for k, (name, words, unit_name, digits) in enumerate(_SHOWN):
+        scored, unit, y = card.metrics[name], NAMED_UNITS[unit_name], top + 27 * k
         canvas.text(words, (x, y), size=19, colour=palette.QUIET)
-        value = "not known" if scored.value is None else f"{factor * scored.value:.{digits}f} {unit}"
+        value = "not known" if scored.value is None else f"{unit.from_si(scored.value):.{digits}f} {unit.sign}"
         canvas.text(value, (x + 330, y), size=20, anchor="midright")
         if scored.percentile is not None:
             start, length = x + 372, right - x - 372 - 130

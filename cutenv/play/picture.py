@@ -8,6 +8,7 @@ import numpy as np
 
 from cutenv.play.overlays import draw_countdown, draw_end_card, draw_ready_card
 from cutenv.play.play_session import ViewState
+from cutenv.tissue.grid import depth_below
 from cutenv.viewer import chart, palette, views
 from cutenv.viewer.canvas import Canvas, Colour, Points
 from cutenv.viewer.drawn_slab import Slab, drawn_slab_of
@@ -16,7 +17,6 @@ from cutenv.viewer.scene import (
     Layout,
     Moment,
     blade_from_the_side,
-    depth_below,
     front_from_the_side,
 )
 

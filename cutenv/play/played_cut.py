@@ -12,7 +12,7 @@ from cutenv._base.validation import in_range
 from cutenv.cutting.drive import Hand
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.plant.protocol import depth_along, to_trace
+from cutenv.plant.protocol import to_trace
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.play.hand_model import PLAYED_HAND, speed_toward
 from cutenv.play.handle_body import Handle, HandlePose
@@ -20,6 +20,7 @@ from cutenv.play.haptics import Stylus
 from cutenv.scoring import ReferenceSet, ScoreCard, score
 from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task.observation import to_action
+from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
 
 UPDATES_HZ = round(1.0 / TICK)
@@ -131,7 +132,7 @@ class PlayedCut:
                 hand_speed=float(state["hand_speed"]),
                 angle=float(state["angle"]),
                 force=float(reading["true_force"]),
-                depth=float(depth_along(self.plant, state["blade"])),
+                depth=float(depth_below(self.plant.depth, state["blade"])),
             )
 
     def trace(self, **metadata: object) -> Trace:

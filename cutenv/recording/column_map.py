@@ -13,7 +13,7 @@ from pathlib import Path
 
 from cutenv._base.atomic_file import atomic_write
 from cutenv._base.validation import in_range, one_of
-from cutenv.recording.columns import UNITS, Column
+from cutenv.recording.columns import FIELD_UNITS, UNITS, Column
 from cutenv.recording.record_errors import RecordError
 from cutenv.tissue.description import checked_fields
 
@@ -24,11 +24,10 @@ MAP_FILE = "cutenv-columns.json"
 
 _SET_BY_HAND = ("speed", "angle", "depth")  # fields that may be one number for the whole record
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_SPELLINGS = {
-    "sec": "s", "second": "s", "seconds": "s", "msec": "ms", "\u00b5s": "us", "\u03bcs": "us",
-    "\u00b5m": "um", "\u03bcm": "um", "inch": "in", "newton": "N", "newtons": "N", "-": "1",
-    "\u00b0": "deg", "degree": "deg", "degrees": "deg",
-}  # fmt: skip
+_SPELLINGS = {each: unit.name for units in FIELD_UNITS.values() for unit in units for each in unit.spellings}
+
+USUAL_UNITS = {"time": "ms", "position": "mm", "speed": "mm/s", "angle": "deg", "depth": "mm"}
+"""Unit of each field in most files, for examples in messages."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,7 +230,7 @@ def known_unit(field: str, unit: str) -> str:
 
 def column_of(field: str, unit: str) -> Column:
     """Return the column of a field in a unit, which converts to SI."""
-    return Column(field=field, axis=None, unit=unit, factor=UNITS[field][unit])
+    return Column(field=field, axis=None, unit=unit)
 
 
 def parse_expression(field: str, text: str) -> Expression:
@@ -272,15 +271,13 @@ def _set_by_hand(field: str, text: str, value: float, unit: str | None, behind: 
         )
     if unit is None:
         if behind is None:
-            raise ValueError(f"{field} = {text!r} has no unit. Write one behind it, such as {text}{_usual(field)}.")
+            raise ValueError(
+                f"{field} = {text!r} has no unit. Write one behind it, such as {text}{USUAL_UNITS[field]}."
+            )
         unit = known_unit(field, behind)
     elif behind is not None:
         raise ValueError(f"{field} = {text!r} has two units. Leave one out.")
     return Expression(value=value, unit=unit)
-
-
-def _usual(field: str) -> str:
-    return {"angle": "deg", "speed": "mm/s"}.get(field, "mm")
 
 
 def _names(text: str) -> tuple[str, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -12,40 +11,26 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv._base.unit_table import ANGLES, FORCES, LENGTHS, SPEEDS, TIMES, Unit
 from cutenv.trace import FORCE_UNITS
 
 _LENGTH = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d]+)")
-_LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 
+FIELD_UNITS: Mapping[str, tuple[Unit, ...]] = MappingProxyType(
+    {"time": TIMES, "force": FORCES, "position": LENGTHS, "speed": SPEEDS, "angle": ANGLES, "depth": LENGTHS}
+)
+"""Units of each field of a :class:`cutenv.trace.Trace`, the SI unit first."""
+_BY_SPELLING = {  # people write the sign, with its slash; a header may have to do without
+    field: {spelling: unit for unit in units for spelling in (unit.name, unit.sign)}
+    for field, units in FIELD_UNITS.items()
+}
 UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
-    {
-        "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
-        # gf, kgf, lbf: by the standard acceleration of free fall, 9.80665 m/s2. "1": normalised, a pure number.
-        "force": {
-            "N": 1.0,
-            "mN": 1e-3,
-            "kN": 1e3,
-            "gf": 9.80665e-3,
-            "kgf": 9.80665,
-            "lbf": 4.4482216152605,
-            "1": 1.0,
-        },
-        "position": _LENGTHS,
-        "speed": {
-            f"{length}{per}s": _LENGTHS[length]
-            for length in ("m", "cm", "mm", "in")
-            for per in ("_", "/")  # the slash is what people write, the underscore what a header can contain
-        },
-        "angle": {"rad": 1.0, "deg": math.pi / 180.0},
-        "depth": _LENGTHS,
-    }
+    {field: {spelling: unit.factor for spelling, unit in units.items()} for field, units in _BY_SPELLING.items()}
 )
 """Size in SI units of each unit's spelling, by field of a :class:`cutenv.trace.Trace`."""
 
 AXES = ("x", "y", "z")
 """Directions of a force that was measured in components: ``force_x_N``, ``force_y_N``, ``force_z_N``."""
-
-_SI = {"time": "s", "position": "m", "speed": "m_s", "angle": "rad", "depth": "m"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,14 +45,16 @@ class Column:
         Direction of a component of force; None for anything else.
     unit : str
         A key of ``UNITS[field]``.
-    factor : float
-        Number of SI units in one of `unit`.
     """
 
     field: str
     axis: str | None
     unit: str
-    factor: float
+
+    @property
+    def factor(self) -> float:
+        """Number of SI units in one of the unit."""
+        return UNITS[self.field][self.unit]
 
     @property
     def force_unit(self) -> str | None:
@@ -77,15 +64,8 @@ class Column:
         return "1" if self.unit == "1" else "N"
 
     def to_si(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return values in SI, of the same shape; the same array if they are in SI already.
-
-        If the unit is a whole fraction of the SI unit, they are divided by the number of parts: 2.54 cm give 0.0254 m
-        to the last bit, which 2.54 times the rounded 0.01 does not.
-        """
-        if self.factor == 1.0:
-            return values
-        parts = round(1.0 / self.factor)
-        return values / parts if parts and self.factor == 1.0 / parts else values * self.factor
+        """Return values in SI, of the same shape; the same array if they are in SI already."""
+        return _BY_SPELLING[self.field][self.unit].to_si(values)
 
 
 def parse_header(name: str) -> Column:
@@ -121,7 +101,7 @@ def parse_header(name: str) -> Column:
         nearest = _nearest(unit, known_units)
         hint = f" Did you mean {stem}_{nearest}?" if nearest else ""
         raise ValueError(f"column {name!r} has the unit {unit!r}, which is not known. Write one of {listed}.{hint}")
-    return Column(field=field, axis=axis or None, unit=unit, factor=known_units[unit])
+    return Column(field=field, axis=axis or None, unit=unit)
 
 
 def parse_length(name: str, text: str) -> float:
@@ -142,10 +122,10 @@ def parse_length(name: str, text: str) -> float:
     found = _LENGTH.fullmatch(text.strip())
     if found is None:
         raise ValueError(f"{name} {text!r} is no length with a unit; write 80mm or 8cm.")
-    if found[2] not in _LENGTHS:
-        raise ValueError(f"{name} {text!r} has an unknown unit of length; write one of {', '.join(_LENGTHS)}.")
-    column = Column(field="position", axis=None, unit=found[2], factor=_LENGTHS[found[2]])
-    return float(column.to_si(np.array(float(found[1]))))
+    known = _BY_SPELLING["position"]
+    if found[2] not in known:
+        raise ValueError(f"{name} {text!r} has an unknown unit of length; write one of {', '.join(known)}.")
+    return known[found[2]].to_si(float(found[1]))
 
 
 def header_of(field: str, force_unit: str = "N") -> str:
@@ -167,7 +147,7 @@ def header_of(field: str, force_unit: str = "N") -> str:
         raise ValueError(f"{field!r} is no field of a trace; its fields are {', '.join(UNITS)}.")
     if force_unit not in FORCE_UNITS:
         raise ValueError(f"force_unit must be one of {', '.join(FORCE_UNITS)}, got {force_unit!r}.")
-    return f"{field}_{force_unit if field == 'force' else _SI[field]}"
+    return f"{field}_{force_unit if field == 'force' else FIELD_UNITS[field][0].name}"
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:

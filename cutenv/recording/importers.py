@@ -358,7 +358,7 @@ def _cut(trace: Trace, cut: FoundCut, lines: NDArray[np.intp]) -> tuple[Trace, t
     part = trace.select(cut.samples)
     lines = lines[cut.samples]
     where = {"lines": [int(lines[0]), int(lines[-1])], "instants": [cut.start, cut.stop - 1]}
-    part = dataclasses.replace(part, metadata={**part.metadata, **where})
+    part = part.with_metadata({**part.metadata, **where})
     located = tuple(
         dataclasses.replace(flaw, message=f"lines {lines[flaw.rows[0]]} to {lines[flaw.rows[1]]}: {flaw.message}")
         for flaw in quality_issues(part)

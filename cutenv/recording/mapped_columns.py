@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
-from cutenv.recording.column_map import ColumnMap, Expression, column_of
+from cutenv.recording.column_map import USUAL_UNITS, ColumnMap, Expression, column_of
+from cutenv.recording.columns import FIELD_UNITS
 from cutenv.recording.csv_sniffer import SniffedTable, bare_name
 from cutenv.recording.record_errors import RecordError
 from cutenv.trace import Trace
 
-_SI = {"time": "s", "position": "m", "speed": "m/s", "angle": "rad", "depth": "m"}
-_EXAMPLES = {"time": "ms", "position": "mm", "speed": "mm/s", "angle": "deg", "depth": "mm"}
 _LARGEST = 1e12  # a greater value is not a reading, in any unit
 
 
@@ -140,7 +139,7 @@ class MappedReadings:
         ]
         if not silent:
             return ""
-        example = f"{silent[0]}={self.mapping.expression(silent[0]).columns[0]}[{_EXAMPLES[silent[0]]}]"
+        example = f"{silent[0]}={self.mapping.expression(silent[0]).columns[0]}[{USUAL_UNITS[silent[0]]}]"
         return f" No unit is given for {', '.join(silent)}: SI is assumed. Give it behind the column, as in {example}."
 
     def component(self, rows: NDArray[np.intp], k: int) -> Trace:
@@ -176,7 +175,7 @@ def _unit_of(table: SniffedTable, field: str, expression: Expression, places: li
             "if the force is normalised.",
         )
     if unit is None:
-        unit = _SI[field]
+        unit = FIELD_UNITS[field][0].sign
         notes.append(f"{field}: no unit is given, {unit} is assumed.")
     return unit
 

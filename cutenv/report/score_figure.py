@@ -9,7 +9,6 @@ import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv.measurement import loading_segments
-from cutenv.measurement.strokes import blade_speed
 from cutenv.report.figure import PHONE_WIDTH, label, new_figure
 from cutenv.scoring import ScoreCard
 from cutenv.task_quantities import FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
@@ -54,7 +53,7 @@ def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, wid
     unit = "N" if trace.force_unit == "N" else "normalised"
     force.set_ylabel(f"force [{unit}]")
     if trace.position is not None:
-        speed = 100.0 * blade_speed(trace.time, trace.position)
+        speed = 100.0 * trace.blade_speed
         panels[1].plot(x[::step], speed[::step], color=_SPEED, linewidth=0.9)
         panels[1].set_ylabel("speed\n[cm/s]")
     if trace.angle is not None:

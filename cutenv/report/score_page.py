@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cutenv._base.atomic_file import atomic_write
+from cutenv._base.unit_table import shown_unit
 from cutenv.report.page import number, write_page, write_text
 from cutenv.report.score_figure import score_figure
 from cutenv.scoring import METRICS, ScoreCard
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.trace import Trace
 
-_HANDY = {"m": (1e3, "mm")}
-"""Factor and unit for display, by SI unit."""
 _SPOILS = {"short", "overshoot", "force"}
 """Kinds of faults that no score compensates: a target missed, a force above the limit."""
 
@@ -102,9 +101,8 @@ def _column(name: str, card: ScoreCard) -> str:
 
 def _handy(card: ScoreCard, name: str) -> tuple[str, str]:
     """Return value and unit of a metric as shown; "" for a metric that is unavailable."""
-    value = card.metrics[name].value
-    factor, unit = _HANDY.get(card.unit(name), (1.0, card.unit(name)))
-    return "" if value is None else _digits(factor * value), "" if unit == "1" else unit
+    value, unit = card.metrics[name].value, shown_unit(card.unit(name))
+    return "" if value is None else _digits(unit.from_si(value)), "" if unit.sign == "1" else unit.sign
 
 
 def _digits(value: float) -> str:

@@ -148,8 +148,8 @@ def _costs(result: TrainingResult) -> dict[str, Any]:
     unpaid = [term for term in costs if term not in shown]
     bars = [[result.bar(policy, f"reward_{term}", -1.0) for term in shown] for policy in policies]
     earned = [term for term in result.terms() if term == "progress"]
-    terms = [(_title(term), Score(f"reward_{term}", "", "", 1.0, 3)) for term in (*earned, *shown, *unpaid)]
-    terms.append(("return", Score("return", "", "", 1.0, 3)))
+    terms = [(_title(term), Score(f"reward_{term}", "", "", 3)) for term in (*earned, *shown, *unpaid)]
+    terms.append(("return", Score("return", "", "", 3)))
     return {
         "costs": [_title(term) for term in shown],
         "unpaid": [_title(term) for term in unpaid],

@@ -28,29 +28,33 @@ _CURE = "An interval needs two specimens or more; look for a NaN in the scores."
 
 @dataclass(frozen=True)
 class Score:
-    """Score as a column: its name in the data, its heading, unit, factor to that unit and digits shown."""
+    """Score as a column: its name in the data, its heading, unit and digits shown."""
 
     name: str
     heading: str
     unit: str
-    factor: float
     digits: int
+
+    @property
+    def factor(self) -> float:
+        """Number of the column's unit in one of the data's: a share is shown in percent."""
+        return 100.0 if self.unit in ("%", "percentage points") else 1.0
 
 
 COLUMNS = (
-    Score("return", "return", "", 1.0, 2),
-    Score("success", "success", "%", 100.0, 0),
-    Score("tip_error_mm", "tip error", "mm", 1.0, 2),
-    Score("peak_force_N", "peak force", "N", 1.0, 2),
-    Score("time_s", "time", "s", 1.0, 1),
-    Score("largest_jump_mm", "largest jump", "mm", 1.0, 2),
-    Score("uncontrolled_share", "uncontrolled share", "%", 100.0, 0),
+    Score("return", "return", "", 2),
+    Score("success", "success", "%", 0),
+    Score("tip_error_mm", "tip error", "mm", 2),
+    Score("peak_force_N", "peak force", "N", 2),
+    Score("time_s", "time", "s", 1),
+    Score("largest_jump_mm", "largest jump", "mm", 2),
+    Score("uncontrolled_share", "uncontrolled share", "%", 0),
 )
 """Scores of the comparison, in its order."""
 
 DIFFERENCES = (
-    Score("return", "return", "", 1.0, 3),
-    Score("success", "success", "percentage points", 100.0, 0),
+    Score("return", "return", "", 3),
+    Score("success", "success", "percentage points", 0),
 )
 """Scores of the paired differences, in their order."""
 

@@ -15,7 +15,7 @@ import numpy as np
 from cutenv._base.atomic_file import atomic_write
 from cutenv._base.validation import in_range, one_of
 from cutenv.rig.config.depth_profile import check_depth_profile, reach_of
-from cutenv.rig.config.file_schema import FILE_UNITS, IDENTIFIED, SECTIONS, FileKey, FileSection
+from cutenv.rig.config.file_schema import IDENTIFIED, SECTIONS, FileKey, FileSection
 from cutenv.rig.config.sensor_calibration import day_of
 from cutenv.rig.config.settings import Identified, RigSettings
 from cutenv.rig.contradictions import refuse_contradictions
@@ -30,6 +30,7 @@ _UNFINISHED = f"""\
 # beginning.  Until then the file is refused, and the missing keys are listed.  The section [angle] may stay as it is.
 """
 _EMULATED_BUSES, _HERE = ("socketcand", "virtual"), ("127.0.0.1", "localhost", "::1")
+_NAMED = {section.name: section for section in SECTIONS}
 _WIDTH = 116  # characters of a comment, after its mark
 
 
@@ -108,7 +109,7 @@ def write_identified(path: str | os.PathLike[str], identified: Identified) -> No
     for key in IDENTIFIED.keys:
         value = getattr(identified, key.field)
         if value is not None:
-            section[key.name] = key.from_si(value) if IDENTIFIED.kind(key) is float else value
+            section[key.name] = key.from_si(value) if key.kind is float else value
         elif key.name in section:
             del section[key.name]
     text = tomlkit.dumps(document)
@@ -135,7 +136,7 @@ def _settings(text: str, path: Path) -> RigSettings:
             f"{path}: only a person can supply {', '.join(missing)}. Write them into the file; 'cutenv rig init' writes"
             " one that explains each."
         )
-    parts = {name: _part(section, tables[name], path) for name, section in _by_name().items() if name in tables}
+    parts = {name: _part(section, tables[name], path) for name, section in _NAMED.items() if name in tables}
     top = parts.pop("")
     settings: RigSettings = _made(RigSettings, {**top, **parts}, str(path))
     try:
@@ -168,17 +169,11 @@ def _check_emulated(settings: RigSettings) -> None:
         )
 
 
-def _by_name() -> dict[str, FileSection]:
-    return {section.name: section for section in SECTIONS}
-
-
 def _tables(content: Mapping[str, Any], path: Path) -> dict[str, Mapping[str, Any]]:
     """Return names and values of every section, the top one under ""; a second axis only if it is there."""
-    sections = _by_name()
-    top = sections.pop("")
-    one_of_these = [key.name for key in top.keys] + list(sections)
+    sections = {name: section for name, section in _NAMED.items() if name}
     for name, value in content.items():
-        one_of(f"{path}: name", name, one_of_these)
+        one_of(f"{path}: name", name, [key.name for key in _NAMED[""].keys] + list(sections))
         if (name in sections) != isinstance(value, dict):
             kind = f"a section, [{name}]" if name in sections else f"a line, {name} = ..., above the first section"
             raise ValueError(f"{path}: {name} must be {kind}.")
@@ -196,13 +191,13 @@ def _part(section: FileSection, table: Mapping[str, Any], path: Path) -> Any:
     for key in section.keys:
         if key.name in table:
             try:
-                values[key.field] = _value(section, key, table[key.name], f"{where}{key.name}")
+                values[key.field] = _value(key, table[key.name], f"{where}{key.name}")
             except TypeError as error:
                 raise ValueError(str(error)) from None
     names = {key.field: key for key in section.keys}
     for low, high in (("low", "high"), ("angle_low", "angle_high")):
         if low in names:
-            least, most = (values.get(end, section.default(names[end])) for end in (low, high))
+            least, most = (values.get(end, names[end].default) for end in (low, high))
             if not least < most:
                 shown = [f"{names[end].name} = {names[end].from_si(at):g}" for end, at in ((low, least), (high, most))]
                 raise ValueError(f"{where}{shown[0]} must be below {shown[1]}: they are the ends of travel.")
@@ -216,16 +211,15 @@ def _made(of: type[Any], values: Mapping[str, Any], where: str) -> Any:
         raise ValueError(f"{where.removesuffix(':')}: {error}") from None
 
 
-def _value(section: FileSection, key: FileKey, raw: Any, name: str) -> Any:
+def _value(key: FileKey, raw: Any, name: str) -> Any:
     """Return a value of the file in SI, with the field's type."""
-    kind = section.kind(key)
-    if kind is tuple:
+    if key.kind is tuple:
         return _profile(key, raw, name)
-    if kind is float:
-        low, high = section.limits(key) or (0.0, np.inf)
-        return key.to_si(in_range(name, raw, low, high, FILE_UNITS[key.unit].sign or "1"))
+    if key.kind is float:
+        low, high = key.limits or (0.0, np.inf)
+        return key.to_si(in_range(name, raw, low, high, key.unit.sign))
     if key.field == "date":
-        if raw == "" and section is not IDENTIFIED:
+        if raw == "" and key.default == "":
             return raw
         text = raw.isoformat() if isinstance(raw, date) else raw
         if not isinstance(text, str):
@@ -235,10 +229,10 @@ def _value(section: FileSection, key: FileKey, raw: Any, name: str) -> Any:
         except ValueError as error:
             raise ValueError(f"{name} = {error}") from None
         return text
-    if type(raw) is not kind:  # True is an int to isinstance
-        called = {bool: "true or false", int: "a whole number", str: "a text in quotation marks"}[kind]
+    if type(raw) is not key.kind:  # True is an int to isinstance
+        called = {bool: "true or false", int: "a whole number", str: "a text in quotation marks"}[key.kind]
         raise TypeError(f"{name} must be {called}, got {raw!r}.")
-    return one_of(name, raw, section.choices(key)) if section.choices(key) else raw
+    return one_of(name, raw, key.choices) if key.choices else raw
 
 
 def _profile(key: FileKey, raw: Any, name: str) -> tuple[tuple[float, float], ...]:
@@ -269,22 +263,22 @@ def _lines(section: FileSection, part: Any, *, to_fill: bool) -> Iterator[str]:
     for key in section.keys:
         value = getattr(part, key.field)
         if section is not IDENTIFIED:
-            yield from _comment(section, key)
+            yield from _comment(key)
         if to_fill and key.example:
             yield f"{_TO_FILL}{key.name} = {key.example}"
         elif value is not None:
-            yield f"{key.name} = {_toml(section, key, value)}"
+            yield f"{key.name} = {_toml(key, value)}"
 
 
-def _comment(section: FileSection, key: FileKey) -> list[str]:
+def _comment(key: FileKey) -> list[str]:
     about = [key.meaning]
-    sign = FILE_UNITS[key.unit].sign
-    if limits := section.limits(key):
-        about.append(f"{limits[0]:g} to {limits[1]:g} {sign}".rstrip() + ".")
-    if choices := section.choices(key):
-        about.append(" or ".join(f'"{choice}"' for choice in choices) + ".")
+    if key.limits:
+        sign = "" if key.unit.sign == "1" else f" {key.unit.sign}"
+        about.append(f"{key.limits[0]:g} to {key.limits[1]:g}{sign}.")
+    if key.choices:
+        about.append(" or ".join(f'"{choice}"' for choice in key.choices) + ".")
     if not key.example:
-        about.append(f"Default {_toml(section, key, section.default(key))}.")
+        about.append(f"Default {_toml(key, key.default)}.")
     lines = ["#"]
     for word in " ".join(about).split():
         if len(lines[-1]) + len(word) > _WIDTH:
@@ -293,13 +287,12 @@ def _comment(section: FileSection, key: FileKey) -> list[str]:
     return lines
 
 
-def _toml(section: FileSection, key: FileKey, value: Any) -> str:
-    kind = section.kind(key)
-    if kind is float:
+def _toml(key: FileKey, value: Any) -> str:
+    if key.kind is float:
         return repr(key.from_si(value))
-    if kind is tuple:
+    if key.kind is tuple:
         points = (f"[{key.from_si(position)!r}, {key.from_si(depth)!r}]" for position, depth in value)
         return f"[{', '.join(points)}]"
-    if kind is str:
+    if key.kind is str:
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML's only other escape
     return str(value).lower()  # true, false, whole numbers

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
-from cutenv.measurement.strokes import STANDSTILL_SPEED, blade_speed, strokes
+from cutenv.measurement.strokes import STANDSTILL_SPEED, strokes
 from cutenv.scoring.metric import metric
 from cutenv.scoring.scored_cut import RATE, ScoredCut, even_instants
 from cutenv.scoring.unavailable import Unavailable
@@ -51,7 +51,8 @@ def idle_time(cut: ScoredCut) -> float:
 )  # fmt: skip
 def reversals(cut: ScoredCut) -> float:
     """Reversals of the blade's motion."""
-    found = strokes(cut.time, cut.position)
+    _ = cut.position  # raises if it was not recorded
+    found = strokes(cut.trace)
     return float(sum(a.forward != b.forward for a, b in itertools.pairwise(found)))
 
 
@@ -126,7 +127,7 @@ def moving_between(cut: ScoredCut) -> tuple[int, int, NDArray[np.bool_]]:
 
 
 def _moving(cut: ScoredCut) -> NDArray[np.bool_]:
-    moving: NDArray[np.bool_] = np.abs(blade_speed(cut.time, cut.position)) > STANDSTILL_SPEED
+    moving: NDArray[np.bool_] = np.abs(cut.blade_speed) > STANDSTILL_SPEED
     if not moving.any():
         raise Unavailable("the blade never moves")
     return moving
@@ -138,6 +139,6 @@ def _rest_to_rest(cut: ScoredCut) -> Array:
     instants = even_instants(cut.time[first : last + 1], RATE)
     if len(instants) < 30:
         raise Unavailable("shorter than 0.3 s")
-    speed = np.interp(instants, cut.time, blade_speed(cut.time, cut.position))
+    speed = np.interp(instants, cut.time, cut.blade_speed)
     rest = np.zeros(max(3, round(_PADDING * len(speed))))
     return np.concatenate((rest, speed, rest))

@@ -17,7 +17,7 @@ from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.scored_cut import ScoredCut, Truth
 from cutenv.scoring.technique import TechniqueFault, technique_faults
 from cutenv.scoring.unavailable import Unavailable
-from cutenv.scoring.validity import force_unusable, validity_warnings
+from cutenv.scoring.validity import validity_warnings
 from cutenv.tissue import TissueDescription, measured_liver
 from cutenv.trace import Trace
 
@@ -256,7 +256,7 @@ def _scored(each: Metric, cut: ScoredCut, reference: ReferenceSet | None) -> Sco
 
 def _no_score(trace: Trace, cut: ScoredCut, reference: ReferenceSet | None, weight: float) -> str:
     """Return the reason why there is no overall score; "" if leading metrics of enough weight are known."""
-    doubt = cut.twofold or force_unusable(trace) or cut.unfinished
+    doubt = cut.twofold or cut.spoiled or cut.unfinished
     if doubt:
         return doubt
     if reference is None:
@@ -285,7 +285,7 @@ def _notes(cut: ScoredCut, chosen: Mapping[str, float], known: Mapping[str, floa
     left = sorted(set(chosen) - set(known)) if known else []
     if left:
         notes.append(f"not counted, without a value or a reference: {', '.join(left)}")
-    return notes + validity_warnings(cut.trace)
+    return notes + validity_warnings(cut.trace, cut.quality)
 
 
 def _doubted_depth(cut: ScoredCut, faults: Sequence[TechniqueFault]) -> list[str]:

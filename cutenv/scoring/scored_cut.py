@@ -12,9 +12,16 @@ from scipy.signal import butter, sosfiltfilt
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import array_in_range, in_range
-from cutenv.measurement import DepthProfile, ReturnStroke, estimate_local_effective_moduli, fit_return_stroke
+from cutenv.measurement import (
+    DepthProfile,
+    QualityIssue,
+    ReturnStroke,
+    estimate_local_effective_moduli,
+    fit_return_stroke,
+    quality_issues,
+)
 from cutenv.measurement.loading_ratio import loading_ratio
-from cutenv.measurement.strokes import STANDSTILL_SPEED, blade_speed
+from cutenv.measurement.strokes import STANDSTILL_SPEED
 from cutenv.scoring.unavailable import Unavailable
 from cutenv.scoring.validity import LONGEST_RECORD, force_unusable, holds_two_cuts, is_truncated
 from cutenv.task_quantities import RUN_WINDOW, SHALLOWEST, SMALLEST_RUN
@@ -94,14 +101,20 @@ class ScoredCut:
     @property
     def force(self) -> Array:
         """Force in the trace's unit, shape (n,)."""
-        if self._spoiled:
-            raise Unavailable(self._spoiled)
+        if self.spoiled:
+            raise Unavailable(self.spoiled)
         return self.trace.force
 
     @property
     def position(self) -> Array:
         """Position of the blade [m], shape (n,)."""
         return self._field("position")
+
+    @property
+    def blade_speed(self) -> Array:
+        """Speed of the blade, from its position [m/s], shape (n,)."""
+        _ = self.position  # raises if it is missing
+        return self.trace.blade_speed
 
     @property
     def depth(self) -> Array:
@@ -159,7 +172,7 @@ class ScoredCut:
             window = 1.5 / RATE  # an even sample stands for its window, the first and the last for the record's ends
             return np.asarray((self.time >= under[0] - window) & (self.time <= under[-1] + window))
         x = self.position
-        forward = blade_speed(self.time, x) > STANDSTILL_SPEED
+        forward = self.trace.blade_speed > STANDSTILL_SPEED
         chosen: NDArray[np.bool_] = forward & (x >= np.maximum.accumulate(x) - 1e-4)
         if not chosen.any():
             raise Unavailable("the blade never advances")
@@ -216,8 +229,7 @@ class ScoredCut:
     @cached_property
     def smooth_force(self) -> Array:
         """Force at 100 Hz, low-pass filtered at 5 Hz, shape of :attr:`even_time`."""
-        if self._spoiled:
-            raise Unavailable(self._spoiled)
+        _ = self.force  # raises if it is unusable
         return self._smooth
 
     @cached_property
@@ -229,14 +241,19 @@ class ScoredCut:
         return chosen
 
     @cached_property
-    def _spoiled(self) -> str:
-        return force_unusable(self.trace)
+    def quality(self) -> tuple[QualityIssue, ...]:
+        """Issues of the record's signal."""
+        return quality_issues(self.trace)
+
+    @cached_property
+    def spoiled(self) -> str:
+        """Reason why the force is unusable; "" if there is none."""
+        return force_unusable(self.trace, self.quality)
 
     @cached_property
     def even_force(self) -> Array:
         """Force at 100 Hz, means over 10 ms, shape of :attr:`even_time`: sudden drops stay sudden."""
-        if self._spoiled:
-            raise Unavailable(self._spoiled)
+        _ = self.force  # raises if it is unusable
         return self._even
 
     @cached_property
@@ -297,17 +314,12 @@ class ScoredCut:
     def elastic_force(self) -> Array:
         """Force less friction, at least zero [N], shape (n,)."""
         F, back = self.newtons, self._return_stroke
-        friction = self._usual_friction if back is None else back.friction_per_depth
+        friction = self.tissue.nominal_friction_per_depth if back is None else back.friction_per_depth
         return np.maximum(F - friction * self.profile.at(self.position), 0.0)
 
     @cached_property
     def _return_stroke(self) -> ReturnStroke | None:
         return fit_return_stroke(self.trace, self.profile)
-
-    @property
-    def _usual_friction(self) -> float:
-        """Friction of the tissue over the depth of cut [N/m]."""
-        return self.tissue.friction_share * self.tissue.fracture_resistance
 
     @cached_property
     def own_modulus(self) -> float | None:
@@ -323,7 +335,7 @@ class ScoredCut:
             found = estimate_local_effective_moduli(
                 self.trace,
                 self.tissue.cut_model(),
-                friction_per_depth=self._usual_friction,
+                friction_per_depth=self.tissue.nominal_friction_per_depth,
                 smallest_drop=max(_DROP * float(self.force.max()), 1e-6),
             )
             depth = self.profile.at(found.position)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
-from cutenv.measurement import quality_issues
-from cutenv.measurement.strokes import END_SPEED, END_WINDOW, STANDSTILL_SPEED, blade_speed
+from cutenv.measurement import QualityIssue
+from cutenv.measurement.strokes import END_SPEED, END_WINDOW, STANDSTILL_SPEED
 from cutenv.trace import Trace
 
 LONGEST_RECORD = 3600.0
@@ -22,11 +24,11 @@ _LOADED_FOR = 0.3  # [s] of load on either side of such a pause
 _PAUSE = 1.5  # [s] without force between loads, the same as for dividing long records into cuts
 
 
-def force_unusable(trace: Trace) -> str:
-    """Return the reason why the force is unusable; "" if there is none."""
+def force_unusable(trace: Trace, quality: Sequence[QualityIssue]) -> str:
+    """Return the reason why the force is unusable, among them issues of quality; "" if there is none."""
     if trace.duration > LONGEST_RECORD:
         return f"the record lasts {trace.duration:.3g} s, more than an hour; time is in seconds, and one cut a record"
-    said = [flaw.message for flaw in quality_issues(trace) if flaw.refuse or flaw.kind == "reversed"]
+    said = [flaw.message for flaw in quality if flaw.refuse or flaw.kind == "reversed"]
     return " ".join(said).rstrip(".")
 
 
@@ -53,7 +55,7 @@ def holds_two_cuts(trace: Trace) -> str:
         return ""
     x, F = trace.position, trace.force
     furthest = np.maximum.accumulate(x)
-    forward = blade_speed(trace.time, x) > STANDSTILL_SPEED
+    forward = trace.blade_speed > STANDSTILL_SPEED
     again = forward & (x < furthest - _OPEN)
     first = forward & (x >= furthest - 1e-4)
     if not again.any() or not first.any():
@@ -72,9 +74,9 @@ def holds_two_cuts(trace: Trace) -> str:
     )
 
 
-def validity_warnings(trace: Trace) -> list[str]:
-    """Return warnings about a record that can be scored."""
-    said = [f"record: {flaw.message.rstrip('.')}" for flaw in quality_issues(trace) if not flaw.refuse]
+def validity_warnings(trace: Trace, quality: Sequence[QualityIssue]) -> list[str]:
+    """Return warnings about a record that can be scored, among them issues of quality."""
+    said = [f"record: {flaw.message.rstrip('.')}" for flaw in quality if not flaw.refuse]
     if trace.position is None:
         said += _remarks_on_force(trace)
     return said

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from cutenv._base.unit_table import shown_unit
 from cutenv.report.page import spoken, write_page
 from cutenv.report.study_figures import typeset
 from cutenv.report.study_table import three_digits
 from cutenv.sim_to_real import ComparedCut, Finding
 from cutenv.sim_to_real.evaluation_figures import clock_figure, differences_figure, force_figure, typical_pair
-from cutenv.sim_to_real.evaluation_result import Evaluation, bars, interval, rounded_text, shown_unit
+from cutenv.sim_to_real.evaluation_result import Evaluation, bars, interval, rounded_text
 
 _NAMED = 8  # measures named in a sentence
 _KINDS = {"agree": ("good", "They agree"), "differ": ("bad", "They differ"), "undecided": ("open", "Undecided")}
@@ -66,12 +67,12 @@ def evaluation_headline(evaluation: Evaluation) -> str:
 
 def _shown(found: Finding) -> tuple[str, list[str]]:
     """Return the unit of a finding and its cells: simulator, rig, differences, margin, noise, answer."""
-    unit, scale = shown_unit(found)
+    unit = shown_unit(found.measure.unit)
     simulator, rig, margin, noise = (
-        rounded_text(scale * value) for value in (found.simulator, found.rig, found.shift.margin, found.noise)
+        rounded_text(unit.from_si(value)) for value in (found.simulator, found.rig, found.shift.margin, found.noise)
     )
-    shifts = [interval(shift.value, shift.low, shift.high, scale) for shift in (found.shift, found.mean)]
-    return unit, [simulator, rig, *shifts, margin, noise, found.answer]
+    shifts = [interval(*map(unit.from_si, (each.value, each.low, each.high))) for each in (found.shift, found.mean)]
+    return unit.sign, [simulator, rig, *shifts, margin, noise, found.answer]
 
 
 def _specimens(evaluation: Evaluation) -> list[tuple[ComparedCut, str, float]]:

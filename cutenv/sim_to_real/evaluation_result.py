@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from cutenv._base.unit_table import shown_unit
 from cutenv.report.page import number
 from cutenv.report.study_table import three_digits
 from cutenv.sim_to_real import Agreement, ClockKept, Finding
@@ -154,19 +155,14 @@ class Evaluation:
 
 
 def _line(each: Finding) -> str:
-    unit, scale = shown_unit(each)
-    values = [rounded_text(scale * value) for value in (each.simulator, each.rig)]
-    difference = f"{interval(each.shift.value, each.shift.low, each.shift.high, scale)}"
-    margin = three_digits(scale * each.shift.margin)
+    unit, shift = shown_unit(each.measure.unit), each.shift
+    values = [rounded_text(unit.from_si(value)) for value in (each.simulator, each.rig)]
+    difference = interval(*map(unit.from_si, (shift.value, shift.low, shift.high)))
+    margin = three_digits(unit.from_si(shift.margin))
     return (
-        f"{each.measure.name:24s} {unit:5s} {values[0]:>10s} {values[1]:>10s}  {difference:29s} {margin:>8s}  "
+        f"{each.measure.name:24s} {unit.sign:5s} {values[0]:>10s} {values[1]:>10s}  {difference:29s} {margin:>8s}  "
         f"{each.answer}"
     )
-
-
-def shown_unit(each: Finding) -> tuple[str, float]:
-    """Return the unit for display and its number in one SI unit: millimetres for metres; seconds stay."""
-    return ("mm", 1e3) if each.measure.unit == "m" else (each.measure.unit, 1.0)
 
 
 def rounded_text(value: float) -> str:
@@ -174,12 +170,12 @@ def rounded_text(value: float) -> str:
     return three_digits(0.0 if abs(value) < _ROUNDING else value)
 
 
-def interval(value: float, low: float, high: float, scale: float = 1.0) -> str:
+def interval(value: float, low: float, high: float) -> str:
     """Return a value with its interval, all to the digits of the largest."""
-    largest = scale * max(abs(value), abs(low), abs(high))
+    largest = max(abs(value), abs(low), abs(high))
     digits = 3 if largest == 0.0 else max(0, 2 - int(np.floor(np.log10(largest))))
     digits = min(digits, 6)
-    return f"{number(scale * value, digits)} [{number(scale * low, digits)}, {number(scale * high, digits)}]"
+    return f"{number(value, digits)} [{number(low, digits)}, {number(high, digits)}]"
 
 
 def clock_lines(clock: ClockKept) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -253,5 +252,5 @@ def save_records(folder: Path, cuts: Sequence[Sequence[ComparedCut]], about: Map
         for draw, cut in enumerate(draws):
             metadata = {**cut.trace.metadata, **about, "noise_draw": draw}
             paths.append(folder / f"{episode:03d}-{draw}.csv")
-            save(dataclasses.replace(cut.trace, metadata=metadata), paths[-1])
+            save(cut.trace.with_metadata(metadata), paths[-1])
     return paths

@@ -166,6 +166,11 @@ class TissueDescription:
         if min(self.local_effective_modulus(self.speed_max, angle) for angle in (_INCLINED, _UPRIGHT)) <= 0.0:
             raise ValueError("the local effective modulus must stay positive up to speed_max; check slopes and units.")
 
+    @property
+    def nominal_friction_per_depth(self) -> float:
+        """Friction of the mean tissue on a moving blade over the depth of cut [N/m]."""
+        return self.friction_share * self.fracture_resistance
+
     def local_effective_modulus(self, speed: float, angle: float, inclined_ratio: float = 1.0) -> float:
         """Return the LEM [Pa] of the mean tissue at a speed [m/s] and an angle [rad] from pi/4 to pi/2.
 

@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from typing import overload
+
+import numpy as np
+
+from cutenv._base.arrays import Array
+
 LENGTH = 0.15
 """Length of a specimen [m]."""
 
@@ -12,3 +18,12 @@ SPACING = 0.5e-3
 
 POINTS_PER_METRE = 1.0 / SPACING
 N_POINTS = round(LENGTH / SPACING) + 1
+
+
+@overload
+def depth_below(depth: Array, position: float) -> float: ...
+@overload
+def depth_below(depth: Array, position: Array) -> Array: ...
+def depth_below(depth: Array, position: float | Array) -> float | Array:
+    """Return the depth of cut [m] at positions from the clamp [m], of their shape; `depth` is given every 0.5 mm."""
+    return np.interp(position, np.arange(len(depth)) * SPACING, depth)

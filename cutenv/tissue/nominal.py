@@ -35,7 +35,7 @@ def nominal_tissue(tissue: TissueDescription) -> StructArray:
     nominal = np.zeros(1, NOMINAL)
     nominal["thickness"] = tissue.thickness
     nominal["toughness_per_depth"] = (1.0 - tissue.friction_share) * tissue.fracture_resistance
-    nominal["friction_per_depth"] = tissue.friction_share * tissue.fracture_resistance
+    nominal["friction_per_depth"] = tissue.nominal_friction_per_depth
     _fill(nominal, tissue.slab(), tissue.modulus, tissue.thickness)
     nominal.setflags(write=False)
     return nominal

@@ -118,7 +118,7 @@ class Specimen:
             fracture_resistance=tissue.fracture_resistance * ones,
             depth=bulge_of(tissue),
             thickness=tissue.thickness,
-            friction_per_depth=tissue.friction_share * tissue.fracture_resistance,
+            friction_per_depth=tissue.nominal_friction_per_depth,
             tissue=tissue,
         )
 

@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
+from cutenv.tissue.grid import depth_below
 from cutenv.viewer import palette
 from cutenv.viewer.canvas import Canvas, Colour
-from cutenv.viewer.scene import Layout, Moment, depth_below
+from cutenv.viewer.scene import Layout, Moment
 from cutenv.viewer.views import LARGEST_DISPLACEMENT, draw_band, draw_tip
 
 _SMALL, _NORMAL = 16, 19

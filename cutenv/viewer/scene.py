@@ -13,7 +13,7 @@ from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.reward import FORCE_ALLOWED
 from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task_quantities import TIP_TOLERANCE
-from cutenv.tissue.specimen import SPACING
+from cutenv.tissue.grid import SPACING, depth_below
 
 _BLADE_LENGTH = 0.0425  # [m] along its edge: thesis, section 3.4.1
 _BLADE_CHORD = 0.007  # [m] from edge to back
@@ -174,11 +174,6 @@ def _extremes(force: Array) -> NDArray[np.int64]:
         part = force[start : start + _SAMPLES_PER_STROKE]
         kept |= {start + int(part.argmin()), start + int(part.argmax())}
     return np.array(sorted(kept))
-
-
-def depth_below(depth: Array, along: float) -> float:
-    """Return the depth of cut [m] at a distance from the clamp [m]; ``depth`` is spread evenly over the specimen."""
-    return float(np.interp(along, np.arange(len(depth)) * SPACING, depth))
 
 
 def surface(depth: Array) -> Array:

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from cutenv.tissue.grid import depth_below
 from cutenv.viewer import palette
 from cutenv.viewer.canvas import Canvas, Colour, Points
 from cutenv.viewer.drawn_slab import Slab
@@ -14,7 +15,6 @@ from cutenv.viewer.scene import (
     Moment,
     blade_from_above,
     blade_from_the_side,
-    depth_below,
     front_from_the_side,
     surface,
 )

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from recorded_cut import recorded_cut
 
 from cutenv.measurement import Segment, loading_segments, segments
-from cutenv.measurement.strokes import blade_speed, strokes, turning_points
-from cutenv.trace import Trace
+from cutenv.measurement.strokes import strokes, turning_points
+from cutenv.trace import Trace, blade_speed
 
 SPEEDS = (0.001, 0.0127, 0.0254)
 UNIT, SLOPE, DROP = 4e-3, 500.0, 1.6  # [m], [N/m], [N] of the saw
@@ -137,7 +137,7 @@ def test_valleys_and_hilltops_alternate_and_swing_enough(values: list[float], sw
 
 def test_strokes_part_where_the_blade_turns_or_rests() -> None:
     trace = recorded_cut(turns=(0.03, 0.0, 0.05, 0.0)).trace
-    found = strokes(trace.time, trace.position)
+    found = strokes(trace)
     assert [s.forward for s in found] == [True, False, True, False]
     ends = [trace.position[s.stop - 1] for s in found]
     assert ends == pytest.approx([0.03, 0.0, 0.05, 0.0], abs=2e-4)

@@ -54,8 +54,25 @@ def test_arrays_are_read_only_copies() -> None:
 def test_metadata_do_not_follow_what_they_were_made_from() -> None:
     metadata = {"tags": ["a"]}
     trace = full(metadata=metadata)
+    named = trace.with_metadata(metadata)
     metadata["tags"].append("b")
-    assert trace.metadata == {"tags": ["a"]}
+    assert trace.metadata == named.metadata == {"tags": ["a"]}
+
+
+def test_other_metadata_leave_the_readings_as_they_are() -> None:
+    trace = full()
+    speed = trace.blade_speed
+    named = trace.with_metadata({"name": "my cut"})
+    assert named == full(metadata={"name": "my cut"})
+    assert named.force is trace.force
+    assert named.blade_speed is speed
+    assert trace == full()
+    with pytest.raises(TypeError, match=r"metadata\['gain'\]"):
+        trace.with_metadata({"gain": float("nan")})
+    with pytest.raises(ValueError, match="read-only"):
+        speed[0] = 1.0
+    with pytest.raises(ValueError, match="blade_speed needs position"):
+        _ = full(position=None).blade_speed
 
 
 @pytest.mark.parametrize("copying", [copy.copy, copy.deepcopy, lambda t: pickle.loads(pickle.dumps(t))])

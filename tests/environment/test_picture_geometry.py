@@ -13,9 +13,10 @@ from cutenv.cutting.dtypes import READING
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.task.episode_dtypes import ENDS, TERMS
 from cutenv.tissue.cut_model import CutModel
+from cutenv.tissue.grid import depth_below
 from cutenv.viewer import ForceTrace, Layout, Moment, Slab, palette
 from cutenv.viewer.drawn_slab import half_gap
-from cutenv.viewer.scene import blade_from_above, blade_from_the_side, depth_below, front_from_the_side
+from cutenv.viewer.scene import blade_from_above, blade_from_the_side, front_from_the_side
 
 LAYOUT = Layout()
 

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from cutenv.recording.columns import UNITS, header_of, parse_header
+from cutenv._base.unit_table import NAMED_UNITS
+from cutenv.recording.columns import FIELD_UNITS, UNITS, header_of, parse_header
 from cutenv.trace import Reading
 
 
@@ -48,6 +49,12 @@ def test_every_unit_comes_out_in_si(header, given, si):
 def test_parts_of_a_unit_are_divided_to_the_last_bit():
     assert parse_header("position_cm").to_si(np.array([3.1]))[0] == 3.1 / 100
     assert 3.1 / 100 != 3.1 * 0.01
+
+
+def test_no_two_units_have_one_name():
+    for units in FIELD_UNITS.values():
+        assert all(NAMED_UNITS[unit.name] is unit for unit in units)
+        assert (units[0].si, units[0].factor) == (units[0].sign, 1.0)
 
 
 def test_the_components_of_a_force_are_told_apart():

@@ -1,6 +1,7 @@
 """Settings of a rig, read from its TOML file: bus, axes, sensor, limits, calibration.
 
-Values are in SI and radians here; in the file every name ends with its unit, see :mod:`cutenv.rig.toml_file`.
+Values are in SI and radians here; in the file every name ends with its unit, see :mod:`cutenv.rig.toml_file`. The
+meaning of a field is the comment above its line in the file.
 """
 
 from __future__ import annotations
@@ -8,30 +9,70 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
-from cutenv._base.parameter import check_parameters, parameter
+from cutenv._base.parameter import check_parameters
+from cutenv._base.unit_table import NAMED_UNITS
 from cutenv._base.validation import in_range, one_of
+
+_Pair = str | tuple[str, str]
+
+
+def setting(
+    default: Any,
+    unit: _Pair,
+    meaning: str,
+    low: float | None = None,
+    high: float | None = None,
+    *,
+    why: str = "",
+    example: _Pair = "",
+) -> Any:
+    """Declare a field that is one line of the file.
+
+    Parameters
+    ----------
+    default : object
+        Default in SI.
+    unit : str or (str, str)
+        Name in :data:`cutenv._base.unit_table.NAMED_UNITS` of the unit in the file; "1": a count, a ratio, a text. Of a
+        pair the first is for a screw, the second for a hinge.
+    meaning : str
+        Explanation for the comment above the line.
+    low, high : float, optional
+        Admissible range in SI.
+    why : str
+        Reason for the default, for the message; the meaning if it needs none.
+    example : str or (str, str)
+        Plausible value, in the file, of a key that a person has to supply and that has no default.
+    """
+    units = (unit,) if isinstance(unit, str) else unit
+    metadata: dict[str, Any] = {"units": units, "meaning": meaning}
+    metadata["examples"] = (example,) if isinstance(example, str) else example
+    if low is not None:
+        metadata |= {"unit": " or ".join(NAMED_UNITS[each].si for each in units), "low": low, "high": high}
+        metadata["source"] = why or meaning
+    return field(default=default, metadata=metadata)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bus:
     """Settings of the CAN bus, in python-can's terms; settings that an interface does not use are ignored."""
 
-    interface: str = "socketcan"
-    channel: str = "can0"
-    bitrate: int = 1_000_000
-    host: str = "127.0.0.1"
-    """Address of a socketcand gateway."""
-    port: int = 29536
-    sync: float = parameter(
-        0.005, unit="s", low=0.001, high=0.02, provenance="choice", source="four samples of position to a decision"
-    )
-    node: int = 127
-    """Node number of this computer, for whose heartbeat the drives listen."""
-    heartbeat: float = parameter(
-        0.030, unit="s", low=0.005, high=0.1, provenance="choice", source="three before the drive's 100 ms have passed"
-    )
+    interface: str = setting("socketcan", "1", "socketcan, slcan, socketcand, ...", example='"socketcan"')
+    channel: str = setting("can0", "1", "can0, /dev/ttyACM0, ...")
+    bitrate: int = setting(1_000_000, "bit_s", "Bit rate of the bus; the same in all drives.")
+    host: str = setting("127.0.0.1", "1", "Address of a socketcand gateway.")
+    port: int = setting(29536, "1", "TCP port of a socketcand gateway.")
+    sync: float = setting(
+        0.005, "ms", "Period of SYNC, at which the axes report their position.", 0.001, 0.02,
+        why="four samples of position to a decision",
+    )  # fmt: skip
+    node: int = setting(127, "1", "Number of this computer on the bus, whose heartbeat the drives watch.")
+    heartbeat: float = setting(
+        0.030, "ms", "Period of this computer's heartbeat.", 0.005, 0.1,
+        why="three before the drive's 100 ms have passed",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -40,46 +81,53 @@ class Bus:
         in_range("bitrate", self.bitrate, 10_000, 1_000_000, "bit/s", "CANopen runs at 10 kbit/s to 1 Mbit/s.")
 
 
+_WAY, _SPEED, _ACCELERATION = ("mm", "deg"), ("cm_s", "deg_s"), ("m_s2", "deg_s2")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Axis:
-    """One drive with its motor, gear and load: metres along the cut, or radians of the blade's angle."""
+    """One drive with its motor, gear and load: metres along the cut, or radians of the blade's angle.
 
-    node: int = 1
-    gear: float = parameter(4.4, unit="1", low=1e-3, high=1e5, provenance="choice", source="motor turns per turn of it")
-    lead: float = parameter(
-        0.002, unit="m or rad", low=1e-5, high=10.0, provenance="choice",
-        source="travel for one turn of screw or hinge (one turn of a hinge: 2 pi)",
+    The defaults are a screw's: the examples tell a hinge's.
+    """
+
+    node: int = setting(1, "1", "Number of the drive on the bus, 1 to 127.", example=("", "2"))
+    gear: float = setting(4.4, "1", "Turns of the motor for one turn of the screw or hinge.", 1e-3, 1e5, example="4.4")
+    lead: float = setting(
+        0.002, _WAY, "Travel for one turn of the screw or hinge.", 1e-5, 10.0,
+        why="travel for one turn of screw or hinge (one turn of a hinge: 2 pi)", example=("2.0", "360.0"),
     )  # fmt: skip
-    pulses: int = 1024
-    """Pulses of the encoder for one turn of the motor; an increment is a quarter of one."""
-    direction: int = 1
-    """Sign, 1 or -1, of a motor speed that moves the blade away from the clamp."""
-    low: float = parameter(
-        -0.002,
-        unit="m or rad",
-        low=-10.0,
-        high=10.0,
-        provenance="choice",
-        source="end of travel: the drive's software limit, before the clamp, to which the blade returns",
+    pulses: int = setting(
+        1024, "1", "Pulses of the encoder for one turn of the motor; an increment is a quarter of one.", example="1024"
     )
-    high: float = parameter(0.149, unit="m or rad", low=-10.0, high=10.0, provenance="choice", source="the other end")
-    speed: float = parameter(
-        0.0381, unit="m/s or rad/s", low=1e-5, high=100.0, provenance="choice", source="the fastest of the thesis's rig"
+    direction: int = setting(1, "1", "1 or -1: direction of the axis at a positive speed of the motor.")
+    low: float = setting(
+        -0.002, _WAY, "One end of travel: the drive's own software limit.", -10.0, 10.0,
+        why="the drive's software limit, before the clamp, to which the blade returns", example=("", "44.0"),
+    )  # fmt: skip
+    high: float = setting(
+        0.149, _WAY, "Other end of travel: the drive's own software limit.", -10.0, 10.0, example=("", "91.0")
     )
-    acceleration: float = parameter(
-        0.1, unit="m/s2 or rad/s2", low=1e-4, high=1000.0, provenance="choice", source="as the simulated rig's"
+    speed: float = setting(
+        0.0381, _SPEED, "Top speed of the drive, whatever is commanded.", 1e-5, 100.0,
+        why="the fastest of the thesis's rig", example=("", "100.0"),
+    )  # fmt: skip
+    acceleration: float = setting(
+        0.1, _ACCELERATION, "Acceleration and deceleration of the drive.", 1e-4, 1000.0,
+        why="as the simulated rig's", example=("", "400.0"),
+    )  # fmt: skip
+    quick_stop: float = setting(
+        1.0, _ACCELERATION, "Deceleration of a quick stop.", 1e-3, 1e4,
+        why="full speed to rest within 40 ms", example=("", "2000.0"),
+    )  # fmt: skip
+    following_error: float = setting(
+        0.002, _WAY, "Following error at which the drive itself stops.", 1e-6, 1.0, example=("", "2.0")
     )
-    quick_stop: float = parameter(
-        1.0, unit="m/s2 or rad/s2", low=1e-3, high=1e4, provenance="choice", source="full speed to rest within 40 ms"
+    current_limit: float = setting(
+        2.0, "A", "Current limit of the motor, which bounds the force before anything else.", 0.01, 100.0
     )
-    following_error: float = parameter(
-        0.002, unit="m or rad", low=1e-6, high=1.0, provenance="choice", source="the drive's own window"
-    )
-    current_limit: float = parameter(
-        2.0, unit="A", low=0.01, high=100.0, provenance="choice", source="the first limiter of force"
-    )
-    rated_torque: float = parameter(
-        0.1, unit="N m", low=1e-5, high=100.0, provenance="choice", source="of the motor, to which torque is told"
+    rated_torque: float = setting(
+        0.1, "N_m", "Rated torque of the motor, the unit in which the drive reports torque.", 1e-5, 100.0
     )
 
     def __post_init__(self) -> None:
@@ -95,15 +143,12 @@ class Axis:
 class SensorSettings:
     """Settings of a Net F/T force sensor, and the direction of the cut in its axes."""
 
-    address: str = "192.168.1.1"
-    port: int = 49152
-    page: str = ""
-    """Address of the sensor's configuration page; empty: http://ADDRESS/netftapi2.xml."""
-    rate: float = parameter(1000.0, unit="Hz", low=100.0, high=7000.0, provenance="choice", source="of the readings")
-    cut_axis: Literal["x", "y", "z"] = "x"
-    """Axis of the sensor along the cut line."""
-    sign: int = 1
-    """Sign, 1 or -1, of the reading when the tissue resists forward motion."""
+    address: str = setting("192.168.1.1", "1", "Network address of the sensor.", example='"192.168.1.1"')
+    port: int = setting(49152, "1", "Its UDP port for RDT.")
+    page: str = setting("", "1", "Address of its configuration page; empty: http://ADDRESS/netftapi2.xml.")
+    rate: float = setting(1000.0, "Hz", "Rate of the readings, as set on its configuration page.", 100.0, 7000.0)
+    cut_axis: Literal["x", "y", "z"] = setting("x", "1", "Axis of the sensor along the cut line.")
+    sign: int = setting(1, "1", "1 or -1: sign of the reading when the tissue resists forward motion.")
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -116,53 +161,39 @@ class SensorSettings:
 class SafetyLimits:
     """Limits at which the blade is stopped, whatever the policy commands."""
 
-    force: float = parameter(15.0, unit="N", low=0.1, high=1000.0, provenance="choice", source="of each axis")
-    force_norm: float = parameter(20.0, unit="N", low=0.1, high=1000.0, provenance="choice", source="of all three")
-    force_rise: float = parameter(
-        200.0, unit="N/s", low=1.0, high=1e6, provenance="choice",
-        source="over 10 ms; tissue at 2.54 cm/s rises by some 15 N/s, a hard stop by thousands",
+    force: float = setting(15.0, "N", "Force on each axis of the sensor.", 0.1, 1000.0)
+    force_norm: float = setting(20.0, "N", "Norm of the force on all three axes.", 0.1, 1000.0)
+    force_rise: float = setting(
+        200.0, "N_per_s", "Rise of the force over 10 ms. In tissue at 2.54 cm/s it is some 15 N/s.", 1.0, 1e6,
+        why="over 10 ms; tissue at 2.54 cm/s rises by some 15 N/s, a hard stop by thousands",
     )  # fmt: skip
-    speed: float = parameter(
-        0.0265, unit="m/s", low=1e-4, high=0.5, provenance="choice", source="what actions reach, and 4 % for the loop"
-    )
-    acceleration: float = parameter(
-        1.0, unit="m/s2", low=0.01, high=100.0, provenance="choice", source="ten times what the axis is told"
-    )
-    low: float = parameter(
-        -0.001, unit="m", low=-0.5, high=0.5, provenance="choice", source="end of travel at the clamp"
-    )
-    high: float = parameter(0.148, unit="m", low=0.0, high=1.0, provenance="choice", source="far end of travel")
-    angle_low: float = parameter(
-        math.radians(44.0), unit="rad", low=0.0, high=math.pi, provenance="choice", source="actions reach 45 degrees"
-    )
-    angle_high: float = parameter(
-        math.radians(91.0), unit="rad", low=0.0, high=math.pi, provenance="choice", source="actions reach 90 degrees"
-    )
-    stale_force: float = parameter(
-        0.020, unit="s", low=0.002, high=0.5, provenance="choice", source="without a reading of the force"
-    )
-    stale_motion: float = parameter(
-        0.025, unit="s", low=0.005, high=0.5, provenance="choice", source="without a sample of the axis: five SYNCs"
-    )
-    heartbeat: float = parameter(
-        0.100, unit="s", low=0.02, high=1.0, provenance="choice", source="without a heartbeat of the drive"
-    )
-    frozen_force: float = parameter(
-        0.020, unit="s", low=0.005, high=1.0, provenance="choice", source="of readings equal to the last count"
-    )
-    late_force: float = parameter(
-        0.020, unit="s", low=0.002, high=1.0, provenance="choice", source="that readings come later than they did"
-    )
-    lost_force: float = parameter(
-        0.2, unit="1", low=0.01, high=1.0, provenance="choice", source="share of lost readings over 100 ms"
-    )
-    following: float = parameter(
-        0.0015, unit="m", low=1e-5, high=0.1, provenance="choice", source="between where the blade should be and is"
-    )
-    overrun: float = parameter(
-        1.0, unit="1", low=0.1, high=10.0, provenance="choice",
-        source="periods beyond its own for which an action is held while the blade moves",
+    speed: float = setting(
+        0.0265, "cm_s", "Speed of the blade. Actions reach 2.54 cm/s.", 1e-4, 0.5,
+        why="what actions reach, and 4 % for the loop",
     )  # fmt: skip
+    acceleration: float = setting(
+        1.0, "m_s2", "Acceleration of the blade.", 0.01, 100.0, why="ten times what the axis is told"
+    )
+    low: float = setting(-0.001, "mm", "End of travel at the clamp.", -0.5, 0.5)
+    high: float = setting(0.148, "mm", "Far end of travel.", 0.0, 1.0)
+    angle_low: float = setting(
+        math.radians(44.0), "deg", "Least angle of the blade. Actions reach 45 degrees.", 0.0, math.pi
+    )
+    angle_high: float = setting(
+        math.radians(91.0), "deg", "Greatest angle of the blade. Actions reach 90 degrees.", 0.0, math.pi
+    )
+    stale_force: float = setting(0.020, "ms", "Time without a reading of the force.", 0.002, 0.5)
+    stale_motion: float = setting(0.025, "ms", "Time without a sample of an axis.", 0.005, 0.5, why="five SYNCs")
+    heartbeat: float = setting(0.100, "ms", "Time without a heartbeat of a drive.", 0.02, 1.0)
+    frozen_force: float = setting(
+        0.020, "ms", "Time during which all readings of the force have the same counts.", 0.005, 1.0
+    )
+    late_force: float = setting(0.020, "ms", "Delay of the readings in addition to the usual one.", 0.002, 1.0)
+    lost_force: float = setting(0.2, "percent", "Share of readings lost over 100 ms.", 0.01, 1.0)
+    following: float = setting(0.0015, "mm", "Distance of the blade from where it should be.", 1e-5, 0.1)
+    overrun: float = setting(
+        1.0, "periods", "Periods for which an action is held if the next one is late in motion.", 0.1, 10.0
+    )
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -198,39 +229,36 @@ LOWERED = ("force", "force_norm", "force_rise", "speed", "high")
 
 @dataclass(frozen=True, kw_only=True)
 class Identified:
-    """Properties measured by ``cutenv rig identify``, which the simulator adopts; None: not measured."""
+    """Properties measured by ``cutenv rig identify``, which the simulator adopts, in SI; None: not measured.
 
-    date: str | None = None
-    motor_lag: float | None = None
-    """Time constant of the velocity loop [s]."""
-    dead_time: float | None = None
-    """Time between a command and the first motion [s]."""
-    acceleration: float | None = None
-    """Acceleration limit of the axis [m/s2]."""
-    backlash: float | None = None
-    """Play of gear and screw [m]."""
-    friction: float | None = None
-    """Friction of the empty axis, as a force on the carriage [N]: a property of the rig, not seen by the sensor."""
-    force_noise: float | None = None
-    """Standard deviation of the force at rest [N]."""
-    force_resolution: float | None = None
-    """Least step of the force reading [N]."""
-    force_drift: float | None = None
-    """Standard deviation after one second of the force's random walk [N]."""
-    force_still_x: float | None = None
-    """Longest time for which the sensor's x force stays at one count through its own noise [s]."""
-    force_still_y: float | None = None
-    force_still_z: float | None = None
+    The axis's friction is a property of the rig that the force sensor does not see.
+    """
+
+    date: str | None = setting(None, "1", "Day of the measurement.")
+    motor_lag: float | None = setting(None, "ms", "Time constant of the velocity loop.")
+    dead_time: float | None = setting(None, "ms", "Time between a command and the first motion.")
+    acceleration: float | None = setting(None, "m_s2", "Limit of the axis.")
+    backlash: float | None = setting(None, "um", "Play of gear and screw.")
+    friction: float | None = setting(None, "N", "Friction of the empty axis, as a force on the carriage.")
+    force_noise: float | None = setting(None, "N", "Standard deviation of the force at rest.")
+    force_resolution: float | None = setting(None, "N", "Least step of the force reading.")
+    force_drift: float | None = setting(None, "N", "Standard deviation after one second of the force's random walk.")
+    force_still_x: float | None = setting(
+        None, "ms", "Time for which the sensor's x force may stay at one count by its noise."
+    )
+    force_still_y: float | None = setting(None, "ms", "The same for its y force.")
+    force_still_z: float | None = setting(None, "ms", "The same for its z force.")
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensorCalibration:
     """Last check of the force sensor with known weights."""
 
-    date: str = ""
-    """Date of the check, ISO 8601; empty: never checked, and nothing moves."""
-    valid_days: int = 365
-    gain: float = parameter(1.0, unit="1", low=0.5, high=2.0, provenance="choice", source="newtons over what it reads")
+    date: str = setting(
+        "", "1", 'Day of the check, such as 2026-03-01. "": never, and nothing moves.', example="2026-03-01"
+    )
+    valid_days: int = setting(365, "days", "Time after which it must be checked again.")
+    gain: float = setting(1.0, "1", "True force over the sensor's reading.", 0.5, 2.0)
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -239,24 +267,24 @@ class SensorCalibration:
 
 @dataclass(frozen=True, kw_only=True)
 class RigSettings:
-    """All settings of a rig.
+    """All settings of a rig, in the order of its file.
 
-    Attributes
-    ----------
-    armed_by : str
-        Name of the person who answers for this rig; empty: nothing moves.
-    angle_mode : {"fixed", "free"}
-        "fixed": the angle is set by hand, to ``fixed_angle``; "free": a second axis turns the blade.
-    depth_profile : tuple of (position, depth)
-        Depth of the specimen, measured by caliper before the cut [m].
+    The depth of cut, measured by caliper before the cut, is given as pairs of position and depth [m].
     """
 
-    name: str = "rig"
-    armed_by: str = ""
-    angle_mode: Literal["fixed", "free"] = "fixed"
-    fixed_angle: float = parameter(
-        math.pi / 2, unit="rad", low=math.radians(45.0) - 1e-9, high=math.radians(90.0) + 1e-9, provenance="choice",
-        source="upright; measured are 45 to 90 degrees",
+    name: str = setting("rig", "1", "Name of the rig, for records and reports.")
+    armed_by: str = setting("", "1", "Name of the person who answers for this rig's motion. Empty: nothing moves.")
+    emulated: bool = setting(False, "1", "True for an emulator, which needs no operator. Never true for hardware.")
+    angle_mode: Literal["fixed", "free"] = setting(
+        "fixed", "1", "The blade's angle is set by hand, or turned by a second axis: see [angle]."
+    )
+    fixed_angle: float = setting(
+        math.pi / 2, "deg", "Angle of the blade if it is set by hand; 90 is upright.", math.radians(45.0) - 1e-9,
+        math.radians(90.0) + 1e-9, why="upright; measured are 45 to 90 degrees",
+    )  # fmt: skip
+    depth_profile: tuple[tuple[float, float], ...] = setting(
+        (), "mm", "Depth of cut, measured by caliper on this specimen: [position_mm, depth_mm] from the clamp on, the "
+        "first within 1 mm of it, depths 1 to 60 mm.", example="[[0.0, 8.1], [5.0, 12.4], [20.0, 17.0], [150.0, 17.5]]",
     )  # fmt: skip
     bus: Bus = field(default_factory=Bus)
     blade: Axis = field(default_factory=Axis)
@@ -265,9 +293,6 @@ class RigSettings:
     limits: SafetyLimits = field(default_factory=SafetyLimits)
     calibration: SensorCalibration = field(default_factory=SensorCalibration)
     identified: Identified = field(default_factory=Identified)
-    depth_profile: tuple[tuple[float, float], ...] = ()
-    emulated: bool = False
-    """True for an emulator, which needs no operator."""
 
     def __post_init__(self) -> None:
         one_of("angle_mode", self.angle_mode, ("fixed", "free"))

@@ -13,7 +13,7 @@ from cutenv._base.arrays import Array
 from cutenv._base.parameter import parameter_table
 from cutenv.cutting.drive import Rig
 from cutenv.cutting.sensor import SensorParameters
-from cutenv.rig.config.file_schema import FILE_UNITS, IDENTIFIED, FileKey
+from cutenv.rig.config.file_schema import IDENTIFIED, FileKey
 from cutenv.rig.config.settings import Identified
 from cutenv.rig.identification.motion_plan import Plan
 from cutenv.rig.identification.recording import Stretch
@@ -95,7 +95,7 @@ class Identification:
             each = self[key.field]
             rows.append(
                 (
-                    f"{key.field} [{FILE_UNITS[key.unit].sign}]",
+                    f"{key.field} [{key.unit.sign}]",
                     _shown(key, each.rounded) if each.value is not None else "-",
                     "-" if each.error is None else f"{key.from_si(each.error):.2g}",
                     _shown(key, getattr(before, key.field)),

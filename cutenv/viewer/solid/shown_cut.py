@@ -10,7 +10,6 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 from cutenv.measurement import DepthProfile
-from cutenv.measurement.strokes import blade_speed
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.tissue import CutModel
 from cutenv.trace import Trace
@@ -110,7 +109,7 @@ class ShownCut:
         shown = np.unique(np.searchsorted(0.5 * (trace.time[1:] + trace.time[:-1]), even))
         tip = np.clip(cut.tip[shown], 0.0, model.length)
         stiffness = cut.stiffness(cut.modulus, tip)
-        speed = blade_speed(trace.time, position) if trace.speed is None else trace.speed
+        speed = trace.blade_speed if trace.speed is None else trace.speed
         return cls(
             name=str(trace.metadata.get("name", "cut")),
             time=trace.time[shown] - trace.time[0],
