@@ -16,11 +16,10 @@ from tqdm import tqdm
 
 from cutenv.learning.arguments import BCArguments
 from cutenv.learning.bc import Clone
-from cutenv.learning.cloning import Cloning, demonstrations
+from cutenv.learning.cloning import Cloning, script_demonstrations
 from cutenv.learning.options import parse
 from cutenv.learning.progress import validate
 from cutenv.learning.run_folder import export, record_run
-from cutenv.policy import BASELINES
 
 
 def train(arguments: BCArguments, run: Path) -> None:
@@ -28,13 +27,7 @@ def train(arguments: BCArguments, run: Path) -> None:
     torch.set_num_threads(1)
     facts = record_run(arguments, run, "behaviour cloning")
     clone = Clone(arguments)
-    shown = demonstrations(
-        arguments.environments_at(arguments.training_seeds),
-        BASELINES[arguments.script],
-        decisions=arguments.demonstrations,
-        noise=arguments.demonstration_noise,
-        seed=arguments.seed,
-    )
+    shown = script_demonstrations(arguments.environments_at(arguments.training_seeds), arguments)
     cloning = Cloning(
         clone,
         list(clone.module.parameters()),

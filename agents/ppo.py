@@ -18,12 +18,12 @@ from stable_baselines3 import PPO
 
 from cutenv.learning.arguments import PPOArguments
 from cutenv.learning.asymmetric_actor_critic import AsymmetricActorCritic
-from cutenv.learning.cloning import clone, demonstrations
+from cutenv.learning.cloning import clone, script_demonstrations
 from cutenv.learning.on_policy import FallingRate
 from cutenv.learning.options import parse
 from cutenv.learning.progress import Progress
 from cutenv.learning.run_folder import export, record_run
-from cutenv.policy import BASELINES, Network
+from cutenv.policy import Network
 from cutenv.sb3 import FeatureVecEnv
 
 
@@ -56,13 +56,7 @@ def train(arguments: PPOArguments, run: Path) -> None:
 
     # The actor first imitates a script.
     if arguments.demonstrations:
-        shown = demonstrations(
-            environments,
-            BASELINES[arguments.script],
-            decisions=arguments.demonstrations,
-            noise=arguments.demonstration_noise,
-            seed=arguments.seed,
-        )
+        shown = script_demonstrations(environments, arguments)
         clone(model.policy.action_for, model.policy.actor_parameters(), shown.by_decision(), seed=arguments.seed)
 
     # Then it learns by trial.  Progress sets the exploration, trains only the critic at first, averages the actor, and

@@ -16,13 +16,13 @@ import torch
 from sb3_contrib import RecurrentPPO
 
 from cutenv.learning.arguments import RecurrentPPOArguments
-from cutenv.learning.cloning import clone, demonstrations
+from cutenv.learning.cloning import clone, script_demonstrations
 from cutenv.learning.on_policy import sb3_keywords
 from cutenv.learning.options import parse
 from cutenv.learning.progress import Progress
 from cutenv.learning.recurrent_actor_critic import RecurrentAsymmetricActorCritic
 from cutenv.learning.run_folder import export, record_run
-from cutenv.policy import BASELINES, RecurrentNetwork
+from cutenv.policy import RecurrentNetwork
 
 
 def train(arguments: RecurrentPPOArguments, run: Path) -> None:
@@ -34,13 +34,7 @@ def train(arguments: RecurrentPPOArguments, run: Path) -> None:
 
     # A network with memory is cloned along whole cuts.
     if arguments.demonstrations:
-        shown = demonstrations(
-            environments,
-            BASELINES[arguments.script],
-            decisions=arguments.demonstrations,
-            noise=arguments.demonstration_noise,
-            seed=arguments.seed,
-        )
+        shown = script_demonstrations(environments, arguments)
         clone(
             model.policy.actions_along,
             model.policy.actor_parameters(),

@@ -15,7 +15,8 @@ import torch
 from torch.nn.utils.rnn import pad_sequence
 from tqdm import tqdm
 
-from cutenv.policy import Policy
+from cutenv.learning.arguments import LearnerArguments
+from cutenv.policy import BASELINES, Policy
 from cutenv.sb3 import FeatureVecEnv
 from cutenv.task.observation import SPEED_SCALE
 
@@ -148,6 +149,17 @@ def demonstrations(
         for n in np.flatnonzero(starts):
             scripts[n].reset(rng)
     return Demonstrations(np.stack(all_shown), np.stack(all_actions), np.stack(all_starts))
+
+
+def script_demonstrations(environments: FeatureVecEnv, arguments: LearnerArguments) -> Demonstrations:
+    """Let the script of the options cut in all environments, as often and with as much noise as they say."""
+    return demonstrations(
+        environments,
+        BASELINES[arguments.script],
+        decisions=arguments.demonstrations,
+        noise=arguments.demonstration_noise,
+        seed=arguments.seed,
+    )
 
 
 class Cloning:
