@@ -51,7 +51,7 @@ for name in modules:
         try:
             importlib.import_module(name)
         except ModuleNotFoundError as error:  # of an extra that is not installed here
-            if error.name.partition(".")[0] not in cutenv.cli._EXTRA_OF_MODULE:
+            if error.name.partition(".")[0] not in cutenv.cli._EXTRAS_OF_MODULE:
                 raise
 print(len(modules))
 """

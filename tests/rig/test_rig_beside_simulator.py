@@ -7,7 +7,7 @@ import json
 
 import pytest
 
-from cutenv.commands.rig import main
+from cutenv.cli import main
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.policy import BASELINES
 from cutenv.recording import load_one
@@ -219,5 +219,5 @@ def test_the_command_prints_a_screen_and_writes_page_json_and_records(tmp_path, 
 )
 def test_bad_options_are_refused_in_the_readers_words(options, said, capsys):
     given = ["--policy", "nothing", "--rig", "fake", *options]
-    assert main(["evaluate", *given]) == 2
+    assert main(["rig", "evaluate", *given]) == 2
     assert said in capsys.readouterr().err

@@ -8,17 +8,17 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import add_specimen_class, command_parser
+from cutenv.commands.options import add_specimen_class, command_parser, reports_errors
 
 if TYPE_CHECKING:
     from cutenv.rig.emulator.assembly import Options
 
 
+@reports_errors("rig emulate", TypeError)
 def main(argv: Sequence[str]) -> int:
     """Run the command until it is ended; return 0, or 2 if an option is bad or a port is taken."""
     from cutenv.rig.emulator.faults import FAULTS, parsed_fault
@@ -30,16 +30,12 @@ def main(argv: Sequence[str]) -> int:
             known += ["axis=blade"] if fault.of_axis else []
             print(f"{name:<16} {fault.summary}" + (f" ({', '.join(known)})" if known else ""))
         return 0
-    try:
-        from cutenv.rig.emulator.process import serve
+    from cutenv.rig.emulator.process import serve
 
-        parent = os.getppid() if arguments.with_parent == 0 else arguments.with_parent
-        faults = [parsed_fault(text) for text in arguments.fault]
-        options = _options(arguments)
-        serve(options, faults=faults, parent=parent, real_time=arguments.real_time, file=arguments.write)
-    except (OSError, ValueError, TypeError) as error:
-        print(f"cutenv rig emulate: {error}", file=sys.stderr)
-        return 2
+    parent = os.getppid() if arguments.with_parent == 0 else arguments.with_parent
+    faults = [parsed_fault(text) for text in arguments.fault]
+    options = _options(arguments)
+    serve(options, faults=faults, parent=parent, real_time=arguments.real_time, file=arguments.write)
     return 0
 
 

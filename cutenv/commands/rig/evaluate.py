@@ -15,32 +15,27 @@ from cutenv.commands.options import (
     add_target_length,
     command_parser,
     made_folder,
+    reports_errors,
     target_length,
 )
+from cutenv.rig.errors import RigError
 
 if TYPE_CHECKING:
     from cutenv.envs.rig_cut import RigCutEnv
     from cutenv.sim_to_real.evaluation_result import Evaluation
 
-AGREE, DIFFER, BAD = 0, 1, 2
+AGREE, DIFFER = 0, 1
 _OF_BOTH = ("control_hz", "deadline_s", "angle_mode", "fixed_angle_deg")
 _PAGE, _RECORDS = "evaluation.html", "records"
 
 
+@reports_errors("rig evaluate", ImportError, TypeError, RigError)
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0 if both agree or it is open, 1 if they differ, 2 for a bad option or rig."""
-    from cutenv.rig.errors import RigError
-
     arguments = _parser().parse_args(argv)
-    try:
-        evaluation = _evaluated(arguments)
-        print("\n".join(evaluation.lines()))
-        _write(arguments, evaluation)
-    except (ImportError, OSError, ValueError, TypeError, RigError) as error:
-        if isinstance(error, ModuleNotFoundError):
-            raise  # the command line names the extra
-        print(f"cutenv rig evaluate: {error}", file=sys.stderr)
-        return BAD
+    evaluation = _evaluated(arguments)
+    print("\n".join(evaluation.lines()))
+    _write(arguments, evaluation)
     return DIFFER if evaluation.agreement.verdict.answer == "differ" else AGREE
 
 
@@ -48,7 +43,6 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
     from cutenv.commands.rig.run import chosen_policy
     from cutenv.envs.rig_cut import RigCutEnv
     from cutenv.rig.config.identified import environment_arguments
-    from cutenv.rig.errors import RigError
     from cutenv.sim_to_real import FEWEST_SPECIMENS
     from cutenv.sim_to_real.evaluation_result import Evaluation
     from cutenv.sim_to_real.paired_experiment import paired_experiment, save_records, simulator_like
