@@ -18,7 +18,7 @@ from stable_baselines3 import PPO
 
 from cutenv.learning.arguments import PPOArguments
 from cutenv.learning.asymmetric_actor_critic import AsymmetricActorCritic
-from cutenv.learning.cloning import clone, script_demonstrations
+from cutenv.learning.cloning import Cloning, script_demonstrations
 from cutenv.learning.on_policy import FallingRate
 from cutenv.learning.options import parse
 from cutenv.learning.progress import Progress
@@ -57,7 +57,8 @@ def train(arguments: PPOArguments, run: Path) -> None:
     # The actor first imitates a script.
     if arguments.demonstrations:
         shown = script_demonstrations(environments, arguments)
-        clone(model.policy.action_for, model.policy.actor_parameters(), shown.by_decision(), seed=arguments.seed)
+        actor = model.policy
+        Cloning(actor.action_for, actor.actor_parameters(), shown.by_decision(), seed=arguments.seed).run()
 
     # Then it learns by trial.  Progress sets the exploration, trains only the critic at first, averages the actor, and
     # keeps in policy.zip the average that does best on validation specimens.

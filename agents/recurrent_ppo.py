@@ -16,7 +16,7 @@ import torch
 from sb3_contrib import RecurrentPPO
 
 from cutenv.learning.arguments import RecurrentPPOArguments
-from cutenv.learning.cloning import clone, script_demonstrations
+from cutenv.learning.cloning import Cloning, script_demonstrations
 from cutenv.learning.on_policy import sb3_keywords
 from cutenv.learning.options import parse
 from cutenv.learning.progress import Progress
@@ -35,7 +35,7 @@ def train(arguments: RecurrentPPOArguments, run: Path) -> None:
     # A network with memory is cloned along whole cuts.
     if arguments.demonstrations:
         shown = script_demonstrations(environments, arguments)
-        clone(
+        Cloning(
             model.policy.actions_along,
             model.policy.actor_parameters(),
             shown.by_cut(),
@@ -43,7 +43,7 @@ def train(arguments: RecurrentPPOArguments, run: Path) -> None:
             batch_size=4096,
             learning_rate=4e-3,
             seed=arguments.seed,
-        )
+        ).run()
 
     progress = Progress(run, arguments, curve=[])
     model.learn(arguments.timesteps, callback=progress)

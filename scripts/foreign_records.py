@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from record_damage import DAMAGES, damaged
 
 from cutenv._base.arrays import StructArray
 from cutenv._engine.randomness import generator
@@ -299,84 +300,11 @@ _ENOUGH = 0.95  # share of valid records that must be accepted
 
 
 def malformed(content: bytes, rng: np.random.Generator) -> bytes:
-    """Apply one to three accidents that happen to files."""
+    """Do one to three kinds of damage, every third to a cell: such files are the likeliest to be read."""
     for _ in range(int(rng.integers(1, 4))):
-        content = _ACCIDENTS[int(rng.integers(len(_ACCIDENTS)))](content, rng)
+        kind = "cell_changed" if rng.random() < 0.3 else str(rng.choice(DAMAGES[".csv"]))
+        content = damaged(content, kind, rng)
     return content
-
-
-def _flip(content: bytes, rng: np.random.Generator) -> bytes:
-    damaged = bytearray(content)
-    for _ in range(int(rng.integers(1, 20))):
-        if damaged:
-            damaged[int(rng.integers(len(damaged)))] = int(rng.integers(256))
-    return bytes(damaged)
-
-
-def _truncate(content: bytes, rng: np.random.Generator) -> bytes:
-    return content[: int(rng.integers(len(content) + 1))]
-
-
-def _junk(content: bytes, rng: np.random.Generator) -> bytes:
-    at = int(rng.integers(len(content) + 1))
-    return content[:at] + rng.bytes(int(rng.integers(1, 60))) + content[at:]
-
-
-def _a_line(change: Callable[[list[bytes], int, np.random.Generator], None]) -> Callable[[bytes, Any], bytes]:
-    def changed(content: bytes, rng: np.random.Generator) -> bytes:
-        lines = content.split(b"\n")
-        change(lines, int(rng.integers(len(lines))), rng)
-        return b"\n".join(lines)
-
-    return changed
-
-
-_WORDS = [
-    b"nan", b"inf", b"-inf", b"", b"1e400", b"-1e300", b"1_0", b"0x1F", b"\xef\xbc\x91", b"12:30:01", b"text", b'"',
-    b"'", b"1,5", b"1.5.5", b"#2", b"\x00", b"1e-400", b"--", b"[N]", b"9" * 400, b"N", b"\xa0", b"\x85", b"\x1c",
-]  # fmt: skip
-
-
-def _replace_cell(lines: list[bytes], i: int, rng: np.random.Generator) -> None:
-    for separator in (b"\t", b";", b",", b" "):
-        if separator in lines[i]:
-            cells = lines[i].split(separator)
-            cells[int(rng.integers(len(cells)))] = _WORDS[int(rng.integers(len(_WORDS)))]
-            lines[i] = separator.join(cells)
-            return
-
-
-def _repeat(lines: list[bytes], i: int, rng: np.random.Generator) -> None:
-    lines.insert(int(rng.integers(len(lines) + 1)), lines[i])
-
-
-def _delete(lines: list[bytes], i: int, rng: np.random.Generator) -> None:
-    del lines[i]
-
-
-def _blank(lines: list[bytes], i: int, rng: np.random.Generator) -> None:
-    lines[i] = _WORDS[int(rng.integers(len(_WORDS)))]
-
-
-def _exchange(content: bytes, rng: np.random.Generator) -> bytes:
-    pairs = [
-        (b",", b"."),
-        (b".", b","),
-        (b";", b","),
-        (b"\t", b" "),
-        (b"\n", b"\r"),
-        (b"\n", b""),
-        (b"0", b'"'),
-        (b" ", b""),
-    ]
-    old, new = pairs[int(rng.integers(len(pairs)))]
-    return content.replace(old, new)
-
-
-_ACCIDENTS: list[Callable[[bytes, np.random.Generator], bytes]] = [
-    _flip, _truncate, _junk, _exchange, _a_line(_replace_cell), _a_line(_repeat), _a_line(_delete), _a_line(_blank),
-    _a_line(_replace_cell), _a_line(_replace_cell),
-]  # fmt: skip
 
 
 def small_record() -> Trace:

@@ -16,14 +16,14 @@ from stable_baselines3 import PPO
 
 from cutenv.learning.arguments import PPOArguments
 from cutenv.learning.asymmetric_actor_critic import AsymmetricActorCritic
-from cutenv.learning.cloning import Demonstrations, clone
+from cutenv.learning.cloning import Cloning, Demonstrations
 from cutenv.learning.on_policy import OnPolicyLearner
 from cutenv.policy import Network
 
 
 def imitate(policy: AsymmetricActorCritic, shown: Demonstrations, arguments: PPOArguments) -> float:
     """Clone the demonstrated script into the actor; return the remaining error."""
-    return clone(policy.action_for, policy.actor_parameters(), shown.by_decision(), seed=arguments.seed)
+    return Cloning(policy.action_for, policy.actor_parameters(), shown.by_decision(), seed=arguments.seed).run()
 
 
 LEARNER = OnPolicyLearner("PPO", PPO, AsymmetricActorCritic, imitate, Network.from_state_dict)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from sb3_contrib import RecurrentPPO
 
 from cutenv.learning.arguments import RecurrentPPOArguments
-from cutenv.learning.cloning import Demonstrations, clone
+from cutenv.learning.cloning import Cloning, Demonstrations
 from cutenv.learning.on_policy import OnPolicyLearner
 from cutenv.learning.recurrent_actor_critic import RecurrentAsymmetricActorCritic
 from cutenv.policy import RecurrentNetwork
@@ -17,7 +17,7 @@ from cutenv.policy import RecurrentNetwork
 
 def imitate(policy: RecurrentAsymmetricActorCritic, shown: Demonstrations, arguments: RecurrentPPOArguments) -> float:
     """Clone the demonstrated script into the actor, cut by cut; return the remaining error."""
-    return clone(
+    cloning = Cloning(
         policy.actions_along,
         policy.actor_parameters(),
         shown.by_cut(),
@@ -26,6 +26,7 @@ def imitate(policy: RecurrentAsymmetricActorCritic, shown: Demonstrations, argum
         learning_rate=4e-3,
         seed=arguments.seed,
     )
+    return cloning.run()
 
 
 LEARNER = OnPolicyLearner(

@@ -176,6 +176,8 @@ def test_two_files_that_import_each_other_are_a_cycle(tree: Path, tmp_path: Path
     (tmp_path / "cutenv" / "one.py").write_text("from cutenv import two\n")
     (tmp_path / "cutenv" / "two.py").write_text("def f():\n    from cutenv.one import g\n")
     assert measure_codebase.import_cycles(tmp_path) == [["cutenv.one", "cutenv.two"]]
+    (tmp_path / "cutenv" / "two.py").write_text("if TYPE_CHECKING:\n    from cutenv import one\n")
+    assert measure_codebase.import_cycles(tmp_path) == [["cutenv.one", "cutenv.two"]]
     (tmp_path / "cutenv" / "two.py").write_text("")
     assert measure_codebase.import_cycles(tmp_path) == []
 
