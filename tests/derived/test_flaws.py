@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 import math
 
+import foreign_records as fr
 import numpy as np
 import pytest
-from foreign_script import foreign_records as fr
 from recorded_cut import recorded_cut
 
 from cutenv.cutting.sensor import SensorParameters

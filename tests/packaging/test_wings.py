@@ -7,12 +7,11 @@ import sys
 import tomllib
 from pathlib import Path
 
+import measure_codebase
 import pytest
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "scripts"))
 
-import measure_codebase  # noqa: E402  a program, not a package
 
 REAL = ("cutenv.rig.hardware", "cutenv.rig.devices.canopen.axis", "cutenv.rig.devices.netft.netft_sensor")
 

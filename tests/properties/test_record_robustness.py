@@ -6,33 +6,17 @@ The disturbances, their ranges and the bounds stand in ``scripts/record_robustne
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import math
-import sys
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
+import record_robustness as robust
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cutenv.trace import Trace
 
-
-def _script() -> ModuleType:
-    path = Path(__file__).parents[2] / "scripts" / "record_robustness.py"
-    spec = importlib.util.spec_from_file_location("record_robustness", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # its dataclasses look for themselves there
-    spec.loader.exec_module(module)
-    return module
-
-
-robust = _script()
 some = settings(max_examples=12)
 few = settings(max_examples=6)  # for what takes most of a second
 cuts = st.sampled_from(robust.CONDITIONS)

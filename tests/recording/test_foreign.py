@@ -9,10 +9,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import foreign_records as fr
 import numpy as np
 import pytest
-from foreign_script import SCRIPT
-from foreign_script import foreign_records as fr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded_cut import recorded_cut
@@ -310,7 +309,7 @@ class TestRealRecords:
 
 
 def test_the_script_prints_what_it_promises() -> None:
-    command = [sys.executable, str(SCRIPT), "--valid", "4", "--flawed", "2", "--malformed", "20"]
+    command = [sys.executable, str(fr.__file__), "--valid", "4", "--flawed", "2", "--malformed", "20"]
     ran = subprocess.run(command, capture_output=True, text=True, check=True)
     for said in ("20 malformed files", "injected flaw", "4 valid records", "false alarms"):
         assert said in ran.stdout

@@ -5,17 +5,14 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import malformed_records
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from record_damage import DAMAGES, SUFFIXES, damaged
 
 from cutenv.recording import RecordError, load
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-
-import malformed_records
-from record_damage import DAMAGES, SUFFIXES, damaged
 
 KINDS = [(suffix, kind) for suffix in SUFFIXES for kind in DAMAGES[suffix]]
 FILES = {suffix: malformed_records.sound(suffix) for suffix in SUFFIXES}

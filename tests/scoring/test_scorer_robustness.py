@@ -5,11 +5,11 @@ from __future__ import annotations
 import collections
 import functools
 import math
-import sys
 import warnings
 from pathlib import Path
 from typing import Any
 
+import fuzz_scorer  # the program of 10,000
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -20,9 +20,6 @@ from cutenv.recording import load
 from cutenv.scoring import METRICS, ForceOnlyWeights, ReferenceSet, ScoreCard, Truth, score
 from cutenv.scoring.metric_weights import weights_by_metric
 from cutenv.trace import Trace
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-import fuzz_scorer  # the program of 10,000
 
 GOOD = "upright, and back"
 ONE_WAY = "upright, one way"
