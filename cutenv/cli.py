@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import argparse
 import os
-import select
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 
 import cutenv
+from cutenv._base.output import reader_has_gone
 
 _EXTRAS_OF_MODULE = {
     "can": ("rig",),
@@ -116,8 +116,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         finally:
             sys.stdout.flush()  # here, because when the interpreter ends it is too late to catch the error
     except BrokenPipeError:
-        if not _reader_has_gone():
+        if not reader_has_gone():
             raise
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())  # for what is still to be written to it
+        os.close(nowhere)
         return READER_GONE
     except KeyboardInterrupt:
         print(f"\ncutenv {name}: interrupted; files written before are kept", file=sys.stderr)
@@ -146,20 +149,6 @@ def missing_extra(error: ModuleNotFoundError, preferred: str = "") -> str | None
         return None
     extra = preferred if preferred in extras else extras[0]
     return f"{package} is not installed: pip install 'cutenv[{extra}]'"
-
-
-def _reader_has_gone() -> bool:
-    """Return True if standard output is a closed pipe; if so, drop what is still to be written to it."""
-    if not hasattr(select, "poll"):  # Windows, where such a pipe raises another error
-        return False
-    watched = select.poll()
-    watched.register(sys.stdout.fileno(), 0)
-    if not watched.poll(0):
-        return False
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, sys.stdout.fileno())
-    os.close(nowhere)
-    return True
 
 
 def _chosen(name: str, command: Command, argv: list[str]) -> Command | None:

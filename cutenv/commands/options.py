@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Literal, TypeVar
 
+from cutenv._base.output import reader_has_gone
+
 T = TypeVar("T")
 Main = Callable[[Sequence[str]], int]
 """Entry point of a command: takes its arguments, returns the exit status."""
@@ -35,7 +37,8 @@ def command_parser(
 def reports_errors(name: str, *also: type[Exception]) -> Callable[[Main], Main]:
     """Return a decorator of the ``main`` of ``cutenv NAME``: what bad input raises is one line, and the exit status 2.
 
-    That is OSError, ValueError and ``also``; a missing module passes, because the command line names its extra.
+    That is OSError, ValueError and ``also``; a missing module passes, because the command line names its extra,
+    and so does the end of the program that reads the output.
     """
     bad: tuple[type[Exception], ...] = (OSError, ValueError, *also)
 
@@ -47,6 +50,8 @@ def reports_errors(name: str, *also: type[Exception]) -> Callable[[Main], Main]:
             except ModuleNotFoundError:
                 raise
             except bad as error:
+                if isinstance(error, BrokenPipeError) and reader_has_gone():
+                    raise
                 print(f"cutenv {name}: {error}", file=sys.stderr)
                 return 2
 
