@@ -10,7 +10,6 @@ options both make the same policy, bit for bit.  The options are explained in ``
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import torch
@@ -19,8 +18,8 @@ from stable_baselines3 import PPO
 from cutenv.learning.arguments import PPOArguments
 from cutenv.learning.asymmetric_actor_critic import AsymmetricActorCritic
 from cutenv.learning.cloning import Cloning, script_demonstrations
+from cutenv.learning.command_line import run_program
 from cutenv.learning.on_policy import FallingRate
-from cutenv.learning.options import parse
 from cutenv.learning.progress import Progress
 from cutenv.learning.run_folder import export, record_run
 from cutenv.policy import Network
@@ -72,13 +71,5 @@ def train(arguments: PPOArguments, run: Path) -> None:
     export(arguments, run / "policy", Network.from_state_dict(weights, "tanh"), facts)
 
 
-def main() -> None:
-    """Read the options, and train."""
-    arguments = parse(PPOArguments, __doc__)
-    run = Path("runs") / (arguments.name or time.strftime("ppo-%Y%m%d-%H%M%S"))
-    train(arguments, run)
-    print(f"policy: {run / 'policy'}")
-
-
 if __name__ == "__main__":
-    main()
+    run_program(train, PPOArguments, "ppo", __doc__)

@@ -9,7 +9,6 @@ in ppo.py apply here too.
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import torch
@@ -17,8 +16,8 @@ from sb3_contrib import RecurrentPPO
 
 from cutenv.learning.arguments import RecurrentPPOArguments
 from cutenv.learning.cloning import Cloning, script_demonstrations
+from cutenv.learning.command_line import run_program
 from cutenv.learning.on_policy import sb3_keywords
-from cutenv.learning.options import parse
 from cutenv.learning.progress import Progress
 from cutenv.learning.recurrent_actor_critic import RecurrentAsymmetricActorCritic
 from cutenv.learning.run_folder import export, record_run
@@ -54,13 +53,5 @@ def train(arguments: RecurrentPPOArguments, run: Path) -> None:
     export(arguments, run / "policy", RecurrentNetwork.from_state_dict(weights, "tanh"), facts)
 
 
-def main() -> None:
-    """Read the options, and train."""
-    arguments = parse(RecurrentPPOArguments, __doc__)
-    run = Path("runs") / (arguments.name or time.strftime("recurrent-ppo-%Y%m%d-%H%M%S"))
-    train(arguments, run)
-    print(f"policy: {run / 'policy'}")
-
-
 if __name__ == "__main__":
-    main()
+    run_program(train, RecurrentPPOArguments, "recurrent-ppo", __doc__)
