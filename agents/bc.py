@@ -8,7 +8,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import torch
@@ -16,11 +15,10 @@ from tqdm import tqdm
 
 from cutenv.learning.arguments import BCArguments
 from cutenv.learning.bc import Clone
-from cutenv.learning.cloning import Cloning, demonstrations
-from cutenv.learning.options import parse
+from cutenv.learning.cloning import Cloning, script_demonstrations
+from cutenv.learning.command_line import run_program
 from cutenv.learning.progress import validate
 from cutenv.learning.run_folder import export, record_run
-from cutenv.policy import BASELINES
 
 
 def train(arguments: BCArguments, run: Path) -> None:
@@ -28,13 +26,7 @@ def train(arguments: BCArguments, run: Path) -> None:
     torch.set_num_threads(1)
     facts = record_run(arguments, run, "behaviour cloning")
     clone = Clone(arguments)
-    shown = demonstrations(
-        arguments.environments_at(arguments.training_seeds),
-        BASELINES[arguments.script],
-        decisions=arguments.demonstrations,
-        noise=arguments.demonstration_noise,
-        seed=arguments.seed,
-    )
+    shown = script_demonstrations(arguments.environments_at(arguments.training_seeds), arguments)
     cloning = Cloning(
         clone,
         list(clone.module.parameters()),
@@ -56,13 +48,5 @@ def train(arguments: BCArguments, run: Path) -> None:
                 export(arguments, run / "policy", clone.network(), facts)
 
 
-def main() -> None:
-    """Read the options, and fit."""
-    arguments = parse(BCArguments, __doc__)
-    run = Path("runs") / (arguments.name or time.strftime("bc-%Y%m%d-%H%M%S"))
-    train(arguments, run)
-    print(f"policy: {run / 'policy'}")
-
-
 if __name__ == "__main__":
-    main()
+    run_program(train, BCArguments, "bc", __doc__)

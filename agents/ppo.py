@@ -10,7 +10,6 @@ options both make the same policy, bit for bit.  The options are explained in ``
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import torch
@@ -18,12 +17,12 @@ from stable_baselines3 import PPO
 
 from cutenv.learning.arguments import PPOArguments
 from cutenv.learning.asymmetric_actor_critic import AsymmetricActorCritic
-from cutenv.learning.cloning import clone, demonstrations
+from cutenv.learning.cloning import Cloning, script_demonstrations
+from cutenv.learning.command_line import run_program
 from cutenv.learning.on_policy import FallingRate
-from cutenv.learning.options import parse
 from cutenv.learning.progress import Progress
 from cutenv.learning.run_folder import export, record_run
-from cutenv.policy import BASELINES, Network
+from cutenv.policy import Network
 from cutenv.sb3 import FeatureVecEnv
 
 
@@ -56,14 +55,9 @@ def train(arguments: PPOArguments, run: Path) -> None:
 
     # The actor first imitates a script.
     if arguments.demonstrations:
-        shown = demonstrations(
-            environments,
-            BASELINES[arguments.script],
-            decisions=arguments.demonstrations,
-            noise=arguments.demonstration_noise,
-            seed=arguments.seed,
-        )
-        clone(model.policy.action_for, model.policy.actor_parameters(), shown.by_decision(), seed=arguments.seed)
+        shown = script_demonstrations(environments, arguments)
+        actor = model.policy
+        Cloning(actor.action_for, actor.actor_parameters(), shown.by_decision(), seed=arguments.seed).run()
 
     # Then it learns by trial.  Progress sets the exploration, trains only the critic at first, averages the actor, and
     # keeps in policy.zip the average that does best on validation specimens.
@@ -77,13 +71,5 @@ def train(arguments: PPOArguments, run: Path) -> None:
     export(arguments, run / "policy", Network.from_state_dict(weights, "tanh"), facts)
 
 
-def main() -> None:
-    """Read the options, and train."""
-    arguments = parse(PPOArguments, __doc__)
-    run = Path("runs") / (arguments.name or time.strftime("ppo-%Y%m%d-%H%M%S"))
-    train(arguments, run)
-    print(f"policy: {run / 'policy'}")
-
-
 if __name__ == "__main__":
-    main()
+    run_program(train, PPOArguments, "ppo", __doc__)

@@ -9,20 +9,19 @@ in ppo.py apply here too.
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import torch
 from sb3_contrib import RecurrentPPO
 
 from cutenv.learning.arguments import RecurrentPPOArguments
-from cutenv.learning.cloning import clone, demonstrations
+from cutenv.learning.cloning import Cloning, script_demonstrations
+from cutenv.learning.command_line import run_program
 from cutenv.learning.on_policy import sb3_keywords
-from cutenv.learning.options import parse
 from cutenv.learning.progress import Progress
 from cutenv.learning.recurrent_actor_critic import RecurrentAsymmetricActorCritic
 from cutenv.learning.run_folder import export, record_run
-from cutenv.policy import BASELINES, RecurrentNetwork
+from cutenv.policy import RecurrentNetwork
 
 
 def train(arguments: RecurrentPPOArguments, run: Path) -> None:
@@ -34,14 +33,8 @@ def train(arguments: RecurrentPPOArguments, run: Path) -> None:
 
     # A network with memory is cloned along whole cuts.
     if arguments.demonstrations:
-        shown = demonstrations(
-            environments,
-            BASELINES[arguments.script],
-            decisions=arguments.demonstrations,
-            noise=arguments.demonstration_noise,
-            seed=arguments.seed,
-        )
-        clone(
+        shown = script_demonstrations(environments, arguments)
+        Cloning(
             model.policy.actions_along,
             model.policy.actor_parameters(),
             shown.by_cut(),
@@ -49,7 +42,7 @@ def train(arguments: RecurrentPPOArguments, run: Path) -> None:
             batch_size=4096,
             learning_rate=4e-3,
             seed=arguments.seed,
-        )
+        ).run()
 
     progress = Progress(run, arguments, curve=[])
     model.learn(arguments.timesteps, callback=progress)
@@ -60,13 +53,5 @@ def train(arguments: RecurrentPPOArguments, run: Path) -> None:
     export(arguments, run / "policy", RecurrentNetwork.from_state_dict(weights, "tanh"), facts)
 
 
-def main() -> None:
-    """Read the options, and train."""
-    arguments = parse(RecurrentPPOArguments, __doc__)
-    run = Path("runs") / (arguments.name or time.strftime("recurrent-ppo-%Y%m%d-%H%M%S"))
-    train(arguments, run)
-    print(f"policy: {run / 'policy'}")
-
-
 if __name__ == "__main__":
-    main()
+    run_program(train, RecurrentPPOArguments, "recurrent-ppo", __doc__)

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cutenv.learning.options import option, parse
+from cutenv.learning.options import check_ranges, option, parse
 from cutenv.learning.result_tables import write_csv
 from cutenv.learning.rllib_env import RunnerEnv
 from cutenv.learning.run_provenance import origin, write_facts
@@ -51,44 +51,26 @@ class Arguments:
     name: str = option("", "name of the run's folder below runs/; default date and time")
     resume: str = option("", "folder of an interrupted run to resume; its other arguments are kept")
     address: str = option("", "address of a Ray cluster: auto, HOST:6379 or ray://HOST:10001; default this machine")
-    workers: int = option(2, "number of environment runners, a process and a core each")
-    environments: int = option(32, "number of environments in each runner")
-    iterations: int = option(200, "number of rounds of sampling and learning")
-    seed: int = option(0, "seed of networks and training specimens")
+    workers: int = option(2, "number of environment runners, a process and a core each", (1, 10_000))
+    environments: int = option(32, "number of environments in each runner", (1, 10_000))
+    iterations: int = option(200, "number of rounds of sampling and learning", (1, 10**9))
+    seed: int = option(0, "seed of networks and training specimens", (0, len(TRAINING_SEEDS) // SEEDS_OF_A_RUN - 1))
     specimen_class: str = option("mixed", "tissue to train on", CLASSES)
     angle_mode: str = option("free", "turn the blade (free), or keep its angle (fixed)", ("free", "fixed"))
     control_hz: int = option(10, "decisions per second")
-    history: int = option(0, "number of past decisions among the features")
-    dead_zone: float = option(0.25, "share of the speed's action that means rest")
-    rollout: int = option(128, "number of decisions of each environment between updates")
-    batch_size: int = option(1024, "number of decisions in a gradient step")
-    epochs: int = option(8, "number of passes over the sampled decisions")
-    learning_rate: float = option(3e-4, "learning rate of Adam")
-    gamma: float = option(1.0, "discount per decision")
-    gae_lambda: float = option(0.95, "lambda of the generalised advantage estimate")
-    hidden: int = option(64, "number of units in each of two layers")
-    checkpoint_every: int = option(20, "number of rounds between checkpoints")
+    history: int = option(0, "number of past decisions among the features", (0, 100))
+    dead_zone: float = option(0.25, "share of the speed's action that means rest", (0.0, 0.9))
+    rollout: int = option(128, "number of decisions of each environment between updates", (2, 10**6))
+    batch_size: int = option(1024, "number of decisions in a gradient step", (2, 10**9))
+    epochs: int = option(8, "number of passes over the sampled decisions", (1, 10**6))
+    learning_rate: float = option(3e-4, "learning rate of Adam", (1e-9, 1.0))
+    gamma: float = option(1.0, "discount per decision", (0.0, 1.0))
+    gae_lambda: float = option(0.95, "lambda of the generalised advantage estimate", (0.0, 1.0))
+    hidden: int = option(64, "number of units in each of two layers", (1, 4096))
+    checkpoint_every: int = option(20, "number of rounds between checkpoints", (1, 10**9))
 
     def __post_init__(self) -> None:
-        limits = {
-            "workers": (1, 10_000),
-            "environments": (1, 10_000),
-            "iterations": (1, 10**9),
-            "seed": (0, len(TRAINING_SEEDS) // SEEDS_OF_A_RUN - 1),
-            "history": (0, 100),
-            "dead_zone": (0.0, 0.9),
-            "rollout": (2, 10**6),
-            "batch_size": (2, 10**9),
-            "epochs": (1, 10**6),
-            "learning_rate": (1e-9, 1.0),
-            "gamma": (0.0, 1.0),
-            "gae_lambda": (0.0, 1.0),
-            "hidden": (1, 4096),
-            "checkpoint_every": (1, 10**9),
-        }
-        for name, (low, high) in limits.items():
-            if not low <= getattr(self, name) <= high:
-                raise SystemExit(f"--{name.replace('_', '-')} {getattr(self, name)} is outside {low} to {high}")
+        check_ranges(self, SystemExit)
         if (self.workers + 1) * self.environments > SEEDS_OF_A_RUN:
             raise SystemExit(f"--workers times --environments is more than a run's {SEEDS_OF_A_RUN} seeds; give fewer")
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import argparse
 import os
-import select
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib import import_module
 
 import cutenv
+from cutenv._base.output import reader_has_gone
 
 _EXTRAS_OF_MODULE = {
     "can": ("rig",),
@@ -40,14 +40,18 @@ _EXTRAS_OF_MODULE = {
 """Extras that bring a module; the first is named unless the command has one of the others."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Command:
-    """One sub-command: the module whose ``main(argv)`` runs it, and a line of help."""
+    """One command: ``cutenv.commands`` has a module of its name, whose ``main(argv)`` runs it, unless it has parts."""
 
-    module: str
     summary: str
+    """A line of help."""
     extra: str = ""
     """The extra that brings all that the command needs, if there is one."""
+    parts: Mapping[str, Command] = field(default_factory=dict)
+    """Sub-commands."""
+    description: str | None = None
+    """First line of the help of a command with sub-commands."""
 
 
 INTERRUPTED = 130
@@ -56,29 +60,37 @@ INTERRUPTED = 130
 READER_GONE = 141
 """Exit status when the program that reads the output has ended, as ``head`` does: 128 and the number of SIGPIPE."""
 
-COMMANDS = {
-    "demo": Command(
-        module="cutenv.commands.demo", summary="watch a trained agent cut beside the best script, in half a minute"
-    ),
-    "docs": Command(module="cutenv.commands.docs", summary="open the documentation in a browser, without a network"),
-    "train": Command(module="cutenv.commands.train", summary="train an agent and report how well it cuts", extra="rl"),
-    "evaluate": Command(
-        module="cutenv.commands.evaluate", summary="compare policies on the same held-out specimens", extra="rl"
-    ),
-    "datasets": Command(
-        module="cutenv.commands.datasets", summary="record cuts as a Minari data set, force included", extra="data"
-    ),
-    "calibrate": Command(module="cutenv.commands.calibrate", summary="fit a tissue to your own records of cuts"),
-    "play": Command(module="cutenv.commands.play", summary="cut by mouse or gamepad in a window"),
-    "rig": Command(module="cutenv.commands.rig", summary="run a real rig, a motor and a force sensor, or its emulator"),
-    "score": Command(module="cutenv.commands.score", summary="score recorded cuts: a card and a page"),
-    "study": Command(
-        module="cutenv.commands.study", summary="study several people: reliability of the metrics, groups, learning"
-    ),
-    "view": Command(
-        module="cutenv.commands.view", summary="show a recorded cut in 3-D, in a page that opens from disk"
-    ),
+RIG_COMMANDS = {
+    "check": Command("check a rig's connections, limits and noise without moving it"),
+    "emulate": Command("run an emulated rig: drive, tissue and force sensor on real wires"),
+    "evaluate": Command("compare a policy on a rig with the simulator"),
+    "identify": Command("measure a rig's constants with the blade in air"),
+    "init": Command("write the file of a new rig for you to fill in"),
+    "jog": Command("move the blade while a key is held"),
+    "run": Command("cut with a policy from simulation, unchanged"),
 }
+"""Sub-commands of ``cutenv rig``."""
+
+COMMANDS = {
+    "demo": Command("watch a trained agent cut beside the best script, in half a minute"),
+    "docs": Command("open the documentation in a browser, without a network"),
+    "train": Command("train an agent and report how well it cuts", extra="rl"),
+    "evaluate": Command("compare policies on the same held-out specimens", extra="rl"),
+    "datasets": Command("record cuts as a Minari data set, force included", extra="data"),
+    "calibrate": Command("fit a tissue to your own records of cuts"),
+    "play": Command("cut by mouse or gamepad in a window"),
+    "rig": Command(
+        "run a real rig, a motor and a force sensor, or its emulator",
+        parts=RIG_COMMANDS,
+        description="A motor and a force sensor that a policy meets through the simulator's interface.",
+    ),
+    "score": Command("score recorded cuts: a card and a page"),
+    "study": Command("study several people: reliability of the metrics, groups, learning"),
+    "view": Command("show a recorded cut in 3-D, in a page that opens from disk"),
+}
+
+PROGRAM = Command("", parts=COMMANDS, description=cutenv.__doc__.partition("\n")[0] if cutenv.__doc__ else None)
+"""The command ``cutenv`` itself."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -95,19 +107,21 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit status: 0 if all went well.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    parser = _parser()
-    if not arguments:
-        parser.print_help()
+    chosen = _chosen("cutenv", PROGRAM, arguments)
+    if chosen is None:
         return 0
-    name, rest = parser.parse_args(arguments[:1]).command, arguments[1:]
+    name = arguments[0]
     try:
         try:
-            return _run(COMMANDS[name], rest)
+            return _run(f"cutenv {name}", chosen, arguments[1:])
         finally:
             sys.stdout.flush()  # here, because when the interpreter ends it is too late to catch the error
     except BrokenPipeError:
-        if not _reader_has_gone():
+        if not reader_has_gone():
             raise
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())  # for what is still to be written to it
+        os.close(nowhere)
         return READER_GONE
     except KeyboardInterrupt:
         print(f"\ncutenv {name}: interrupted; files written before are kept", file=sys.stderr)
@@ -118,6 +132,11 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         print(f"cutenv {name}: {cure}", file=sys.stderr)
         return 1
+
+
+def module_of(name: str) -> str:
+    """Return the module of a command, such as that of "cutenv rig run"."""
+    return name.replace("cutenv", "cutenv.commands", 1).replace(" ", ".")
 
 
 def missing_extra(error: ModuleNotFoundError, preferred: str = "") -> str | None:
@@ -133,34 +152,34 @@ def missing_extra(error: ModuleNotFoundError, preferred: str = "") -> str | None
     return f"{package} is not installed: pip install 'cutenv[{extra}]'"
 
 
-def _reader_has_gone() -> bool:
-    """Return True if standard output is a closed pipe; if so, drop what is still to be written to it."""
-    if not hasattr(select, "poll"):  # Windows, where such a pipe raises another error
-        return False
-    watched = select.poll()
-    watched.register(sys.stdout.fileno(), 0)
-    if not watched.poll(0):
-        return False
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, sys.stdout.fileno())
-    os.close(nowhere)
-    return True
+def _chosen(name: str, command: Command, argv: list[str]) -> Command | None:
+    """Return the sub-command that is named first; without any, print the help and return None."""
+    parser = _parser(name, command)
+    if not argv:
+        parser.print_help()
+        return None
+    return command.parts[parser.parse_args(argv[:1]).command]
 
 
-def _run(command: Command, argv: list[str]) -> int:
-    status: int | None = import_module(command.module).main(argv)
+def _run(name: str, command: Command, argv: list[str]) -> int:
+    if command.parts:
+        chosen = _chosen(name, command, argv)
+        return 0 if chosen is None else _run(f"{name} {argv[0]}", chosen, argv[1:])
+    status: int | None = import_module(module_of(name)).main(argv)
     return status or 0
 
 
-def _parser() -> argparse.ArgumentParser:
-    listed = "\n".join(f"  {name:<10} {command.summary}" for name, command in COMMANDS.items())
+def _parser(name: str, command: Command) -> argparse.ArgumentParser:
+    listed = "\n".join(f"  {part:<10} {about.summary}" for part, about in command.parts.items())
+    version = "[--version] " * (command is PROGRAM)
     parser = argparse.ArgumentParser(
-        prog="cutenv",
-        description=cutenv.__doc__.partition("\n")[0] if cutenv.__doc__ else None,
-        epilog=f"commands:\n{listed}\n\n'cutenv COMMAND --help' lists its options.",
+        prog=name,
+        description=command.description,
+        epilog=f"commands:\n{listed}\n\n'{name} COMMAND --help' lists its options.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        usage="cutenv [-h] [--version] COMMAND ...",
+        usage=f"{name} [-h] {version}COMMAND ...",
     )
-    parser.add_argument("--version", action="version", version=f"cutenv {cutenv.__version__}")
-    parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help="one of those listed below")
+    if version:
+        parser.add_argument("--version", action="version", version=f"cutenv {cutenv.__version__}")
+    parser.add_argument("command", choices=command.parts, metavar="COMMAND", help="one of those listed below")
     return parser

@@ -23,6 +23,12 @@ _LOOKED = 0.4  # [s] between the two last observations
 Attack = Callable[["Scene"], None]
 
 
+def named(name: str, about: str, attack: Attack) -> Attack:
+    """Give an attack its name, and its description as docstring."""
+    attack.__name__, attack.__doc__ = name, about
+    return attack
+
+
 @dataclass(kw_only=True)
 class Outcome:
     """Outcome of an attack; SI units.

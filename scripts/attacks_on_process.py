@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from attack_scene import Attack, Scene
+from attack_scene import Attack, Scene, named
 
 from cutenv.rig.errors import RigError
 
@@ -26,14 +26,9 @@ def _paused(pid: int, seconds: float) -> None:
     subprocess.run(["sh", "-c", helper], check=True)
 
 
-def _named(name: str, about: str, attack: Attack) -> Attack:
-    attack.__name__, attack.__doc__ = name, about
-    return attack
-
-
 def pauses(milliseconds: int) -> Attack:
     """Stop this process for so long."""
-    return _named(
+    return named(
         f"program_paused_{milliseconds}_ms",
         f"SIGSTOP to this program for {milliseconds} ms.",
         lambda scene: _paused(os.getpid(), 1e-3 * milliseconds),

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from attack_scene import Scene
+from attack_scene import Attack, Scene, named
 
 from cutenv.rig.devices.canopen.socketcand import Socketcand
 from cutenv.rig.devices.netft.packets import RdtCommand, request_bytes
@@ -34,62 +34,41 @@ def on_the_bus(scene: Scene) -> Iterator[Any]:
         bus.shutdown()
 
 
-def foreign_quick_stop(scene: Scene) -> None:
-    """Send one quick stop as another master."""
-    with on_the_bus(scene) as send:
-        send(0x201, struct.pack("<HiB", 0x0B, 0, 3))
+def sent(name: str, about: str, number: int, data: bytes = b"", *, times: int = 1, every: float = 0.0) -> Attack:
+    """Make the attack that sends one frame so many times, ``every`` so many seconds."""
+
+    def attack(scene: Scene) -> None:
+        with on_the_bus(scene) as send:
+            for _ in range(times):
+                send(number, data)
+                time.sleep(every)
+
+    return named(name, about, attack)
 
 
-def foreign_speed_once(scene: Scene) -> None:
-    """Send one command as another master: 3 cm/s."""
-    with on_the_bus(scene) as send:
-        send(0x201, struct.pack("<HiB", 0x0F, 3_960_000, 3))
+def _command(word: int, speed: int) -> bytes:
+    return struct.pack("<HiB", word, speed, 3)
 
 
-def foreign_stop_of_the_node(scene: Scene) -> None:
-    """Stop the node by network management (NMT)."""
-    with on_the_bus(scene) as send:
-        send(0x000, b"\x02\x01")
-
-
-def foreign_pre_operational(scene: Scene) -> None:
-    """Set all nodes to pre-operational by network management (NMT)."""
-    with on_the_bus(scene) as send:
-        send(0x000, b"\x80\x00")
-
-
-def foreign_reset_of_the_node(scene: Scene) -> None:
-    """Reset the node by network management (NMT)."""
-    with on_the_bus(scene) as send:
-        send(0x000, b"\x81\x01")
-
-
-def foreign_sync(scene: Scene) -> None:
-    """Send SYNC every 5 ms for half a second as another master."""
-    with on_the_bus(scene) as send:
-        for _ in range(100):
-            send(0x080)
-            time.sleep(0.005)
-
-
-def foreign_heartbeat(scene: Scene) -> None:
-    """Send a heartbeat with state "stopped" under our number as another master."""
-    with on_the_bus(scene) as send:
-        for _ in range(10):
-            send(0x77F, b"\x04")
-            time.sleep(0.03)
-
-
-def spoofed_boot(scene: Scene) -> None:
-    """Send a boot-up message in the drive's name."""
-    with on_the_bus(scene) as send:
-        send(0x701, b"\x00")
-
-
-def spoofed_emergency(scene: Scene) -> None:
-    """Send an emergency message in the drive's name."""
-    with on_the_bus(scene) as send:
-        send(0x081, struct.pack("<HB5x", 0x8611, 0x20))
+FRAMES = (
+    sent("foreign_quick_stop", "Send one quick stop as another master.", 0x201, _command(0x0B, 0)),
+    sent("foreign_speed_once", "Send one command as another master: 3 cm/s.", 0x201, _command(0x0F, 3_960_000)),
+    sent("foreign_stop_of_the_node", "Stop the node by network management (NMT).", 0x000, b"\x02\x01"),
+    sent("foreign_pre_operational", "Set all nodes to pre-operational by network management.", 0x000, b"\x80\x00"),
+    sent("foreign_reset_of_the_node", "Reset the node by network management (NMT).", 0x000, b"\x81\x01"),
+    sent("foreign_sync", "Send SYNC every 5 ms for half a second as another master.", 0x080, times=100, every=0.005),
+    sent(
+        "foreign_heartbeat",
+        'Send a heartbeat with state "stopped" under our number as another master.',
+        0x77F, b"\x04", times=10, every=0.03,
+    ),
+    sent("spoofed_boot", "Send a boot-up message in the drive's name.", 0x701, b"\x00"),
+    sent(
+        "spoofed_emergency",
+        "Send an emergency message in the drive's name.",
+        0x081, struct.pack("<HB5x", 0x8611, 0x20),
+    ),
+)  # fmt: skip
 
 
 def spoofed_position(scene: Scene) -> None:
@@ -179,11 +158,7 @@ def foreign_bias(scene: Scene) -> None:
     _ask_sensor(scene, RdtCommand.BIAS)
 
 
-STOPPED = (
-    foreign_quick_stop, foreign_speed_once, foreign_stop_of_the_node, foreign_pre_operational,
-    foreign_reset_of_the_node, foreign_sync, foreign_heartbeat, spoofed_boot, spoofed_emergency,
-    spoofed_position,
-)  # fmt: skip
+STOPPED = (*FRAMES, spoofed_position)
 """Attacks that have to stop the blade."""
 IGNORED = (
     short_and_long_frames, flood_of_foreign_frames, gateway_full_of_clients, gateway_hears_garbage,

@@ -13,14 +13,13 @@ mixed, on which the draft was judged, it plans for each reward; all other cuts a
 from __future__ import annotations
 
 import argparse
-import csv
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from cutenv.learning.evaluation import Contestant, evaluate
-from cutenv.learning.result_tables import write_csv
+from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import differences, summarise
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, GRID_ANGLES, GRID_SPEEDS, NULL_POLICIES, ORACLE, SCRIPTS, feed_name
@@ -133,12 +132,8 @@ def kept(folder: Path, specimen_class: str) -> list[dict[str, Any]]:
     path = folder / f"{specimen_class}.csv"
     if not path.is_file():
         raise SystemExit(f"{path} is missing; run 'python scripts/baseline_table.py' first.")
-    with path.open() as file:
-        texts = ("policy", "specimen_class", "end", "draft_end")
-        return [
-            {name: value if name in texts else float(value) for name, value in row.items()}
-            for row in csv.DictReader(file)
-        ]
+    texts = ("policy", "specimen_class", "end", "draft_end")
+    return [{name: value if name in texts else float(value) for name, value in row.items()} for row in rows_of(path)]
 
 
 def main() -> None:

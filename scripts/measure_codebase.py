@@ -176,12 +176,12 @@ def layer_count(root: Path) -> int | None:
     return next((len(one["layers"]) for one in contracts if one["type"] == "layers" and one.get("exhaustive")), None)
 
 
-def import_cycles(root: Path) -> list[list[str]]:
-    """Find the groups of modules of cutenv that import each other, directly or by way of others.
+def import_cycles(root: Path, *folders: str) -> list[list[str]]:
+    """Find the groups of modules, of cutenv by default, that import each other, directly or by way of others.
 
     Imports inside functions and for type checking count as well.
     """
-    modules = {_module_name(root, path): path for path in _sources(root, PACKAGE)}
+    modules = {_module_name(root, path): path for path in _sources(root, *(folders or (PACKAGE,)))}
     names = sorted(modules)
     index = {name: number for number, name in enumerate(names)}
     edges = [(index[name], index[other]) for name in names for other in _imported(name, modules)]
@@ -281,7 +281,8 @@ def _percentile(sizes: Sequence[int], share: float) -> int:
 
 
 def _module_name(root: Path, path: Path) -> str:
-    parts = path.relative_to(root).with_suffix("").parts
+    folder, *inside = path.relative_to(root).with_suffix("").parts
+    parts = [folder, *inside] if folder == PACKAGE else inside  # programs are imported from their folder
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 

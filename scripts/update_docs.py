@@ -14,7 +14,6 @@ A block stands between ``<!-- NAME -->`` and ``<!-- /NAME -->`` on its page (``P
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import math
 import re
@@ -33,12 +32,14 @@ import measure_codebase
 import numpy as np
 import rig_faults
 import rig_soak
+from benchmark.table import markdown_table
 
 from cutenv._base.parameter import parameter_table
 from cutenv.cutting.drive import Rig
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.envs.constants import Knowledge
+from cutenv.learning.result_tables import rows_of
 from cutenv.learning.statistics import mean_with_interval
 from cutenv.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS, ConstantFeed
 from cutenv.report import draw_cut
@@ -75,12 +76,6 @@ PAGES = {
 """Block and the page that holds it."""
 
 
-def markdown(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    """Return a Markdown table."""
-    lines = [header, tuple("---" for _ in header), *rows]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
-
-
 def parameters(_: argparse.Namespace) -> str:
     """Return every constant of tissue, law, drive, sensor and task, with provenance."""
     liver = measured_liver()
@@ -89,7 +84,7 @@ def parameters(_: argparse.Namespace) -> str:
         value = getattr(liver, row["name"], row["default"])
         sweep = "" if row["sensitivity"] is None else f"{row['sensitivity'][0]:.4g} to {row['sensitivity'][1]:.4g}"
         rows.append((f"`{row['name']}`", f"{value:.4g}", row["unit"], row["provenance"], row["source"], sweep))
-    return markdown(("constant", "default", "unit", "provenance", "source or reason", "sweep"), rows)
+    return markdown_table(("constant", "default", "unit", "provenance", "source or reason", "sweep"), rows)
 
 
 def agreement(_: argparse.Namespace) -> str:
@@ -126,8 +121,7 @@ def read_csv(path: Path) -> list[dict[str, str]]:
     """Return the rows of a CSV file; SystemExit with the cure where there is none."""
     if not path.is_file():
         raise SystemExit(f"{path} is missing; give the folder of a finished run with --runs, or make it first.")
-    with path.open(encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+    return rows_of(path)
 
 
 def interval(row: dict[str, str], digits: int = 2) -> str:
@@ -150,7 +144,7 @@ def compared(run: Path) -> str:
     shown = [paired[0]["policy"], *dict.fromkeys(row["baseline"] for row in paired)]
     shown.sort(key=lambda policy: -float(values[policy, "return"]["mean"]))
     rows = [(policy, *(interval(values[policy, score]) for score in SCORES)) for policy in shown]
-    return markdown(("policy", "return", "success", "tip error [mm]", "peak force [N]", "time [s]"), rows)
+    return markdown_table(("policy", "return", "success", "tip error [mm]", "peak force [N]", "time [s]"), rows)
 
 
 def each_seed(runs: list[Path]) -> str:
@@ -180,7 +174,7 @@ def each_seed(runs: list[Path]) -> str:
     if len(runs) > 1:
         rows.append(("all", "", "", script, interval(together(runs, agent, script), 3), "", "", ""))
     differences = ("agent minus script: return", "success", "agent minus bound")
-    return markdown(("seed", "return", "success", "best script", *differences, "level after [min], of"), rows)
+    return markdown_table(("seed", "return", "success", "best script", *differences, "level after [min], of"), rows)
 
 
 def level(facts: dict[str, Any]) -> str:
@@ -253,7 +247,7 @@ def results(_: argparse.Namespace) -> str:
         "random": "random",
     }
     columns = ("return", "success", "tip error [mm]", "peak force [N]")
-    table = markdown(
+    table = markdown_table(
         ("policy", *columns), [(label, *(rows[name][column] for column in columns)) for name, label in shown.items()]
     )
     return f"{table}\n\n{verdict(seeds)}"
@@ -280,7 +274,7 @@ def table_of(text: str) -> list[dict[str, str]]:
 
 def errata(_: argparse.Namespace) -> str:
     """Return the errata of the thesis that are kept with its tables."""
-    return markdown(("table", "erratum"), [(number, text) for number, text in thesis_tables.errata()])
+    return markdown_table(("table", "erratum"), [(number, text) for number, text in thesis_tables.errata()])
 
 
 def metrics(_: argparse.Namespace) -> str:
@@ -291,7 +285,7 @@ def metrics(_: argparse.Namespace) -> str:
         promised = ", ".join(f"`{name}`" for name in each.invariances)
         rows.append((f"`{each.name}`", *(cell.replace("|", r"\|") for cell in cells), promised))
     header = ("metric", "meaning", "formula", "unit", "better", "valid for", "source", "unchanged by")
-    table = markdown(header, rows)
+    table = markdown_table(header, rows)
     promises = "\n".join(f"- `{name}`: {meaning}" for name, meaning in INVARIANCES.items())
     return f"{table}\n\n{promises}"
 

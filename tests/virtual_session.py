@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import importlib.util
 from collections.abc import Sequence
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
+import calibrate_virtual_rig as rig
 import numpy as np
 
 from cutenv.measurement import MeasuredCut, measure_cuts
@@ -24,19 +22,6 @@ EVEN = {
     "fracture_between_cut_cv": 0.0, "fracture_within_cut_cv": 0.0, "inclined_between_cut_cv": 0.0,
 }  # fmt: skip
 """Changes to a tissue that leave it no spread: what comes out then owes nothing to chance."""
-
-
-def _script() -> ModuleType:
-    path = Path(__file__).parents[1] / "scripts" / "calibrate_virtual_rig.py"
-    spec = importlib.util.spec_from_file_location("calibrate_virtual_rig", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-rig = _script()
 
 
 def tissue_with(**changes: Any) -> TissueDescription:

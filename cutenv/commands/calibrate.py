@@ -9,26 +9,17 @@ from pathlib import Path
 
 from cutenv._base.atomic_file import atomic_write
 from cutenv.commands.inputs import read_records
-from cutenv.commands.options import add_record_options, command_parser, made_folder, watched
+from cutenv.commands.options import add_record_options, command_parser, made_folder, reports_errors, watched
 from cutenv.measurement.calibration import RESAMPLES, check_resamples, measure_cuts, tissue_of
 from cutenv.tissue import CutModel, TissueDescription
 
 
+@reports_errors("calibrate")
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the records or the options are bad."""
-    parser = _parser()
-    arguments = parser.parse_args(argv)
-    try:
-        _check_outputs(arguments)
-        check_resamples(arguments.resamples)
-        _calibrate(arguments)
-    except (OSError, ValueError) as error:
-        print(f"cutenv calibrate: {error}", file=sys.stderr)
-        return 2
-    return 0
-
-
-def _calibrate(arguments: argparse.Namespace) -> None:
+    arguments = _parser().parse_args(argv)
+    _check_outputs(arguments)
+    check_resamples(arguments.resamples)
     model = CutModel(element=arguments.element, formulation=arguments.formulation, poisson=arguments.poisson)
     records = read_records(arguments)
     for note in records.notes:
@@ -53,6 +44,7 @@ def _calibrate(arguments: argparse.Namespace) -> None:
         print(f"\n{calibration_headline(card)}\ncard: {arguments.report} and {data}")
     print(f"tissue: {arguments.out}")
     print(f'  import cutenv, gymnasium; gymnasium.make("cutenv/GentleCut-v1", tissue="{arguments.out}")')
+    return 0
 
 
 def summary(tissue: TissueDescription) -> str:

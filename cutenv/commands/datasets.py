@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cutenv.commands.options import command_parser
+from cutenv.commands.options import command_parser, reports_errors
 from cutenv.learning.options import add_options, from_options, option
 from cutenv.learning.seeds import TRAINING_SEEDS
 from cutenv.recording.columns import parse_length
@@ -65,14 +64,18 @@ class Arguments:
         return {name: getattr(self, name) for name in ("specimen_class", "angle_mode", "control_hz")}
 
 
+@reports_errors("datasets")
 def main(argv: Sequence[str]) -> int:
     """Write a data set and print its size; 2 if an option or a record is bad."""
-    given = _parser().parse_args(argv)
-    try:
-        _record(from_options(Arguments, given))
-    except (OSError, ValueError) as error:
-        print(f"cutenv datasets: {error}", file=sys.stderr)
-        return 2
+    arguments = from_options(Arguments, _parser().parse_args(argv))
+    from cutenv.learning.minari_datasets import free_folder, write
+
+    folder = free_folder(arguments.dataset)
+    keywords, cuts = cuts_of(arguments)
+    dataset = write(arguments.dataset, arguments.policy or "recorded cuts", keywords, cuts)
+    returns, ended = [cut.rewards.sum() for cut in cuts], [cut.infos["is_success"][-1] for cut in cuts]
+    print(f"{dataset.total_episodes} cuts, {dataset.total_steps} decisions in {folder}")
+    print(f"mean return {np.mean(returns):.3f}, success {np.mean(ended):.2f}")
     return 0
 
 
@@ -92,17 +95,6 @@ def cuts_of(arguments: Arguments) -> tuple[dict[str, Any], list[Demonstration]]:
     given = arguments.target_length
     target = parse_length("--target-length", given) if given else None
     return recorded_cuts(arguments.records, arguments.environment, target)
-
-
-def _record(arguments: Arguments) -> None:
-    from cutenv.learning.minari_datasets import free_folder, write
-
-    folder = free_folder(arguments.dataset)
-    keywords, cuts = cuts_of(arguments)
-    dataset = write(arguments.dataset, arguments.policy or "recorded cuts", keywords, cuts)
-    returns, ended = [cut.rewards.sum() for cut in cuts], [cut.infos["is_success"][-1] for cut in cuts]
-    print(f"{dataset.total_episodes} cuts, {dataset.total_steps} decisions in {folder}")
-    print(f"mean return {np.mean(returns):.3f}, success {np.mean(ended):.2f}")
 
 
 def _parser() -> argparse.ArgumentParser:

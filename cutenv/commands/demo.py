@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -19,6 +18,7 @@ from cutenv.commands.options import (
     add_target_length,
     command_parser,
     made_folder,
+    reports_errors,
     target_length,
     watched,
 )
@@ -53,18 +53,10 @@ class DemoCut:
     plant: SimulatedPlant
 
 
+@reports_errors("demo")
 def main(argv: Sequence[str]) -> int:
     """Run the command: cut, print the table, write the picture; return 0, or 2 if an option is bad."""
     arguments = _parser().parse_args(argv)
-    try:
-        _demo(arguments)
-    except (OSError, ValueError) as error:
-        print(f"cutenv demo: {error}", file=sys.stderr)
-        return 2
-    return 0
-
-
-def _demo(arguments: argparse.Namespace) -> None:
     from cutenv.policy import BASELINES, named_policy
 
     count = int(in_range("--specimens", arguments.specimens, 1, 1000, "1", "A handful is enough to look at."))
@@ -84,6 +76,7 @@ def _demo(arguments: argparse.Namespace) -> None:
     script = demo_cuts(BASELINES[SCRIPT](), angles, arguments.specimen_class, seed, count, length)
     _print_table({name: agent, SCRIPT: script})
     _write(agent[0], script[0], name, arguments)
+    return 0
 
 
 def demo_cuts(

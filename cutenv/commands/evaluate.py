@@ -12,21 +12,16 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv.commands.options import command_parser
+from cutenv.commands.options import command_parser, reports_errors
 from cutenv.tissue.specimen import CLASSES
 
 
+@reports_errors("evaluate")
 def main(argv: Sequence[str]) -> int:
     """Evaluate and print; 2 if an option is bad, 130 after Ctrl-C."""
     arguments = _parser().parse_args(argv)
     try:
-        if arguments.report is not None:
-            _report(arguments)
-        else:
-            _evaluate(arguments)
-    except (OSError, ValueError) as error:
-        print(f"cutenv evaluate: {error}", file=sys.stderr)
-        return 2
+        _evaluate(arguments) if arguments.report is None else _report(arguments)
     except KeyboardInterrupt:
         print("\ncutenv evaluate: interrupted; nothing was written", file=sys.stderr)
         return 130

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Sequence
+import functools
+import sys
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Literal, TypeVar
 
+from cutenv._base.output import reader_has_gone
+
 T = TypeVar("T")
+Main = Callable[[Sequence[str]], int]
+"""Entry point of a command: takes its arguments, returns the exit status."""
 
 RIG = 'a rig\'s TOML file, "emulator" or "fake"'
 """Help of every argument that names a rig."""
@@ -26,6 +32,32 @@ def command_parser(
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,  # an option has one spelling
     )
+
+
+def reports_errors(name: str, *also: type[Exception]) -> Callable[[Main], Main]:
+    """Return a decorator of the ``main`` of ``cutenv NAME``: what bad input raises is one line, and the exit status 2.
+
+    That is OSError, ValueError and ``also``; a missing module passes, because the command line names its extra,
+    and so does the end of the program that reads the output.
+    """
+    bad: tuple[type[Exception], ...] = (OSError, ValueError, *also)
+
+    def decorated(main: Main) -> Main:
+        @functools.wraps(main)
+        def guarded(argv: Sequence[str]) -> int:
+            try:
+                return main(argv)
+            except ModuleNotFoundError:
+                raise
+            except bad as error:
+                if isinstance(error, BrokenPipeError) and reader_has_gone():
+                    raise
+                print(f"cutenv {name}: {error}", file=sys.stderr)
+                return 2
+
+        return guarded
+
+    return decorated
 
 
 def add_target_length(parser: argparse.ArgumentParser, default: str) -> None:
@@ -117,8 +149,6 @@ def made_folder(option: str, folder: Path) -> Path:
 
 def watched(items: Iterable[T], description: str, unit: str, *, total: int | None = None) -> Iterable[T]:
     """Return the items with a progress bar on standard error, or without one where tqdm is not installed."""
-    import sys
-
     try:
         from tqdm import tqdm
     except ModuleNotFoundError:

@@ -14,12 +14,14 @@ from cutenv.commands.options import (
     add_target_length,
     command_parser,
     made_folder,
+    reports_errors,
     target_length,
 )
 
 _EXTRA = ("pygame", "pymunk")
 
 
+@reports_errors("play")
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, 1 without the extra, or 2 if an option is bad."""
     arguments = _parser().parse_args(argv)
@@ -27,15 +29,6 @@ def main(argv: Sequence[str]) -> int:
     if missing:
         print(f"cutenv play: {' and '.join(missing)} not installed: pip install 'cutenv[play]'", file=sys.stderr)
         return 1
-    try:
-        _play(arguments)
-    except (OSError, ValueError) as error:
-        print(f"cutenv play: {error}", file=sys.stderr)
-        return 2
-    return 0
-
-
-def _play(arguments: argparse.Namespace) -> None:
     from cutenv.play.devices import MouseDevice
     from cutenv.play.play_session import COUNTDOWN, Session
     from cutenv.play.play_window import PlayWindow
@@ -70,6 +63,7 @@ def _play(arguments: argparse.Namespace) -> None:
         print(f"in full: cutenv score {session.records[-1]}")
     if arguments.picture is not None:
         window.save(arguments.picture)
+    return 0
 
 
 def _parser() -> argparse.ArgumentParser:

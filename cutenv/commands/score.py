@@ -9,7 +9,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import add_record_options, add_target_length, command_parser, made_folder, target_length
+from cutenv.commands.options import (
+    add_record_options,
+    add_target_length,
+    command_parser,
+    made_folder,
+    reports_errors,
+    target_length,
+)
 
 if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
     from cutenv.scoring import ReferenceSet
@@ -18,18 +25,10 @@ if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
 _SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
 
 
+@reports_errors("score")
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the records or the options are bad."""
     arguments = _parser().parse_args(argv)
-    try:
-        _score(arguments)
-    except (OSError, ValueError) as error:
-        print(f"cutenv score: {error}", file=sys.stderr)
-        return 2
-    return 0
-
-
-def _score(arguments: argparse.Namespace) -> None:
     from cutenv.commands.inputs import read_records, without_target
     from cutenv.report.score_page import ScoredRecord, write_score_page, write_summary
     from cutenv.scoring import score
@@ -58,6 +57,7 @@ def _score(arguments: argparse.Namespace) -> None:
         print(f"summary: {page} and {table}")
     else:
         print(f"page: {arguments.out / written[0][1]}")
+    return 0
 
 
 def reference_set(given: str) -> ReferenceSet | None:

@@ -14,6 +14,7 @@ from cutenv.commands.options import (
     add_target_length,
     command_parser,
     made_folder,
+    reports_errors,
     target_length,
     watched,
 )
@@ -25,21 +26,10 @@ from cutenv.scoring.study import StudiedCut, Study
 SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
 
 
+@reports_errors("study", ImportError)
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the records, the table or the options are bad."""
-    parser = _parser()
-    arguments = parser.parse_args(argv)
-    try:
-        _study(arguments)
-    except (ImportError, OSError, ValueError) as error:
-        if isinstance(error, ModuleNotFoundError):
-            raise  # the command line names the extra
-        print(f"cutenv study: {error}", file=sys.stderr)
-        return 2
-    return 0
-
-
-def _study(arguments: argparse.Namespace) -> None:
+    arguments = _parser().parse_args(argv)
     from cutenv.report.study_page import write_study
     from cutenv.report.study_table import table_lines
 
@@ -75,6 +65,7 @@ def _study(arguments: argparse.Namespace) -> None:
         print("drawing the page ...", file=sys.stderr, flush=True)
         cards = write_study(arguments.out, study)
         print(f"\npage: {arguments.out}\ncards: {cards}")
+    return 0
 
 
 def assigned(rows: Sequence[OperatorRow], records: LoadedTraces, table: Path) -> list[tuple[OperatorRow, int]]:

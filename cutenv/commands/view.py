@@ -9,23 +9,22 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cutenv.commands.inputs import LoadedTraces, read_records
-from cutenv.commands.options import add_record_options, add_target_length, command_parser, made_folder, target_length
+from cutenv.commands.options import (
+    add_record_options,
+    add_target_length,
+    command_parser,
+    made_folder,
+    reports_errors,
+    target_length,
+)
 from cutenv.trace import Trace
 from cutenv.viewer.solid import COLOURINGS, ShownCut, write_view
 
 
+@reports_errors("view")
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the record or the options are bad."""
     arguments = _parser().parse_args(argv)
-    try:
-        _view(arguments)
-    except (OSError, ValueError) as error:
-        print(f"cutenv view: {error}", file=sys.stderr)
-        return 2
-    return 0
-
-
-def _view(arguments: argparse.Namespace) -> None:
     target = target_length(arguments)
     if arguments.out is not None:
         made_folder("--out", arguments.out.parent)
@@ -43,6 +42,7 @@ def _view(arguments: argparse.Namespace) -> None:
         import webbrowser
 
         webbrowser.open(path.resolve().as_uri())
+    return 0
 
 
 def _chosen(records: LoadedTraces, number: int | None) -> Trace:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from cutenv.learning.options import flag_of, option
+from cutenv.learning.options import check_ranges, flag_of, option
 from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import SCRIPTS
 from cutenv.policy.features import feature_count
@@ -41,57 +41,50 @@ class LearnerArguments:
     """Values that ``--quick`` sets."""
 
     name: str = option("", "name of the run's folder below runs/; default date and time", metavar="NAME")
-    seed: int = option(0, "seed of networks, exploration and training specimens")
+    seed: int = option(
+        0, "seed of networks, exploration and training specimens", (0, len(TRAINING_SEEDS) // MAX_ENVIRONMENTS - 1)
+    )
     minutes: float = option(
-        0.0, "wall-clock minutes after which training ends, demonstrations included; 0: no limit", resumable=True
+        0.0,
+        "wall-clock minutes after which training ends, demonstrations included; 0: no limit",
+        (0.0, 1e6),
+        resumable=True,
     )
     specimen_class: str = option("mixed", "class of the specimens to train and test on", CLASSES)
     angle_mode: str = option("free", "turn the blade (free), or keep its angle (fixed)", ("free", "fixed"))
-    fixed_angle_deg: float = option(90.0, "angle of a blade that the agent does not turn [deg]")
+    fixed_angle_deg: float = option(90.0, "angle of a blade that the agent does not turn [deg]", (45.0, 90.0))
     control_hz: int = option(10, "decisions per second")
-    history: int = option(6, "number of past decisions among the features")
+    history: int = option(6, "number of past decisions among the features", (0, 100))
     force: str = option("felt", "give the agent the force (felt), or hide it (unfelt)", ("felt", "unfelt"))
-    dead_zone: float = option(0.25, "share of the speed's action around 0 that means rest")
-    environments: int = option(64, "number of environments that run side by side")
-    hidden: int = option(64, "number of units in each layer")
-    demonstrations: int = option(200_000, "number of decisions of a script that the actor first imitates; 0: none")
-    script: str = option("probe and creep", "script to imitate", tuple(SCRIPTS))
-    demonstration_noise: float = option(0.15, "standard deviation of the noise added to half of the demonstrations")
-    validation_specimens: int = option(200, "number of specimens on which checkpoints are compared")
-    validations: int = option(16, "number of times that checkpoints are compared", resumable=True)
-    specimens: int = option(
-        200, "number of held-out specimens of the evaluation; 0: write the policy without one", resumable=True
+    dead_zone: float = option(0.25, "share of the speed's action around 0 that means rest", (0.0, 0.9))
+    environments: int = option(64, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
+    hidden: int = option(64, "number of units in each layer", (1, 4096))
+    demonstrations: int = option(
+        200_000, "number of decisions of a script that the actor first imitates; 0: none", (0, 10**9)
     )
-    checkpoint_seconds: float = option(20.0, "seconds between checkpoints", resumable=True)
+    script: str = option("probe and creep", "script to imitate", tuple(SCRIPTS))
+    demonstration_noise: float = option(
+        0.15, "standard deviation of the noise added to half of the demonstrations", (0.0, 1.0)
+    )
+    validation_specimens: int = option(
+        200, "number of specimens on which checkpoints are compared", (2, len(VALIDATION_SEEDS))
+    )
+    validations: int = option(16, "number of times that checkpoints are compared", (1, 10**6), resumable=True)
+    specimens: int = option(
+        200,
+        "number of held-out specimens of the evaluation; 0: write the policy without one",
+        (0, len(TEST_SEEDS)),
+        resumable=True,
+    )
+    checkpoint_seconds: float = option(20.0, "seconds between checkpoints", (0.0, 1e6), resumable=True)
     tensorboard: bool = option(False, "write events for TensorBoard into the run's folder", resumable=True)
 
     def __post_init__(self) -> None:
-        for name, (low, high) in self.limits().items():
-            if not low <= getattr(self, name) <= high:
-                raise BadArguments(f"{flag_of(name)} {getattr(self, name)} is outside {low} to {high}")
+        check_ranges(self, BadArguments)
         if self.angle_mode == "free" and self.fixed_angle_deg != 90.0:
             raise BadArguments(f"--fixed-angle-deg {self.fixed_angle_deg:g} has no effect without --angle-mode fixed")
         if self.specimens == 1:
             raise BadArguments("--specimens 1 gives no interval; give 2 or more, or 0 for no evaluation")
-
-    @classmethod
-    def limits(cls) -> dict[str, tuple[float, float]]:
-        """Return the range of every number."""
-        return {
-            "seed": (0, len(TRAINING_SEEDS) // MAX_ENVIRONMENTS - 1),
-            "minutes": (0.0, 1e6),
-            "fixed_angle_deg": (45.0, 90.0),
-            "history": (0, 100),
-            "dead_zone": (0.0, 0.9),
-            "environments": (1, MAX_ENVIRONMENTS),
-            "hidden": (1, 4096),
-            "demonstrations": (0, 10**9),
-            "demonstration_noise": (0.0, 1.0),
-            "validation_specimens": (2, len(VALIDATION_SEEDS)),
-            "validations": (1, 10**6),
-            "specimens": (0, len(TEST_SEEDS)),
-            "checkpoint_seconds": (0.0, 1e6),
-        }
 
     @classmethod
     def completed(cls, chosen: Mapping[str, Any]) -> dict[str, Any]:
@@ -150,36 +143,25 @@ class PPOArguments(LearnerArguments):
         "specimens": 30,
     }
 
-    timesteps: int = option(8_000_000, "number of decisions to train for", resumable=True)
-    history: int = option(0, "number of past decisions among the features")
-    rollout: int = option(128, "number of decisions of each environment between updates")
-    batch_size: int = option(1024, "number of decisions in a gradient step")
-    epochs: int = option(8, "number of passes over a rollout")
-    learning_rate: float = option(3e-4, "learning rate at the start; falls linearly to a twentieth")
-    gamma: float = option(1.0, "discount per decision")
-    gae_lambda: float = option(0.95, "lambda of the generalised advantage estimate")
-    averaging: float = option(0.03, "share of the actor that its running average takes over at every update")
+    timesteps: int = option(8_000_000, "number of decisions to train for", (1, 10**12), resumable=True)
+    history: int = option(0, "number of past decisions among the features", (0, 100))
+    rollout: int = option(128, "number of decisions of each environment between updates", (2, 10**6))
+    batch_size: int = option(1024, "number of decisions in a gradient step", (2, 10**9))  # divided by their deviation
+    epochs: int = option(8, "number of passes over a rollout", (1, 10**6))
+    learning_rate: float = option(3e-4, "learning rate at the start; falls linearly to a twentieth", (1e-9, 1.0))
+    gamma: float = option(1.0, "discount per decision", (0.0, 1.0))
+    gae_lambda: float = option(0.95, "lambda of the generalised advantage estimate", (0.0, 1.0))
+    averaging: float = option(
+        0.03, "share of the actor that its running average takes over at every update", (1e-6, 1.0)
+    )
     critic: str = option("truth", "input of the critic; truth: features and hidden state", ("truth", "features"))
-    critic_first: float = option(0.03, "share of training, after demonstrations, in which only the critic learns")
-    exploration: float = option(0.15, "standard deviation of the actions at the start")
-    last_exploration: float = option(0.05, "standard deviation of the actions at the end of training")
-
-    @classmethod
-    def limits(cls) -> dict[str, tuple[float, float]]:
-        """Return the range of every number."""
-        return super().limits() | {
-            "timesteps": (1, 10**12),
-            "rollout": (2, 10**6),
-            "batch_size": (2, 10**9),  # advantages are divided by their standard deviation within it
-            "epochs": (1, 10**6),
-            "learning_rate": (1e-9, 1.0),
-            "gamma": (0.0, 1.0),
-            "gae_lambda": (0.0, 1.0),
-            "averaging": (1e-6, 1.0),
-            "critic_first": (0.0, 1.0),
-            "exploration": (1e-6, 10.0),  # the policy holds its logarithm
-            "last_exploration": (1e-6, 10.0),
-        }
+    critic_first: float = option(
+        0.03, "share of training, after demonstrations, in which only the critic learns", (0.0, 1.0)
+    )
+    exploration: float = option(
+        0.15, "standard deviation of the actions at the start", (1e-6, 10.0)
+    )  # not 0: its log is kept
+    last_exploration: float = option(0.05, "standard deviation of the actions at the end of training", (1e-6, 10.0))
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -193,15 +175,12 @@ class PPOArguments(LearnerArguments):
 class RecurrentPPOArguments(PPOArguments):
     """Options of recurrent PPO."""
 
-    timesteps: int = option(4_000_000, "number of decisions to train for", resumable=True)
-    epochs: int = option(4, "number of passes over a rollout")
-    critic_first: float = option(0.15, "share of training, after demonstrations, in which only the critic learns")
-    cloning_epochs: int = option(15, "number of passes over the demonstrations")
-
-    @classmethod
-    def limits(cls) -> dict[str, tuple[float, float]]:
-        """Return the range of every number."""
-        return super().limits() | {"cloning_epochs": (1, 10**6)}
+    timesteps: int = option(4_000_000, "number of decisions to train for", (1, 10**12), resumable=True)
+    epochs: int = option(4, "number of passes over a rollout", (1, 10**6))
+    critic_first: float = option(
+        0.15, "share of training, after demonstrations, in which only the critic learns", (0.0, 1.0)
+    )
+    cloning_epochs: int = option(15, "number of passes over the demonstrations", (1, 10**6))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,16 +198,10 @@ class BCArguments(LearnerArguments):
     dataset: str = option(
         "", "id of a Minari data set to imitate, not a script; it sets decision rate and angle mode", metavar="ID"
     )
-    demonstrations: int = option(400_000, "number of decisions of the script")
-    epochs: int = option(60, "number of passes over the demonstrations")
-    batch_size: int = option(1024, "number of decisions in a gradient step")
-    learning_rate: float = option(2e-3, "learning rate at the start; falls along half a cosine to zero")
-
-    @classmethod
-    def limits(cls) -> dict[str, tuple[float, float]]:
-        """Return the range of every number."""
-        own = {"demonstrations": (1, 10**9), "epochs": (1, 10**6), "batch_size": (1, 10**9)}
-        return super().limits() | own | {"learning_rate": (1e-9, 1.0)}
+    demonstrations: int = option(400_000, "number of decisions of the script", (1, 10**9))
+    epochs: int = option(60, "number of passes over the demonstrations", (1, 10**6))
+    batch_size: int = option(1024, "number of decisions in a gradient step", (1, 10**9))
+    learning_rate: float = option(2e-3, "learning rate at the start; falls along half a cosine to zero", (1e-9, 1.0))
 
     @classmethod
     def completed(cls, chosen: Mapping[str, Any]) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from tqdm import tqdm
 from cutenv._base.atomic_file import atomic_write
 from cutenv.learning.arguments import BadArguments, BCArguments
 from cutenv.learning.checkpoint import end_interrupted
-from cutenv.learning.cloning import Cloning, DecisionDataset, demonstrations
+from cutenv.learning.cloning import Cloning, DecisionDataset, script_demonstrations
 from cutenv.learning.command_line import RunRequest
 from cutenv.learning.minari_datasets import cloning_data, opened
 from cutenv.learning.progress import validate
@@ -29,7 +29,7 @@ from cutenv.learning.result_tables import read_rows, write_csv
 from cutenv.learning.run_folder import export, record_run
 from cutenv.learning.run_provenance import write_facts
 from cutenv.learning.training_report import compare
-from cutenv.policy import BASELINES, Network
+from cutenv.policy import Network
 from cutenv.policy.features import feature_count
 
 if TYPE_CHECKING:
@@ -105,13 +105,8 @@ def training_data(arguments: BCArguments) -> tuple[DecisionDataset, dict[str, An
         If the data set does not fit the options.
     """
     if not arguments.dataset:
-        shown = demonstrations(  # the same again after an interruption: they depend only on seeds
-            arguments.environments_at(arguments.training_seeds),
-            BASELINES[arguments.script],
-            decisions=arguments.demonstrations,
-            noise=arguments.demonstration_noise,
-            seed=arguments.seed,
-        )
+        # The same again after an interruption: they depend only on seeds.
+        shown = script_demonstrations(arguments.environments_at(arguments.training_seeds), arguments)
         return shown.by_decision(), {"script": arguments.script, "decisions": arguments.demonstrations}
     try:
         dataset = opened(arguments.dataset)

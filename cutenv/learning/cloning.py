@@ -15,11 +15,10 @@ import torch
 from torch.nn.utils.rnn import pad_sequence
 from tqdm import tqdm
 
-from cutenv.policy import Policy
+from cutenv.learning.arguments import LearnerArguments
+from cutenv.learning.demonstration import invert_dead_zone
+from cutenv.policy import BASELINES, Policy
 from cutenv.sb3 import FeatureVecEnv
-from cutenv.task.observation import SPEED_SCALE
-
-_REST = 1e-6 / SPEED_SCALE  # speed of an action below which it means rest
 
 Batch = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
 """Observations, shape (..., size), actions, shape (..., 2), and weights 1 or 0, shape (...)."""
@@ -100,15 +99,6 @@ class CutDataset(NamedTuple):
             )
 
 
-def invert_dead_zone(actions: np.ndarray, width: float) -> np.ndarray:
-    """Return the actions, shape (n, 2), that :func:`cutenv.policy.apply_dead_zone` maps to ``actions``."""
-    result = np.array(actions, np.float32)
-    speed = result[:, 0]
-    moved = np.copysign(np.abs(speed) * (1.0 - width) + width, speed)
-    result[:, 0] = np.where(np.abs(speed) < _REST, 0.0, moved)
-    return result
-
-
 def demonstrations(
     environments: FeatureVecEnv, make_script: Callable[[], Policy], *, decisions: int, noise: float, seed: int
 ) -> Demonstrations:
@@ -148,6 +138,17 @@ def demonstrations(
         for n in np.flatnonzero(starts):
             scripts[n].reset(rng)
     return Demonstrations(np.stack(all_shown), np.stack(all_actions), np.stack(all_starts))
+
+
+def script_demonstrations(environments: FeatureVecEnv, arguments: LearnerArguments) -> Demonstrations:
+    """Let the script of the options cut in all environments, as often and with as much noise as they say."""
+    return demonstrations(
+        environments,
+        BASELINES[arguments.script],
+        decisions=arguments.demonstrations,
+        noise=arguments.demonstration_noise,
+        seed=arguments.seed,
+    )
 
 
 class Cloning:
@@ -199,6 +200,12 @@ class Cloning:
             self.optimizer.step()
         self.epoch += 1
 
+    def run(self) -> float:
+        """Run all epochs; return the remaining root mean square error."""
+        for _ in tqdm(range(self._epochs), desc="cloning", unit="epoch"):
+            self.run_epoch()
+        return self.error()
+
     def error(self) -> float:
         """Return the root mean square difference between the network's actions and those of the data set."""
         total = counted = 0.0
@@ -211,22 +218,3 @@ class Cloning:
     def _squares(self, batch: Batch) -> tuple[torch.Tensor, torch.Tensor]:
         observations, actions, weights = batch
         return (((self._network(observations) - actions) ** 2).mean(-1) * weights).sum(), weights.sum()
-
-
-def clone(
-    network: Callable[[torch.Tensor], torch.Tensor],
-    parameters: list[torch.nn.Parameter],
-    dataset: DecisionDataset | CutDataset,
-    *,
-    epochs: int = 30,
-    batch_size: int = 1024,
-    learning_rate: float = 2e-3,
-    seed: int = 0,
-) -> float:
-    """Run all epochs of :class:`Cloning`; return the remaining root mean square error."""
-    cloning = Cloning(
-        network, parameters, dataset, epochs=epochs, batch_size=batch_size, learning_rate=learning_rate, seed=seed
-    )
-    for _ in tqdm(range(epochs), desc="cloning", unit="epoch"):
-        cloning.run_epoch()
-    return cloning.error()

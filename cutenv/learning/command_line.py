@@ -6,13 +6,13 @@ import argparse
 import dataclasses
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from cutenv.learning.arguments import BadArguments, LearnerArguments
 from cutenv.learning.checkpoint import NAMES, checkpoint_of
-from cutenv.learning.options import add_options, flag_of
+from cutenv.learning.options import add_options, flag_of, parse
 
 Chosen = TypeVar("Chosen", bound=LearnerArguments)
 
@@ -94,3 +94,11 @@ def resumed(kind: type[Chosen], run: Path, chosen: Mapping[str, Any]) -> Chosen:
                 f"or begin another run; a resumed run takes {', '.join(map(flag_of, free))}."
             )
     return kind(**(kept | chosen))
+
+
+def run_program(train: Callable[[Chosen, Path], None], kind: type[Chosen], prefix: str, about: str | None) -> None:
+    """Run one of the programs in ``agents/``: read its options, train into a new folder, print where the policy is."""
+    arguments = parse(kind, about)
+    run = Path("runs") / (arguments.name or time.strftime(f"{prefix}-%Y%m%d-%H%M%S"))
+    train(arguments, run)
+    print(f"policy: {run / 'policy'}")

@@ -24,6 +24,8 @@ from cutenv.task.weights import Limits, RewardWeights
 from cutenv.tissue.description import measured_liver
 from cutenv.trace import Trace
 
+_REST = 1e-6 / SPEED_SCALE  # speed of an action below which it means rest
+
 FELT = {
     "time_s": "time since the cut began",
     "force_N": "measured force at the decision",
@@ -213,3 +215,12 @@ def _joined(
         seed=seed,
         about=about,
     )
+
+
+def invert_dead_zone(actions: np.ndarray, width: float) -> np.ndarray:
+    """Return the actions, shape (n, 2), that :func:`cutenv.policy.apply_dead_zone` maps to ``actions``."""
+    result = np.array(actions, np.float32)
+    speed = result[:, 0]
+    moved = np.copysign(np.abs(speed) * (1.0 - width) + width, speed)
+    result[:, 0] = np.where(np.abs(speed) < _REST, 0.0, moved)
+    return result

@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 import cutenv
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.learning.demonstration import ESTIMATED, FELT, HIDDEN, Demonstration, recorded, simulated
+from cutenv.learning.demonstration import ESTIMATED, FELT, HIDDEN, Demonstration, invert_dead_zone, recorded, simulated
 from cutenv.learning.evaluation import contestant
 from cutenv.learning.seeds import ENVIRONMENT
 from cutenv.policy import Features
@@ -235,8 +235,6 @@ def cloning_data_by_cut(
     dataset: MinariDataset, *, history: int, dead_zone: float, force: bool = True
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield :func:`cloning_data` of every cut, for a network with memory."""
-    from cutenv.learning.cloning import invert_dead_zone  # loads torch, which recording does not need
-
     if dataset.observation_space.shape != (len(COMPONENTS),):
         raise ValueError(
             f"data set {dataset.id!r} has observations of shape {dataset.observation_space.shape}; those of cutenv "

@@ -13,6 +13,7 @@ import torch
 
 from cutenv.learning.arguments import LearnerArguments, PPOArguments
 from cutenv.learning.checkpoint import end_interrupted
+from cutenv.learning.cloning import Demonstrations, script_demonstrations
 from cutenv.learning.command_line import RunRequest
 from cutenv.learning.evaluation import contestant, evaluate
 from cutenv.learning.progress import CheckpointExtras, Progress, save_model
@@ -21,6 +22,7 @@ from cutenv.learning.run_folder import export, record_run
 from cutenv.learning.run_provenance import write_facts
 from cutenv.learning.training_report import compare
 from cutenv.policy import Network, RecurrentNetwork
+from cutenv.sb3 import FeatureVecEnv
 
 
 class FallingRate:
@@ -42,12 +44,21 @@ class OnPolicyLearner:
     """Name of the agent in reports."""
     algorithm: Any
     """Class of Stable-Baselines3 or sb3-contrib."""
-    new_model: Callable[[Any, Any], Any]
-    """Function that makes an untrained agent from options and environments."""
-    pretrain: Callable[[Any, Any], None]
-    """Function that clones the demonstrated script into a model's actor, given the options."""
+    policy: type[Any]
+    """Class of its actor and critic."""
+    imitate: Callable[[Any, Demonstrations, Any], float]
+    """Function that clones demonstrations into a policy's actor, given the options, and returns the error left."""
     network: Callable[[Mapping[str, np.ndarray], str], Network | RecurrentNetwork]
     """Function that makes the actor in NumPy from the policy's parameters."""
+
+    def new_model(self, arguments: PPOArguments, environments: FeatureVecEnv) -> Any:
+        """Make an untrained agent."""
+        return self.algorithm(self.policy, environments, **sb3_keywords(arguments))
+
+    def pretrain(self, model: Any, arguments: PPOArguments) -> None:
+        """Clone the demonstrated script into a model's actor."""
+        error = self.imitate(model.policy, script_demonstrations(model.get_env(), arguments), arguments)
+        print(f"the clone's actions differ from those of {arguments.script!r} by {error:.3f} (root mean square)")
 
 
 def sb3_keywords(arguments: PPOArguments) -> dict[str, Any]:

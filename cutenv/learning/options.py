@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -15,7 +15,7 @@ _KINDS = {"str": str, "int": int, "float": float}
 def option(
     default: Any,
     meaning: str,
-    choices: tuple[str, ...] | None = None,
+    allowed: tuple[str, ...] | tuple[float, float] | None = None,
     *,
     metavar: str | None = None,
     resumable: bool = False,
@@ -28,14 +28,14 @@ def option(
         A tuple makes an option that takes several texts.
     meaning : str
         The help text.
-    choices : tuple of str, optional
-        The values that are allowed.
+    allowed : tuple of str or pair of float, optional
+        Every text that is allowed, or the smallest and the largest number, which :func:`check_ranges` checks.
     metavar : str, optional
         Placeholder of the value in the help; by default TEXT, N, X or FILE.
     resumable : bool
         Whether an interrupted run may be resumed with another value.
     """
-    metadata = {"help": meaning, "choices": choices, "metavar": metavar, "resumable": resumable}
+    metadata = {"help": meaning, "allowed": allowed, "metavar": metavar, "resumable": resumable}
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -44,26 +44,29 @@ def flag_of(name: str) -> str:
     return "--" + name.replace("_", "-")
 
 
+def check_ranges(options: Any, refused: Callable[[str], BaseException]) -> None:
+    """Raise what ``refused`` makes of a message if a number is out of its range (call it in ``__post_init__``)."""
+    for field in dataclasses.fields(options):
+        value, allowed = getattr(options, field.name), field.metadata["allowed"]
+        if allowed is not None and not isinstance(value, str) and not allowed[0] <= value <= allowed[1]:  # or is NaN
+            raise refused(f"{flag_of(field.name)} {value} is outside {allowed[0]} to {allowed[1]}")
+
+
 def add_options(parser: argparse.ArgumentParser, kind: type[Any]) -> None:
     """Add the fields of a dataclass to a parser; an option that is not given is absent from the result."""
     for field in dataclasses.fields(kind):
-        flag, meaning, choices = flag_of(field.name), field.metadata["help"], field.metadata["choices"]
-        metavar = field.metadata["metavar"]
+        flag, meaning, metavar = flag_of(field.name), field.metadata["help"], field.metadata["metavar"]
         if isinstance(field.default, bool):
             parser.add_argument(flag, action="store_true", default=argparse.SUPPRESS, help=meaning)
         elif isinstance(field.default, tuple):
             parser.add_argument(flag, nargs="+", metavar=metavar or "FILE", default=argparse.SUPPRESS, help=meaning)
         else:
             convert = _KINDS[str(field.type)]
+            choices = field.metadata["allowed"] if convert is str else None
             default = f" (default {field.default})" if field.default != "" else ""
             shown = None if choices else metavar or {str: "TEXT", int: "N", float: "X"}[convert]
             parser.add_argument(
-                flag,
-                type=convert,
-                choices=choices,
-                metavar=shown,
-                default=argparse.SUPPRESS,
-                help=meaning + default,
+                flag, type=convert, choices=choices, metavar=shown, default=argparse.SUPPRESS, help=meaning + default
             )
 
 

@@ -16,30 +16,14 @@ from stable_baselines3 import PPO
 
 from cutenv.learning.arguments import PPOArguments
 from cutenv.learning.asymmetric_actor_critic import AsymmetricActorCritic
-from cutenv.learning.cloning import clone, demonstrations
-from cutenv.learning.on_policy import OnPolicyLearner, sb3_keywords
-from cutenv.policy import BASELINES, Network
-from cutenv.sb3 import FeatureVecEnv
+from cutenv.learning.cloning import Cloning, Demonstrations
+from cutenv.learning.on_policy import OnPolicyLearner
+from cutenv.policy import Network
 
 
-def new_model(arguments: PPOArguments, environments: FeatureVecEnv) -> PPO:
-    """Make an untrained agent."""
-    return PPO(AsymmetricActorCritic, environments, **sb3_keywords(arguments))
+def imitate(policy: AsymmetricActorCritic, shown: Demonstrations, arguments: PPOArguments) -> float:
+    """Clone the demonstrated script into the actor; return the remaining error."""
+    return Cloning(policy.action_for, policy.actor_parameters(), shown.by_decision(), seed=arguments.seed).run()
 
 
-def pretrain(model: PPO, arguments: PPOArguments) -> None:
-    """Clone the demonstrated script into the actor."""
-    shown = demonstrations(
-        model.get_env(),  # type: ignore[arg-type]  # a FeatureVecEnv, as new_model was given
-        BASELINES[arguments.script],
-        decisions=arguments.demonstrations,
-        noise=arguments.demonstration_noise,
-        seed=arguments.seed,
-    )
-    policy = model.policy
-    assert isinstance(policy, AsymmetricActorCritic)
-    error = clone(policy.action_for, policy.actor_parameters(), shown.by_decision(), seed=arguments.seed)
-    print(f"the clone's actions differ from those of {arguments.script!r} by {error:.3f} (root mean square)")
-
-
-LEARNER = OnPolicyLearner("PPO", PPO, new_model, pretrain, Network.from_state_dict)
+LEARNER = OnPolicyLearner("PPO", PPO, AsymmetricActorCritic, imitate, Network.from_state_dict)

@@ -46,9 +46,14 @@ def print_differences(rows: Sequence[Mapping[str, Any]]) -> None:
         print(baseline.ljust(30) + shown)
 
 
-def read_rows(path: Path) -> list[dict[str, float]]:
-    """Read rows of numbers from a CSV file; an empty cell is an absent number, an absent file has no rows."""
+def rows_of(path: Path) -> list[dict[str, str]]:
+    """Return the rows of a CSV file as text, none if there is no file."""
     if not path.is_file():
         return []
     with path.open(encoding="utf-8") as file:
-        return [{name: float(value) for name, value in row.items() if value} for row in csv.DictReader(file)]
+        return list(csv.DictReader(file))
+
+
+def read_rows(path: Path) -> list[dict[str, float]]:
+    """Read rows of numbers from a CSV file; an empty cell is an absent number, an absent file has no rows."""
+    return [{name: float(value) for name, value in row.items() if value} for row in rows_of(path)]

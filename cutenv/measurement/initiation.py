@@ -59,11 +59,6 @@ class InitiationEstimate:
     unit_angle: Array
     unit_force_per_depth: Array
 
-    @property
-    def unit_resistance(self) -> Array:
-        """Fracture resistance of each unit, friction's share not included, shape (m,) [J/m2]."""
-        return self.unit_energy / self.unit_area
-
 
 class Hilltop(NamedTuple):
     """End of a loading ramp: everything that does not depend on the loading ratio."""

@@ -12,6 +12,7 @@ from cutenv.tissue.grid import depth_below
 from cutenv.viewer import chart, palette, views
 from cutenv.viewer.canvas import Canvas, Colour, Points
 from cutenv.viewer.drawn_slab import Slab, drawn_slab_of
+from cutenv.viewer.readout import draw_rows
 from cutenv.viewer.scene import (
     ForceTrace,
     Layout,
@@ -247,14 +248,6 @@ def _draw_recent(canvas: Canvas, layout: Layout, sight: ViewState, highest: floa
         canvas.unclip()
 
 
-def _draw_rows(canvas: Canvas, layout: Layout, top: float, step: float, rows: list[tuple[str, str, Colour]]) -> None:
-    left, right = layout.column, layout.width - _MARGIN
-    for k, (name, value, colour) in enumerate(rows):
-        y = top + step * k
-        canvas.text(name, (left, y), size=_NORMAL, colour=palette.QUIET)
-        canvas.text(value, (right, y), size=21, colour=colour, anchor="midright")
-
-
 def _draw_numbers(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     moment = sight.moment
     to_target = (moment.target - moment.blade) * 1e3
@@ -266,7 +259,7 @@ def _draw_numbers(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     ]
     if sight.chosen_class != sight.specimen_class:
         rows.append(("next class", sight.chosen_class, palette.INK))
-    _draw_rows(canvas, layout, 296, 25, rows)
+    draw_rows(canvas, layout, 296, 25, rows, size=21)
 
 
 def _draw_hidden(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
@@ -284,7 +277,7 @@ def _draw_hidden(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
         ("work so far", f"{1e3 * truth['work']:.1f} mJ", palette.INK),
         ("cut by runs of the crack", f"{1e3 * truth['uncontrolled_m']:.1f} mm in {truth['units']}", palette.INK),
     ]
-    _draw_rows(canvas, layout, top + 26, 25, rows)
+    draw_rows(canvas, layout, top + 26, 25, rows, size=21)
 
 
 def _draw_advice(canvas: Canvas, layout: Layout) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from cutenv._base.validation import one_of
 
@@ -54,9 +54,9 @@ class Metric:
     formula: str
     source: str
     validity: str
-    needs: tuple[str, ...]
-    invariances: tuple[Invariance, ...]
     function: Callable[[ScoredCut], float]
+    needs: tuple[str, ...] = ()
+    invariances: tuple[Invariance, ...] = ()
 
     def __post_init__(self) -> None:
         one_of("direction", self.direction, get_args(Direction))
@@ -69,31 +69,16 @@ METRICS: dict[str, Metric] = {}
 
 
 def metric(
-    unit: str,
-    direction: Direction,
-    *,
-    formula: str,
-    source: str,
-    validity: str,
-    needs: tuple[str, ...] = (),
-    invariances: tuple[Invariance, ...] = (),
+    unit: str, direction: Direction, **about: Any
 ) -> Callable[[Callable[[ScoredCut], float]], Callable[[ScoredCut], float]]:
-    """Register a function of a cut in :data:`METRICS` by its name; its docstring's first line is the meaning."""
+    """Register a function of a cut in :data:`METRICS` by its name; its docstring's first line is the meaning.
+
+    ``about`` are the other fields of a :class:`Metric`.
+    """
 
     def enter(function: Callable[[ScoredCut], float]) -> Callable[[ScoredCut], float]:
-        name = function.__name__
-        METRICS[name] = Metric(
-            name=name,
-            unit=unit,
-            direction=direction,
-            meaning=(function.__doc__ or "").strip().partition("\n")[0],
-            formula=formula,
-            source=source,
-            validity=validity,
-            needs=needs,
-            invariances=invariances,
-            function=function,
-        )
+        name, meaning = function.__name__, (function.__doc__ or "").strip().partition("\n")[0]
+        METRICS[name] = Metric(name=name, unit=unit, direction=direction, meaning=meaning, function=function, **about)
         return function
 
     return enter

@@ -57,35 +57,6 @@ def lame_parameters(formulation: str, poisson: float) -> tuple[float, float]:
     return float(lam), float(mu)
 
 
-def constitutive_matrix(formulation: str, poisson: float) -> NDArray[np.float64]:
-    """Return stress over *engineering* strain at unit modulus: Appendix A with its erratum corrected.
-
-    Parameters
-    ----------
-    formulation : {"plane_stress", "plane_strain", "solid"}
-        The plane ones order their components xx, yy, xy; the solid xx, yy, zz, yz, xz, xy.
-    poisson : float
-        Poisson's ratio [1], 0 to 0.499.
-
-    Returns
-    -------
-    ndarray of shape (3, 3) or (6, 6)
-        In units of Young's modulus. The shear entry is ``mu``: ``(1 - nu)/2 / (1 - nu^2)`` in plane stress
-        and ``(1 - 2 nu)/2 / ((1 + nu)(1 - 2 nu))`` in plane strain.
-
-    Raises
-    ------
-    ValueError
-        If the formulation is unknown or Poisson's ratio out of range.
-    """
-    lam, mu = lame_parameters(formulation, poisson)
-    dim = 3 if formulation == "solid" else 2
-    n_shears = dim * (dim - 1) // 2
-    matrix = np.diag([2.0 * mu] * dim + [mu] * n_shears)
-    matrix[:dim, :dim] += lam
-    return matrix
-
-
 def elastic_form(formulation: str, poisson: float, modulus: NDArray[np.float64]) -> BilinearForm:
     """Return the weak form of elasticity with an element-wise modulus.
 

@@ -44,11 +44,6 @@ class CutViewer:
         self._trace: ForceTrace
         self._standing: Canvas
 
-    @property
-    def window_open(self) -> bool:
-        """True while the window is open."""
-        return self._window is not None and self._window.open
-
     def draw(
         self, plant: SimulatedPlant, cutting: GentleCutting, readings: StructArray | None = None
     ) -> NDArray[np.uint8]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -47,10 +48,17 @@ def draw_numbers(canvas: Canvas, layout: Layout, moment: Moment) -> None:
         ("tip (hidden)", f"{moment.tip * 1e3:.1f} mm", palette.INK),
         ("target", f"{moment.target * 1e3:.1f} mm", palette.TARGET),
     )
+    draw_rows(canvas, layout, top + 56, 27, rows, size=22)
+
+
+def draw_rows(
+    canvas: Canvas, layout: Layout, top: float, step: float, rows: Sequence[tuple[str, str, Colour]], size: int
+) -> None:
+    """Draw names and values, one below the other, in the column of the numbers."""
     for k, (name, value, colour) in enumerate(rows):
-        y = top + 56 + 27 * k
-        canvas.text(name, (left, y), size=_NORMAL, colour=palette.QUIET)
-        canvas.text(value, (right, y), size=22, colour=colour, anchor="midright")
+        y = top + step * k
+        canvas.text(name, (layout.column, y), size=_NORMAL, colour=palette.QUIET)
+        canvas.text(value, (layout.width - _MARGIN, y), size=size, colour=colour, anchor="midright")
 
 
 def draw_reward(canvas: Canvas, layout: Layout, moment: Moment) -> None:

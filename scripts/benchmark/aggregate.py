@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import json
 from collections.abc import Mapping, Sequence
@@ -15,6 +14,7 @@ import numpy as np
 from benchmark.intervals import Interval, interquartile_mean, mean, stratified
 from benchmark.protocol import BEST_FEED, ENTRIES, REFERENCE, SCRIPTED, Protocol, slug
 from cutenv.learning.finished_cut import METRIC_PREFIX
+from cutenv.learning.result_tables import rows_of
 from cutenv.policy import SCRIPTS
 
 HEADLINE = ("return", "success", "tip_error_mm", "over_limit_N", "peak_force_N", "largest_jump_mm", "time_s")
@@ -48,14 +48,6 @@ class Line:
         own = dataclasses.asdict(self)
         found = own.pop("interval")
         return {**own, "value": found["value"], "low_95": found["low"], "high_95": found["high"]}
-
-
-def rows_of(path: Path) -> list[Row]:
-    """Return the rows of a CSV file, none if there is no file."""
-    if not path.is_file():
-        return []
-    with path.open(encoding="utf-8") as file:
-        return list(csv.DictReader(file))
 
 
 def read_summary(path: Path) -> list[Line]:

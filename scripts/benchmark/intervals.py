@@ -11,13 +11,17 @@ shown.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import trim_mean
 
-_TRIM = 0.25  # share removed at either end
 _TOGETHER = 100  # resamples computed at a time, to limit memory
+
+interquartile_mean = functools.partial(trim_mean, proportiontocut=0.25, axis=-1)
+"""Mean of the middle half along the last axis; a quarter, rounded down, is removed at either end."""
 
 
 @dataclass(frozen=True)
@@ -35,15 +39,6 @@ class Interval:
     def meets(self, other: Interval) -> bool:
         """Return True if two intervals overlap."""
         return self.low <= other.high and other.low <= self.high
-
-
-def interquartile_mean(values: np.ndarray) -> np.ndarray:
-    """Return the mean of the middle half along the last axis; a quarter, rounded down, is removed at either end."""
-    count = values.shape[-1]
-    cut = int(_TRIM * count)
-    if cut == 0:
-        return values.mean(axis=-1)
-    return np.partition(values, (cut, count - cut - 1), axis=-1)[..., cut : count - cut].mean(axis=-1)
 
 
 def mean(values: np.ndarray) -> np.ndarray:

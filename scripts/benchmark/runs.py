@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmark.aggregate import disagreements, read_summary, rows_of
+from benchmark.aggregate import disagreements, read_summary
 from benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, Entry, Protocol, slug
 from benchmark.robustness import settings
 from cutenv.learning.checkpoint import checkpoint_of
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
-from cutenv.learning.result_tables import write_csv
+from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import VALIDATION_SEEDS
 from cutenv.learning.statistics import best_script, summarise
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE

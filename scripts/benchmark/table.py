@@ -8,18 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmark.aggregate import (
-    ALL,
-    read_summary,
-    rows_of,
-    summary,
-    sweep_lines,
-)
+from benchmark.aggregate import ALL, read_summary, summary, sweep_lines
 from benchmark.page import write_page_of
 from benchmark.protocol import Protocol, kept_protocol, slug
 from benchmark.summary import Table
 from cutenv._base.atomic_file import atomic_write
-from cutenv.learning.result_tables import write_csv
+from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.run_provenance import marked
 from cutenv.learning.seeds import ENVIRONMENT
 from cutenv.policy import SCRIPTS

@@ -6,10 +6,8 @@ import contextlib
 import io
 import os
 from collections.abc import Iterator, Mapping
-from typing import Protocol
 
 from cutenv import cli
-from cutenv.commands import rig
 
 WIDTH = 96
 """Columns of the printed help."""
@@ -17,21 +15,12 @@ FOLDER = "reference/commands"
 _WITHOUT_CONTENTS = "---\nhide: [toc]\n---\n\n"  # leaves the column to the printed help
 
 
-class Command(Protocol):
-    """An entry of a table of commands."""
-
-    @property
-    def summary(self) -> str:
-        """One line about it."""
-
-
-def commands() -> dict[str, Command]:
+def commands() -> dict[str, cli.Command]:
     """Return every command that can be typed after ``cutenv``, such as ``"score"`` and ``"rig init"``."""
-    found: dict[str, Command] = {}
+    found: dict[str, cli.Command] = {}
     for name, command in sorted(cli.COMMANDS.items()):
         found[name] = command
-        if name == "rig":
-            found |= {f"rig {part}": command for part, command in sorted(rig.RIG_COMMANDS.items())}
+        found |= {f"{name} {part}": own for part, own in sorted(command.parts.items())}
     return found
 
 
@@ -51,7 +40,7 @@ def _sentence(summary: str) -> str:
     return f"{summary[0].upper()}{summary[1:]}."
 
 
-def _index(listed: Mapping[str, Command]) -> str:
+def _index(listed: Mapping[str, cli.Command]) -> str:
     rows = [f"| [`cutenv {name}`]({_file(name)}) | {command.summary} |" for name, command in listed.items()]
     table = "\n".join(["| command | what it does |", "| --- | --- |", *rows])
     return f"{_WITHOUT_CONTENTS}# Commands\n\n{table}\n\n{_block('')}\n"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from cutenv.cutting.sensor import SENSOR
 from cutenv.task.episode_dtypes import PROGRESS, TASK
 from cutenv.task.info import INFO_SIZE
 from cutenv.task.observation import COMPONENTS
-from speed.measured import Measured, Number
+from speed.measured import Measured, Number, fastest
 
 
 @njit
@@ -59,11 +59,7 @@ def operations_per_ns() -> tuple[float, float, float]:
     rates = []
     for operations, count, way in ways:
         way(10)
-        best = np.inf
-        for _ in range(5):
-            start = time.perf_counter()
-            way(count)
-            best = min(best, time.perf_counter() - start)
+        best = fastest({0: partial(way, count)}, 5)[0]
         rates.append(operations * count / best / 1e9)
     return rates[0], rates[1], rates[2]
 
@@ -72,12 +68,7 @@ def copy_rate() -> float:
     """Measure bytes per nanosecond read and written by a copy of 256 MB on one core."""
     source = np.ones(32 * 1024**2)
     target = np.empty_like(source)
-    best = np.inf
-    for _ in range(4):
-        start = time.perf_counter()
-        np.copyto(target, source)
-        best = min(best, time.perf_counter() - start)
-    return 2 * source.nbytes / best / 1e9
+    return 2 * source.nbytes / fastest({0: lambda: np.copyto(target, source)}, 4)[0] / 1e9
 
 
 def bytes_per_step() -> int:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple, TypeVar
+
+Key = TypeVar("Key")
 
 
 class Number(NamedTuple):
@@ -36,3 +40,14 @@ def at_least(what: str, value: float, required: float) -> str:
 def at_most(what: str, value: float, allowed: float, shown: str) -> str:
     """Return a line with the verdict on a number that must be small; ``shown`` is ``allowed`` as text."""
     return f"  {what}; {'within' if value <= allowed else 'MISSED:'} the {shown} allowed"
+
+
+def fastest(ways: Mapping[Key, Callable[[], object]], rounds: int) -> dict[Key, float]:
+    """Return the time of each way [s]: the best of rounds in which they take turns, as a busy machine slows all."""
+    best = dict.fromkeys(ways, math.inf)
+    for _ in range(rounds):
+        for name, way in ways.items():
+            start = time.perf_counter()
+            way()
+            best[name] = min(best[name], time.perf_counter() - start)
+    return best

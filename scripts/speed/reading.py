@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from cutenv.recording import load, save
 from cutenv.trace import Trace
-from speed.measured import Measured, Number, at_most
+from speed.measured import Measured, Number, at_most, fastest
 
 TIMES_LOADTXT = 3.0
 """Largest acceptable time of reading, in times of numpy.loadtxt."""
@@ -52,13 +51,7 @@ def reading_times(traces: list[Trace], rounds: int = _ROUNDS) -> dict[str, float
         }
         for suffix, path in paths.items():
             readers[suffix] = lambda path=path: load(path)  # type: ignore[misc]
-        best = dict.fromkeys(readers, np.inf)
-        for _ in range(rounds):
-            for name, reader in readers.items():
-                start = time.perf_counter()
-                reader()
-                best[name] = min(best[name], time.perf_counter() - start)
-    return best
+        return fastest(readers, rounds)
 
 
 def measure() -> Measured:

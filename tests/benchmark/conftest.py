@@ -7,16 +7,12 @@ once, and the bounds are guarded all the same.
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 
 TURNS = 7
 REPEATS = 3  # by pytest-benchmark, for its statistics

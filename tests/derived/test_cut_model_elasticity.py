@@ -6,10 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from constitutive import constitutive_matrix
 from numpy.typing import NDArray
 from skfem.models.elasticity import linear_stress
 
-from cutenv.tissue.elasticity import constitutive_matrix, elastic_form, lame_parameters
+from cutenv.tissue.elasticity import elastic_form, lame_parameters
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
 from cutenv.tissue.tables import table
 from cutenv.tissue.tip_response import stiffness_matrix

@@ -7,6 +7,7 @@ import math
 import sys
 from pathlib import Path
 
+import foreign_records as fr
 import numpy as np
 import pytest
 from recorded_cut import recorded_cut

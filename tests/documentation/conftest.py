@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "scripts" / "documentation")]
 
 
 def build(root: Path, site: Path) -> subprocess.CompletedProcess[str]:

@@ -15,8 +15,7 @@ pytest.importorskip("mkdocs", reason="the site needs an extra: pip install 'cute
 
 import environment_pages
 
-from cutenv.cli import COMMANDS
-from cutenv.commands.rig import RIG_COMMANDS
+from cutenv.cli import COMMANDS, RIG_COMMANDS
 from cutenv.scoring import METRICS
 
 LOADING = {"audio", "embed", "iframe", "img", "link", "object", "script", "source", "track", "video"}

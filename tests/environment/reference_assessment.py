@@ -23,7 +23,6 @@ WEIGHTS = {
     "wedge": 0.2,
     "stored": 0.1,
 }
-AT_THE_END = ("tip_error", "wedge", "stored", "safety")
 
 
 class Assessment(NamedTuple):

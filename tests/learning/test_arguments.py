@@ -121,7 +121,12 @@ def test_a_number_beyond_its_limits_is_refused(kind, name, value):
 
 def test_the_least_of_every_number_is_taken():
     for kind in (PPOArguments, RecurrentPPOArguments, BCArguments):
-        least = {name: type(getattr(kind(), name))(low) for name, (low, _) in kind.limits().items()}
+        numbers = [field for field in dataclasses.fields(kind) if field.type in ("int", "float")]
+        least = {
+            field.name: type(field.default)(field.metadata["allowed"][0])
+            for field in numbers
+            if field.metadata["allowed"]
+        }
         taken = kind(angle_mode="fixed", **least)
         assert {name: getattr(taken, name) for name in least} == least
 

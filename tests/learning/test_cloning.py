@@ -7,7 +7,14 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
-from cutenv.learning.cloning import CutDataset, DecisionDataset, Demonstrations, clone, demonstrations, invert_dead_zone  # noqa: E402
+from cutenv.learning.cloning import (  # noqa: E402
+    Cloning,
+    CutDataset,
+    DecisionDataset,
+    Demonstrations,
+    demonstrations,
+)
+from cutenv.learning.demonstration import invert_dead_zone  # noqa: E402
 from cutenv.policy import ConstantFeed, apply_dead_zone  # noqa: E402
 from cutenv.sb3 import FeatureVecEnv  # noqa: E402
 
@@ -35,8 +42,8 @@ def test_a_clone_comes_near_its_teacher_and_without_lessons_it_does_not():
     taught = np.stack((np.sin(2.0 * shown[:, 0]), shown[:, 1] * shown[:, 2]), axis=1)
     network = torch.nn.Sequential(torch.nn.Linear(5, 32), torch.nn.Tanh(), torch.nn.Linear(32, 2))
     lessons, parameters = DecisionDataset(shown, taught.astype(np.float32)), list(network.parameters())
-    untaught = clone(network, parameters, lessons, epochs=1, learning_rate=0.0)
-    assert clone(network, parameters, lessons, batch_size=64) < 0.4 * untaught
+    untaught = Cloning(network, parameters, lessons, epochs=1, learning_rate=0.0).run()
+    assert Cloning(network, parameters, lessons, batch_size=64).run() < 0.4 * untaught
 
 
 def test_demonstrations_are_parted_where_cuts_begin_and_none_is_lost():
@@ -63,4 +70,4 @@ def test_what_pads_a_batch_of_cuts_counts_for_nothing():
         network.weight.zero_()
         network.bias.fill_(7.0)
     expected = np.sqrt((2 * 25.0 + 5 * 4.0 + 9 * 4.0) / 16)
-    assert clone(network, [network.bias], lessons, epochs=1, learning_rate=0.0) == pytest.approx(expected)
+    assert Cloning(network, [network.bias], lessons, epochs=1, learning_rate=0.0).run() == pytest.approx(expected)

@@ -5,13 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from benchmark.intervals import Interval, interquartile_mean, mean, stratified
-from scipy import stats
-
-
-@pytest.mark.parametrize("count", [1, 3, 4, 7, 8, 101, 1000])
-def test_the_interquartile_mean_is_scipys_mean_trimmed_by_a_quarter(count):
-    values = np.random.default_rng(count).standard_cauchy((5, count))
-    assert interquartile_mean(values) == pytest.approx(stats.trim_mean(values, 0.25, axis=1))
 
 
 def test_of_eight_numbers_the_middle_four_count():

@@ -15,7 +15,7 @@ from tqdm import tqdm  # noqa: E402
 
 from cutenv.learning import on_policy, progress  # noqa: E402
 from cutenv.learning.arguments import LearnerArguments, PPOArguments  # noqa: E402
-from cutenv.learning.ppo import LEARNER, new_model  # noqa: E402
+from cutenv.learning.ppo import LEARNER  # noqa: E402
 
 SMALL = PPOArguments(
     environments=2, rollout=8, batch_size=16, demonstrations=0, averaging=0.25, timesteps=64, validations=2,
@@ -24,7 +24,7 @@ SMALL = PPOArguments(
 
 
 def untrained(arguments):
-    return new_model(arguments, arguments.environments_at(arguments.training_seeds))
+    return LEARNER.new_model(arguments, arguments.environments_at(arguments.training_seeds))
 
 
 @pytest.fixture

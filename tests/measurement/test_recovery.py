@@ -2,29 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
+import measure_recovery as script
 import pytest
 
 from cutenv.measurement.zero import TAKEN_OFF
-
-
-def _script() -> ModuleType:
-    path = Path(__file__).parents[2] / "scripts" / "measure_recovery.py"
-    spec = importlib.util.spec_from_file_location("measure_recovery", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # where its dataclasses look up their types
-    spec.loader.exec_module(module)
-    return module
-
-
-script = _script()
 
 
 @pytest.fixture(scope="module")

@@ -18,16 +18,14 @@ import pytest
 from cutenv import cli
 from cutenv.commands import train
 from cutenv.commands.options import made_folder, target_length
-from cutenv.commands.rig import RIG_COMMANDS
 from cutenv.recording.columns import parse_length
 
-MODULES = {name: command.module for name, command in cli.COMMANDS.items() if name not in ("rig", "bench")}
-MODULES |= {f"rig {name}": command.module for name, command in RIG_COMMANDS.items()}
+NAMES = [*(name for name in cli.COMMANDS if name != "rig"), *(f"rig {name}" for name in cli.RIG_COMMANDS)]
 FRAGMENT = re.compile(r"(of|for|whose|that|which|after|to|in|from|aimed|by|where|begins?)\b(?! column)", re.IGNORECASE)
 
 
 def parser_of(name: str) -> argparse.ArgumentParser:
-    return importlib.import_module(MODULES[name])._parser()
+    return importlib.import_module(cli.module_of(f"cutenv {name}"))._parser()
 
 
 def check_help(parser: argparse.ArgumentParser) -> None:
@@ -50,12 +48,12 @@ def options_of(parser: argparse.ArgumentParser) -> list[argparse.Action]:
     return [action for action in parser._actions if action.dest != "help"]
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", NAMES)
 def test_every_option_has_help_with_a_noun_or_a_verb_first_and_a_plain_placeholder(name: str) -> None:
     check_help(parser_of(name))
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", NAMES)
 def test_the_examples_of_a_command_are_taken_by_its_parser(name: str) -> None:
     check_examples(name, parser_of(name))
 
@@ -82,7 +80,7 @@ def test_the_learner_is_the_one_given_or_that_of_a_resumed_run(
     assert train._learner(given) == learner
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", NAMES)
 def test_an_option_has_one_spelling(name: str) -> None:
     parser = parser_of(name)
     spellings = {spelling for action in options_of(parser) for spelling in action.option_strings}

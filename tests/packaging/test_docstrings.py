@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import ast
-import sys
 from pathlib import Path
 
+import measure_codebase
 import pytest
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "scripts"))
 
-import measure_codebase  # noqa: E402  a program, not a package
 
 FOLDERS = ("cutenv", "agents", "scripts", "examples")
 

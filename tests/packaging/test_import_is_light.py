@@ -21,7 +21,7 @@ def test_import_cutenv_loads_nothing_heavy() -> None:
 
 
 def test_help_loads_nothing_heavy() -> None:
-    check_nothing_heavy_is_loaded("import cutenv.cli; cutenv.cli._parser().format_help()")
+    check_nothing_heavy_is_loaded("import cutenv.cli; cutenv.cli._parser('cutenv', cutenv.cli.PROGRAM).format_help()")
 
 
 def test_help_of_training_needs_no_learner() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import re
 import shutil
@@ -13,21 +12,10 @@ import types
 from pathlib import Path
 
 import pytest
+import start
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = ROOT / "scripts" / "start.py"
-
-
-def load_start() -> types.ModuleType:
-    spec = importlib.util.spec_from_file_location("start", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-start = load_start()
 
 
 @pytest.fixture

@@ -7,11 +7,12 @@ import sys
 import tomllib
 from pathlib import Path
 
+import measure_codebase
 import pytest
-from import_graph import cycles, import_graph, module_files
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = {"cutenv": "cutenv", "agents": "", "scripts": ""}
+
+
 REAL = ("cutenv.rig.hardware", "cutenv.rig.devices.canopen.axis", "cutenv.rig.devices.netft.netft_sensor")
 
 WRITE_A_RIG = """
@@ -54,18 +55,7 @@ def test_few_modules_lie_loose() -> None:
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
-    assert cycles(import_graph(module_files(ROOT, FOLDERS))) == []
-
-
-def test_a_circle_of_two_files_is_noticed(tmp_path: Path) -> None:
-    package = tmp_path / "cutenv"
-    package.mkdir()
-    (package / "one.py").write_text("from cutenv.other import Other\n")
-    (package / "other.py").write_text(
-        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from cutenv import one\n\nclass Other: ...\n"
-    )
-    graph = import_graph(module_files(tmp_path, {"cutenv": "cutenv"}))
-    assert cycles(graph) == [["cutenv.one", "cutenv.other"]]
+    assert measure_codebase.import_cycles(ROOT, *measure_codebase.CODE) == []
 
 
 @pytest.mark.parametrize("make", ["make", "make_vec"])

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from adversarial_motions import MOTIONS
 from led_cut import LedCut, changed_law, homogeneous, lead, lead_by, residual_of, turning_work
 
 from cutenv._engine.randomness import generator
 from cutenv.cutting.parameters import LawParameters
 from cutenv.tissue.specimen import SPACING, Specimen
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-
-from adversarial_motions import MOTIONS
 
 MOST_FRACTURE_ERROR = 1e-5  # [J], of 0.1 J and more
 

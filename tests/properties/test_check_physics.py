@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
+import check_physics
 import pytest
 
 from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.specimen import N_POINTS, SPACING
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-
-import check_physics
 
 
 def status(*parts: str) -> int:

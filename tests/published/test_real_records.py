@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
+import real_records
 
 from cutenv.measurement import (
     estimate_fracture_resistance,
@@ -22,16 +21,6 @@ from cutenv.trace import Trace
 SCRIPT = Path(__file__).parents[2] / "scripts" / "real_records.py"
 
 
-def _script() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("real_records", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-real_records = _script()
 recorded = pytest.mark.skipif(
     not real_records.DATA.is_file(), reason="the recorded cuts lie beside the repository, and are not there"
 )

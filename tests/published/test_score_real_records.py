@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
+import score_real_records
 
 from cutenv.scoring.study import NotEstimable, OneWay, Study, one_way_reliability
 
@@ -18,15 +17,6 @@ SCRIPTS = Path(__file__).parents[2] / "scripts"
 SCRIPT = SCRIPTS / "score_real_records.py"
 
 
-def _script() -> ModuleType:
-    sys.path.insert(0, str(SCRIPTS))
-    try:
-        return importlib.import_module("score_real_records")
-    finally:
-        sys.path.remove(str(SCRIPTS))
-
-
-score_real_records = _script()
 recorded = pytest.mark.skipif(
     not score_real_records.DATA.is_file(), reason="the recorded cuts lie beside the repository, and are not there"
 )

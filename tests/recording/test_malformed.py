@@ -12,8 +12,6 @@ from hypothesis import strategies as st
 
 from cutenv.recording import RecordError, load
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-
 import record_trials
 from record_trials import KINDS, damaged, sound
 

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import sys
 from datetime import date, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from cutting_rig import CuttingRig
 from hypothesis import assume, example, given
 from hypothesis import settings as hypothesis_settings
 from made_up_settings import FREE, USUAL, with_surprises, with_value
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-
-from cutting_rig import CuttingRig
 
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.rig.config.settings import RigSettings

@@ -16,17 +16,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rig_faults
+import rig_trials
+
+from cutenv.recording import load_one
+from cutenv.rig.emulator.faults import FAULTS
+from cutenv.rig.emulator.process import start
+from cutenv.rig.toml_file import to_toml
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
-sys.path.insert(0, str(SCRIPTS))
 
-import rig_faults  # noqa: E402  programs, not a package
-import rig_trials  # noqa: E402
-
-from cutenv.recording import load_one  # noqa: E402
-from cutenv.rig.emulator.faults import FAULTS  # noqa: E402
-from cutenv.rig.emulator.process import start  # noqa: E402
-from cutenv.rig.toml_file import to_toml  # noqa: E402
 
 ATTEMPTS = 3  # at a trial in which the host stalled
 

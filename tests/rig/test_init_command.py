@@ -45,12 +45,10 @@ def test_nothing_is_written_where_it_should_not_be(
 
 
 def test_help_lists_the_commands_of_the_rig(capsys: pytest.CaptureFixture[str]) -> None:
-    from cutenv.commands.rig import RIG_COMMANDS
-
     with pytest.raises(SystemExit, match="0"):
         cli.main(["rig", "--help"])
     shown = capsys.readouterr().out
-    assert all(name in shown and command.summary in shown for name, command in RIG_COMMANDS.items())
+    assert all(name in shown and command.summary in shown for name, command in cli.RIG_COMMANDS.items())
 
 
 def test_an_unknown_command_of_the_rig_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,7 +7,7 @@ import json
 
 import pytest
 
-from cutenv.commands.rig import main
+from cutenv.cli import main
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.policy import BASELINES
 from cutenv.recording import load_one
@@ -96,25 +96,28 @@ def test_a_policy_that_sees_the_truth_is_refused():
         cut_once(env, BASELINES["planner with truth"](), seed=0, episode=0)
 
 
+class Interfering:
+    """A feed beside which something happens once the blade is under way in a cut, numbered from 1."""
+
+    def __init__(self, number, act):
+        self.feed, self.number, self.act, self.cuts = feed(), number, act, 0
+
+    def reset(self, rng):
+        self.feed.reset(rng)
+        self.cuts += 1
+
+    def __call__(self, observation):
+        if self.cuts == self.number and observation[4] > 0.2:
+            self.act()
+        return self.feed(observation)
+
+
 def test_a_rig_that_ends_early_leaves_what_was_cut():
     operator = ScriptedOperator([("will move", "fake")])
     env = RigCutEnv(rig="fake", operator=operator, **SHORT)
-    first = feed()
-
-    class BreaksDown:
-        cuts = 0
-
-        def reset(self, rng):
-            first.reset(rng)
-            self.cuts += 1
-
-        def __call__(self, observation):
-            if self.cuts == 2 and observation[4] > 0.2:
-                env.the_fake().faults.extra_force = 40.0
-            return first(observation)
-
     operator.unasked.append(("was stopped", False))
-    cuts, _, between = cut_on_rig(env, BreaksDown(), seed=SEED, specimens=3)
+    breaks_down = Interfering(2, lambda: vars(env.the_fake().faults).update(extra_force=40.0))
+    cuts, _, between = cut_on_rig(env, breaks_down, seed=SEED, specimens=3)
     assert [cut.end for cut in cuts] == ["finished", "stopped"]  # a limit of force is the cut's own doing
     assert len(between) == 1
     assert "not agreed" in between[0]
@@ -122,23 +125,13 @@ def test_a_rig_that_ends_early_leaves_what_was_cut():
 
 def test_a_specimen_is_cut_anew_where_the_computer_lost_time():
     env = RigCutEnv(rig="fake", **SHORT)
-    own = feed()
 
-    class Stalls:
-        cuts = 0
+    def stall():
+        fake = env.the_fake()
+        fake.faults.force_silent = True
+        fake.clock.every(0.3, lambda now: vars(fake.faults).update(force_silent=False), "mended")
 
-        def reset(self, rng):
-            own.reset(rng)
-            self.cuts += 1
-
-        def __call__(self, observation):
-            fake = env.the_fake()
-            if self.cuts == 1 and observation[4] > 0.2:
-                fake.faults.force_silent = True
-                fake.clock.every(0.3, lambda now: vars(fake.faults).update(force_silent=False), "mended")
-            return own(observation)
-
-    cuts, _, between = cut_on_rig(env, Stalls(), seed=SEED, specimens=2)
+    cuts, _, between = cut_on_rig(env, Interfering(1, stall), seed=SEED, specimens=2)
     env.close()
     assert [cut.end for cut in cuts] == ["finished", "finished"]
     assert len(between) == 1
@@ -147,21 +140,8 @@ def test_a_specimen_is_cut_anew_where_the_computer_lost_time():
 
 def test_a_person_who_stops_it_gets_what_was_cut():
     env = RigCutEnv(rig="fake", **SHORT)
-    own = feed()
-
-    class Interrupted:
-        cuts = 0
-
-        def reset(self, rng):
-            own.reset(rng)
-            self.cuts += 1
-
-        def __call__(self, observation):
-            if self.cuts == 2 and observation[4] > 0.2:
-                env.session.plant.supervisor.trip(Cause.INTERRUPTED, "SIGINT")
-            return own(observation)
-
-    cuts, _, between = cut_on_rig(env, Interrupted(), seed=SEED, specimens=3)
+    interrupted = Interfering(2, lambda: env.session.plant.supervisor.trip(Cause.INTERRUPTED, "SIGINT"))
+    cuts, _, between = cut_on_rig(env, interrupted, seed=SEED, specimens=3)
     env.close()
     assert [cut.end for cut in cuts] == ["finished"]
     assert "SIGINT" in between[0]
@@ -186,8 +166,8 @@ def test_the_command_prints_a_screen_and_writes_page_json_and_records(tmp_path, 
     pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
     out, numbers = tmp_path / "out", tmp_path / "numbers.json"
     status = main(
-        ["evaluate", "--policy", "constant 2.54 cm/s 90 deg", "--rig", "fake", "--specimens", "6", "--draws", "2",
-         "--change", "motor_lag=0.12", "--out", str(out), "--json", str(numbers)]
+        ["rig", "evaluate", "--policy", "constant 2.54 cm/s 90 deg", "--rig", "fake", "--specimens", "6",
+         "--draws", "2", "--change", "motor_lag=0.12", "--out", str(out), "--json", str(numbers)]
     )  # fmt: skip
     printed = capsys.readouterr().out
     assert status in (0, 1)
@@ -219,5 +199,5 @@ def test_the_command_prints_a_screen_and_writes_page_json_and_records(tmp_path, 
 )
 def test_bad_options_are_refused_in_the_readers_words(options, said, capsys):
     given = ["--policy", "nothing", "--rig", "fake", *options]
-    assert main(["evaluate", *given]) == 2
+    assert main(["rig", "evaluate", *given]) == 2
     assert said in capsys.readouterr().err

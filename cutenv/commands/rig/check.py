@@ -7,31 +7,27 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Sequence
 from datetime import date
 from typing import Any
 
-from cutenv.commands.options import RIG, command_parser
+from cutenv.commands.options import RIG, command_parser, reports_errors
 from cutenv.rig.connection import connected, settings_of
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.preflight import Check, may_move
 from cutenv.rig.operation.self_check import Inspection, inspect
 
 
+@reports_errors("rig check")
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, 1 if a check fails, or 2 if the rig's file cannot be used."""
     arguments = _parser().parse_args(argv)
+    said = may_move(settings_of(arguments.rig), date.today())  # what the file says needs no connection
     try:
-        said = may_move(settings_of(arguments.rig), date.today())  # what the file says needs no connection
-        try:
-            with connected(arguments.rig) as rig:
-                found = inspect(rig.plant, date.today())
-        except RigError as error:
-            found = Inspection(checks=(*said, Check("connection", False, str(error))), told={})
-    except (OSError, ValueError) as error:
-        print(f"cutenv rig check: {error}", file=sys.stderr)
-        return 2
+        with connected(arguments.rig) as rig:
+            found = inspect(rig.plant, date.today())
+    except RigError as error:
+        found = Inspection(checks=(*said, Check("connection", False, str(error))), told={})
     if arguments.json:
         print(json.dumps(as_json(found), indent=2))
     else:

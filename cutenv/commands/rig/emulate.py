@@ -8,17 +8,36 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import add_specimen_class, command_parser
+from cutenv.commands.options import add_specimen_class, command_parser, reports_errors
 
 if TYPE_CHECKING:
     from cutenv.rig.emulator.assembly import Options
 
+_CONSTANTS = (
+    ("--lag-ms", "mechanics.lag", 1e-3, "MS", "lag of the blade's speed [ms]; default 40"),
+    ("--dead-time-ms", "mechanics.dead_time", 1e-3, "MS", "dead time from target to motion [ms]; default 0"),
+    ("--backlash-mm", "mechanics.backlash", 1e-3, "MM", "backlash of the screw [mm]; default 0.02"),
+    ("--friction-N", "mechanics.friction", 1.0, "N",
+     "friction of motor, gear and screw at the carriage [N]; default 20"),
+    ("--force-delay-ms", "sensor.force_delay", 1e-3, "MS", "delay of the force sensor [ms]; default the simulator's"),
+    ("--force-noise-N", "sensor.force_noise", 1.0, "N", "noise of the force sensor [N]; default the simulator's"),
+    ("--force-resolution-N", "sensor.force_resolution", 1.0, "N",
+     "resolution of the force sensor [N]; default the simulator's"),
+    ("--force-drift-N", "sensor.force_drift", 1.0, "N", "drift of the force sensor's zero: standard deviation of its "
+     "random walk one second after the specimen was laid [N]; default 0"),
+    ("--debt-length-mm", "law.debt_length", 1e-3, "MM",
+     "debt length of the cutting law [mm]; default the simulator's"),
+    ("--blade-friction-Ns-m2", "law.friction_per_depth_speed", 1.0, "F",
+     "viscous friction of the blade in tissue, per depth and speed [N s/m2]; default 0"),
+)  # fmt: skip
+"""Option, the constant that it sets, its unit in SI, placeholder and help."""
 
+
+@reports_errors("rig emulate", TypeError)
 def main(argv: Sequence[str]) -> int:
     """Run the command until it is ended; return 0, or 2 if an option is bad or a port is taken."""
     arguments = _parser().parse_args(argv)
@@ -30,16 +49,12 @@ def main(argv: Sequence[str]) -> int:
             known += ["axis=blade"] if fault.of_axis else []
             print(f"{name:<16} {fault.summary}" + (f" ({', '.join(known)})" if known else ""))
         return 0
-    try:
-        from cutenv.rig.emulator.process import serve
+    from cutenv.rig.emulator.process import serve
 
-        parent = os.getppid() if arguments.with_parent == 0 else arguments.with_parent
-        faults = [parsed_fault(text) for text in arguments.fault]
-        options = _options(arguments)
-        serve(options, faults=faults, parent=parent, real_time=arguments.real_time, file=arguments.write)
-    except (OSError, ValueError, TypeError) as error:
-        print(f"cutenv rig emulate: {error}", file=sys.stderr)
-        return 2
+    parent = os.getppid() if arguments.with_parent == 0 else arguments.with_parent
+    faults = [parsed_fault(text) for text in arguments.fault]
+    options = _options(arguments)
+    serve(options, faults=faults, parent=parent, real_time=arguments.real_time, file=arguments.write)
     return 0
 
 
@@ -53,35 +68,27 @@ def _options(arguments: argparse.Namespace) -> Options:
 
     tissue = None if arguments.tissue is None else load_description(arguments.tissue)
     laid = Laid(seed=arguments.seed, episode=arguments.episode, specimen_class=arguments.specimen_class, tissue=tissue)
-    mechanics = {"lag": _si(arguments.lag_ms, 1e-3), "dead_time": _si(arguments.dead_time_ms, 1e-3)}
-    mechanics |= {"backlash": _si(arguments.backlash_mm, 1e-3), "friction": arguments.friction_N}
-    sensor = {"force_delay": _si(arguments.force_delay_ms, 1e-3), "force_noise": arguments.force_noise_N}
-    sensor |= {"force_resolution": arguments.force_resolution_N, "force_drift": arguments.force_drift_N}
-    law = {"debt_length": _si(arguments.debt_length_mm, 1e-3)}
-    law |= {"friction_per_depth_speed": arguments.blade_friction_Ns_m2}
+    given: dict[str, dict[str, float]] = {"mechanics": {}, "sensor": {}, "law": {}}
+    for option, constant, unit, *_ in _CONSTANTS:
+        value = getattr(arguments, option.removeprefix("--").replace("-", "_"))
+        if value is not None:
+            group, _, name = constant.partition(".")
+            given[group][name] = unit * value
     return Options(
         angle_mode=arguments.angle,
         angle=math.radians(arguments.angle_deg),
         laid=None if arguments.free_air else laid,
         force_limit=arguments.force_limit_N,
-        blade_mechanics=Mechanics(**_given(mechanics)),
+        blade_mechanics=Mechanics(**given["mechanics"]),
         hinge_mechanics=hinge(),
-        sensor=SensorParameters(**_given(sensor)),
-        law=LawParameters(**_given(law)),
+        sensor=SensorParameters(**given["sensor"]),
+        law=LawParameters(**given["law"]),
         host=arguments.host,
         can_port=arguments.can_port,
         sensor_port=arguments.sensor_port,
         page_port=arguments.page_port,
         control_port=arguments.control_port,
     )
-
-
-def _si(value: float | None, unit: float) -> float | None:
-    return None if value is None else unit * value
-
-
-def _given(values: dict[str, float | None]) -> dict[str, float]:
-    return {name: value for name, value in values.items() if value is not None}
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -108,25 +115,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--list-faults", action="store_true", help="print the faults and their parameters, and end")
     add("--force-limit-N", type=float, default=15.0, metavar="N", help="true force whose crossing is noted [N]; "
         "default 15")  # fmt: skip
-    add("--lag-ms", type=float, default=40.0, metavar="MS", help="lag of the blade's speed [ms]; default 40")
-    add("--dead-time-ms", type=float, default=0.0, metavar="MS", help="dead time from target to motion [ms]; default 0")
-    add("--backlash-mm", type=float, metavar="MM", help="backlash of the screw [mm]; default 0.02")
-    add(
-        "--friction-N",
-        type=float,
-        metavar="N",
-        help="friction of motor, gear and screw at the carriage [N]; default 20",
-    )
-    add("--force-delay-ms", type=float, metavar="MS", help="delay of the force sensor [ms]; default the simulator's")
-    add("--force-noise-N", type=float, metavar="N", help="noise of the force sensor [N]; default the simulator's")
-    add("--force-resolution-N", type=float, metavar="N", help="resolution of the force sensor [N]; default the "
-        "simulator's")  # fmt: skip
-    add("--force-drift-N", type=float, metavar="N", help="drift of the force sensor's zero: standard deviation of its "
-        "random walk one second after the specimen was laid [N]; default 0")  # fmt: skip
-    add("--debt-length-mm", type=float, metavar="MM", help="debt length of the cutting law [mm]; default the "
-        "simulator's")  # fmt: skip
-    add("--blade-friction-Ns-m2", type=float, metavar="F", help="viscous friction of the blade in tissue, per depth "
-        "and speed [N s/m2]; default 0")  # fmt: skip
+    for option, _, _, metavar, about in _CONSTANTS:
+        add(option, type=float, metavar=metavar, help=about)
     add("--host", default="127.0.0.1", metavar="ADDRESS", help="address to listen on; default 127.0.0.1, this computer "
         "alone")  # fmt: skip
     for name, used in (("can", "the CAN bus"), ("sensor", "the force sensor"), ("page", "the sensor's page"),

@@ -15,32 +15,28 @@ from cutenv.commands.options import (
     add_target_length,
     command_parser,
     made_folder,
+    reports_errors,
     target_length,
 )
+from cutenv.rig.errors import RigError
 
 if TYPE_CHECKING:
     from cutenv.envs.rig_cut import RigCutEnv
     from cutenv.sim_to_real.evaluation_result import Evaluation
+    from cutenv.sim_to_real.paired_experiment import ProgressCallback
 
-AGREE, DIFFER, BAD = 0, 1, 2
+AGREE, DIFFER = 0, 1
 _OF_BOTH = ("control_hz", "deadline_s", "angle_mode", "fixed_angle_deg")
 _PAGE, _RECORDS = "evaluation.html", "records"
 
 
+@reports_errors("rig evaluate", ImportError, TypeError, RigError)
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0 if both agree or it is open, 1 if they differ, 2 for a bad option or rig."""
-    from cutenv.rig.errors import RigError
-
     arguments = _parser().parse_args(argv)
-    try:
-        evaluation = _evaluated(arguments)
-        print("\n".join(evaluation.lines()))
-        _write(arguments, evaluation)
-    except (ImportError, OSError, ValueError, TypeError, RigError) as error:
-        if isinstance(error, ModuleNotFoundError):
-            raise  # the command line names the extra
-        print(f"cutenv rig evaluate: {error}", file=sys.stderr)
-        return BAD
+    evaluation = _evaluated(arguments)
+    print("\n".join(evaluation.lines()))
+    _write(arguments, evaluation)
     return DIFFER if evaluation.agreement.verdict.answer == "differ" else AGREE
 
 
@@ -48,7 +44,6 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
     from cutenv.commands.rig.run import chosen_policy
     from cutenv.envs.rig_cut import RigCutEnv
     from cutenv.rig.config.identified import environment_arguments
-    from cutenv.rig.errors import RigError
     from cutenv.sim_to_real import FEWEST_SPECIMENS
     from cutenv.sim_to_real.evaluation_result import Evaluation
     from cutenv.sim_to_real.paired_experiment import paired_experiment, save_records, simulator_like
@@ -68,11 +63,10 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
             raise ValueError("--change is for an emulated or fake rig: a real one is described by its file.")
         simulated = {name: value for name, value in shared.items() if name not in ("angle_mode", "fixed_angle_deg")}
         simulator = simulator_like(rig, **simulated)
-        with _Progress(arguments.specimens) as told:
-            cuts = paired_experiment(
-                rig, simulator, policy,
-                seed=arguments.seed, specimens=arguments.specimens, draws=arguments.draws, told=told,
-            )  # fmt: skip
+        cuts = paired_experiment(
+            rig, simulator, policy, seed=arguments.seed, specimens=arguments.specimens, draws=arguments.draws,
+            told=_progress(arguments.specimens, stack),
+        )  # fmt: skip
         given = environment_arguments(rig.settings.identified)
         name = _rig_name(arguments.rig, rig)
     if len(cuts.rig) < FEWEST_SPECIMENS:
@@ -132,28 +126,20 @@ def _write(arguments: argparse.Namespace, evaluation: Evaluation) -> None:
         print(f"page: {arguments.out / _PAGE}; records: {arguments.out / _RECORDS}")
 
 
-class _Progress:
-    """Progress bar for each side."""
+def _progress(specimens: int, stack: ExitStack) -> ProgressCallback | None:
+    """Return what shows a progress bar for each side; None where tqdm, an extra that only shows it, is missing."""
+    try:
+        from tqdm import tqdm
+    except ModuleNotFoundError:
+        return None
+    bars: dict[str, Any] = {}
 
-    def __init__(self, specimens: int) -> None:
-        self._specimens = specimens
-        self._bars: dict[str, Any] = {}
+    def told(side: str, done: int) -> None:
+        if side not in bars:
+            bars[side] = stack.enter_context(tqdm(total=specimens, desc=side, unit="specimen", file=sys.stderr))
+        bars[side].update(done - bars[side].n)
 
-    def __call__(self, side: str, done: int) -> None:
-        try:
-            from tqdm import tqdm
-        except ModuleNotFoundError:  # an extra that only shows progress
-            return
-        if side not in self._bars:
-            self._bars[side] = tqdm(total=self._specimens, desc=side, unit="specimen", file=sys.stderr)
-        self._bars[side].update(done - self._bars[side].n)
-
-    def __enter__(self) -> _Progress:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        for bar in self._bars.values():
-            bar.close()
+    return told
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
-from cutenv.commands.options import RIG, command_parser
+from cutenv.commands.options import RIG, command_parser, reports_errors
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.connection import EMULATOR, FAKE, connected, operator_of
 from cutenv.rig.errors import RigError
@@ -22,6 +22,7 @@ from cutenv.rig.safety.stop_causes import RigStopped
 from cutenv.rig.toml_file import write_identified
 
 
+@reports_errors("rig identify")
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, 1 if the rig refuses or stopped the blade, or 2 if an option or the file is bad."""
     arguments = _parser().parse_args(argv)
@@ -38,15 +39,9 @@ def main(argv: Sequence[str]) -> int:
             recorded = perform(rig.plant, plan, tell=print)
             rig.plant.halt()
         _report(identification_from(settings, plan, recorded), settings, arguments)
-    except RigStopped as stop:
-        print(f"cutenv rig identify: stopped: {stop}", file=sys.stderr)
-        return 1
     except RigError as error:
-        print(f"cutenv rig identify: {error}", file=sys.stderr)
+        print(f"cutenv rig identify: {'stopped: ' * isinstance(error, RigStopped)}{error}", file=sys.stderr)
         return 1
-    except (OSError, ValueError) as error:
-        print(f"cutenv rig identify: {error}", file=sys.stderr)
-        return 2
     return 0
 
 

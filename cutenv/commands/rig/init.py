@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv.commands.options import command_parser
+from cutenv.commands.options import command_parser, reports_errors
 from cutenv.rig.toml_file import template
 
 
+@reports_errors("rig init")
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the file exists already or cannot be written."""
     arguments = _parser().parse_args(argv)
     path: Path = arguments.file
+    if path.suffix != ".toml":
+        raise ValueError(f"{path} must end in .toml.")
     try:
-        if path.suffix != ".toml":
-            raise ValueError(f"{path} must end in .toml.")
         with path.open("x", encoding="utf-8") as file:
             file.write(template(arguments.name or path.stem))
     except FileExistsError:
-        print(f"cutenv rig init: {path} is there already, and is left as it is. Give another name.", file=sys.stderr)
-        return 2
-    except (OSError, ValueError) as error:
-        print(f"cutenv rig init: {error}", file=sys.stderr)
-        return 2
+        raise ValueError(f"{path} is there already, and is left as it is. Give another name.") from None
     print(f"rig: {path}\n  fill in what its lines '# FILL IN:' ask for; nothing moves while armed_by is empty")
     return 0
 

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from datetime import date
 
-from cutenv.commands.options import RIG, command_parser
+from cutenv.commands.options import RIG, command_parser, reports_errors
 from cutenv.commands.rig.terminal_keys import check_terminal, terminal_keys
 from cutenv.rig.connection import connected, operator_of
 from cutenv.rig.devices.clock import PacedClock
@@ -24,6 +24,7 @@ from cutenv.rig.safety.stop_causes import RigStopped
 _CLEAR_LINE = "\r\x1b[K"
 
 
+@reports_errors("rig jog")
 def main(argv: Sequence[str]) -> int:
     """Jog until q; return 0, 1 if the rig refuses or stopped the blade, or 2 if an option or the file is bad."""
     arguments = _parser().parse_args(argv)
@@ -39,15 +40,9 @@ def main(argv: Sequence[str]) -> int:
                     jog(rig.plant, keyboard, controls, _show)
                 finally:
                     print()
-    except RigStopped as stop:
-        print(f"cutenv rig jog: stopped: {stop}", file=sys.stderr)
-        return 1
     except RigError as error:
-        print(f"cutenv rig jog: {error}", file=sys.stderr)
+        print(f"cutenv rig jog: {'stopped: ' * isinstance(error, RigStopped)}{error}", file=sys.stderr)
         return 1
-    except (OSError, ValueError) as error:
-        print(f"cutenv rig jog: {error}", file=sys.stderr)
-        return 2
     return 0
 
 

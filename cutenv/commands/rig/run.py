@@ -15,29 +15,33 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cutenv.commands.options import RIG, add_specimen_class, add_target_length, command_parser, target_length
+from cutenv.commands.options import (
+    RIG,
+    add_specimen_class,
+    add_target_length,
+    command_parser,
+    reports_errors,
+    target_length,
+)
+from cutenv.rig.errors import RigError
 
 if TYPE_CHECKING:
     from cutenv.envs.rig_cut import RigCutEnv
     from cutenv.policy import Policy
 
-_STOPPED, _BAD, _INTERRUPTED = 3, 2, 130
+_STOPPED, _INTERRUPTED = 3, 130
 _LATE = ("force stale", "force late", "motion stale", "clock overrun", "heartbeat lost")
 
 
+@reports_errors("rig run", RigError)
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0 if all cuts ended by themselves, 3 if one was stopped, 2 if something is bad."""
-    from cutenv.rig.errors import RigError
-
     arguments = _parser().parse_args(argv)
     try:
         return _dry_run(arguments) if arguments.dry_run is not None else _run(arguments)
     except KeyboardInterrupt:
         print("\ncutenv rig run: interrupted; nothing moves", file=sys.stderr)
         return _INTERRUPTED
-    except (OSError, ValueError, RigError) as error:
-        print(f"cutenv rig run: {error}", file=sys.stderr)
-        return _BAD
 
 
 def chosen_policy(name: str) -> tuple[Policy, dict[str, Any]]:
