@@ -13,10 +13,11 @@ from cutenv._base.arrays import StructArray
 from cutenv._engine.randomness import generator
 from cutenv.cutting.drive import Hand
 from cutenv.cutting.sensor import SensorParameters
-from cutenv.plant.protocol import Leg, depth_along, run
+from cutenv.plant.protocol import Leg, run
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.recording.column_map import ColumnMap
 from cutenv.recording.columns import UNITS
+from cutenv.tissue.grid import depth_below
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace
 
@@ -135,7 +136,7 @@ def valid_record(seed: int) -> ValidRecord:
         starts.append(began + len(rest) * 1e-3)
         began += len(readings) * 1e-3
         parts.append({name: readings[name].copy() for name in ("force", "position", "speed", "angle")})
-        parts[-1]["depth"] = depth_along(plant, readings["position"])
+        parts[-1]["depth"] = depth_below(plant.depth, readings["position"])
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     stride = int(rng.choice([1, 1, 2, 5, 10]))
     kept = np.arange(len(columns["force"])) % stride == 0
@@ -180,7 +181,7 @@ def one_cut(seed: int) -> Trace:
     turns = [length, 0.0] if rng.random() < 0.5 else [length]
     readings = run(plant, [Leg(position=x, speed=velocity, angle=angle, dwell=0.2) for x in turns])
     fields = {name: readings[name].copy() for name in ("time", "force", "position", "speed", "angle")}
-    return Trace(**fields, depth=depth_along(plant, readings["position"]))
+    return Trace(**fields, depth=depth_below(plant.depth, readings["position"]))
 
 
 def stuck(trace: Trace, rng: np.random.Generator) -> Flawed:

@@ -16,12 +16,12 @@ import numpy as np
 
 from cutenv.cutting.dtypes import TICK
 from cutenv.plant import ReplayPlant
-from cutenv.plant.protocol import depth_along
 from cutenv.policy import Policy, PrivilegedPolicy
 from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task.observation import SPEED_SCALE, to_action
 from cutenv.task.weights import Limits, RewardWeights
 from cutenv.tissue.description import measured_liver
+from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
 
 _REST = 1e-6 / SPEED_SCALE  # speed of an action below which it means rest
@@ -191,7 +191,7 @@ def _felt(cutting: GentleCutting) -> dict[str, float]:
         last["position"],
         last["speed"],
         math.degrees(last["angle"]),
-        depth_along(cutting.plant, last["position"]),
+        depth_below(cutting.plant.depth, last["position"]),
         bool(cutting.end) and cutting.success,
     )
     return dict(zip(FELT, map(float, values), strict=True))

@@ -6,14 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
 from cutenv._base.validation import in_range
 from cutenv.cutting.dtypes import TICK
 from cutenv.plant.interface import Plant
 from cutenv.plant.simulator import check_angle
-from cutenv.tissue.specimen import SPACING
+from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
 
 _PATIENCE = 2.0  # multiple of a leg's ideal duration after which a blade that does not arrive is an error
@@ -82,11 +81,6 @@ def run(plant: Plant, legs: list[Leg]) -> StructArray:
     return np.concatenate(parts)
 
 
-def depth_along(plant: Plant, position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the depth of cut [m] measured beforehand, at blade positions [m] of any shape."""
-    return np.interp(position, np.arange(len(plant.depth)) * SPACING, plant.depth)
-
-
 def to_trace(plant: Plant, readings: StructArray, **metadata: object) -> Trace:
     """Return the readings as a rig would have recorded them: force, position, speed, angle, depth; no hidden state."""
     position = readings["position"].copy()
@@ -96,7 +90,7 @@ def to_trace(plant: Plant, readings: StructArray, **metadata: object) -> Trace:
         position=position,
         speed=readings["speed"].copy(),
         angle=readings["angle"].copy(),
-        depth=depth_along(plant, position),
+        depth=depth_below(plant.depth, position),
         force_unit="N",
         metadata=dict(metadata),
     )

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import StructArray
 from cutenv._base.validation import in_range
 from cutenv.cutting.dtypes import READING, TICK
-from cutenv.measurement.strokes import blade_speed
 from cutenv.tissue.specimen import N_POINTS, SPACING
-from cutenv.trace import Trace
+from cutenv.trace import Trace, blade_speed
 
 _AT_CLAMP = 0.005  # [m], largest distance from the clamp at which a cut may begin
 _FEWEST = 20.0  # readings a second; with fewer, what happened between them is unknown

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import sys
-from pathlib import Path
 
-import foreign_records as fr
 import numpy as np
 import pytest
 from recorded_cut import recorded_cut
+from virtual_records import FLAWS, one_cut, valid_record
 
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.measurement import quality_issues
 from cutenv.trace import Trace
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-from virtual_records import FLAWS, one_cut, valid_record
 
 SENSORS = [
     SensorParameters(force_noise=noise, force_resolution=resolution)
