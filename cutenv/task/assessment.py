@@ -309,12 +309,13 @@ def tell(state: Struct, profile: Struct, law: Struct, task: Struct, specimen: St
     _tell(state, law, task, account(state, profile), specimen.modulus[place], specimen.fracture_resistance[place], info)
 
 
-@njit
-def observe_rest(task: Struct, measured: Struct, angle: float, last_angle: float, observation: StructArray) -> None:
-    """Fill the observation at the start: the blade at rest at the clamp, force tared to zero."""
-    count = first_row(np.zeros(1, COUNT_ONE))
+@njit_inline
+def observe_rest(
+    counts: StructArray, task: Struct, measured: Struct, angle: float, last_angle: float, observation: StructArray
+) -> None:
+    """Fill the observation at the start: the blade at rest at the clamp, force tared to zero; ``counts`` are zeros."""
     _fill(
-        count, 0, 0.0, 1, 0.0, 0.0, angle, depth_at(measured, 0.0), 0.0, task.target, task.deadline, 0.0, last_angle,
+        first_row(counts), 0, 0.0, 1, 0.0, 0.0, angle, depth_at(measured, 0.0), 0.0, task.target, task.deadline, 0.0, last_angle,
         observation,
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._engine.jit import njit, njit_internal, njit_nogil
 from cutenv._engine.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, Integer, uniform_at
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
-from cutenv.task.assessment import observe_rest
+from cutenv.task.assessment import COUNT_ONE, observe_rest
 from cutenv.task.cuts import Cuts
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE
 from cutenv.task_quantities import MEASURABLE_DEPTH
@@ -100,6 +100,7 @@ def begin_some(
     vascular : array of int8, shape (n,)
         1 for a sampled specimen with vessels, 0 without.
     """
+    counts = np.zeros(1, COUNT_ONE)
     k, end = next_chunk(passed, core, 1)
     while k < end:
         n = which[k]
@@ -137,6 +138,6 @@ def begin_some(
         measure_depth(seed, episode, depth_noise, depth_modes, profile.depth, nominal.depth)
         expect(expected[0], nominal)
         angle = cuts.states[n].angle
-        observe_rest(cuts.tasks[n], nominal, angle, (angle - ANGLE_CENTRE) / ANGLE_SCALE, observations[n])
+        observe_rest(counts, cuts.tasks[n], nominal, angle, (angle - ANGLE_CENTRE) / ANGLE_SCALE, observations[n])
         mark_done(passed, core, 1)
         k, end = next_chunk(passed, core, 1)

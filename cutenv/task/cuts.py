@@ -25,6 +25,7 @@ from cutenv.task.assessment import (
     begin_count,
     conclude,
     count_lane,
+    observe_rest,
     reward_of,
     tell,
 )
@@ -125,6 +126,13 @@ def step_one(
     put(row, plain, 0, 0)
     _conclude(one, 0, row, count, 0, from_truth, action[0], observations[0], e.infos[0])
     return add_terms(numbers, e.totals), count.end[0]
+
+
+@njit
+def rest_one(episodes: StructArray, angle: float, last_angle: float, observation: StructArray) -> None:
+    """Fill the observation of one episode at its start, before any step: :func:`observe_rest`."""
+    e = episodes[0]
+    observe_rest(e.counts, e.tasks[0], e.nominals[0], angle, last_angle, observation)
 
 
 @njit

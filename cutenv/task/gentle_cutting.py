@@ -10,9 +10,9 @@ from cutenv._engine.jit import njit
 from cutenv.cutting.dtypes import PROFILE, READING
 from cutenv.plant.interface import Plant
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.task.assessment import assess_readings, charge_end, observe_rest, succeeded
+from cutenv.task.assessment import assess_readings, charge_end, succeeded
 from cutenv.task.beginning import expect
-from cutenv.task.cuts import EPISODE, Cuts, step_one, tell_one
+from cutenv.task.cuts import EPISODE, Cuts, rest_one, step_one, tell_one
 from cutenv.task.info import GROUPS, OUT_OF_RANGE, PLACES, WHOLE
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, SPEED_SCALE
 from cutenv.task.reward import ENDS, STOPPED, TERMS
@@ -119,7 +119,7 @@ class GentleCutting:
         """Return the observation at the start: the blade at rest at the clamp, force tared to zero."""
         self.last_action = np.array([0.0, (angle - ANGLE_CENTRE) / ANGLE_SCALE])
         observation = np.empty(len(COMPONENTS), np.float32)
-        observe_rest(self.task[0], self.nominal[0], angle, self.last_action[1], observation)
+        rest_one(self.episode, angle, self.last_action[1], observation)
         return observation
 
     @property
