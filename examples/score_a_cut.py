@@ -18,5 +18,5 @@ for name in ("tip_error", "peak_force", "force_drops"):
     print(f"{name:12} {scored.value:8.4g}   better than {scored.percentile:.0f} % of the reference cuts")
 print(f"overall score: {card.overall_score:.0f} of 100; faults: {[fault.kind for fault in card.faults]}")
 
-tip = plant.cuts["state"]["tip"][0]  # hidden: the card estimates it from the return stroke
+tip = plant.states["tip"][0]  # hidden: the card estimates it from the return stroke
 assert abs(card.metrics["tip_error"].value - abs(tip - 0.08)) < 0.5e-3

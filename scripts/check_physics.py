@@ -91,13 +91,14 @@ def check_stiffness(specimens: Sequence[Specimen]) -> Iterator[Row]:
 
 def reload_ratios(specimen: Specimen, speed: float, angle: float) -> list[tuple[float, bool]]:
     """Return the elastic force on return to each of :data:`TURNS` over the one before, and whether a crack just ran."""
-    profile, law = profile_records([specimen])[0], law_records([specimen])[0]
-    state = new_state(1, angle)[0]
+    profiles, laws = profile_records([specimen]), law_records([specimen])
+    states = new_state(1, angle)
+    state = states[0]
 
     def felt_at(place: float) -> float:
         count = max(1, math.ceil(abs(place - state.blade) / (speed * TICK)))
         path, readings = np.linspace(state.blade, place, count + 1)[1:], np.zeros(count, READING)
-        follow(state, profile, law, path, np.full(count, angle), TICK, readings)
+        follow(states, profiles, laws, path, np.full(count, angle), TICK, readings)
         return float(readings["elastic_force"][-1])
 
     found = []
@@ -123,22 +124,22 @@ def check_reloading(specimens: Sequence[Specimen]) -> Iterator[Row]:
 
 @njit
 def _lead(
-    state: Any, profile: Any, law: Any, positions: Array, angles: Array, readings: Any, energies: Array, shares: Array
+    states: Any, profiles: Any, laws: Any, positions: Array, angles: Array, readings: Any, shares: Array
 ) -> None:
     """Move a blade; fill ``shares`` with the residual over the work, or over 1 mJ, after each update."""
     for i in range(len(positions)):
         now = slice(i, i + 1)
-        follow(state, profile, law, positions[now], angles[now], TICK, readings[now])
-        account(state, profile, energies)
-        shares[i] = abs(energies[6]) / max(energies[0], LEAST_WORK)
+        follow(states, profiles, laws, positions[now], angles[now], TICK, readings[now])
+        energy = account(states[0], profiles[0])
+        shares[i] = abs(energy.residual) / max(energy.work, LEAST_WORK)
 
 
 def worst_residual(specimen: Specimen, motion: str, episode: int) -> float:
     """Return the largest residual of the energy account during a motion, over the work or 1 mJ [1]."""
     positions, angles = MOTIONS[motion](generator(SEED, episode))
     angles, shares = np.ascontiguousarray(np.broadcast_to(angles, positions.shape)), np.zeros(len(positions))
-    state, profile, law = new_state(1, angles[0])[0], profile_records([specimen])[0], law_records([specimen])[0]
-    _lead(state, profile, law, positions, angles, np.zeros(len(positions), READING), np.zeros(7), shares)
+    states, profiles, laws = new_state(1, angles[0]), profile_records([specimen]), law_records([specimen])
+    _lead(states, profiles, laws, positions, angles, np.zeros(len(positions), READING), shares)
     return float(shares.max())  # NaN if any is
 
 

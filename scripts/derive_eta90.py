@@ -40,9 +40,8 @@ def cut_along(specimen: Specimen, end: float, speed: float) -> NDArray[np.void]:
     """Return the readings of a blade moved from the clamp to ``end`` [m] at ``speed`` [m/s], upright."""
     positions = np.arange(1, math.ceil(end / (speed * TICK)) + 1) * speed * TICK
     readings = np.zeros(len(positions), READING)
-    state = new_state(1, math.pi / 2)
-    angles = np.full(len(positions), math.pi / 2)
-    follow(state[0], profile_records([specimen])[0], law_records([specimen])[0], positions, angles, TICK, readings)
+    angles, start = np.full(len(positions), math.pi / 2), new_state(1, math.pi / 2)
+    follow(start, profile_records([specimen]), law_records([specimen]), positions, angles, TICK, readings)
     return readings
 
 

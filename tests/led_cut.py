@@ -1,4 +1,4 @@
-"""Cuts whose every instant is kept: by the compiled law, or by a law that was changed on purpose."""
+"""Cuts whose every instant is kept: by the compiled law, or by a law in plain Python that was changed on purpose."""
 
 from __future__ import annotations
 
@@ -18,9 +18,14 @@ from cutenv.cutting import blade as cutting_blade
 from cutenv.cutting import friction as cutting_friction
 from cutenv.cutting import law as cutting_law
 from cutenv.cutting import relaxation as cutting_relaxation
-from cutenv.cutting.dtypes import LAW, READING, STATE, new_state
-from cutenv.cutting.law import cut
+from cutenv.cutting import row as cutting_row
+from cutenv.cutting import update as cutting_update
+from cutenv.cutting.drive import Hand, advance_command, coupling_step, lag_gain
+from cutenv.cutting.dtypes import DRIVE, READING, STATE, TICK, new_state
+from cutenv.cutting.friction import Grip
 from cutenv.cutting.parameters import LawParameters, law_records, profile_records
+from cutenv.cutting.row import ONE
+from cutenv.cutting.simulate import follow
 from cutenv.tissue.description import TissueDescription, tables_only
 from cutenv.tissue.specimen import N_POINTS, SPACING, Specimen
 
@@ -86,52 +91,39 @@ def lead(
     ``start`` is the state to begin with; by default blade and tip stand at the clamp, at the first angle.
     """
     angles = _along(positions, angles)
-    profile, law = profile_records([specimen])[0], law_records([specimen], parameters)[0]
+    profiles, laws = profile_records([specimen]), law_records([specimen], parameters)
     states = new_state(len(positions) + 1, angles[0])
     if start is not None:
         states[0] = start
     readings = np.zeros(len(positions), READING)
-    _lead(states, profile, law, np.asarray(positions, dtype=float), angles, dt, readings)
-    return LedCut(profile, law, states, readings)
+    _lead(states, profiles, laws, np.asarray(positions, dtype=float), angles, dt, readings)
+    return LedCut(profiles[0], laws[0], states, readings)
 
 
 @numba.njit
-def _lead(states, profile, law, positions, angles, dt, readings):
+def _lead(states, profiles, laws, positions, angles, dt, readings):
     for i in range(len(positions)):
         states[i + 1] = states[i]
-        dx = positions[i] - states[i].blade
-        elastic, friction, jump = cut(states[i + 1], profile, law, dx, angles[i], dt)
-        readings[i].time = (i + 1) * dt
-        readings[i].position = states[i + 1].blade
-        readings[i].speed = dx / dt
-        readings[i].angle = angles[i]
-        readings[i].true_force = elastic + friction
-        readings[i].elastic_force = elastic
-        readings[i].tip = states[i + 1].tip
-        readings[i].jump = jump
+        now = slice(i, i + 1)
+        follow(states[i + 1 : i + 2], profiles, laws, positions[now], angles[now], dt, readings[now])
+
+
+_PARTS = (cutting_blade, cutting_friction, cutting_relaxation, cutting_law, cutting_row, cutting_update)
+_IMPORT = rf"^from cutenv\.cutting\.({'|'.join(part.__name__.split('.')[-1] for part in _PARTS)}) import (\([^)]*\)|.*)\n"
 
 
 def changed_law(*changes: tuple[str, str]) -> ModuleType:
     """The cutting law in plain Python, with parts of its source replaced: physics broken on purpose."""
-    modules = []
-    sources = [
-        re.sub("^@njit(_internal|_inline)?\n", "", Path(part.__file__).read_text(), flags=re.MULTILINE)
-        for part in (cutting_blade, cutting_friction, cutting_relaxation, cutting_law)
-    ]
+    sources = [Path(str(part.__file__)).read_text() for part in _PARTS]
+    sources = [re.sub("^@njit(_internal|_inline)?\n", "", source, flags=re.MULTILINE) for source in sources]
     for old, new in changes:
         found = sum(source.count(old) for source in sources)
         if found != 1:  # no AssertionError, which is what a broken law is to raise
             raise LookupError(f"the law holds {found} times: {old}")
         sources = [source.replace(old, new) for source in sources]
+    law = ModuleType("changed_law")  # one for all parts, so that what was changed in one is what the others call
     for source in sources:
-        module = ModuleType("changed_law")
-        exec(compile(source, "changed_law", "exec"), module.__dict__)
-        modules.append(module)
-    blade, friction, relaxation, law = modules
-    law.leaning, law.sweeping = blade.leaning, blade.sweeping
-    for name in ("deflected", "friction_force", "friction_work"):
-        setattr(law, name, getattr(friction, name))
-    law.relaxed = relaxation.relaxed
+        exec(compile(re.sub(_IMPORT, "", source, flags=re.MULTILINE), "changed_law", "exec"), law.__dict__)
     return law
 
 
@@ -144,22 +136,40 @@ def lead_by(
     dt: float = 1e-3,
     parameters: LawParameters | None = None,
 ) -> LedCut:
-    """Like :func:`lead`, by another law: plain Python on plain objects."""
+    """Like :func:`lead`, by another law: plain Python on plain objects, a row whose lanes are lists of one number."""
     angles = _along(positions, angles)
-    profile, law = profile_records([specimen])[0], law_records([specimen], parameters)[0]
-    along = SimpleNamespace(**{name: profile[name].tolist() for name in profile.dtype.names})
-    constants = SimpleNamespace(**{name: law[name].item() for name in LAW.names})
-    states = new_state(len(positions) + 1, angles[0])
-    state = SimpleNamespace(**{name: states[0][name].item() for name in STATE.names})
-    readings = np.zeros(len(positions), READING)
+    profiles, laws = profile_records([specimen]), law_records([specimen], parameters)
+    states, readings = new_state(len(positions) + 1, angles[0]), np.zeros(len(positions), READING)
+    rows = np.zeros(1, ONE)
+    plain = law_module.plain_views(rows, states[:1], laws, np.zeros(1, DRIVE))
+    law_module.take_tissue(rows[0], plain, profiles[0], 0, 0)
+    law_module.begin(rows[0], plain, 1)
+    row = SimpleNamespace(**{name: rows[0][name].tolist() for name in ONE.names})
+    along = [SimpleNamespace(**{name: profiles[0][name].tolist() for name in profiles.dtype.names})]
     path = zip(np.asarray(positions, dtype=float).tolist(), angles.tolist(), strict=True)
     for i, (x, angle) in enumerate(path):
-        dx = x - state.blade
-        elastic, friction, jump = law_module.cut(state, along, constants, dx, angle, dt)
-        states[i + 1] = tuple(vars(state)[name] for name in STATE.names)
-        force = elastic + friction
-        readings[i] = ((i + 1) * dt, force, state.blade, dx / dt, angle, force, elastic, state.tip, jump)
-    return LedCut(profile, law, states, readings)
+        row.dx[0], row.next_angle[0], row.turns = x - row.blade[0], angle, int(angle != row.angle[0])
+        law_module.cut_row(row, along, dt)
+        row.felt[0] = row.force[0]
+        law_module.note(row, 0, readings[i], dt)
+        states[i + 1] = tuple(getattr(row, name)[0] for name in STATE.names)
+    return LedCut(profiles[0], laws[0], states, readings)
+
+
+class PulledBlade:
+    """The blade of a hand outside tissue, a millisecond at a time."""
+
+    def __init__(self, hand: Hand, travel: float = 0.149) -> None:
+        self.state, self.drive = new_state(1, UPRIGHT)[0], hand.records(travel)[0]
+
+    def step(self, speed: float, friction: Grip) -> float:
+        """Move the hand at a commanded ``speed`` [m/s]; the blade's displacement [m]."""
+        s = self.state
+        advance_command(s, self.drive, lag_gain(self.drive, TICK), speed, TICK)
+        dx = coupling_step(self.drive, s.hand, s.hand_speed, s.blade, s.speed, 0.0, friction, TICK)
+        s.speed = dx / TICK
+        s.blade += dx
+        return float(dx)
 
 
 def residual_of(cut: LedCut) -> Any:

@@ -76,16 +76,17 @@ def cut(speed: float, angle_deg: float) -> Found:
         friction_share=0.0,
         tissue=tables_only(eta90=ETA90),
     )
-    profile, law = profile_records([specimen])[0], law_records([specimen])[0]
-    state = new_state(1, math.radians(angle_deg))[0]
+    profiles, laws = profile_records([specimen]), law_records([specimen])
+    states = new_state(1, math.radians(angle_deg))
+    state = states[0]
     n = round(TRAVEL / speed / TICK)
     positions, angles = np.arange(1, n + 1) * speed * TICK, np.full(n, math.radians(angle_deg))
     readings = np.zeros(n, READING)
     residual = stored = 0.0
     for start in range(0, n, _BLOCK):
         block = slice(start, start + _BLOCK)
-        follow(state, profile, law, positions[block], angles[block], TICK, readings[block])
-        stored = float(stored_energy(profile, state.blade, state.tip))
+        follow(states, profiles, laws, positions[block], angles[block], TICK, readings[block])
+        stored = float(stored_energy(profiles[0], state.blade, state.tip))
         spent = state.fracture + state.friction + state.loss + state.ledger
         residual = max(residual, abs(state.work - stored - spent))
     return Found(readings=readings, state=state, stored=stored, residual=residual)

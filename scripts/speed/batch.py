@@ -9,15 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import cutenv  # noqa: F401  registers the environment
+from cutenv._base.arrays import StructArray
 from cutenv._engine.jit import njit_nogil
+from cutenv._engine.lanes import first_row
 from cutenv._engine.parallel import cores, parallel_for
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
-from cutenv.cutting.abreast import hold_some
-from cutenv.cutting.drive import lag_gain
-from cutenv.cutting.dtypes import READING, TICK
-from cutenv.cutting.simulate import update
+from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.row import ONE, begin, plain_views, put, take
+from cutenv.cutting.simulate import Physics, hold_some
+from cutenv.cutting.update import update_row
 from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.task.cuts import Cuts
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
 from speed.gymnasium_vectors import ASYNC, NATIVE, SYNC, Other, step_rate
 from speed.limits import limits
@@ -44,27 +45,27 @@ class Rates(NamedTuple):
     bare: float
     """Rate of the batched updates alone: no assessment, no observation, no info, no ends."""
     single_file: float
-    """Rate of the updates alone, one cut after the other."""
+    """Rate of the updates alone, in rows of one cut."""
     resets: float
     """Number of environments reset per second."""
 
 
 @njit_nogil
-def _single_file(passed: WorkQueue, core: int, cuts: Cuts, ticks: int, speed: float, angle: float) -> None:
-    """Simulate the cuts as :func:`cutenv.cutting.abreast.hold_some` does, but one after the other."""
-    readings = np.empty(ticks, READING)
+def hold_in_single_file(
+    passed: WorkQueue, core: int, cuts: Physics, commands: StructArray, ticks: int, felt: StructArray
+) -> None:
+    """Advance cuts like :func:`~cutenv.cutting.simulate.hold_some`, but one after the other, in a row of one lane."""
+    rows = np.zeros(1, ONE)
+    row, plain = first_row(rows), plain_views(rows, cuts.states, cuts.laws, cuts.drives)
     n, end = next_chunk(passed, core, 1)
     while n < end:
-        state, sensor, drive, law, profile = (
-            cuts.states[n],
-            cuts.sensors[n],
-            cuts.drives[n],
-            cuts.laws[n],
-            cuts.profiles[n],
-        )
-        share = lag_gain(drive, TICK)
+        take(row, plain, cuts.profiles[n], cuts.drives[n], cuts.sensors[n], 0, n)
+        row.given[0], row.aim[0] = commands[n, 0], commands[n, 1]
+        begin(row, plain, 1)
         for i in range(ticks):
-            update(state, profile, law, drive, sensor, share, speed, angle, TICK, readings[i])
+            update_row(row, cuts.profiles, cuts.sensors, TICK, i == 0)
+        put(row, plain, 0, n)
+        felt[n] = row.felt[0]
         mark_done(passed, core, 1)
         n, end = next_chunk(passed, core, 1)
 
@@ -78,8 +79,8 @@ def rates(count: int, rounds: int | None = None) -> Rates:
         rounds = 30 if count < SOME else 7 if count <= MANY else 2
     env = GentleCutVectorEnv(count)
     actions = np.tile(np.array(_ACTION, np.float32), (count, 1))
-    speed, angle = SPEED_SCALE * _ACTION[0], ANGLE_CENTRE + ANGLE_SCALE * _ACTION[1]
-    commands, felt = np.tile((speed, angle), (count, 1)), np.empty(count)
+    command = SPEED_SCALE * _ACTION[0], ANGLE_CENTRE + ANGLE_SCALE * _ACTION[1]
+    commands, felt = np.tile(command, (count, 1)), np.empty(count)
     best = [np.inf, np.inf, np.inf, np.inf]
     for _ in range(rounds + 1):  # the first one warms up
         start = time.perf_counter()
@@ -87,11 +88,11 @@ def rates(count: int, rounds: int | None = None) -> Rates:
         best[3] = min(best[3], time.perf_counter() - start)
         for _ in range(_WARM_UP):
             env.step(actions)
-        abreast, alone = (Cuts(*(part.copy() for part in env.cuts)) for _ in range(2))
+        rows, files = (Physics(*(part.copy() for part in env.cuts[:5])) for _ in range(2))
         ways = (
             lambda: env.step(actions),
-            lambda: parallel_for(hold_some, count, *abreast[:5], commands, env.single.ticks, felt),  # noqa: B023
-            lambda: parallel_for(_single_file, count, alone, env.single.ticks, speed, angle),  # noqa: B023
+            lambda: parallel_for(hold_some, count, rows, commands, env.single.ticks, felt),  # noqa: B023
+            lambda: parallel_for(hold_in_single_file, count, files, commands, env.single.ticks, felt),  # noqa: B023
         )
         for k, way in enumerate(ways):
             best[k] = min(best[k], _seconds(way))

@@ -1,4 +1,4 @@
-"""Count the floating-point operations of one force update: the law in plain Python, on numbers that count.
+"""Count the floating-point operations of one force update: a row of one lane in plain Python, on numbers that count.
 
 NUMBA_DISABLE_JIT=1 python scripts/speed/operations.py
 """
@@ -13,11 +13,12 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
-from cutenv.cutting import drive as driving
-from cutenv.cutting import law as cutting_law
-from cutenv.cutting import sensor as sensing
+import numpy as np
+
 from cutenv.cutting import simulate
-from cutenv.cutting.dtypes import READING, TICK
+from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.row import ONE, begin, plain_views, take
+from cutenv.cutting.update import update_row
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue import Specimen
 
@@ -62,7 +63,9 @@ def _in_counting(record: Any) -> SimpleNamespace:
     fields: dict[str, Any] = {}
     for name in record.dtype.names:
         value = record[name].tolist()
-        if isinstance(value, list):
+        if isinstance(value, list) and isinstance(value[0], list):  # random words and numbers, whose making is free
+            fields[name] = record[name].copy()
+        elif isinstance(value, list):
             fields[name] = [Counting(v) if isinstance(v, float) else v for v in value]
         else:
             fields[name] = Counting(value) if isinstance(value, float) else value
@@ -73,20 +76,20 @@ def operations_per_update(speed: float = 0.01, angle: float = math.radians(45.0)
     """Return the mean count of each kind over two seconds of a steady cut; a call of a mathematical function is one."""
     plant = SimulatedPlant(Specimen.mean(), angle=angle)
     plant.advance(speed, angle, 1000)
-    c = plant.cuts[0]
-    state, profile, law, drive, sensor = (
-        _in_counting(c[part]) for part in ("state", "profile", "law", "drive", "sensor")
-    )
-    reading = SimpleNamespace(**dict.fromkeys(READING.names or (), 0.0))
-    share = driving.lag_gain(drive, TICK)
+    c, rows = plant.cuts[0], np.zeros(1, ONE)
+    plain = plain_views(rows, c.states, c.laws, c.drives)
+    take(rows[0], plain, c.profiles[0], c.drives[0], c.sensors[0], 0, 0)
+    rows[0].given[0], rows[0].aim[0] = speed, angle
+    begin(rows[0], plain, 1)
+    row, profiles, sensors = _in_counting(rows[0]), [_in_counting(c.profiles[0])], [_in_counting(c.sensors[0])]
     _counted.clear()
-    for _ in range(_UPDATES):
-        simulate.update(state, profile, law, drive, sensor, share, Counting(speed), Counting(angle), TICK, reading)
+    for i in range(_UPDATES):
+        update_row(row, profiles, sensors, TICK, i == 0)
     return {kind: count / _UPDATES for kind, count in _counted.items()}
 
 
 if __name__ == "__main__":
-    if hasattr(cutting_law.cut, "py_func") or hasattr(sensing.measure, "py_func"):
+    if hasattr(simulate.hold, "py_func"):
         sys.exit("set NUMBA_DISABLE_JIT=1: compiled code cannot be counted")
     for _kind, _number in sorted(operations_per_update().items()):
         print(f"{_kind}: {_number:.1f}")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from led_cut import INCLINED, UPRIGHT, homogeneous
+from led_cut import INCLINED, UPRIGHT, PulledBlade, homogeneous
 
-from cutenv.cutting.drive import Hand, Rig, advance_command, lag_gain, motion
+from cutenv.cutting.drive import Hand, Rig, advance_command, lag_gain
 from cutenv.cutting.dtypes import STATE, TICK, new_state
 from cutenv.cutting.friction import deflected, grip
 from cutenv.cutting.parameters import LawParameters, law_records
@@ -138,17 +138,16 @@ def test_the_rig_does_not_lurch():
 
 def coasting(mass: float, friction: float, presliding: float) -> Any:
     """Places [m] of a free blade, the hand's grip as weak as it may be, that friction of so many newtons stops."""
-    drive = Hand(mass=mass, coupling_stiffness=10.0, coupling_damping=0.0).records(0.15)[0]
+    pulled = PulledBlade(Hand(mass=mass, coupling_stiffness=10.0, coupling_damping=0.0), 0.15)
     law = law_records([homogeneous(friction_share=0.2)], LawParameters(presliding_length=presliding))[0]
     law.friction_per_depth, depth = friction / 0.02, 0.02
-    state = new_state(1, UPRIGHT)[0]
+    state = pulled.state
     state.blade = state.hand = 0.05
     state.speed = 0.02
     places = []
     for _ in range(1000):
-        dx = motion(state, drive, lag_gain(drive, TICK), 0.0, 0.0, grip(law, depth, state.bristle), TICK)
+        dx = pulled.step(0.0, grip(law, depth, state.bristle))
         state.bristle = deflected(law, state.bristle, dx)
-        state.blade += dx
         places.append(float(state.blade))
     return np.array(places)
 

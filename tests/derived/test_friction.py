@@ -64,8 +64,7 @@ def test_friction_opposes_the_motion_both_ways():
 
 
 def test_a_pull_forward_on_the_way_back_fails_the_check():
-    forward = ("friction_force(law, next_depth, state.bristle, speed), jump", "SHARE_R_B, jump")
-    law = changed_law(forward)
+    law = changed_law(("friction_force(law, next_depth, next_bristle, speed)\n", "SHARE_R_B\n"))
     law.SHARE_R_B = SHARE * R * B
     with pytest.raises(AssertionError):
         check_opposes_motion(there_and_back(law))
@@ -130,7 +129,7 @@ def test_the_closed_loop_returns_the_resistance_that_was_put_in():
 def test_friction_charged_on_top_of_the_whole_resistance_fails_the_check():
     law = changed_law(
         ("    return lerp(profile.toughness, i, share)\n", "    return R_B\n"),
-        ("lerp(profile.toughness, i, share), state.ledger", "R_B, state.ledger"),
+        ("value_and_rise(profile.toughness, i)", "(R_B, 0.0)"),
     )
     law.R_B = R * B
     with pytest.raises(AssertionError):

@@ -13,7 +13,7 @@ from cutenv.tissue.specimen import Specimen
 
 SPEEDS = [0.001, 0.0038, 0.0089, 0.0127, 0.0165, 0.0216, 0.0254]  # [m/s]
 FEED, FREQUENCY, AMPLITUDE = 0.005, 25.0, 0.3e-3  # [m/s], [1/s], [m]
-FORGETFUL = ("        state.held_force = F\n", "")
+FORGETFUL = ("row.held_force[n] = F if row.loading[n] > 0.0 else row.held_force[n]", "pass")
 
 
 def there_and_back_and_there(place: float, speed: float, back: float) -> np.ndarray:

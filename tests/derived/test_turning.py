@@ -70,7 +70,7 @@ def test_wedge_is_paid_once_toward_upright_and_never_given_back(check):
     ("check", "old", "new"),
     [
         (check_wedge_is_paid, "return 0.5 * toughness * depth", "return toughness * depth"),
-        (check_wedge_is_paid, "        state.fracture += energy\n", ""),
+        (check_wedge_is_paid, "        row.fracture[n] += energy\n", ""),
         (check_turning_away_is_free, "max(lean - next_lean, 0.0)", "(lean - next_lean)"),
         (check_oscillation_pays_every_time, "max(lean - next_lean, 0.0)", "(lean - next_lean)"),
     ],

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
+from led_cut import PulledBlade
 from numpy.typing import NDArray
 
-from cutenv.cutting.drive import Hand, lag_gain, motion
-from cutenv.cutting.dtypes import TICK, new_state
+from cutenv.cutting.drive import Hand
 from cutenv.cutting.friction import Grip
 from cutenv.play.handle_body import GRIP_STIFFNESS, Handle
 
@@ -23,14 +23,9 @@ Array = NDArray[np.float64]
 
 def compiled_step(hand: Hand, ticks: int) -> Array:
     """The blade after a hand that has jumped by STEP, shape (ticks,) [m]."""
-    state, drive = new_state(1, UPRIGHT)[0], hand.records(0.149)[0]
-    share = lag_gain(drive, TICK)
-    state.hand = STEP
-    blades = []
-    for _ in range(ticks):
-        state.blade += motion(state, drive, share, 0.0, 0.0, NO_FRICTION, TICK)
-        blades.append(float(state.blade))
-    return np.array(blades)
+    pulled = PulledBlade(hand)
+    pulled.state.hand = STEP
+    return np.cumsum([pulled.step(0.0, NO_FRICTION) for _ in range(ticks)])
 
 
 def pymunk_step(hand: Hand, ticks: int) -> Array:
@@ -71,11 +66,10 @@ def test_another_mass_or_stiffness_is_noticed() -> None:
 
 def test_a_moving_hand_leads_both_alike() -> None:
     hand, speed = Hand(), 0.02
-    state, drive = new_state(1, UPRIGHT)[0], hand.records(0.149)[0]
-    share, handle = lag_gain(drive, TICK), Handle(hand)
-    ours, theirs = [], []
+    pulled, handle = PulledBlade(hand), Handle(hand)
+    state, ours, theirs = pulled.state, [], []
     for _ in range(1000):
-        state.blade += motion(state, drive, share, speed, 0.0, NO_FRICTION, TICK)
+        pulled.step(speed, NO_FRICTION)
         handle.step(
             hand=float(state.hand), hand_speed=float(state.hand_speed), angle=UPRIGHT, force=0.0, depth=0.02
         )  # fmt: skip

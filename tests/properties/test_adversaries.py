@@ -55,7 +55,7 @@ def leap(law: Any = None) -> LedCut:
 def test_a_leap_that_is_not_divided_fails_the_check_of_fracture():
     check_fracture(leap())
     with pytest.raises(AssertionError):
-        check_fracture(leap(changed_law(("        if da > LONGEST_ADVANCE:\n", "        if False:\n"))))
+        check_fracture(leap(changed_law(("leaps += 1 if da > LONGEST_ADVANCE else 0", "leaps += 0"))))
 
 
 def test_a_leap_whose_parts_are_not_paid_fails_the_check_of_the_account():

@@ -25,10 +25,10 @@ def local_product(specimen: Specimen) -> Any:
     return specimen.modulus * CutModel().stiffness([i * SPACING for i in range(N_POINTS)]) * specimen.depth
 
 
-def forgetting(state: Any, *others: Any) -> None:
+def forgetting(states: Any, *others: Any) -> None:
     """Lead a blade, then lose the force at which growth stopped."""
-    FOLLOW(state, *others)
-    state.held_force = 0.0
+    FOLLOW(states, *others)
+    states["held_force"] = 0.0
 
 
 def unaccounted(*arguments: Any) -> Any:

@@ -69,6 +69,6 @@ def test_a_cut_goes_on_after_any_treatment(specimen, policy):
 
 @pytest.mark.parametrize("check", [lambda cut: check_force(cut, 0.28), check_progress])
 def test_a_law_in_which_cracks_do_not_run_fails_the_checks(check):
-    law = changed_law(("    if elastic < (1.0 +", "    if elastic < 2.0 * (1.0 +"))
+    law = changed_law(("waits = F < (1.0 +", "waits = F < 2.0 * (1.0 +"))
     with pytest.raises(AssertionError):
         check(lead_by(law, homogeneous(), constant_feed(0.0254, to=0.04)))

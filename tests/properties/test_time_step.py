@@ -78,7 +78,7 @@ def test_units_and_force_over_toughness_agree_in_nearly_all_drawn_livers():
 
 
 def test_a_speed_counted_per_update_fails_the_units():
-    law = changed_law(("    speed = dx / dt\n", "    speed = dx / 1e-3\n"))
+    law = changed_law(("speed = dx / dt\n", "speed = dx / 1e-3\n"))
     path = [constant_feed(0.0254, to=0.05, dt=dt) for dt in (COARSE, FINE)]
     with pytest.raises(AssertionError):
         check_units(*(lead_by(law, homogeneous(), positions) for positions in path))
@@ -86,13 +86,9 @@ def test_a_speed_counted_per_update_fails_the_units():
 
 def test_a_run_that_waits_for_the_next_update_fails_the_peak_force():
     """In updates eight times as long, at which the law itself still passes."""
-    move = "    elastic, toughness = move(state, profile, law, dx, speed)\n"
-    before = (
-        "    elastic = elastic_force(profile, state.blade, state.tip)\n"
-        "    toughness = toughness_at(profile, state.tip)\n"
-    )
-    last = "    return elastic, friction_force("
-    waiting = changed_law((move, before), (last, move + last))
+    run = "    if row.runs > 0:\n        _run(row, profiles)\n"
+    first = "    if row.turns > 0:\n        _turn(row, profiles)\n"
+    waiting = changed_law((run, ""), (first, run + first))
     path = [constant_feed(0.0254, to=0.05, dt=dt) for dt in (8 * COARSE, FINE)]
     check_peak_force(*(lead_by(changed_law(), homogeneous(), positions) for positions in path))
     with pytest.raises(AssertionError):

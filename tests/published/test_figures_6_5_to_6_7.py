@@ -128,15 +128,15 @@ def test_nothing_is_cut_on_the_ways_back_or_in_the_old_crack():
         assert np.ptp(stroke[part]) == 0.0
 
 
-START = "    a = state.tip\n    K,"
-BACKWARD_CUT = "    a = state.tip = state.tip + 0.3 * max(-dx, 0.0)\n    K,"
-HEALING = "    a = state.tip = min(state.tip, state.blade)\n    K,"
+START = "x, a, dx, K = row.blade[n] - row.creep[n], row.tip[n], row.dx[n], row.K[n]\n"
+BACKWARD_CUT = "row.tip[n] += 0.3 * max(-row.dx[n], 0.0); " + START
+HEALING = "row.tip[n] = min(row.tip[n], row.blade[n]); " + START
 
 
 @pytest.mark.parametrize(
     ("check", "old", "new"),
     [
-        (check_same_friction_in_the_old_crack, "state.bristle, speed), jump", "state.bristle, speed) + 0.2, jump"),
+        (check_same_friction_in_the_old_crack, "next_bristle, speed)\n", "next_bristle, speed) + 0.2\n"),
         (check_same_friction_in_the_old_crack, START, HEALING),
         (check_force_resumes, START, HEALING),
         (check_second_inch_continues_the_first, START, BACKWARD_CUT),

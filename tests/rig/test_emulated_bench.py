@@ -30,16 +30,8 @@ def laid(seed=3, episode=1, sensor=None, law=None):
 
 def true_forces(specimen, law=None):
     readings = np.zeros(len(WAY), READING)
-    state = new_state(1, UPRIGHT)[0]
-    follow(
-        state,
-        profile_records([specimen])[0],
-        law_records([specimen], law)[0],
-        WAY,
-        np.full(len(WAY), UPRIGHT),
-        TICK,
-        readings,
-    )
+    profiles, laws = profile_records([specimen]), law_records([specimen], law)
+    follow(new_state(1, UPRIGHT), profiles, laws, WAY, np.full(len(WAY), UPRIGHT), TICK, readings)
     return readings["true_force"]
 
 

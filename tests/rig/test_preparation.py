@@ -110,7 +110,7 @@ def test_a_drive_in_fault_is_not_switched_on():
 def test_an_encoder_that_counts_the_other_way_is_found_with_a_millimetre():
     rig = opened()
     for name in ("hand", "blade", "tip"):
-        rig.bench.plant.cuts["state"][name] = 0.01
+        rig.bench.plant.cuts["states"][name] = 0.01
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
     told = rig.blade.command
     rig.blade.command = lambda speed: told(-speed)
