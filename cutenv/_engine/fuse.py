@@ -75,7 +75,7 @@ class _Renaming(ast.NodeTransformer):
     def __init__(self, renamed: dict[str, str]) -> None:
         self._renamed = {name: ast.parse(text, mode="eval").body for name, text in renamed.items()}
 
-    def visit_Name(self, node: ast.Name) -> ast.AST:  # noqa: N802  named by ast
+    def visit_Name(self, node: ast.Name) -> ast.AST:  # named by ast
         return self._renamed.get(node.id, node)
 
 
