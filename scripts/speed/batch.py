@@ -9,15 +9,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import cutenv  # noqa: F401  registers the environment
+from cutenv._base.arrays import StructArray
+from cutenv._engine.intrinsics import without_refcount
 from cutenv._engine.jit import njit_nogil
+from cutenv._engine.lanes import first_row
 from cutenv._engine.parallel import cores, parallel_for
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
-from cutenv.cutting.abreast import hold_some
-from cutenv.cutting.drive import lag_gain
-from cutenv.cutting.dtypes import READING, TICK
-from cutenv.cutting.simulate import update
+from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.row import ONE, begin, plain_views, put, take
+from cutenv.cutting.simulate import Physics, hold_some
+from cutenv.cutting.update import update_row
 from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.task.cuts import Cuts
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
 from speed.gymnasium_vectors import ASYNC, NATIVE, SYNC, Other, step_rate
 from speed.limits import limits
@@ -50,21 +52,22 @@ class Rates(NamedTuple):
 
 
 @njit_nogil
-def _single_file(passed: WorkQueue, core: int, cuts: Cuts, ticks: int, speed: float, angle: float) -> None:
-    """Simulate the cuts as :func:`cutenv.cutting.abreast.hold_some` does, but one after the other."""
-    readings = np.empty(ticks, READING)
+def hold_one_by_one(
+    passed: WorkQueue, core: int, cuts: Physics, commands: StructArray, ticks: int, felt: StructArray
+) -> None:
+    """Simulate the cuts as :func:`cutenv.cutting.simulate.hold_some` does, but one after the other."""
+    cuts = without_refcount(cuts)
+    rows = np.zeros(1, ONE)
+    row, plain = first_row(rows), plain_views(rows, cuts.states, cuts.laws, cuts.drives)
     n, end = next_chunk(passed, core, 1)
     while n < end:
-        state, sensor, drive, law, profile = (
-            cuts.states[n],
-            cuts.sensors[n],
-            cuts.drives[n],
-            cuts.laws[n],
-            cuts.profiles[n],
-        )
-        share = lag_gain(drive, TICK)
+        take(row, plain, cuts.profiles[n], cuts.drives[n], cuts.sensors[n], 0, n)
+        row.given[0], row.aim[0] = commands[n, 0], commands[n, 1]
+        begin(row, plain, 1)
         for i in range(ticks):
-            update(state, profile, law, drive, sensor, share, speed, angle, TICK, readings[i])
+            update_row(row, cuts.profiles, cuts.sensors, TICK, i == 0)
+        put(row, plain, 0, n)
+        felt[n] = row.felt[0]
         mark_done(passed, core, 1)
         n, end = next_chunk(passed, core, 1)
 
@@ -87,11 +90,11 @@ def rates(count: int, rounds: int | None = None) -> Rates:
         best[3] = min(best[3], time.perf_counter() - start)
         for _ in range(_WARM_UP):
             env.step(actions)
-        abreast, alone = (Cuts(*(part.copy() for part in env.cuts)) for _ in range(2))
+        rows, alone = (Physics(*(part.copy() for part in env.cuts[:5])) for _ in range(2))
         ways = (
             lambda: env.step(actions),
-            lambda: parallel_for(hold_some, count, *abreast[:5], commands, env.single.ticks, felt),  # noqa: B023
-            lambda: parallel_for(_single_file, count, alone, env.single.ticks, speed, angle),  # noqa: B023
+            lambda: parallel_for(hold_some, count, rows, commands, env.single.ticks, felt),  # noqa: B023
+            lambda: parallel_for(hold_one_by_one, count, alone, commands, env.single.ticks, felt),  # noqa: B023
         )
         for k, way in enumerate(ways):
             best[k] = min(best[k], _seconds(way))

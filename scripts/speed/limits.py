@@ -16,10 +16,10 @@ from cutenv._base.arrays import StructArray
 from cutenv._engine.jit import njit
 from cutenv._engine.parallel import cores
 from cutenv.cutting.dtypes import DRIVE, LAW, STATE
-from cutenv.cutting.row import ABREAST
+from cutenv.cutting.row import LANES
 from cutenv.cutting.sensor import SENSOR
 from cutenv.task.episode_dtypes import PROGRESS, TASK
-from cutenv.task.info import INFO_SIZE
+from cutenv.task.info import INFO
 from cutenv.task.observation import COMPONENTS
 from speed.measured import Measured, Number
 
@@ -43,18 +43,18 @@ def _in_turn(count: int, values: StructArray) -> None:
 @njit
 def _row(count: int, values: StructArray) -> None:
     for _ in range(count):
-        for n in range(ABREAST):
+        for n in range(LANES):
             values[n] = values[n] * 0.999999 + 1e-6
 
 
 def operations_per_ns() -> tuple[float, float, float]:
     """Measure floating-point operations per nanosecond on one core: each waiting for the last, six in turn, in rows."""
     six: NDArray[np.float64] = np.ones(6)
-    row: NDArray[np.float64] = np.ones(ABREAST)
+    row: NDArray[np.float64] = np.ones(LANES)
     ways: list[tuple[int, int, Callable[[int], object]]] = [
         (2, 1_000_000, lambda count: _chain(count, 1.0)),
         (12, 1_000_000, lambda count: _in_turn(count, six)),
-        (2 * ABREAST, 200_000, lambda count: _row(count, row)),
+        (2 * LANES, 200_000, lambda count: _row(count, row)),
     ]
     rates = []
     for operations, count, way in ways:
@@ -83,7 +83,7 @@ def copy_rate() -> float:
 def bytes_per_step() -> int:
     """Return the number of bytes that a control step of one cut reads or writes, in whole cache lines of 64."""
     records = sum(kind.itemsize for kind in (STATE, LAW, DRIVE, TASK, PROGRESS)) + 2 * SENSOR.itemsize
-    answers = 8 * INFO_SIZE + 4 * len(COMPONENTS) + 8 * 4
+    answers = INFO.itemsize + 4 * len(COMPONENTS) + 8 * 4
     profiles = 64 * (3 * 2 + 3 + 2)  # at the tip and at the blade; as expected; as told
     return -(-(records + answers) // 64) * 64 + profiles
 
@@ -114,7 +114,7 @@ def limits(native: float, bare: float) -> Measured:
         f"  {total:.0f} floating-point operations ({listed}) in the bare loop's {update:.0f} ns: "
         f"{total / update:.1f} a ns",
         f"  the core does {waiting:.1f} a ns if each waits for the last, {in_turn:.1f} a ns six in turn, "
-        f"{in_rows:.1f} a ns in a row of {ABREAST}",
+        f"{in_rows:.1f} a ns in a row of {LANES}",
         f"  a step touches {touched} bytes: {touched / nanoseconds:.1f} a ns; a large copy moves {copied:.1f} a ns",
     ]
     numbers = {

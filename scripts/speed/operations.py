@@ -13,11 +13,11 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
-from cutenv.cutting import drive as driving
-from cutenv.cutting import law as cutting_law
-from cutenv.cutting import sensor as sensing
-from cutenv.cutting import simulate
-from cutenv.cutting.dtypes import READING, TICK
+import numpy as np
+
+from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.sensor import measure
+from cutenv.cutting.update import update_row
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue import Specimen
 
@@ -59,34 +59,27 @@ Counting.__abs__ = lambda self: Counting(abs(float(self)))  # type: ignore[metho
 
 def _in_counting(record: Any) -> SimpleNamespace:
     """Return a record as an object whose attributes count their operations."""
-    fields: dict[str, Any] = {}
-    for name in record.dtype.names:
-        value = record[name].tolist()
-        if isinstance(value, list):
-            fields[name] = [Counting(v) if isinstance(v, float) else v for v in value]
-        else:
-            fields[name] = Counting(value) if isinstance(value, float) else value
-    return SimpleNamespace(**fields)
+    counting = np.frompyfunc(Counting, 1, 1)
+    names = record.dtype.names
+    return SimpleNamespace(
+        **{name: counting(record[name]) if record[name].dtype.kind == "f" else record[name] for name in names}
+    )
 
 
 def operations_per_update(speed: float = 0.01, angle: float = math.radians(45.0)) -> dict[str, float]:
     """Return the mean count of each kind over two seconds of a steady cut; a call of a mathematical function is one."""
     plant = SimulatedPlant(Specimen.mean(), angle=angle)
     plant.advance(speed, angle, 1000)
-    c = plant.cuts[0]
-    state, profile, law, drive, sensor = (
-        _in_counting(c[part]) for part in ("state", "profile", "law", "drive", "sensor")
-    )
-    reading = SimpleNamespace(**dict.fromkeys(READING.names or (), 0.0))
-    share = driving.lag_gain(drive, TICK)
+    cut = plant.cuts[0]
+    row, profile, sensor = (_in_counting(cut[part][0]) for part in ("rows", "profiles", "sensors"))
     _counted.clear()
     for _ in range(_UPDATES):
-        simulate.update(state, profile, law, drive, sensor, share, Counting(speed), Counting(angle), TICK, reading)
+        update_row(row, [profile], [sensor], TICK, False)
     return {kind: count / _UPDATES for kind, count in _counted.items()}
 
 
 if __name__ == "__main__":
-    if hasattr(cutting_law.cut, "py_func") or hasattr(sensing.measure, "py_func"):
+    if hasattr(measure, "py_func"):
         sys.exit("set NUMBA_DISABLE_JIT=1: compiled code cannot be counted")
     for _kind, _number in sorted(operations_per_update().items()):
         print(f"{_kind}: {_number:.1f}")

@@ -16,13 +16,12 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import VectorEnv
+from speed.batch import hold_one_by_one
 from speed.factorisation import factorising_per_tip
 
 import cutenv  # noqa: F401  registers the environment
 from cutenv._engine.work_queue import make_queue
-from cutenv.cutting.abreast import hold_some
-from cutenv.cutting.dtypes import READING, TICK
-from cutenv.cutting.simulate import simulate_some
+from cutenv.cutting.simulate import Physics, hold_some
 from cutenv.plant import SimulatedPlant
 from cutenv.recording import AppendingRecord
 from cutenv.tissue import CutModel, Specimen
@@ -97,15 +96,14 @@ def test_a_batch_that_is_a_loop_is_noticed(ratio):
         check_batch(ratio, batch("cutenv/GentleCut-v1", 256, "sync"))
 
 
-def abreast_and_in_single_file() -> tuple[Way, Way]:
+def in_rows_and_one_by_one() -> tuple[Way, Way]:
     """20 updates of 256 cuts on one core, in rows and one cut after the other."""
     parts = batch("cutenv/GentleCut-v1", 256).unwrapped.cuts[:5]  # type: ignore[attr-defined]
-    rows, files = (tuple(part.copy() for part in parts) for _ in range(2))
+    rows, files = (Physics(*(part.copy() for part in parts)) for _ in range(2))
     commands, felt = np.tile((0.005, 1.0), (256, 1)), np.empty(256)
-    speeds, angles, readings = np.full((256, 1), 0.005), np.full((256, 1), 1.0), np.zeros((256, 20), READING)
     return (
-        lambda: hold_some(make_queue(256), 0, *rows, commands, 20, felt),
-        lambda: simulate_some(make_queue(256), 0, *files, speeds, angles, TICK, readings),
+        lambda: hold_some(make_queue(256), 0, rows, commands, 20, felt),
+        lambda: hold_one_by_one(make_queue(256), 0, files, commands, 20, felt),
     )
 
 
@@ -114,12 +112,12 @@ def check_rows(ratio: Ratio, rows: Way, files: Way) -> None:
     assert ratio(rows, files) < 0.8
 
 
-def test_cuts_abreast_are_faster_than_in_single_file(ratio):
-    check_rows(ratio, *abreast_and_in_single_file())
+def test_cuts_in_rows_are_faster_than_one_by_one(ratio):
+    check_rows(ratio, *in_rows_and_one_by_one())
 
 
 def test_rows_that_are_no_faster_are_noticed(ratio):
-    (_, files), (_, other) = abreast_and_in_single_file(), abreast_and_in_single_file()
+    (_, files), (_, other) = in_rows_and_one_by_one(), in_rows_and_one_by_one()
     with pytest.raises(AssertionError):
         check_rows(ratio, files, other)
 

@@ -13,7 +13,7 @@ from numpy.testing import assert_array_equal
 
 import cutenv  # noqa: F401  registers the environment
 from cutenv._engine import parallel
-from cutenv.cutting.row import ABREAST
+from cutenv.cutting.row import LANES
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.tissue import Specimen, measured_liver
 
@@ -112,7 +112,7 @@ ROWS = [
 @pytest.mark.parametrize("keywords", ROWS, ids=lambda keywords: ", ".join(keywords))
 def test_it_is_so_for_rows_of_cuts_and_for_every_drive_and_sensor(keywords):
     """More cuts than a row holds, not a whole number of rows, ending at different times."""
-    count = ABREAST + 5
+    count = LANES + 5
     keywords = SHORT | keywords
     steps = round(1.5 * keywords["deadline_s"] * keywords["control_hz"])
     ended, _ = run_both(*both("NextStep", count, **keywords), steps=steps, num_envs=count)
