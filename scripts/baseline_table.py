@@ -23,12 +23,11 @@ from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import differences, summarise
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, GRID_ANGLES, GRID_SPEEDS, NULL_POLICIES, ORACLE, SCRIPTS, feed_name
-from cutenv.task.reward import TIME_SCALE, TIP_ERROR_CAP, WORST_STORED
+from cutenv.task.reward import SAFETY_ENDS, TIME_SCALE, TIP_ERROR_CAP, WORST_STORED
 from cutenv.task.weights import DRAFT, RewardWeights
 from cutenv.tissue.specimen import CLASSES
 
 FOLDER = Path("runs") / "baselines"
-SAFETY_ENDS = ("force_limit", "overshoot")
 DEADLINE = 30.0  # [s]
 
 

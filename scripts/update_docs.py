@@ -4,7 +4,8 @@
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
-    python scripts/update_docs.py errata tissue-file rig-file metrics
+    python scripts/update_docs.py errata tissue-file rig-file metrics weights ends
+    python scripts/update_docs.py --docstring               tables in the docstring of cutenv/envs/gentle_cut.py
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
     python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
 
@@ -21,11 +22,13 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import baseline_table
+import declared_tables
 import gymnasium
 import leaderboard
 import measure_codebase
@@ -45,6 +48,7 @@ from cutenv.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS, ConstantFeed
 from cutenv.report import draw_cut
 from cutenv.rig.toml_file import template
 from cutenv.scoring import INVARIANCES, METRICS
+from cutenv.task.reward import CUT_ENDS, REWARD
 from cutenv.task.weights import Limits
 from cutenv.tissue import measured_liver
 from cutenv.tissue import tables as thesis_tables
@@ -52,6 +56,7 @@ from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.specimen import CLASSES
 
 ROOT = Path(__file__).parents[1]
+SPECIFICATION = ROOT / "cutenv" / "envs" / "gentle_cut.py"
 SCORES = ("return", "success", "tip_error_mm", "peak_force_N", "time_s")
 
 
@@ -68,6 +73,8 @@ PAGES = {
     "errata": "docs/validation/errata.md",
     "parameters": "docs/reference/constants.md",
     "metrics": "docs/reference/metrics.md",
+    "weights": "docs/how-to/train.md",
+    "ends": "docs/concepts/task.md",
     "tissue-file": "docs/reference/files/tissue.md",
     "rig-file": "docs/reference/files/rig.md",
     "rig-faults": "docs/rig/what-stops-it.md",
@@ -290,6 +297,18 @@ def metrics(_: argparse.Namespace) -> str:
     return f"{table}\n\n{promises}"
 
 
+def weights(_: argparse.Namespace) -> str:
+    """Return the keyword of every weight of the reward."""
+    changeable = [term for term in REWARD if term.weight is not None]
+    rows = [(f"`weight_{term.name}`", f"{term.weight:g}", term.text) for term in changeable]
+    return markdown(("keyword", "default", "charged for"), rows)
+
+
+def ends(_: argparse.Namespace) -> str:
+    """Return the ends of a cut in order of precedence."""
+    return markdown(("end", "when"), [(f"`{end.name}`", end.text.replace("``", "`")) for end in CUT_ENDS])
+
+
 def tissue_file(_: argparse.Namespace) -> str:
     """Return the tissue file of measured liver."""
     return f"```json\n{measured_liver().to_json()}\n```"
@@ -313,6 +332,8 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "measures": lambda _: measure_codebase.comparison(),
     "errata": errata,
     "metrics": metrics,
+    "weights": weights,
+    "ends": ends,
     "tissue-file": tissue_file,
     "rig-file": rig_file,
     "rig-faults": rig_faults_block,
@@ -337,6 +358,16 @@ def replaced(text: str, name: str, block: str) -> str:
     """Return the text of a page with one block replaced."""
     block_of(text, name)
     return pattern_of(name).sub(lambda match: f"{match[1]}\n{block}\n\n{match[3]}", text)
+
+
+def update(page: Path, change: Callable[[str], str], option: str, *, check: bool) -> None:
+    """Write the changed text of a page; with ``check``, SystemExit where it differs from the present one."""
+    text = page.read_text(encoding="utf-8")
+    new = change(text)
+    if not check:
+        page.write_text(new, encoding="utf-8")
+    elif new != text:
+        raise SystemExit(f"{page.relative_to(ROOT)}: not what scripts/update_docs.py {option} prints")
 
 
 def draw_picture(path: Path) -> None:
@@ -367,17 +398,15 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, nargs="+", help="folders of the runs to quote, for training one a seed")
     parser.add_argument("--check", action="store_true", help="compare instead of writing")
     parser.add_argument("--picture", action="store_true", help="draw the picture")
+    parser.add_argument("--docstring", action="store_true", help="rewrite the tables in the environment's docstring")
     arguments = parser.parse_args()
     if arguments.picture:
         draw_picture(ROOT / "assets" / "pictures" / "cut.png")
+    if arguments.docstring:
+        update(SPECIFICATION, declared_tables.with_tables, "--docstring", check=arguments.check)
     for name in arguments.blocks:
-        page = ROOT / PAGES[name]
-        text = page.read_text(encoding="utf-8")
-        new = replaced(text, name, BLOCKS[name](arguments))
-        if arguments.check and new != text:
-            raise SystemExit(f"{PAGES[name]}: block {name} is not what scripts/update_docs.py {name} prints")
-        if not arguments.check:
-            page.write_text(new, encoding="utf-8")
+        block = BLOCKS[name](arguments)
+        update(ROOT / PAGES[name], partial(replaced, name=name, block=block), name, check=arguments.check)
 
 
 if __name__ == "__main__":

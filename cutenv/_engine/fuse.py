@@ -75,14 +75,14 @@ class _Renaming(ast.NodeTransformer):
     def __init__(self, renamed: dict[str, str]) -> None:
         self._renamed = {name: ast.parse(text, mode="eval").body for name, text in renamed.items()}
 
-    def visit_Name(self, node: ast.Name) -> ast.AST:  # noqa: N802  named by ast
+    def visit_Name(self, node: ast.Name) -> ast.AST:  # named by ast
         return self._renamed.get(node.id, node)
 
 
 @lru_cache
 def _lambdas(file: str) -> list[ast.Lambda]:
-    with open(file, encoding="utf-8") as source:
-        return [node for node in ast.walk(ast.parse(source.read())) if isinstance(node, ast.Lambda)]
+    source = "".join(linecache.getlines(file))
+    return [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Lambda)]
 
 
 def _lambda(formula: Formula) -> ast.Lambda:
@@ -96,7 +96,12 @@ def _lambda(formula: Formula) -> ast.Lambda:
 
 def _same(node: ast.Lambda, code: CodeType) -> bool:
     again = eval(compile(ast.fix_missing_locations(ast.Expression(node)), code.co_filename, "eval")).__code__
-    return bool((again.co_code, again.co_varnames, again.co_names) == (code.co_code, code.co_varnames, code.co_names))
+    return bool(_content(again) == _content(code))
+
+
+def _content(code: CodeType) -> tuple[object, ...]:
+    constants = [(type(constant), constant) for constant in code.co_consts]  # 1 == 1.0
+    return code.co_code, code.co_varnames, code.co_names, constants
 
 
 def _place(formula: Formula) -> str:

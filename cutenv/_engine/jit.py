@@ -55,7 +55,7 @@ def _remember_operators() -> None:
 _remember_operators()
 
 
-class _Lean(compiler.CompilerBase):  # type: ignore[misc]  # Numba has no type annotations
+class _Lean(compiler.CompilerBase):
     """Numba's pipeline without the passes for what kernels do not contain, a tenth of the time.
 
     Kernels have no closures, no ``with``, no loops over tuples of different types, and nobody reads type annotations.
@@ -73,7 +73,8 @@ class _Lean(compiler.CompilerBase):  # type: ignore[misc]  # Numba has no type a
     )
 
     def define_pipelines(self) -> list[Any]:
-        passes: Any = compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)
+        builder: Any = compiler.DefaultPassBuilder  # has no types
+        passes = builder.define_nopython_pipeline(self.state)
         passes.passes[:] = [step for step in passes.passes if step[0].__name__ not in self._UNUSED]
         return [passes]
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import operator
 from typing import Any
 
-import numba
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.datamodel import models
@@ -24,15 +23,15 @@ _registry: Any = arrayobj
 _from_dtype: Any = numpy_support.from_dtype
 
 
-class Lanes(types.NestedArray):  # type: ignore[misc]
+class Lanes(types.NestedArray):
     """Type of a field of a row: an array of fixed shape whose elements are addressed directly."""
 
 
-class Row(types.Record):  # type: ignore[misc]
+class Row(types.Record):
     """Type of a row: a record whose array fields are :class:`Lanes`."""
 
     def __init__(self, record: types.Record) -> None:
-        fields = [
+        fields: list[Any] = [
             (
                 name,
                 {
@@ -81,7 +80,6 @@ def _word(value: int) -> Any:
     return ir.Constant(ir.IntType(64), value)
 
 
-@_registry.lower_getattr_generic(Row)
 def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
     element = kind.typeof(name)
     if not isinstance(element, Lanes):
@@ -100,6 +98,9 @@ def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
         known.get(field, ir.Constant(kind, None)) for field, kind in zip(model._fields, whole.elements, strict=True)
     ]
     return builder.insert_value(ir.Constant(whole, parts), data, model._fields.index("data"))
+
+
+_registry.lower_getattr_generic(Row)(_field)
 
 
 def _address(context: Any, builder: Any, lanes: Any, value: Any, indices: Any, kinds: Any) -> Any:

@@ -1,10 +1,11 @@
 """One force update, a millisecond, of every cut in a row: drive, cutting law and force sensor.
 
-The functions of :mod:`cutenv.cutting.law` and its neighbours are called in loops over the lanes of a row, a structure of
-arrays (:mod:`cutenv.cutting.row`).  A loop that does nothing but arithmetic is compiled to vector instructions, eight
-numbers at once on a processor that has them; for a row of one lane it is compiled to plain instructions.  Gathering
-from each cut's own profile has separate loops; so has turning, skipped where no blade turns, and the unstable run of a
-crack, which is computed one cut after the other.  A cut's results do not depend on the lanes beside it (tested).
+The functions of :mod:`cutenv.cutting.law` and its neighbours are called in loops over the lanes of a row, a structure
+of arrays (:mod:`cutenv.cutting.row`).  A loop that does nothing but arithmetic is compiled to vector instructions,
+eight numbers at once on a processor that has them; for a row of one lane it is compiled to plain instructions.
+Gathering from each cut's own profile has separate loops; so has turning, skipped where no blade turns, and the unstable
+run of a crack, which is computed one cut after the other.  A cut's results do not depend on the lanes beside it
+(tested).
 """
 
 from __future__ import annotations

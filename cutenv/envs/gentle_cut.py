@@ -57,43 +57,43 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     -----------
     ``Box(-10, 10, (12,), float32)``: (value - offset) / scale, clipped; only what a rig can know.
 
-    === ============== ============================================ ===== ======= =======
-    Num Name           Meaning                                      Unit  Scale   Offset
-    === ============== ============================================ ===== ======= =======
-    0   force          force now                                    N     5       0
-    1   force_mean     its mean since the last decision             N     5       0
-    2   force_min      its minimum since the last decision          N     5       0
-    3   force_max      its maximum since the last decision          N     5       0
-    4   position       blade, from the clamp                        m     0.1     0
-    5   speed          of the blade                                 m/s   0.0254  0
-    6   angle          of the blade; 90 degrees is upright          rad   0.3927  1.1781
-    7   depth          of cut at the blade, as measured beforehand  m     0.02    0
-    8   distance       from blade to target                         m     0.1     0
-    9   time_left      until the deadline                           s     30      0
-    10  last_speed     last action: target speed                    1     1       0
-    11  last_angle     last action: target angle                    1     1       0
-    === ============== ============================================ ===== ======= =======
+    === ========== =========================================== ==== ====== ======
+    Num Name       Meaning                                     Unit Scale  Offset
+    === ========== =========================================== ==== ====== ======
+    0   force      force now                                   N    5      0
+    1   force_mean its mean since the last decision            N    5      0
+    2   force_min  its minimum since the last decision         N    5      0
+    3   force_max  its maximum since the last decision         N    5      0
+    4   position   blade, from the clamp                       m    0.1    0
+    5   speed      of the blade                                m/s  0.0254 0
+    6   angle      of the blade; 90 degrees is upright         rad  0.3927 1.1781
+    7   depth      of cut at the blade, as measured beforehand m    0.02   0
+    8   distance   from blade to target                        m    0.1    0
+    9   time_left  until the deadline                          s    30     0
+    10  last_speed last action: target speed                   1    1      0
+    11  last_angle last action: target angle                   1    1      0
+    === ========== =========================================== ==== ====== ======
 
     Reward
     ------
     Progress of the tip / L, less costs that add up at every millisecond, less a cost at the end.
 
-    ============ ======= ===================================================================
-    Term         Weight  Charged for
-    ============ ======= ===================================================================
-    progress     1       tip gained / L, up to the target
-    uncontrolled 0.15    unstable growth / L
-    jump         0.05    sum of (run / 10 mm)^2
-    force        0.02    integral of force per depth above 400 N/m, / (100 N/m s)
-    lag          0.03    integral of the tip's lag above 10 mm, / (10 mm s)
-    backward     0.15    backward travel after first contact / L
-    haste        0.1     integral over travel of stopping distance / 3 mm, / L
-    time         0.15    time / 30 s
-    tip_error    0.2     at the end: min(tip error / 3 mm, 3)
-    wedge        0.2     at the end: uncut wedge / B = cot(angle)
-    stored       0.1     at the end: min(stored energy / (R B 3 mm), 2)
-    safety       1       at an end for safety: the worst that stopping could still have cost
-    ============ ======= ===================================================================
+    ============ ====== ===================================================================
+    Term         Weight Charged for
+    ============ ====== ===================================================================
+    progress     1      tip gained / L, up to the target
+    uncontrolled 0.15   unstable growth / L
+    jump         0.05   sum of (run / 10 mm)^2
+    force        0.02   integral of force per depth above 400 N/m, / (100 N/m s)
+    lag          0.03   integral of the tip's lag above 10 mm, / (10 mm s)
+    backward     0.15   backward travel after first contact / L
+    haste        0.1    integral over travel of stopping distance / 3 mm, / L
+    time         0.15   time / 30 s
+    tip_error    0.2    at the end: min(tip error / 3 mm, 3)
+    wedge        0.2    at the end: uncut wedge / B = cot(angle)
+    stored       0.1    at the end: min(stored energy / (R B 3 mm), 2)
+    safety       1      at an end for safety: the worst that stopping could still have cost
+    ============ ====== ===================================================================
 
     The stopping distance is v^2 / (2 x 0.1 m/s2): a blade that needs longer to stop than success allows for is not
     under control, whatever it meets.
@@ -103,16 +103,17 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Ends
     ----
-    All are ``terminated``; ``truncated`` is always False; ``info["end"]`` names which.
+    All are ``terminated``; ``truncated`` is always False; ``info["end"]`` names which: of several in one millisecond,
+    the first counts.
 
-    =========== =========================================================================================
+    =========== ======================================================================================
     End         When
-    =========== =========================================================================================
-    finished    after 10 mm of travel, speed below 0.5 mm/s and force below friction + 0.1 N for 0.3 s
+    =========== ======================================================================================
     force_limit force per depth above ``force_limit_per_depth``; an end for safety
     overshoot   tip more than 5 mm beyond the target; an end for safety
+    finished    after 10 mm of travel, speed below 0.5 mm/s and force below friction + 0.1 N for 0.3 s
     deadline    ``deadline_s`` have passed
-    =========== =========================================================================================
+    =========== ======================================================================================
 
     Success (``info["is_success"]``): finished, tip within 3 mm of the target, blade within 10 degrees of upright.
 

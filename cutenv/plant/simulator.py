@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -90,12 +91,14 @@ class SimulatedPlant:
     @property
     def states(self) -> StructArray:
         """The hidden state, :data:`~cutenv.cutting.dtypes.STATE`, shape (1,)."""
-        return self.cuts["states"][0]
+        states: StructArray = self.cuts["states"][0]
+        return states
 
     @property
     def profiles(self) -> StructArray:
         """The hidden truth along the cut, :data:`~cutenv.cutting.dtypes.PROFILE`, shape (1,)."""
-        return self.cuts["profiles"][0]
+        profiles: StructArray = self.cuts["profiles"][0]
+        return profiles
 
     def snapshot(self) -> Physics:
         """Return copies of the hidden state and of everything that determines its future, each of shape (1,)."""

@@ -23,7 +23,7 @@ from cutenv.cutting.law import depth_at, stiffness_at, toughness_at
 from cutenv.cutting.row import LANES
 from cutenv.cutting.simulate import account
 from cutenv.task import info, observation, reward
-from cutenv.task.info import FIELDS, INFO, column
+from cutenv.task.info import FIELDS, column
 from cutenv.task.observation import CLIP, COMPONENTS
 from cutenv.task.reward import CUT_ENDS, ENDS, MOMENT, REWARD
 from cutenv.task.tip_estimation import estimated_tip
@@ -38,7 +38,7 @@ FORCE_UNLOADED = 0.1
 """Force above friction below which the blade counts as unloaded [N]."""
 
 _FINISHED = ENDS.index("finished")
-_DECLARED = {"reward": REWARD, "seen": COMPONENTS, "info": FIELDS}
+_DECLARED: dict[str, tuple[Any, ...]] = {"reward": REWARD, "seen": COMPONENTS, "info": FIELDS}
 """Tables whose entries add up something at every millisecond."""
 _TOTALS: dict[str, Any] = {
     f"{table}_{entry.name}": entry
@@ -124,7 +124,9 @@ def _charge_lines() -> list[str]:
 
 def _charge_end_lines() -> list[str]:
     """Charge every end its terminal costs, and an end for safety the largest that stopping could still have had."""
-    lines, passing, final = [], [], []
+    lines: list[str] = []
+    passing: list[str] = []
+    final: list[str] = []
     for term in REWARD:
         words = {"weight": f"task.{term.name}"}
         if term.end_cost is not None:

@@ -35,7 +35,6 @@ from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
 from cutenv.task.reward import TERMS
 from cutenv.task.tip_estimation import estimated_tip
 
-
 # Sizes of records in numbers.  Numba compiles a kernel anew for each literal integer argument, but not for these.
 _NONE = np.int64(0)
 _STATE, _LAW, _DRIVE, _SENSOR, _TASK, _PROGRESS = (

@@ -137,17 +137,20 @@ class GentleCutting:
     @property
     def task(self) -> StructArray:
         """Limits, weights and target of the task, shape (1,)."""
-        return self.episode["tasks"][0]
+        task: StructArray = self.episode["tasks"][0]
+        return task
 
     @property
     def progress(self) -> StructArray:
         """State of the assessment, shape (1,)."""
-        return self.episode["progresses"][0]
+        progress: StructArray = self.episode["progresses"][0]
+        return progress
 
     @property
     def nominal(self) -> StructArray:
         """The profile that a rig expects, shape (1,)."""
-        return self.episode["nominals"][0]
+        nominal: StructArray = self.episode["nominals"][0]
+        return nominal
 
     @property
     def terms(self) -> NDArray[np.float64]:
@@ -166,7 +169,7 @@ class GentleCutting:
         return numbers
 
     def _numbers(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return the last info's record seen as float64 and as int64; kept, for making a view takes as long as a step."""
+        """Return the last info's record seen as float64 and as int64; kept: making a view takes as long as a step."""
         if self._views is None:
             record = self.episode["infos"][0]
             self._views = record.view(np.float64), record.view(np.int64)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cutenv._engine.fuse import Formula
-from cutenv.cutting.law import initiation_excess  # noqa: F401  used by a formula
+from cutenv.cutting.law import initiation_excess  # used by a formula
 from cutenv.cutting.simulate import EnergyAccount
 from cutenv.task.reward import TERMS
 from cutenv.task_quantities import overshoot

@@ -11,7 +11,7 @@ stops and unloads avoids them, so a breach costs more than stopping in every sta
 
 An entry of a table is all that a term or an end consists of: the compiled assessment, the layout of its records, the
 weights and their keywords, ``info``, docstrings and labels of reports are made from it.  Its formulas are lambdas whose
-parameters name quantities: those of a millisecond (:data:`MOMENT`), of a step (:data:`STEP`) or of an end (:data:`END`).
+parameters name quantities: of a millisecond (:data:`MOMENT`), of a step (:data:`STEP`) or of an end (:data:`END`).
 """
 
 from __future__ import annotations
@@ -201,8 +201,8 @@ class End:
     name: str
     text: str
     """When it ends so."""
-    when: Formula | None
-    """Condition, of quantities of a millisecond; None: no simulated cut ends so."""
+    when: Formula
+    """Condition, of quantities of a millisecond."""
     safety: bool = False
     """True: an end for safety."""
 

@@ -19,7 +19,6 @@ from cutenv.task.episode_dtypes import TASK
 from cutenv.task.reward import REWARD
 from cutenv.task_quantities import FORCE_LIMIT_PER_DEPTH
 
-
 if TYPE_CHECKING:
 
     @dataclass(frozen=True, kw_only=True)

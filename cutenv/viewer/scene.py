@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.task.reward import FORCE_ALLOWED
 from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.task.reward import FORCE_ALLOWED
 from cutenv.task_quantities import TIP_TOLERANCE
 from cutenv.tissue.grid import SPACING, depth_below
 

@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 PROGRAM = ROOT / "scripts" / "update_docs.py"
 RECORDS = (ROOT / "docs" / "reference" / "files" / "records.md").read_text(encoding="utf-8")
 
-CHEAP = ("parameters", "benchmark", "results", "errata", "metrics", "tissue-file", "rig-file")
+CHEAP = ("parameters", "benchmark", "results", "errata", "metrics", "weights", "ends", "tissue-file", "rig-file")
 """Blocks that are printed from what is in the repository, in a second."""
 
 

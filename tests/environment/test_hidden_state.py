@@ -10,6 +10,7 @@ import pytest
 from whole_cut import FASTEST, UPRIGHT, cut, legs, make
 
 from cutenv.policy import ConstantFeed
+from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task.observation import in_units
 from cutenv.trace import Reading
 
@@ -34,12 +35,29 @@ class Blindfold:
         return readings
 
 
+def as_on_a_rig(env: Any, value: float) -> GentleCutting:
+    """The same cut assessed by what a rig measures alone."""
+    tissue = env.specimen.tissue
+    cutting = GentleCutting(
+        Blindfold(env.plant, value),
+        tissue,
+        env.constants.weights,
+        env.constants.limits,
+        friction_per_depth=tissue.friction_share * tissue.fracture_resistance,
+        target_length=env.cutting.target_length,
+        deadline=env.deadline,
+        ticks=env.ticks,
+    )
+    cutting.rest(env.start_angle)
+    return cutting
+
+
 def played(value: float | None, commands: np.ndarray, **keywords: Any) -> tuple[list[Any], list[Any]]:
     """Observations, and rewards with their terms and ends; hidden fields overwritten by ``value`` if not None."""
     env = make(**keywords)
     observations = [env.reset(seed=7)[0]]
     if value is not None:
-        env.unwrapped.cutting.plant = Blindfold(env.unwrapped.plant, value)
+        env.unwrapped.cutting = as_on_a_rig(env.unwrapped, value)
     rewards = []
     for command in commands:
         observation, reward, ended, _, info = env.step(command)
