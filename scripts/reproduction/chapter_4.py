@@ -1,4 +1,4 @@
-"""What the tables and the text of chapter 4 say among themselves, and what our models say of them: tested, not listed.
+"""Statements of chapter 4: its tables and text among themselves, and beside our models; tested, not listed.
 
 A row "not so" is a reading that must not pass; every erratum is named beside the rows that show it.
 """

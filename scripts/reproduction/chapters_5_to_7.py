@@ -1,4 +1,4 @@
-"""What the tables, equations and text of chapters 5 to 7 say among themselves; and the errata, which claim nothing.
+"""Statements of chapters 5 to 7: tables, equations and text among themselves; and the errata, which claim nothing.
 
 A row "not so" is a reading that must not pass; every erratum is named beside the rows that show it.
 """

@@ -55,11 +55,7 @@ def model(
 
 
 @check(
-    "mesh-counts",
-    "Mesh counts",
-    "Tables 4.3, 4.12",
-    "exact",
-    notes=(*table("4.3").errata, *table("4.12").errata[:2]),
+    "mesh-counts", "Mesh counts", "Tables 4.3, 4.12", "exact", notes=(*table("4.3").errata, *table("4.12").errata[:2])
 )
 def mesh_counts(quick: bool) -> Found:
     """Compare elements, nodes and equations, exactly."""

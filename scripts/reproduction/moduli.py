@@ -37,7 +37,7 @@ class Equation(NamedTuple):
 
     @property
     def is_power(self) -> bool:
-        """Whether it is a power law."""
+        """True for a power law."""
         return self.table == "5.5" and self.angle_deg == 45
 
     @property

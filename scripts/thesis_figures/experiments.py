@@ -32,7 +32,6 @@ TRAVEL = 0.12  # [m]
 LIVER_SEED = 3
 CUTS = 4  # parallel ones in a liver
 SLOW = SPEEDS[0]
-UNUSED = "not used: the first, bent, or ended by no drop"
 
 
 def force_against_displacement(path: Path, quick: bool) -> None:
@@ -61,8 +60,7 @@ def loading_segments_found(path: Path, quick: bool) -> None:
         ax.plot(x, trace.force, color="0.6", linewidth=0.6, label="measured force")
         found = [s for s in loading_segments(trace) if window[0] <= 100 * s.position <= window[1]]
         mark_segments(ax, trace, found)
-        ax.plot([], [], color=STRESS, linewidth=1.8, label="loading segment, fitted line")
-        ax.plot([], [], color=STRAIN, linewidth=1.8, label=UNUSED)
+        name_segments(ax)
         ax.set_xlim(*window)
         inside = (x >= window[0]) & (x <= window[1])
         low, high = float(trace.force[inside].min()), float(trace.force[inside].max())
@@ -79,6 +77,12 @@ def mark_segments(ax: Axes, trace: Trace, segments: list[Segment]) -> None:
         line = s.force + s.slope * (ends - s.position)
         ax.plot(100 * ends, line, color=STRESS if s.is_steady else STRAIN, linewidth=1.8)
         ax.plot(100 * ends, line, "o", color="black", markersize=2.5)
+
+
+def name_segments(ax: Axes) -> None:
+    """Enter both colours of segments in the legend."""
+    ax.plot([], [], color=STRESS, linewidth=1.8, label="loading segment, fitted line")
+    ax.plot([], [], color=STRAIN, linewidth=1.8, label="not used: the first, bent, or ended by no drop")
 
 
 def liver_cuts() -> list[tuple[Specimen, SimulatedPlant]]:

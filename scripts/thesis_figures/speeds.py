@@ -10,28 +10,16 @@ import numpy as np
 from fit_specimens import SIGNIFICANT_DROP
 from matplotlib.axes import Axes
 from reproduction import drawn_livers
-from reproduction.drawn_tables import BY_CUT, cut_means
+from reproduction.drawn_tables import BY_CUT, cut_means, means_by_cut
 from reproduction.moduli import means_by_speed
 from reproduction.virtual_cuts import cm_s, virtual_cut
 
 from cutenv.measurement import loading_segments
 from cutenv.tissue import local_effective_modulus
 from cutenv.tissue.effective_modulus import linear_fit, power_fit
-from cutenv.tissue.tables import table
 from cutenv.tissue.variance_components import CUTS_PER_LIVER
-from thesis_figures.experiments import KIND, TRAVEL, UNUSED, mark_segments
-from thesis_figures.style import (
-    DISPLACEMENT_LABEL,
-    FORCE,
-    INCLINED,
-    LEM_LABEL,
-    STRAIN,
-    STRESS,
-    UPRIGHT,
-    named,
-    panels,
-    save,
-)
+from thesis_figures.experiments import KIND, TRAVEL, mark_segments, name_segments
+from thesis_figures.style import DISPLACEMENT_LABEL, FORCE, INCLINED, LEM_LABEL, UPRIGHT, named, panels, save
 
 
 class Panel(NamedTuple):
@@ -81,8 +69,7 @@ def moduli_by_cut(path: Path, quick: bool) -> None:
         for ax, (_, speed) in zip(axes[column::2], rows, strict=False):
             _draw_segments(ax, angle_deg, speed / 100)
         _draw_means(axes[6 + column], angle_deg, rows, quick)
-    axes[0].plot([], [], color=STRESS, linewidth=1.8, label="loading segment, fitted line")
-    axes[0].plot([], [], color=STRAIN, linewidth=1.8, label=UNUSED)
+    name_segments(axes[0])
     axes[0].legend(loc="upper left")
     highest = max(ax.get_ylim()[1] for ax in axes[:6])
     for ax in axes[:6]:
@@ -107,8 +94,7 @@ def _draw_means(ax: Axes, angle_deg: float, rows: list[tuple[str, float]], quick
     """Draw measured means of the cuts with the standard deviation within each, and virtual ones beside them."""
     colour = INCLINED if angle_deg == 45 else UPRIGHT
     for at, (number, speed) in enumerate(rows):
-        suffix = f"_at_{speed:.2f}_cm_s" if number == "5.1" else ""
-        mean, sd = (table(number)[f"{x}_plane_stress{suffix}_Pa"] / 1e3 for x in ("lem", "sd"))
+        mean, sd = means_by_cut(number, speed, "plane_stress")
         spots = at + np.linspace(-0.35, -0.05, len(mean))
         ax.errorbar(spots, mean, sd, fmt="o", color=colour, ms=4, elinewidth=0.8, label="measured" if not at else None)
         drawn = [cut.as_measured["plane_stress", 0.3] / 1e3 for cut in drawn_livers.cuts(speed, angle_deg, quick)]
