@@ -44,16 +44,17 @@ def ratio_rows(
     of: CutModel,
     tolerance: float | None,
     *,
-    over: tuple[str, str] = ("4.1", QUAD8_COLUMN),
+    over: tuple[str, str] | None = None,
     base: CutModel | None = None,
     with_digits: bool = True,
 ) -> list[Row]:
     """Compare LEM by ``of`` over LEM by ``base`` (8-node plane stress) at every place, printed and ours.
 
-    ``cells`` and ``over`` are the numbers and columns of two tables; half a unit of the last digits of both may add to
-    the tolerance.
+    ``cells`` and ``over`` (8-node plane stress of Table 4.1) are the numbers and columns of two tables; half a unit of
+    the last digits of both may add to the tolerance.
     """
-    (number, column), (other, below), rows = cells, over, []
+    over, rows = over or ("4.1", QUAD8_COLUMN), []
+    (number, column), (other, below) = cells, over
     for a, lem, divisor in zip(places(number), table(number)[column], table(other)[below], strict=True):
         within = tolerance
         if tolerance is not None and with_digits:

@@ -109,7 +109,7 @@ def stiffer_in_plane_strain(monkeypatch: pytest.MonkeyPatch) -> None:
         ("poisson", "models", "model", lambda poisson=0.3: model(formulation="plane_strain", poisson=poisson)),
         ("bricks", "models", "model", lambda element="quad8", _="": model("quad4" if element == "hex20" else element)),
         ("figure-4.4", "chapter_4", "model", lambda element, of: model("quad8", of.replace("solid", "plane_stress"))),
-        ("table-4.2", "chapter_4", "model", lambda element, of: model("quad8", of)),
+        ("table-4.2", "models", "model", lambda element, of: model("quad8", of)),
         ("incompressible", "models", "QUAD8_COLUMN", "lem_quad8_plane_strain_Pa"),
         ("element-size", "models", "DIVISIONS", [(8, 15), (10, 24), (16, 15), (32, 30), (20, 75)]),
         ("beads", "models", "TIP_DISPLACEMENT", 0.008),
