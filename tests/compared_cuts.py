@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from cutenv.sim_to_real import Agreement, ComparedCut
@@ -10,6 +12,7 @@ from cutenv.trace import Trace
 SPEED = 0.0127  # [m/s]
 
 
+@functools.cache  # scored once
 def made_up_cut(
     specimen: int, noise: int, *, offset: float = 0.0, delay: float = 0.0, success: bool = True, end: str = "finished"
 ) -> ComparedCut:
@@ -27,6 +30,7 @@ def made_up_cut(
     return ComparedCut(trace=trace, value=value, success=success, end=end)
 
 
+@functools.cache
 def made_up_agreement(specimens: int = 16, draws: int = 3, *, paired: bool = True, **of_rig: object) -> Agreement:
     """The rig's cuts beside the simulator's, ``of_rig`` changed as :func:`made_up_cut` takes it."""
     first = 0 if paired else 1000

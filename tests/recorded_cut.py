@@ -8,18 +8,17 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from reproduction.virtual_cuts import true_moduli, true_resistance
 
 from cutenv._engine.randomness import generator
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.protocol import Leg, run, to_trace
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.tissue.description import following_means, tables_only
-from cutenv.tissue.specimen import N_POINTS, SPACING, Specimen
+from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace
 
-INCH = 0.0254
 TISSUE = tables_only(**following_means(), eta90=0.28)
-PLACES = np.arange(N_POINTS) * SPACING
 
 
 class RecordedCut(NamedTuple):
@@ -36,21 +35,11 @@ class RecordedCut(NamedTuple):
 
     def true_moduli(self, segments: Any) -> Any:
         """LEM [Pa] that an exact slope shows at each segment's tip, speed and angle."""
-        return shown_moduli(self.specimen, [self.tip[s.samples].mean() for s in segments], segments)
+        return true_moduli(self.specimen, [self.tip[s.samples].mean() for s in segments], segments)
 
     def true_resistance(self) -> float:
         """R [J/m2] that the law was given, friction's share included, mean over the area that was cut."""
-        share, depth = self.specimen.tissue.friction_share, self.specimen.depth
-        at = np.linspace(0.0, self.tip.max(), 2000)
-        fracture = np.interp(at, PLACES, (1.0 - share) * self.specimen.fracture_resistance * depth)
-        return float(fracture.sum() / np.interp(at, PLACES, depth).sum()) + self.specimen.friction_per_depth
-
-
-def shown_moduli(specimen: Specimen, tips: Any, segments: Any) -> Any:
-    """LEM [Pa] that an exact slope shows at each tip [m], speed and angle: r K/(kappa B)."""
-    r = np.array([specimen.loading_ratio(s.speed, s.angle) for s in segments])
-    K, B = (np.interp(tips, PLACES, values) for values in (specimen.stiffness(), specimen.depth))
-    return r * K / (specimen.cut_model().stiffness(tips) * B)
+        return true_resistance(self.specimen, self.tip.max())
 
 
 def specimen(kind: str, friction_share: float = 0.2) -> Specimen:
@@ -68,7 +57,6 @@ def specimen(kind: str, friction_share: float = 0.2) -> Specimen:
     )
 
 
-@functools.lru_cache(maxsize=12)  # a slow cut holds 10 MB
 def recorded_cut(
     kind: str = "2 cm",
     *,
@@ -79,7 +67,23 @@ def recorded_cut(
     sensor: SensorParameters | None = None,
     rest: float = 0.0,
 ) -> RecordedCut:
-    """Cut through ``turns`` [m] at ``speed`` [m/s], resting 0.2 s at each and ``rest`` [s] before, through a sensor."""
+    """Cut through ``turns`` [m] at ``speed`` [m/s], resting 0.2 s at each and ``rest`` [s] before, through a sensor.
+
+    The same cut is made once, however it is asked for.
+    """
+    return _recorded(kind, speed, angle_deg, turns, friction_share, sensor, rest)
+
+
+@functools.lru_cache(maxsize=80)  # of 1 to 10 MB: all of one file, whose tests share them
+def _recorded(
+    kind: str,
+    speed: float,
+    angle_deg: float,
+    turns: tuple[float, ...],
+    friction_share: float,
+    sensor: SensorParameters | None,
+    rest: float,
+) -> RecordedCut:
     tissue = specimen(kind, friction_share)
     angle = math.radians(angle_deg)
     plant = SimulatedPlant(tissue, sensor=sensor, seed=1, angle=angle)

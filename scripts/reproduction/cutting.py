@@ -16,7 +16,7 @@ from cutenv.plant import SimulatedPlant
 from cutenv.tissue import Specimen
 from reproduction import drawn_livers
 from reproduction.measuring import LIVERS, watched
-from reproduction.rows import Comparison, Row, at_most, holds, near
+from reproduction.rows import Found, Row, at_most, check, holds, near
 from reproduction.virtual_cuts import INCH, SPEEDS, VirtualCut, cm_s, virtual_cut
 
 TRAVEL = 0.12  # of the thesis's cuts [m]
@@ -29,7 +29,8 @@ _CLEAR = 2e-3  # distance from the ends of the crack beyond which only friction 
 Array = NDArray[np.float64]
 
 
-def units_fall_with_speed(quick: bool) -> Comparison:
+@check("units", "Units per length fall with speed", "section 3.3.2, Figure 3.3", "shown")
+def units_fall_with_speed(quick: bool) -> Found:
     """Check section 3.3.2: "more loading and unloading" in slow cutting."""
     rows = []
     for kind in watched(("2 cm", *(LIVERS[: 1 if quick else 3])), "units by speed"):
@@ -41,13 +42,7 @@ def units_fall_with_speed(quick: bool) -> Comparison:
             falls = counts[0] > counts[1] > counts[2]
             rows.append(holds(f"{kind}: {what} in 12 cm at 0.1, 1.27, 2.54 cm/s", "fall with speed", text, falls))
     rows += [_units_of_drawn_livers(angle_deg, quick) for angle_deg in (90, 45)]
-    return Comparison(
-        title="Units per length fall with speed",
-        source="section 3.3.2, Figure 3.3",
-        ours=f"{rows[1].ours} segments in 12 cm at 0.1, 1.27, 2.54 cm/s",
-        tolerance="shown",
-        rows=tuple(rows),
-    )
+    return rows, f"{rows[1].ours} segments in 12 cm at 0.1, 1.27, 2.54 cm/s"
 
 
 def _units_of_drawn_livers(angle_deg: float, quick: bool) -> Row:
@@ -57,21 +52,17 @@ def _units_of_drawn_livers(angle_deg: float, quick: bool) -> Row:
     averages = [float(np.mean(numbers)) for numbers in counts]
     rank = float(stats.spearmanr(speeds, averages).statistic)
     means = ", ".join(f"{average:.0f}" for average in averages)
-    return holds(
-        f"drawn livers, {angle_deg:g} deg: mean number of steady segments in 12 cm at {len(speeds)} speeds",
-        "fall with speed",
-        f"{means} (rank correlation with speed {rank:.2f})",
-        rank < RANK_CORRELATION,
-    )
+    what = f"drawn livers, {angle_deg:g} deg: mean number of steady segments in 12 cm at {len(speeds)} speeds"
+    ours = f"{means} (rank correlation with speed {rank:.2f})"
+    return holds(what, "fall with speed", ours, rank < RANK_CORRELATION)
 
 
-def force_follows_depth(quick: bool) -> Comparison:
+@check("depth", "Force follows depth of cut, force per depth does not", "sections 3.3.2, 5.4", "shown")
+def force_follows_depth(quick: bool) -> Found:
     """Check sections 3.3.2 and 5.4: the force follows the depth of cut, the force per depth does not."""
     rows = []
-    peaks = {}
-    for depth in DEPTHS_CM:
-        cut = virtual_cut(f"{depth:g} cm", turns=(TRAVEL,))
-        peaks[depth] = float(cut.readings["true_force"].max())
+    cuts = {depth: virtual_cut(f"{depth:g} cm", turns=(TRAVEL,)) for depth in DEPTHS_CM}
+    peaks = {depth: float(cut.readings["true_force"].max()) for depth, cut in cuts.items()}
     for depth in DEPTHS_CM[:-1]:
         ratio = peaks[2.0] / peaks[depth]
         rows.append(near(f"peak force at 2 cm over that at {depth:g} cm", 2.0 / depth, ratio, relative=0.02))
@@ -81,24 +72,12 @@ def force_follows_depth(quick: bool) -> Comparison:
     hilltops, depth_there = hilltop_forces(bulge)
     cv_force, cv_per_depth = (float(x.std() / x.mean()) for x in (hilltops, hilltops / depth_there))
     correlation = float(np.corrcoef(hilltops, depth_there)[0, 1])
-    rows.append(
-        holds("bulge: correlation of hilltop force and depth", "near 1", f"{correlation:.3f}", correlation > 0.95)
-    )
-    rows.append(
-        holds(
-            "bulge: CV of hilltop force; of hilltop force per depth",
-            "large; small",
-            f"{cv_force:.2f}; {cv_per_depth:.2f}",
-            cv_per_depth < 0.25 * cv_force,
-        )
-    )
-    return Comparison(
-        title="Force follows depth of cut, force per depth does not",
-        source="sections 3.3.2, 5.4",
-        ours=f"along the bulge: CV {cv_force:.2f} of the force, {cv_per_depth:.2f} per depth",
-        tolerance="shown",
-        rows=tuple(rows),
-    )
+    what, ours = "bulge: CV of hilltop force; of hilltop force per depth", f"{cv_force:.2f}; {cv_per_depth:.2f}"
+    rows += [
+        holds("bulge: correlation of hilltop force and depth", "near 1", f"{correlation:.3f}", correlation > 0.95),
+        holds(what, "large; small", ours, cv_per_depth < 0.25 * cv_force),
+    ]
+    return rows, f"along the bulge: CV {cv_force:.2f} of the force, {cv_per_depth:.2f} per depth"
 
 
 def hilltop_forces(cut: VirtualCut) -> tuple[Array, Array]:
@@ -124,7 +103,13 @@ def legs(cut: VirtualCut) -> tuple[slice, slice, slice, slice]:
     return slice(0, first), slice(first, start), slice(start, second), slice(second, len(x))
 
 
-def forward_backward(quick: bool) -> Comparison:
+@check(
+    "forward-backward",
+    "Forward-backward protocol: friction to and fro, force where it left off, energy",
+    "Figures 6.5-6.7",
+    "shape; 1 % of friction and force",
+)
+def forward_backward(quick: bool) -> Found:
     """Check Figures 6.5 to 6.7: friction in the open crack is the same to and fro, the cut resumes, energy closes."""
     rows: list[Row] = []
     for kind in ("2 cm", "liver 1"):
@@ -133,13 +118,10 @@ def forward_backward(quick: bool) -> Comparison:
     friction = max(abs(100 * float(row.ours) - 100) for row in rows if "friction" in row.what)
     resumed = [100 * float(row.ours) for row in rows if "resumes" in row.what]
     residual = max(float(row.ours) for row in rows if "residual" in row.what)
-    return Comparison(
-        title="Forward-backward protocol: friction to and fro, force where it left off, energy",
-        source="Figures 6.5-6.7",
-        ours=f"within {friction:.1f} %; resumes at {min(resumed):.1f} to {max(resumed):.1f} % of what it was; "
+    return (
+        rows,
+        f"within {friction:.1f} %; resumes at {min(resumed):.1f} to {max(resumed):.1f} % of what it was; "
         f"residual {residual:.0e}",
-        tolerance="shape; 1 % of friction and force",
-        rows=tuple(rows),
     )
 
 
@@ -168,7 +150,13 @@ def _ratio(numerator: Array, denominator: Array) -> float:
     return float(ratio.mean()) if float(np.ptp(ratio)) < 0.05 else math.nan
 
 
-def energy_identity(quick: bool) -> Comparison:
+@check(
+    "energy",
+    f"Energy identity under random policies (every 5 ms of {POLICY_SECONDS:g} s)",
+    "law, balance (6.1)-(6.4)",
+    "1e-9",
+)
+def energy_identity(quick: bool) -> Found:
     """Check the energy under random policies: speeds and angles every 50 ms, in random specimens, by rig and hand."""
     worst, policies = [], 4 if quick else 20
     for number in tqdm(range(policies), desc="energy under random policies", unit="policy", leave=False):
@@ -187,10 +175,4 @@ def energy_identity(quick: bool) -> Comparison:
         at_most(f"random policy {i + 1}, {'rig' if i % 2 == 0 else 'hand'}: residual over max(work, 1 mJ)", value, 1e-9)
         for i, value in enumerate(worst)
     ]
-    return Comparison(
-        title=f"Energy identity under random policies (every 5 ms of {POLICY_SECONDS:g} s)",
-        source="law, balance (6.1)-(6.4)",
-        ours=f"{max(worst):.0e} of max(work, 1 mJ) in {policies} policies",
-        tolerance="1e-9",
-        rows=tuple(rows),
-    )
+    return rows, f"{max(worst):.0e} of max(work, 1 mJ) in {policies} policies"

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from cutenv._engine.randomness import generator
-from cutenv.measurement import estimate_fracture_resistance, estimate_local_effective_moduli
+from cutenv.measurement import ModulusEstimate, estimate_fracture_resistance, estimate_local_effective_moduli
 from cutenv.measurement.segments import SMALLEST_DROP
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import CutModel, Specimen, draw_liver, measured_liver
@@ -90,13 +90,19 @@ def cuts(speed_cm_s: float, angle_deg: float, quick: bool) -> list[DrawnCut]:
     return found
 
 
+def measure_as_the_thesis(
+    trace: Trace, model: CutModel = BASE, smallest_drop: float = SIGNIFICANT_DROP
+) -> ModulusEstimate:
+    """Measure moduli by the force as it is: without depth, with friction, and with the blade for the tip."""
+    return estimate_local_effective_moduli(
+        trace, model, depth_normalised=False, friction_per_depth=0.0, loading_ratio=0.0, smallest_drop=smallest_drop
+    )
+
+
 def measure(trace: Trace, length: float, *, upright: bool) -> DrawnCut:
     """Measure as in the thesis; the resistance from the first ``length`` [m] of an upright cut."""
     estimate, with_small_drops = (
-        estimate_local_effective_moduli(
-            trace, BASE, depth_normalised=False, friction_per_depth=0.0, loading_ratio=0.0, smallest_drop=drop
-        )
-        for drop in (SIGNIFICANT_DROP, SMALLEST_DROP)
+        measure_as_the_thesis(trace, smallest_drop=x) for x in (SIGNIFICANT_DROP, SMALLEST_DROP)
     )
     position, depth = trace.require("position", "depth", by="measure")
     x, segments = estimate.position, estimate.segments

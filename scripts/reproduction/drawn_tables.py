@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from fit_specimens import CUTS_OF_TABLE_6_1, SIGNIFICANT_DROP
@@ -14,12 +14,14 @@ from cutenv.tissue.tables import table
 from cutenv.tissue.variance_components import CUTS_PER_LIVER
 from reproduction import drawn_livers
 from reproduction.drawn_livers import QUICK_SPEEDS_CM_S, DrawnCut, speeds
-from reproduction.rows import Comparison, Row, hits, near, unclaimed
+from reproduction.models import FORMULATIONS
+from reproduction.moduli import CUTS, EQUATIONS, means_by_speed
+from reproduction.rows import Check, Found, Row, check, hits, near, unclaimed
 from reproduction.scatter import Line, Sample, coefficient_rows, mean_row, sd_row
 
 Array = NDArray[np.float64]
+Kinds = Callable[[DrawnCut], tuple[Array, Array]]
 
-FORMULATIONS = ("plane_stress", "plane_strain")
 BY_CUT = (
     ("5.1", 45, 0.1),
     ("5.1", 45, 1.27),
@@ -29,8 +31,8 @@ BY_CUT = (
     ("5.4", 90, 2.54),
 )
 """Tables with a row for each cut: number, angle [deg], speed [cm/s]."""
-CUTS_UPRIGHT, CUTS = 12, 6
-"""Cuts in a mean of Table 5.5 at 90 degrees where Tables 5.2 to 5.4 list them, and in all others (chapter 5)."""
+CUTS_UPRIGHT = 12
+"""Cuts in a mean of Table 5.5 at 90 degrees where Tables 5.2 to 5.4 list them (chapter 5)."""
 
 FITTED_TO = (
     "Mean modulus and resistance of the livers, and the spread between their cuts, were fitted to Tables 5.2-5.4, 5.6 "
@@ -45,166 +47,140 @@ ONE_SHARE = (
     "from Table 5.6, by which cuts at that speed were 1.7 cm deep, not 1.4, and has one share of stable growth along "
     "a cut."
 )
+BEFORE_OR_AFTER = (
+    "Section 5.4 has the increment of force divided by the depth of cut, section 3.4.2 the force divided by it "
+    "before the increment is taken; a blade that comes into deeper tissue makes the second the smaller one. The first "
+    "is compared; the second is shown."
+)
 BY_CHANCE = "Of rows that differ by chance alone one in twenty would miss."
 
 
-class Measured(NamedTuple):
-    """Selection of the moduli of one table from a cut."""
-
-    poisson: float
-    moduli: Callable[[DrawnCut], dict[tuple[str, float], Array]]
-
-
-AVERAGES = {
-    "5.5": Measured(0.3, lambda cut: cut.as_measured),
-    "5.6": Measured(0.3, lambda cut: cut.per_depth),
-    "5.7": Measured(0.499, lambda cut: cut.per_depth),
-}
-EQUATIONS = (
-    ("5.1", "5.5", 90, "plane_stress"),
-    ("5.2", "5.5", 90, "plane_strain"),
-    ("5.3", "5.5", 45, "plane_stress"),
-    ("5.4", "5.5", 45, "plane_strain"),
-    ("5.5", "5.6", 90, "plane_stress"),
-    ("5.6, printed as 5.7", "5.6", 90, "plane_strain"),
-    ("5.7, printed as 5.6", "5.6", 45, "plane_stress"),
-    ("5.8", "5.6", 45, "plane_strain"),
-)
 CONTRADICTORY = {("5.1", 45), ("5.5", 45)}
 """Table and angle [deg] that contradict Table 5.6, from which the cutting law takes LEM(v): shown, not claimed."""
 
 
-def cuts_by_cuts(quick: bool) -> Comparison:
+def means_by_cut(number: str, speed: float, formulation: str) -> tuple[Array, Array]:
+    """Return the mean LEM and the standard deviation within each cut [kPa] of one of Tables 5.1 to 5.4."""
+    column = f"{formulation}_at_{speed:.2f}_cm_s_Pa" if number == "5.1" else f"{formulation}_Pa"
+    return table(number)[f"lem_{column}"] / 1e3, table(number)[f"sd_{column}"] / 1e3
+
+
+@check(
+    "livers-by-cut",
+    lambda quick: f"LEM of drawn livers cut by cut, {_number(quick)}: means, SD between and within cuts",
+    "Tables 5.1-5.4",
+    "scatter of both",
+    most_misses=5,  # of 18 quick ones; Table 5.4, and the scatter within a cut in Tables 5.3 and 5.4
+    notes=(FITTED_TO, ONE_SHARE, BY_CHANCE, SIGNIFICANT, table("5.5").errata[1]),
+)
+def cuts_by_cuts(quick: bool) -> Found:
     """Compare Tables 5.1 to 5.4: mean of the cuts, standard deviation between them, and mean of those within them."""
     rows = []
     for number, angle_deg, speed in BY_CUT:
-        data, own = table(number), drawn_livers.cuts(speed, angle_deg, quick)
+        own = drawn_livers.cuts(speed, angle_deg, quick)
         for formulation in FORMULATIONS:
-            column = f"{formulation}_at_{speed:.2f}_cm_s_Pa" if number == "5.1" else f"{formulation}_Pa"
+            mean, sd = means_by_cut(number, speed, formulation)
             moduli = [cut.as_measured[formulation, 0.3] / 1e3 for cut in own]
-            name = (
-                f"Table {number}, {angle_deg} deg, {speed:.2f} cm/s, {formulation.replace('_', ' ')}, {len(own)} cuts"
-            )
-            between = Sample.of(data[f"lem_{column}"] / 1e3), Sample.of(np.array([m.mean() for m in moduli]))
-            within = Sample.of(data[f"sd_{column}"] / 1e3), Sample.of(np.array([m.std() for m in moduli]))
+            of = f"{formulation.replace('_', ' ')}, {len(own)} cuts"
+            name = f"Table {number}, {angle_deg} deg, {speed:.2f} cm/s, {of}"
+            between = Sample.of(mean), Sample.of(np.array([m.mean() for m in moduli]))
+            within = Sample.of(sd), Sample.of(np.array([m.std() for m in moduli]))
             new = [mean_row(name, *between), sd_row(name, *between), mean_row(f"{name}, SD within a cut", *within)]
             rows += map(unclaimed, new) if (number, angle_deg) in CONTRADICTORY else new
-    return Comparison(
-        title=f"LEM of drawn livers cut by cut, {_number(quick)}: means, SD between and within cuts",
-        source="Tables 5.1-5.4",
-        ours=f"{hits(rows)} agree",
-        tolerance="scatter of both",
-        rows=tuple(rows),
-        notes=(
-            FITTED_TO,
-            ONE_SHARE,
-            BY_CHANCE,
-            SIGNIFICANT,
-            table("5.5").errata[1],
-        ),
-    )
+    return rows, f"{hits(rows)} agree"
 
 
-def average_tables(number: str) -> Callable[[bool], Comparison]:
-    """Return the comparison with Table 5.5 or 5.6: mean and standard deviation of the cuts by speed and angle."""
+def average_table(
+    number: str, title: str, note: str, what: str, kinds: Callable[[DrawnCut], tuple[Array, Array]]
+) -> Check:
+    """Return the entry of Table 5.5 or 5.6: mean and standard deviation of the cuts by speed and angle.
 
-    def compare(quick: bool) -> Comparison:
+    ``kinds`` are the moduli of a cut by another reading and by the usual one; the ratio of their means is shown.
+    """
+
+    def found(quick: bool) -> Found:
         rows: list[Row] = []
+        for angle_deg, formulation in itertools.product((90, 45), FORMULATIONS):
+            for speed, mean, sd in zip(*means_by_speed(number, angle_deg, formulation), strict=True):
+                if quick and speed not in QUICK_SPEEDS_CM_S:
+                    continue
+                reference = Sample(mean, sd, _cuts_behind(number, angle_deg, speed))
+                ours = Sample.of(cut_means(number, angle_deg, formulation, speed, quick))
+                name = f"{angle_deg} deg, {speed:.2f} cm/s, {formulation.replace('_', ' ')}, {ours.n} cuts"
+                new = [mean_row(name, reference, ours), sd_row(name, reference, ours)]
+                rows += map(unclaimed, new) if (number, angle_deg) in CONTRADICTORY else new
+        shown = []
         for angle_deg in (90, 45):
-            for formulation in FORMULATIONS:
-                for speed, mean, sd in zip(*_printed(number, angle_deg, formulation), strict=True):
-                    if quick and speed not in QUICK_SPEEDS_CM_S:
-                        continue
-                    reference = Sample(mean, sd, _cuts_behind(number, angle_deg, speed))
-                    ours = Sample.of(cut_means(number, angle_deg, formulation, speed, quick))
-                    name = f"{angle_deg} deg, {speed:.2f} cm/s, {formulation.replace('_', ' ')}, {ours.n} cuts"
-                    new = [mean_row(name, reference, ours), sd_row(name, reference, ours)]
-                    rows += map(unclaimed, new) if (number, angle_deg) in CONTRADICTORY else new
-        claims, notes = list(rows), [FITTED_TO, BY_CHANCE]
-        rows += OTHER_READINGS[number](quick) if number in OTHER_READINGS else []
-        notes.append(NOTES[number])
-        means, sds = claims[::2], claims[1::2]
-        return Comparison(
-            title=f"LEM of drawn livers by speed and angle, {_number(quick)}: {TITLES[number]}",
-            source=f"Table {number}",
-            ours=f"{hits(means)} means, {hits(sds)} SDs agree",
-            tolerance="scatter of both",
-            rows=tuple(rows),
-            notes=tuple(notes),
-        )
+            other, usual = np.mean([[kind.mean() for kind in kinds(cut)] for cut in cuts_at(angle_deg, quick)], axis=0)
+            shown.append(near(f"{angle_deg} deg, all speeds: {what}", 1.0, other / usual, form=".2f"))
+        return rows + shown, f"{hits(rows[::2])} means, {hits(rows[1::2])} SDs agree"
 
-    return compare
+    return check(
+        f"livers-{number.replace('.', '-')}",
+        lambda quick: f"LEM of drawn livers by speed and angle, {_number(quick)}: {title}",
+        f"Table {number}",
+        "scatter of both",
+        most_misses=2,  # of 12 quick rows of Table 5.5, the means at 2.54 cm/s, and of 24 of Table 5.6
+        notes=(FITTED_TO, BY_CHANCE, note),
+    )(found)
 
 
-TITLES = {
-    "5.5": "force as measured",
-    "5.6": "force per depth of cut",
-}
-NOTES = {
-    "5.5": SIGNIFICANT,
-    "5.6": "Section 5.4 has the increment of force divided by the depth of cut, section 3.4.2 the force divided by it "
-    "before the increment is taken; a blade that comes into deeper tissue makes the second the smaller one. The first "
-    "is compared; the second is shown.",
-}
+TABLE_5_5 = average_table(
+    "5.5",
+    "force as measured",
+    SIGNIFICANT,
+    f"mean with drops of {SMALLEST_DROP:g} N over that with {SIGNIFICANT_DROP:g} N",
+    lambda cut: (cut.with_small_drops, cut.as_measured["plane_stress", 0.3]),
+)
+TABLE_5_6 = average_table(
+    "5.6",
+    "force per depth of cut",
+    BEFORE_OR_AFTER,
+    "mean by section 3.4.2 over that by 5.4",
+    lambda cut: (cut.of_force_per_depth, cut.per_depth["plane_stress", 0.3]),
+)
 
 
-def other_limit(quick: bool) -> list[Row]:
-    """Return moduli without depth for a lower limit of a drop over those for the usual one, by angle."""
-    what = f"mean with drops of {SMALLEST_DROP:g} N over that with {SIGNIFICANT_DROP:g} N"
-    return _shown(what, lambda cut: (cut.with_small_drops, cut.as_measured["plane_stress", 0.3]), quick)
-
-
-def other_reading(quick: bool) -> list[Row]:
-    """Return moduli by increments of F/B over those by increments of F over B, by angle."""
-    what = "mean by section 3.4.2 over that by 5.4"
-    return _shown(what, lambda cut: (cut.of_force_per_depth, cut.per_depth["plane_stress", 0.3]), quick)
-
-
-OTHER_READINGS = {"5.5": other_limit, "5.6": other_reading}
-
-
-def _shown(what: str, moduli: Callable[[DrawnCut], tuple[Array, Array]], quick: bool) -> list[Row]:
-    """Return the mean over the cuts of one kind of moduli over that of another, for each angle."""
-    rows = []
-    for angle_deg in (90, 45):
-        own = [cut for speed in speeds(quick) for cut in drawn_livers.cuts(speed, angle_deg, quick)]
-        other, usual = np.mean([[kind.mean() for kind in moduli(cut)] for cut in own], axis=0)
-        rows.append(near(f"{angle_deg} deg, all speeds: {what}", 1.0, other / usual, form=".2f"))
-    return rows
-
-
-def equations(quick: bool) -> Comparison:
+@check(
+    "livers-equations",
+    lambda quick: f"Fits of LEM against speed to drawn livers, {_number(quick)}, beside those to the tables [95 %]",
+    "equations 5.1-5.8",
+    "scatter about both lines",
+    most_misses=4,  # of 12 quick ones; the lines at 45 degrees, of four cuts that differ much
+    notes=(table("5.5").errata[1],),
+)
+def equations(quick: bool) -> Found:
     """Compare equations 5.1 to 5.8: the thesis's fit to its means, and the same fit to ours."""
     rows: list[Row] = []
-    for equation, number, angle_deg, formulation in EQUATIONS:
-        speed, mean, _ = _printed(number, angle_deg, formulation)
+    for each in EQUATIONS[:8]:
+        speed, mean, _ = means_by_speed(each.table, each.angle_deg, each.formulation)
         present = np.isin(speed, speeds(quick))
-        ours = np.array([cut_means(number, angle_deg, formulation, v, quick).mean() for v in speed[present]])
-        power = number == "5.5" and angle_deg == 45
-        fit = Line.through_logarithms if power else Line.through
-        names = ("exponent", "coefficient, kPa") if power else ("slope, kPa s/cm", "intercept, kPa")
-        new = coefficient_rows(
-            f"({equation}) {angle_deg} deg {formulation.replace('_', ' ')}",
-            fit(speed, mean),
-            fit(speed[present], ours),
-            slope=names[0],
-            intercept=names[1],
-        )
-        rows += map(unclaimed, new) if (number, angle_deg) in CONTRADICTORY else new
-    return Comparison(
-        title=f"Fits of LEM against speed to drawn livers, {_number(quick)}, beside those to the tables [95 %]",
-        source="equations 5.1-5.8",
-        ours=f"{hits(rows)} coefficients agree",
-        tolerance="scatter about both lines",
-        rows=tuple(rows),
-        notes=(table("5.5").errata[1],),
-    )
+        means = [cut_means(each.table, each.angle_deg, each.formulation, v, quick).mean() for v in speed[present]]
+        fit = Line.through_logarithms if each.is_power else Line.through
+        names = ("exponent", "coefficient, kPa") if each.is_power else ("slope, kPa s/cm", "intercept, kPa")
+        lines = fit(speed, mean), fit(speed[present], np.array(means))
+        new = coefficient_rows(each.name, *lines, slope=names[0], intercept=names[1])
+        rows += map(unclaimed, new) if (each.table, each.angle_deg) in CONTRADICTORY else new
+    return rows, f"{hits(rows)} coefficients agree"
 
 
-def resistance(quick: bool) -> Comparison:
+@check(
+    "livers-6-1",
+    lambda quick: (
+        f"Apparent fracture resistance of drawn livers, {len(cuts_at(90, quick))} upright cuts of all speeds, by length"
+    ),
+    "Table 6.1",
+    "scatter of both",
+    most_misses=1,  # of 6 quick ones
+    notes=(
+        FITTED_TO,
+        "The table's SDs run from 14 to 142 J/m2: wider apart than samples of six from one population come to be.",
+    ),
+)
+def resistance(quick: bool) -> Found:
     """Compare Table 6.1: apparent fracture resistance by length of cut, upright, all speeds."""
     data = table("6.1")
-    own = [cut for speed in speeds(quick) for cut in drawn_livers.cuts(speed, 90, quick)]
+    own = cuts_at(90, quick)
     rows: list[Row] = []
     columns = ("cut_length_inch", "cut_length_m", "fracture_resistance_J_m2", "sd_fracture_resistance_J_m2")
     for inches, length, mean, sd in zip(*(data[column] for column in columns), strict=True):
@@ -214,32 +190,20 @@ def resistance(quick: bool) -> Comparison:
             name = f"{inches:g} inch, {len(apparent)} cuts, J/m2"
             rows += [mean_row(name, reference, ours), sd_row(name, reference, ours)]
     mean, sd, _ = Sample.of(np.array([cut.apparent for cut in own]))
-    return Comparison(
-        title=f"Apparent fracture resistance of drawn livers, {len(own)} upright cuts of all speeds, by length",
-        source="Table 6.1",
-        ours=f"{hits(rows[::2])} means, {hits(rows[1::2])} SDs agree; all: {mean:.0f} +- {sd:.0f} J/m2",
-        tolerance="scatter of both",
-        rows=tuple(rows),
-        notes=(
-            FITTED_TO,
-            "The table's SDs run from 14 to 142 J/m2: wider apart than samples of six from one population come to be.",
-        ),
-    )
+    return rows, f"{hits(rows[::2])} means, {hits(rows[1::2])} SDs agree; all: {mean:.0f} +- {sd:.0f} J/m2"
+
+
+def cuts_at(angle_deg: float, quick: bool) -> list[DrawnCut]:
+    """Return the cuts of all speeds at one angle."""
+    return [cut for speed in speeds(quick) for cut in drawn_livers.cuts(speed, angle_deg, quick)]
 
 
 def cut_means(number: str, angle_deg: float, formulation: str, speed: float, quick: bool) -> Array:
     """Return the mean LEM [kPa] of each sampled cut, as defined in one of Tables 5.5 to 5.7."""
-    poisson, moduli = AVERAGES[number]
     own = drawn_livers.cuts(float(speed), angle_deg, quick)
-    return np.array([moduli(cut)[formulation, poisson].mean() / 1e3 for cut in own])
-
-
-def _printed(number: str, angle_deg: float, formulation: str) -> tuple[Array, Array, Array]:
-    """Return the speeds [cm/s], means and standard deviations [kPa] of a table."""
-    data = table(number)
-    mean, sd = (data[f"{x}_{formulation}_{angle_deg}_deg_Pa"] / 1e3 for x in ("lem", "sd"))
-    present = np.isfinite(mean)
-    return data["speed_cm_s"][present], mean[present], sd[present]
+    moduli = [cut.as_measured if number == "5.5" else cut.per_depth for cut in own]
+    poisson = 0.499 if number == "5.7" else 0.3
+    return np.array([each[formulation, poisson].mean() / 1e3 for each in moduli])
 
 
 def _cuts_behind(number: str, angle_deg: float, speed: float) -> int:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special, stats
 
 from reproduction.rows import Row
 
@@ -63,7 +63,7 @@ def sd_row(what: str, reference: Sample, ours: Sample) -> Row:
     """Compare variances: agree if their ratio is one that two samples of a population show (F test)."""
     ratio = ours.variance / reference.variance
     degrees = (ours.n - 1, reference.n - 1)
-    low, high = stats.f.ppf([(1 - TWO_SIDED) / 2, (1 + TWO_SIDED) / 2], *degrees)
+    low, high = special.fdtri(*degrees, [(1 - TWO_SIDED) / 2, (1 + TWO_SIDED) / 2])
     return Row(
         what=f"{what}: SD",
         reference=f"{reference.sd:.1f}",
@@ -129,4 +129,4 @@ def _with_interval(value: float, error: float, degrees: int) -> str:
 
 
 def _quantile(degrees: float) -> float:
-    return float(stats.t.ppf((1 + TWO_SIDED) / 2, degrees))
+    return float(special.stdtrit(degrees, (1 + TWO_SIDED) / 2))

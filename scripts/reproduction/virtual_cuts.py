@@ -48,23 +48,31 @@ class VirtualCut(NamedTuple):
         return self._replace(trace=self.trace.select(slice(stop)), readings=self.readings[:stop])
 
     def true_moduli(self, segments: Sequence[Segment]) -> Array:
-        """Return the LEM [Pa] by an exact slope at each segment's tip, speed and angle: r K/(kappa B)."""
-        tips = [float(self.tip[s.samples].mean()) for s in segments]
-        r = np.array([self.specimen.loading_ratio(s.speed or 0.0, s.angle or math.pi / 2) for s in segments])
-        K, B = (np.interp(tips, PLACES, values) for values in (self.specimen.stiffness(), self.specimen.depth))
-        return np.asarray(r * K / (self.specimen.cut_model().stiffness(tips) * B))
+        """Return the LEM [Pa] by an exact slope at each segment's tip, speed and angle."""
+        return true_moduli(self.specimen, [float(self.tip[s.samples].mean()) for s in segments], segments)
 
     def true_resistance(self) -> float:
         """Return the true R [J/m2], friction's share included, mean over the area that was cut."""
-        share, depth = self.specimen.tissue.friction_share, self.specimen.depth
-        at = np.linspace(0.0, float(self.tip.max()), 4001)
-        fracture = np.interp(at, PLACES, (1.0 - share) * self.specimen.fracture_resistance * depth)
-        return float(fracture.sum() / np.interp(at, PLACES, depth).sum()) + self.specimen.friction_per_depth
+        return true_resistance(self.specimen, float(self.tip.max()))
 
     def debt(self) -> float:
         """Return what the law still owes at the end, or has lost, per area [J/m2]: no measurement can know it."""
         area = DepthProfile.recorded(self.trace, by="a virtual cut").area(0.0, float(self.tip.max()))
         return (self.energy["ledger"] + self.energy["loss"]) / area
+
+
+def true_moduli(specimen: Specimen, tips: Sequence[float], segments: Sequence[Segment]) -> Array:
+    """Return the LEM [Pa] by an exact slope at each tip [m], and each segment's speed and angle: r K/(kappa B)."""
+    r = np.array([specimen.loading_ratio(s.speed or 0.0, s.angle or math.pi / 2) for s in segments])
+    K, B = (np.interp(tips, PLACES, values) for values in (specimen.stiffness(), specimen.depth))
+    return np.asarray(r * K / (specimen.cut_model().stiffness(tips) * B))
+
+
+def true_resistance(specimen: Specimen, tip: float) -> float:
+    """Return the true R [J/m2], friction's share included, mean over the area up to the tip [m]."""
+    share, depth, at = specimen.tissue.friction_share, specimen.depth, np.linspace(0.0, tip, 4001)
+    fracture = np.interp(at, PLACES, (1.0 - share) * specimen.fracture_resistance * depth)
+    return float(fracture.sum() / np.interp(at, PLACES, depth).sum()) + specimen.friction_per_depth
 
 
 def specimen(kind: str, *, friction_share: float | None = None) -> Specimen:

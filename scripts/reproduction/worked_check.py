@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ from cutenv.cutting.parameters import law_records, profile_records
 from cutenv.cutting.simulate import follow
 from cutenv.tissue import CutModel, Specimen, local_effective_modulus
 from cutenv.tissue.description import tables_only
-from reproduction.rows import Comparison, Row, at_most, near
+from reproduction.rows import Found, Row, at_most, check, near
 
 ETA90, MODULUS, RESISTANCE, DEPTH = 0.28, 48.36e3, 211.0, 0.02  # [1], [Pa], [J/m2], [m]
 TRAVEL = 0.1  # [m]
@@ -33,6 +34,11 @@ class Expected(NamedTuple):
     units: int
     unstable_share: float  # of the cut
     peak_force: float  # [N]
+
+    @property
+    def angle(self) -> float:
+        """Angle of the blade [rad]."""
+        return math.radians(self.angle_deg)
 
     @property
     def name(self) -> str:
@@ -52,7 +58,7 @@ EXPECTED = [
 ]
 
 
-class Found(NamedTuple):
+class LawCut(NamedTuple):
     """Results of one cut by the law."""
 
     readings: NDArray[np.void]
@@ -67,7 +73,7 @@ class Found(NamedTuple):
 
 
 @functools.cache
-def cut(speed: float, angle_deg: float) -> Found:
+def cut(speed: float, angle_deg: float) -> LawCut:
     """Move the blade by ``TRAVEL`` at constant speed [m/s] and angle."""
     specimen = Specimen.homogeneous(
         modulus=MODULUS,
@@ -89,50 +95,52 @@ def cut(speed: float, angle_deg: float) -> Found:
         stored = float(stored_energy(profiles[0], state.blade, state.tip))
         spent = state.fracture + state.friction + state.loss + state.ledger
         residual = max(residual, abs(state.work - stored - spent))
-    return Found(readings=readings, state=state, stored=stored, residual=residual)
+    return LawCut(readings=readings, state=state, stored=stored, residual=residual)
 
 
-def loading_slope(found: Found, expected: Expected) -> float:
-    """Return the mean slope of the force while the crack grows steadily, over LEM kappa B at that place."""
+def loading_slopes(found: LawCut, expected: Expected) -> list[float]:
+    """Return the slopes of the force while the crack grows steadily, each over LEM kappa B at that place."""
     r = found.readings
     growing = (np.diff(r["tip"], prepend=0.0) > 0.0) & (r["jump"] == 0.0)
     borders = np.flatnonzero(np.diff(np.concatenate(([False], growing, [False])).astype(int)))
-    LEM, model = local_effective_modulus(expected.speed, math.radians(expected.angle_deg)), CutModel()
-    ratios = []
+    LEM, model = local_effective_modulus(expected.speed, expected.angle), CutModel()
+    ratios: list[float] = []
     for start, stop in zip(borders[::2], borders[1::2], strict=True):
         if stop - start >= _SHORTEST_RAMP:
             ramp = r[start:stop]
             slope = np.polyfit(ramp["position"], ramp["elastic_force"], 1)[0]
             ratios.append(slope / (LEM * model.stiffness(float(ramp["tip"].mean())) * DEPTH))
-    return float(np.mean(ratios))
+    return ratios
+
+
+def _paid(what: str, ratio: float) -> Row:
+    return replace(near(what, 1.0, ratio, form=".4f"), tolerance="0.985 to 1.000", agrees=bool(0.985 <= ratio < 1.0005))
+
+
+MEASURES: dict[str, Callable[[str, Expected, LawCut], Row]] = {
+    "units": lambda what, e, found: near(what, e.units, found.state.units, absolute=1),
+    "share of unstable growth": lambda what, e, found: near(
+        what, e.unstable_share, found.state.uncontrolled / found.state.tip, absolute=0.02, form=".3f"
+    ),
+    "peak force, N": lambda what, e, found: near(
+        what, e.peak_force, found.readings["elastic_force"].max(), absolute=0.005, form=".3f"
+    ),
+    "slope over LEM kappa B": lambda what, e, found: near(
+        what, 1.0, float(np.mean(loading_slopes(found, e) or math.nan)), absolute=0.005, form=".4f"
+    ),
+    "mean lag, mm": lambda what, e, found: near(what, 5.8, 1e3 * float(found.lag.mean()), absolute=0.1, form=".2f"),
+    "(work - stored)/(R B a)": lambda what, e, found: _paid(
+        what, (found.state.work - found.stored) / (RESISTANCE * DEPTH * found.state.tip)
+    ),
+    "energy residual, J": lambda what, e, found: at_most(what, found.residual, 1e-12),
+}
+"""Rows of a cut of the check."""
 
 
 def rows_of(of: str, quick: bool) -> list[Row]:
     """Return rows of one kind for every cut of the check; quick leaves out the two slow speeds."""
-    rows = []
-    for e in EXPECTED:
-        if quick and e.speed < 0.01:
-            continue
-        found = cut(e.speed, e.angle_deg)
-        s = found.state
-        name = f"{e.name}: {of}"
-        if of == "units":
-            rows.append(near(name, e.units, s.units, absolute=1))
-        elif of == "share of unstable growth":
-            rows.append(near(name, e.unstable_share, s.uncontrolled / s.tip, absolute=0.02, form=".3f"))
-        elif of == "peak force, N":
-            rows.append(near(name, e.peak_force, found.readings["elastic_force"].max(), absolute=0.005, form=".3f"))
-        elif of == "slope over LEM kappa B":
-            rows.append(near(name, 1.0, loading_slope(found, e), absolute=0.005, form=".4f"))
-        elif of == "mean lag, mm":
-            rows.append(near(name, 5.8, 1e3 * float(found.lag.mean()), absolute=0.1, form=".2f"))
-        elif of == "(work - stored)/(R B a)":
-            ratio = (s.work - found.stored) / (RESISTANCE * DEPTH * s.tip)
-            row = near(name, 1.0, ratio, form=".4f")
-            rows.append(replace(row, tolerance="0.985 to 1.000", agrees=bool(0.985 <= ratio < 1.0005)))
-        else:
-            rows.append(at_most(name, found.residual, 1e-12))
-    return rows
+    chosen = [e for e in EXPECTED if e.speed > 0.01 or not quick]
+    return [MEASURES[of](f"{e.name}: {of}", e, cut(e.speed, e.angle_deg)) for e in chosen]
 
 
 def span(rows: list[Row]) -> str:
@@ -141,41 +149,35 @@ def span(rows: list[Row]) -> str:
     return f"{values[0]} to {values[-1]}"
 
 
-def _comparison(title: str, tolerance: str, rows: list[Row], ours: str) -> Comparison:
-    return Comparison(
-        title=f"Law, worked-out check: {title}",
-        source="independent calculation",
-        ours=ours,
-        tolerance=tolerance,
-        rows=tuple(rows),
-    )
-
-
-def units_and_share(quick: bool) -> Comparison:
+@check("law-units", "Law, worked-out check: units and share of unstable growth", "independent calculation", "1; 0.02")
+def units_and_share(quick: bool) -> Found:
     """Compare the number of crack runs, and their share of the cut."""
     units, shares = rows_of("units", quick), rows_of("share of unstable growth", quick)
-    off = max(abs(float(row.ours) - float(row.reference)) for row in units)
-    share_off = max(abs(float(row.ours) - float(row.reference)) for row in shares)
-    return _comparison(
-        "units and share of unstable growth", "1; 0.02", [*units, *shares], f"off by {off:g}; {share_off:.3f} at most"
-    )
+    off, share_off = (max(abs(float(row.ours) - float(row.reference)) for row in rows) for rows in (units, shares))
+    return [*units, *shares], f"off by {off:g}; {share_off:.3f} at most"
 
 
-def peak_and_slope(quick: bool) -> Comparison:
+@check(
+    "law-force",
+    "Law, worked-out check: peak force 5.40 and 4.81 N; slope over LEM kappa B",
+    "independent calculation",
+    "0.005",
+)
+def peak_and_slope(quick: bool) -> Found:
     """Compare the force at initiation, and its rise."""
     peaks, slopes = rows_of("peak force, N", quick), rows_of("slope over LEM kappa B", quick)
-    ours = f"{peaks[0].ours} and {peaks[-1].ours} N; {span(slopes)}"
-    return _comparison("peak force 5.40 and 4.81 N; slope over LEM kappa B", "0.005", [*peaks, *slopes], ours)
+    return [*peaks, *slopes], f"{peaks[0].ours} and {peaks[-1].ours} N; {span(slopes)}"
 
 
-def lag_and_energy(quick: bool) -> Comparison:
+@check(
+    "law-energy",
+    "Law, worked-out check: mean lag 5.8 mm; (work - stored)/(R B a) 0.985 to 1; residual",
+    "independent calculation",
+    "0.1 mm; range; 1e-12 J",
+)
+def lag_and_energy(quick: bool) -> Found:
     """Compare the distance of the tip behind the blade, and the distribution of the work."""
     lags, works = rows_of("mean lag, mm", quick), rows_of("(work - stored)/(R B a)", quick)
     residuals = rows_of("energy residual, J", quick)
     ours = f"{span(lags)} mm; {span(works)}; {span(residuals).partition(' to ')[2]} J"
-    return _comparison(
-        "mean lag 5.8 mm; (work - stored)/(R B a) 0.985 to 1; residual",
-        "0.1 mm; range; 1e-12 J",
-        [*lags, *works, *residuals],
-        ours,
-    )
+    return [*lags, *works, *residuals], ours

@@ -6,9 +6,8 @@ import math
 from pathlib import Path
 
 import numpy as np
-from fit_specimens import SIGNIFICANT_DROP
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
+from reproduction.drawn_livers import MODELS, measure_as_the_thesis
 from reproduction.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
 
 from cutenv._engine.randomness import generator
@@ -33,7 +32,6 @@ TRAVEL = 0.12  # [m]
 LIVER_SEED = 3
 CUTS = 4  # parallel ones in a liver
 SLOW = SPEEDS[0]
-UNUSED = "not used: the first, bent, or ended by no drop"
 
 
 def force_against_displacement(path: Path, quick: bool) -> None:
@@ -62,8 +60,7 @@ def loading_segments_found(path: Path, quick: bool) -> None:
         ax.plot(x, trace.force, color="0.6", linewidth=0.6, label="measured force")
         found = [s for s in loading_segments(trace) if window[0] <= 100 * s.position <= window[1]]
         mark_segments(ax, trace, found)
-        ax.plot([], [], color=STRESS, linewidth=1.8, label="loading segment, fitted line")
-        ax.plot([], [], color=STRAIN, linewidth=1.8, label=UNUSED)
+        name_segments(ax)
         ax.set_xlim(*window)
         inside = (x >= window[0]) & (x <= window[1])
         low, high = float(trace.force[inside].min()), float(trace.force[inside].max())
@@ -82,6 +79,12 @@ def mark_segments(ax: Axes, trace: Trace, segments: list[Segment]) -> None:
         ax.plot(100 * ends, line, "o", color="black", markersize=2.5)
 
 
+def name_segments(ax: Axes) -> None:
+    """Enter both colours of segments in the legend."""
+    ax.plot([], [], color=STRESS, linewidth=1.8, label="loading segment, fitted line")
+    ax.plot([], [], color=STRAIN, linewidth=1.8, label="not used: the first, bent, or ended by no drop")
+
+
 def liver_cuts() -> list[tuple[Specimen, SimulatedPlant]]:
     """Prepare four parallel cuts of one liver, not yet made."""
     factor = draw_liver(generator(LIVER_SEED))
@@ -98,26 +101,19 @@ def moduli_along_four_cuts(path: Path, quick: bool) -> None:
         2, 2, (10.0, 7.0), "Figures 3.7 and 3.8 anew: local effective modulus in four cuts of one liver"
     )
     along, averages, per_depth, depths = axes
-    models = {"plane stress": (CutModel(), STRESS), "plane strain": (CutModel(formulation="plane_strain"), STRAIN)}
+    models = {
+        f"plane {of}": (MODELS[f"plane_{of}", 0.3], colour) for of, colour in (("stress", STRESS), ("strain", STRAIN))
+    }
     shades = ("#08306b", "#2171b5", "#6baed6", "#b35806")
     for number, (specimen, plant) in enumerate(liver_cuts()):
         trace = to_trace(plant, run(plant, [Leg(position=TRAVEL, speed=SLOW)]))
         for offset, (name, (model, colour)) in enumerate(models.items()):
-            as_thesis = estimate_local_effective_moduli(
-                trace,
-                model,
-                depth_normalised=False,
-                friction_per_depth=0.0,
-                loading_ratio=0.0,
-                smallest_drop=SIGNIFICANT_DROP,
-            )
+            as_thesis = measure_as_the_thesis(trace, model)
+            at, moduli = number + 1 + 0.35 * (offset - 0.5), as_thesis.modulus / 1e3
             if number == 0:
-                along.plot(
-                    100 * as_thesis.position, as_thesis.modulus / 1e3, "os"[offset], color=colour, ms=4, label=name
-                )
-            at = number + 1 + 0.35 * (offset - 0.5)
-            mean, sd = as_thesis.modulus.mean() / 1e3, as_thesis.modulus.std() / 1e3
-            averages.bar(at, mean, 0.33, yerr=sd, color=colour, label=name if number == 0 else None)
+                along.plot(100 * as_thesis.position, moduli, "os"[offset], color=colour, ms=4, label=name)
+            label = name if number == 0 else None
+            averages.bar(at, moduli.mean(), 0.33, yerr=moduli.std(), color=colour, label=label)
         corrected = estimate_local_effective_moduli(trace, CutModel(), friction_per_depth=specimen.friction_per_depth)
         _beside_truth(per_depth, specimen, corrected, shades[number], f"cut {number + 1}")
     depths.plot(100 * PLACES, 100 * specimen.depth, color=FORCE)
@@ -141,8 +137,6 @@ def moduli_along_four_cuts(path: Path, quick: bool) -> None:
 
 def _beside_truth(ax: Axes, specimen: Specimen, found: ModulusEstimate, colour: str, label: str) -> None:
     lem = specimen.stiffness() / (specimen.cut_model().stiffness(PLACES) * specimen.depth)
-    slow: NDArray[np.float64] = lem * (
-        specimen.tissue.local_effective_modulus(SLOW, math.pi / 2) / specimen.tissue.intercept_90
-    )
-    ax.plot(100 * PLACES, slow / 1e3, color=colour, linewidth=0.8)
+    lem = lem * (specimen.tissue.local_effective_modulus(SLOW, math.pi / 2) / specimen.tissue.intercept_90)
+    ax.plot(100 * PLACES, lem / 1e3, color=colour, linewidth=0.8)
     ax.plot(100 * found.position, found.modulus / 1e3, "o", color=colour, ms=3, label=label)

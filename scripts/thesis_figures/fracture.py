@@ -119,10 +119,14 @@ def energy_account(path: Path, quick: bool) -> None:
     plant = SimulatedPlant(specimen(TYPICAL), seed=2)
     account: dict[str, list[float]] = {}
     times, places, speed = [], [], 0.0127
-    while plant.states["blade"][0] < 0.09:
-        _note(plant, speed, account, times, places)
-    while plant.states["blade"][0] > 0.0:
-        _note(plant, -speed, account, times, places)
+    while speed > 0.0 or plant.states["blade"][0] > 0.0:
+        reading = plant.advance(speed, UPRIGHT, 10)[-1]
+        times.append(float(reading["time"]))
+        places.append(float(reading["position"]))
+        for name, value in plant.energy().items():
+            account.setdefault(name, []).append(value)
+        if plant.states["blade"][0] >= 0.09:
+            speed = -abs(speed)
     mJ = {name: 1e3 * np.array(values) for name, values in account.items()}
     title = "Energy account of a cut of 9 cm and its return stroke, drawn liver, 1.27 cm/s"
     figure, (whole, ledger, residual) = panels(3, 1, (8.0, 8.2), title, sharex=True, height_ratios=(3, 1.2, 0.9))
@@ -146,13 +150,3 @@ def energy_account(path: Path, quick: bool) -> None:
     named(ledger, "ledger: kinetic energy of the run, or debt to be paid by the blade", y="energy [mJ]")
     named(residual, "residual: work less all the others", "time [s]", "energy [J]")
     save(figure, path)
-
-
-def _note(
-    plant: SimulatedPlant, speed: float, account: dict[str, list[float]], times: list[float], places: list[float]
-) -> None:
-    readings = plant.advance(speed, UPRIGHT, 10)
-    times.append(float(readings["time"][-1]))
-    places.append(float(readings["position"][-1]))
-    for name, value in plant.energy().items():
-        account.setdefault(name, []).append(value)

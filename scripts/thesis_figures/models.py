@@ -5,17 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from fit_specimens import SIGNIFICANT_DROP
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
-from reproduction.models import model, places
+from reproduction.drawn_livers import measure_as_the_thesis
+from reproduction.elements import model
+from reproduction.models import places
+from reproduction.moduli import means_by_speed
 from tqdm import tqdm
 
 from cutenv._engine.randomness import generator
-from cutenv.measurement import estimate_local_effective_moduli
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import CutModel, Specimen, quasi_static_modulus
 from cutenv.tissue.tables import table
@@ -143,31 +144,22 @@ def _draw_models(ax: Axes) -> None:
 
 
 def _draw_average_by_speed(ax: Axes, cuts: int) -> None:
-    data = table("5.5")
-    speeds = data["speed_cm_s"] / 100
+    speeds, lem, sd = means_by_speed("5.5", 90, "plane_stress")
     means, sds = [], []
-    for speed in tqdm(speeds, desc="figure 4.5, by speed", leave=False):
+    for speed in tqdm(speeds / 100, desc="figure 4.5, by speed", leave=False):
         averages = []
         for cut in range(cuts):
             specimen = Specimen.draw(generator(45, cut), specimen_class="liver")
             plant = SimulatedPlant(specimen, seed=45, episode=cut)
             trace = to_trace(plant, run(plant, [Leg(position=TRAVEL, speed=float(speed))]))
-            found = estimate_local_effective_moduli(
-                trace,
-                model("hex20", "solid"),
-                depth_normalised=False,
-                friction_per_depth=0.0,
-                loading_ratio=0.0,
-                smallest_drop=SIGNIFICANT_DROP,
-            )
+            found = measure_as_the_thesis(trace, model("hex20", "solid"))
             if len(found):
                 averages.append(float(found.modulus.mean()))
         means.append(np.mean(averages) / 1e3)
         sds.append(np.std(averages) / 1e3)
-    lem, sd = (data[f"{name}_plane_stress_90_deg_Pa"] / 1e3 for name in ("lem", "sd"))
-    ax.errorbar(100 * speeds - 0.02, lem, sd, fmt="s", color=STRESS, ms=4, label="Table 5.5, plane stress, mean ± SD")
+    ax.errorbar(speeds - 0.02, lem, sd, fmt="s", color=STRESS, ms=4, label="Table 5.5, plane stress, mean ± SD")
     label = f"the same {cuts} virtual livers at each speed,\nread with bricks, mean ± SD"
-    ax.errorbar(100 * speeds + 0.02, means, sds, fmt="o", color=SOLID, ms=4, label=label)
+    ax.errorbar(speeds + 0.02, means, sds, fmt="o", color=SOLID, ms=4, label=label)
     ax.set_ylim(0, 100)
     ax.legend(loc="upper right")
     named(ax, "4.5: average by speed, 90°, force as measured", "cutting speed [cm/s]", LEM_LABEL)

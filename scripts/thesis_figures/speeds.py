@@ -4,33 +4,22 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from fit_specimens import SIGNIFICANT_DROP
 from matplotlib.axes import Axes
 from reproduction import drawn_livers
-from reproduction.drawn_tables import BY_CUT, cut_means
+from reproduction.drawn_tables import BY_CUT, cut_means, means_by_cut
+from reproduction.moduli import means_by_speed
 from reproduction.virtual_cuts import cm_s, virtual_cut
 
 from cutenv.measurement import loading_segments
 from cutenv.tissue import local_effective_modulus
 from cutenv.tissue.effective_modulus import linear_fit, power_fit
-from cutenv.tissue.tables import table
 from cutenv.tissue.variance_components import CUTS_PER_LIVER
-from thesis_figures.experiments import KIND, TRAVEL, UNUSED, mark_segments
-from thesis_figures.style import (
-    DISPLACEMENT_LABEL,
-    FORCE,
-    INCLINED,
-    LEM_LABEL,
-    STRAIN,
-    STRESS,
-    UPRIGHT,
-    named,
-    panels,
-    save,
-)
+from thesis_figures.experiments import KIND, TRAVEL, mark_segments, name_segments
+from thesis_figures.style import DISPLACEMENT_LABEL, FORCE, INCLINED, LEM_LABEL, UPRIGHT, named, panels, save
 
 
 class Panel(NamedTuple):
@@ -80,8 +69,7 @@ def moduli_by_cut(path: Path, quick: bool) -> None:
         for ax, (_, speed) in zip(axes[column::2], rows, strict=False):
             _draw_segments(ax, angle_deg, speed / 100)
         _draw_means(axes[6 + column], angle_deg, rows, quick)
-    axes[0].plot([], [], color=STRESS, linewidth=1.8, label="loading segment, fitted line")
-    axes[0].plot([], [], color=STRAIN, linewidth=1.8, label=UNUSED)
+    name_segments(axes[0])
     axes[0].legend(loc="upper left")
     highest = max(ax.get_ylim()[1] for ax in axes[:6])
     for ax in axes[:6]:
@@ -106,8 +94,7 @@ def _draw_means(ax: Axes, angle_deg: float, rows: list[tuple[str, float]], quick
     """Draw measured means of the cuts with the standard deviation within each, and virtual ones beside them."""
     colour = INCLINED if angle_deg == 45 else UPRIGHT
     for at, (number, speed) in enumerate(rows):
-        suffix = f"_at_{speed:.2f}_cm_s" if number == "5.1" else ""
-        mean, sd = (table(number)[f"{x}_plane_stress{suffix}_Pa"] / 1e3 for x in ("lem", "sd"))
+        mean, sd = means_by_cut(number, speed, "plane_stress")
         spots = at + np.linspace(-0.35, -0.05, len(mean))
         ax.errorbar(spots, mean, sd, fmt="o", color=colour, ms=4, elinewidth=0.8, label="measured" if not at else None)
         drawn = [cut.as_measured["plane_stress", 0.3] / 1e3 for cut in drawn_livers.cuts(speed, angle_deg, quick)]
@@ -143,40 +130,18 @@ def moduli_by_speed(path: Path, quick: bool) -> None:
 
 
 def _draw(ax: Axes, panel: Panel, quick: bool) -> None:
-    data = table(panel.number)
-    speed = data["speed_cm_s"]
-    line = np.linspace(speed.min(), speed.max(), 200)
+    slowest, *_, fastest = drawn_livers.SPEEDS_CM_S
+    line = np.linspace(slowest, fastest, 200)
     for angle_deg, colour, marker, shift in ((90, UPRIGHT, "o", -0.015), (45, INCLINED, "s", 0.015)):
-        mean, sd = (data[f"{x}_{panel.formulation}_{angle_deg}_deg_Pa"] / 1e3 for x in ("lem", "sd"))
-        ax.errorbar(
-            speed + shift,
-            mean,
-            sd,
-            fmt=marker,
-            color=colour,
-            ms=4,
-            elinewidth=0.8,
-            label=f"{angle_deg}°: {_equation(panel, angle_deg)}",
-        )
-        drawn = [cut_means(panel.number, angle_deg, panel.formulation, v, quick) for v in drawn_livers.speeds(quick)]
-        ax.errorbar(
-            np.array(drawn_livers.speeds(quick)) + 3 * shift,
-            [values.mean() for values in drawn],
-            [values.std() for values in drawn],
-            fmt=marker,
-            mfc="white",
-            color=colour,
-            alpha=0.55,
-            ms=4,
-            elinewidth=0.8,
-        )
-        fitted = local_effective_modulus(
-            line / 100,
-            math.radians(angle_deg),
-            panel.formulation,
-            poisson=panel.poisson,
-            depth_normalised=panel.depth_normalised,
-        )
+        look: dict[str, Any] = {"fmt": marker, "color": colour, "ms": 4, "elinewidth": 0.8}
+        speed, mean, sd = means_by_speed(panel.number, angle_deg, panel.formulation)
+        ax.errorbar(speed + shift, mean, sd, label=f"{angle_deg}°: {_equation(panel, angle_deg)}", **look)
+        speed = np.array(drawn_livers.speeds(quick))
+        drawn = [cut_means(panel.number, angle_deg, panel.formulation, v, quick) for v in speed]
+        mean, sd = ([of(values) for values in drawn] for of in (np.mean, np.std))
+        ax.errorbar(speed + 3 * shift, mean, sd, mfc="white", alpha=0.55, **look)
+        tissue = panel.formulation, panel.poisson, panel.depth_normalised
+        fitted = local_effective_modulus(line / 100, math.radians(angle_deg), *tissue)
         ax.plot(line, np.asarray(fitted) / 1e3, color=colour)
     ax.set_xlim(0, 2.7)
     ax.set_ylim(0, 110 if panel.number == "5.7" else 85)

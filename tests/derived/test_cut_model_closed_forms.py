@@ -7,22 +7,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from reproduction.elements import KELVIN, model
 from scipy.sparse import csr_array, hstack
 from scipy.sparse.linalg import spsolve
 from skfem import ElementVector, FacetBasis, LinearForm
 
-from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
 from cutenv.tissue.tip_response import stiffness_matrix
 
 Array = NDArray[np.float64]
 LENGTH = 0.15
-KELVIN = {
-    "plane_stress": (1 + 0.3) * (3 - 0.3) / (4 * np.pi) * np.log(2),
-    "plane_strain": (1 + 0.3) * (3 - 4 * 0.3) / (4 * np.pi * (1 - 0.3)) * np.log(2),
-}
-
-
 KINDS = {**ELEMENT_KINDS, **{f"{name} reduced": ELEMENT_KINDS[name].reduced() for name in ("quad8", "hex20")}}
 
 
@@ -125,8 +119,7 @@ def test_a_clamped_strip_is_stiffer_than_that(element: str) -> None:
 
 def check_kelvin(formulation: str, softening_per_halving: float) -> None:
     """Half as large elements add ln 2 times Kelvin's coefficient to the compliance under a point load."""
-    coarse = CutModel(formulation=formulation, divisions=(16, 30))
-    fine = CutModel(formulation=formulation, divisions=(32, 60))
+    coarse, fine = (model(formulation=formulation, divisions=d) for d in ((16, 30), (32, 60)))
     for a in (0.05, 0.07, 0.1):
         assert 1 / fine.stiffness(a) - 1 / coarse.stiffness(a) == pytest.approx(softening_per_halving, rel=0.01)
 

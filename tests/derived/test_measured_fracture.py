@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recorded_cut import INCH, RecordedCut, rested_cut
+from recorded_cut import RecordedCut, rested_cut
+from reproduction.virtual_cuts import INCH
 
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.measurement import DepthProfile, estimate_fracture_resistance, fit_return_stroke

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import derive_partial_depth
 import numpy as np
 import pytest
+from derive_partial_depth import stiffness_by_depth
+from reproduction.elements import model
 
 from cutenv.tissue.condensation import condensed
 from cutenv.tissue.cut_model import CutModel
@@ -40,7 +41,7 @@ def test_cut_through_it_is_the_plane_model_with_the_field(element, formulation):
         check_against_the_full_model(through, modulus, element, formulation)
         with pytest.raises(AssertionError):
             check_against_the_full_model(through * np.linspace(1.0, 1.01, N_POINTS), modulus, element, formulation)
-        local = modulus * np.asarray(CutModel(element=element, formulation=formulation).stiffness(Y)) * THICKNESS
+        local = modulus * np.asarray(model(element, formulation).stiffness(Y)) * THICKNESS
         with pytest.raises(AssertionError):  # the modulus of the place, as if a point load averaged nothing
             check_against_the_full_model(local, modulus, element, formulation)
 
@@ -63,7 +64,7 @@ def check_against_bricks(table: np.ndarray, bricks: np.ndarray) -> None:
 
 def test_a_cut_of_partial_depth_is_as_stiff_as_bricks_say():
     borders = np.array([0.0, 0.0013, 0.0027, 0.0055, 0.0095, 0.0145, 0.0195, 0.025])  # few, and not the table's
-    bricks = derive_partial_depth.stiffness_by_depth(borders, np.ones(15))
+    bricks = stiffness_by_depth(borders, np.ones(15))
     for n, depth in enumerate(borders[1:-1], start=1):
         along = stiffness_along(SLAB, ONES, depth * ONES, THICKNESS)[20:260:20]
         through = stiffness_along(SLAB, ONES, THICKNESS * ONES, THICKNESS)[20:260:20]

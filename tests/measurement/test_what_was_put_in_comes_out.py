@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recorded_cut import recorded_cut, shown_moduli
+from recorded_cut import recorded_cut
+from reproduction.virtual_cuts import true_moduli
 from virtual_session import EVEN, MODEL, SPEEDS, measured, rig, tissue_with
 
 from cutenv.measurement import MeasuredCut, estimate_initiation, initiation_excess, measure_cut, tissue_of
@@ -149,7 +150,7 @@ def test_moduli_come_out_of_every_cut_that_has_some() -> None:
     known = [(cut, specimen) for cut, specimen in measured() if len(cut.moduli) >= FEWEST]
     assert len(known) >= 15
     for cut, specimen in known:
-        truth = shown_moduli(specimen, cut.moduli.position, cut.moduli.segments)
+        truth = true_moduli(specimen, cut.moduli.position, cut.moduli.segments)
         assert np.median(cut.moduli.modulus / truth) == pytest.approx(1.0, abs=MODULUS), cut.name
 
 

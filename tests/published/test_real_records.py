@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 
@@ -10,16 +9,10 @@ import numpy as np
 import pytest
 import real_records
 
-from cutenv.measurement import (
-    estimate_fracture_resistance,
-    estimate_local_effective_moduli,
-)
+from cutenv.measurement import estimate_fracture_resistance, estimate_local_effective_moduli
 from cutenv.measurement.segments import STRAIGHT
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
-
-SCRIPT = Path(__file__).parents[2] / "scripts" / "real_records.py"
-
 
 recorded = pytest.mark.skipif(
     not real_records.DATA.is_file(), reason="the recorded cuts lie beside the repository, and are not there"
@@ -147,38 +140,41 @@ def test_a_force_turned_upside_down_is_noticed(cuts: list[Trace], monkeypatch: p
         check_force_falls_after_each_segment(cuts)
 
 
-@recorded
-def test_the_script_prints_a_row_for_every_trial() -> None:
-    ran = subprocess.run([sys.executable, str(SCRIPT)], capture_output=True, text=True, check=True)
-    assert ran.stdout.count("\n   T") == 36
-    assert ran.stdout.count("\n   all") == 2
-    assert "nan" not in ran.stdout
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    monkeypatch.setattr(sys, "argv", ["real_records.py", *map(str, arguments)])
+    return real_records.main()
 
 
 @recorded
-def test_the_script_draws_cuts_and_trials(tmp_path: Path) -> None:
+def test_the_script_prints_a_row_for_every_trial_and_draws_cuts_and_trials(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     from matplotlib.image import imread
 
-    command = [sys.executable, str(SCRIPT), "--out", str(tmp_path / "new")]
-    subprocess.run(command, capture_output=True, text=True, check=True)
+    assert run(monkeypatch, "--out", tmp_path / "new") == 0
+    printed = capsys.readouterr().out
+    assert printed.count("\n   T") == 36
+    assert printed.count("\n   all") == 2
+    assert "nan" not in printed
     assert sorted(file.name for file in (tmp_path / "new").iterdir()) == ["real_cuts.png", "real_trials.png"]
     for file in (tmp_path / "new").iterdir():
         inked = np.mean(np.any(imread(file)[..., :3] < 0.9, axis=-1))
         assert 0.005 < inked < 0.7
 
 
-def test_a_missing_file_is_exit_code_2_and_the_cure(tmp_path: Path) -> None:
-    command = [sys.executable, str(SCRIPT), "--data", str(tmp_path / "none.csv")]
-    ran = subprocess.run(command, capture_output=True, text=True)
-    assert ran.returncode == 2
-    assert "--data" in ran.stderr
+def test_a_missing_file_is_exit_code_2_and_the_cure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, "--data", tmp_path / "none.csv") == 2
+    assert "--data" in capsys.readouterr().err
 
 
 @recorded
-def test_a_smallest_drop_of_nothing_is_exit_code_2_and_the_cure() -> None:
-    ran = subprocess.run([sys.executable, str(SCRIPT), "--smallest-drop", "0"], capture_output=True, text=True)
-    assert ran.returncode == 2
-    assert "smallest_drop = 0 is outside" in ran.stderr
+def test_a_smallest_drop_of_nothing_is_exit_code_2_and_the_cure(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, "--smallest-drop", 0) == 2
+    assert "smallest_drop = 0 is outside" in capsys.readouterr().err
 
 
 def test_another_file_is_refused(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -12,10 +11,6 @@ import pytest
 import score_real_records
 
 from cutenv.scoring.study import NotEstimable, OneWay, Study, one_way_reliability
-
-SCRIPTS = Path(__file__).parents[2] / "scripts"
-SCRIPT = SCRIPTS / "score_real_records.py"
-
 
 recorded = pytest.mark.skipif(
     not score_real_records.DATA.is_file(), reason="the recorded cuts lie beside the repository, and are not there"
@@ -55,7 +50,7 @@ def test_peaks_are_those_of_the_numbers(scored: Study) -> None:
 
 @recorded
 def test_the_page_states_what_was_found(scored: Study) -> None:
-    page = SCRIPTS.parent / "docs" / "validation" / "real-cuts.md"
+    page = Path(__file__).parents[2] / "docs" / "validation" / "real-cuts.md"
     text = " ".join(page.read_text(encoding="utf-8").split())
     found = {
         each.metric: each.reliability.single.value for each in scored.findings if isinstance(each.reliability, OneWay)
@@ -92,17 +87,22 @@ def test_cuts_dealt_out_anew_are_not_alike(scored: Study) -> None:
 
 
 @recorded
-def test_the_script_prints_trials_and_metrics_and_writes_the_page(tmp_path: Path) -> None:
-    command = [sys.executable, str(SCRIPT), "--out", str(tmp_path / "new")]
-    ran = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert ran.stdout.count("\nT") == 18
-    assert "nan" not in ran.stdout
-    assert "not validated for assessment or credentialing" in ran.stdout
+def test_the_script_prints_trials_and_metrics_and_writes_the_page(
+    scored: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(score_real_records, "study_of", lambda cuts: scored)
+    monkeypatch.setattr(sys, "argv", ["score_real_records.py", "--out", str(tmp_path / "new")])
+    assert score_real_records.main() == 0
+    printed = capsys.readouterr().out
+    assert printed.count("\nT") == 18
+    assert "nan" not in printed
+    assert "not validated for assessment or credentialing" in printed
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["real_study.csv", "real_study.html"]
 
 
-def test_a_missing_file_is_exit_code_2_and_the_cure(tmp_path: Path) -> None:
-    command = [sys.executable, str(SCRIPT), "--data", str(tmp_path / "none.csv")]
-    ran = subprocess.run(command, capture_output=True, text=True)
-    assert ran.returncode == 2
-    assert "--data" in ran.stderr
+def test_a_missing_file_is_exit_code_2_and_the_cure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["score_real_records.py", "--data", str(tmp_path / "none.csv")])
+    assert score_real_records.main() == 2
+    assert "--data" in capsys.readouterr().err
