@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import record_trials
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from record_trials import KINDS, damaged, sound
 
 from cutenv.recording import RecordError, load
-
-import record_trials
-from record_trials import KINDS, damaged, sound
 
 SUFFIXES = (".csv", ".parquet", ".h5")
 
