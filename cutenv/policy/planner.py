@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from cutenv._base.arrays import Array, Array32, StructArray
+from cutenv._base.arrays import Array, Array32, Indices, StructArray
 from cutenv._base.validation import in_range
 from cutenv.cutting.dtypes import READING
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.policy.plan import PLAN, UPRIGHT, planned_command, roll_out_all
+from cutenv.policy.plan import KNOTS, PLAN, STRETCH, UPRIGHT, roll_out_all
 from cutenv.policy.scripted import INCLINED, Script
+from cutenv.policy.signals import DISTANCE, POSITION, to_actions
 from cutenv.policy.unloading import StopAndUnload
 from cutenv.task.episode_dtypes import TERMS
 from cutenv.task.gentle_cutting import GentleCutting
-from cutenv.task.observation import COMPONENTS, SCALES, to_action
+from cutenv.task.observation import to_action
 from cutenv.task.weights import Limits, RewardWeights
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.specimen import Specimen
@@ -24,8 +26,6 @@ from cutenv.tissue.specimen import Specimen
 _FASTEST, _SLOWEST = 0.0254, 0.001  # [m/s]
 _DEADLINE, _TICKS = 30.0, 20  # [s], [ms]: the environment's defaults
 _NEVER = 1.0  # [m], a place that no blade reaches
-_NAMES = [component.name for component in COMPONENTS]
-_POSITION, _DISTANCE = _NAMES.index("position"), _NAMES.index("distance")
 
 
 class Search:
@@ -168,17 +168,25 @@ class PlannerNominal(Script):
         self._rounds = int(in_range("rounds", rounds, 0, 10**6, "1", "20 come within 0.002 of 200."))
         self._plans: dict[float, StructArray] = {}
 
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget the last cut; plans are kept."""
-        super().reset(rng)
-        self._plan: StructArray | None = None
+    def begin(self, rngs: Sequence[np.random.Generator]) -> None:
+        """Forget all cuts, and begin ``len(rngs)``; plans are kept."""
+        super().begin(rngs)
+        self._chosen = np.zeros(len(rngs), PLAN)
 
-    def command(self, observation: Array32) -> Array32:
-        """Return the plan's command for the present position."""
-        position = float(observation[_POSITION]) * SCALES[_POSITION]
-        if self._plan is None:
-            self._plan = self.plan_for(position + float(observation[_DISTANCE]) * SCALES[_DISTANCE])
-        return to_action(*planned_command(self._plan[0], position))
+    def forget(self, cuts: Indices) -> None:
+        """Begin those cuts again that are given by index."""
+        super().forget(cuts)
+        self._chosen[cuts] = np.zeros((), PLAN)
+
+    def command(self, seen: Array) -> Array32:
+        """Return the plans' commands for the present positions."""
+        position, plans = seen[:, POSITION], self._chosen
+        for n in np.flatnonzero(plans["stop"] == 0.0):  # not yet chosen
+            plans[n] = self.plan_for(position[n] + seen[n, DISTANCE])[0]
+        each, segment = np.arange(len(plans)), np.clip((position / STRETCH).astype(int), 0, KNOTS - 1)
+        speeds = np.where(position >= plans["slow_from"], plans["last_speed"], plans["speed"][each, segment])
+        angles = np.where(position >= plans["upright_from"], UPRIGHT, plans["angle"][each, segment])
+        return to_actions(speeds, angles)
 
     def plan_for(self, target: float) -> StructArray:
         """Return the plan for a target length [m], rounded to a centimetre, shape (1,); cached."""
