@@ -1,67 +1,113 @@
-"""Batched rollout of a trained policy: all cuts in one vector environment, bit for bit equal to single cuts."""
+"""Batched rollout of a policy: all cuts in one compiled batch, bit for bit equal to single cuts."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cutenv._base.arrays import StructArray
+from cutenv._base.arrays import Array, Array32, Indices, StructArray
 from cutenv.cutting.dtypes import READING, TICK
-from cutenv.cutting.simulate import simulate
-from cutenv.envs.vector import GentleCutVectorEnv
+from cutenv.envs.batch import CutBatch
+from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.learning.finished_cut import FinishedCut
-from cutenv.policy import TrainedPolicy
-from cutenv.task.cuts import Cuts
-from cutenv.task.episode_dtypes import TERMS
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE, all_within_reach
+from cutenv.policy import Policy, PrivilegedPolicy
+from cutenv.policy.interface import CopiedPolicy, as_array_policy
+from cutenv.task.episode_dtypes import ENDS, TERMS
+from cutenv.task.info import COST, INFO_FIELDS, INFO_SIZE, TRUTH
+
+_SCORED = np.dtype([("true_force", "f8"), ("jump", "f8")])
+"""Readings from which the scores follow: a fifth of the memory of all."""
+_PLACES = {group: place for group, _, place in INFO_FIELDS}
 
 
-def batched_rollout(policy: TrainedPolicy, seeds: Sequence[int], arguments: Mapping[str, Any]) -> list[FinishedCut]:
-    """Return the first cut of each seed, in environments made with ``arguments``."""
-    environments = GentleCutVectorEnv(len(seeds), **arguments)
-    batch = policy.batch(len(seeds))
-    observations, _ = environments.reset(seed=list(seeds))
-    start = Cuts(*(part.copy() for part in environments.cuts))
-    fixed = environments.single.fixed_angle or np.nan
-    over, none_waits = np.zeros(len(seeds), bool), np.zeros(len(seeds), bool)
-    totals, over_limit = np.zeros((len(seeds), len(TERMS))), np.zeros(len(seeds))
-    commanded: list[np.ndarray] = []
-    result: dict[int, FinishedCut] = {}
-    while not over.all():  # cuts that are over start again, and are ignored
-        commands = np.array(batch(observations), np.float64)
-        observations, _, ended, _, info = environments.step(commands)  # type: ignore[arg-type]  # takes float64 too
-        all_within_reach(commands, none_waits, fixed)  # writes the fixed angle into them
-        commanded.append(commands)
-        going = ~over
-        totals[going] += np.stack([info["reward_terms"][name] for name in TERMS], axis=1)[going]
-        over_limit[going] = np.maximum(over_limit, info["cost"]["force_N"])[going]
-        for n in np.flatnonzero(ended & going).tolist():
-            updates = round(float(environments.cuts.progresses["time"][n]) / TICK)
-            truth = {name: values[n] for name, values in info["truth"].items() if not name.startswith("_")}
-            readings = replayed(start, n, np.array(commanded)[:, n], environments.single.ticks, updates)
-            assert readings["tip"][-1] == truth["tip_m"], "a repeated cut gives the same tip"
-            result[n] = FinishedCut(
-                seed=int(seeds[n]),
-                end=str(info["end"][n]),
-                success=bool(info["is_success"][n]),
-                truth=truth,
-                reward_totals=dict(zip(TERMS, totals[n].tolist(), strict=True)),
-                over_limit_N=float(over_limit[n]),
-                readings=readings,
-                depth=start.profiles["depth"][n].copy(),
-                resistance=start.specimens["fracture_resistance"][n].copy(),
-            )
-            over[n] = True
-    return [result[n] for n in range(len(seeds))]
+def batched_rollout(
+    policy: Policy,
+    seeds: Sequence[int],
+    arguments: Mapping[str, Any],
+    *,
+    readings: bool = False,
+    finished: Callable[[int], Any] = lambda count: None,
+) -> list[FinishedCut]:
+    """Let a policy cut the specimens of some seeds, the first episode of each.
+
+    Parameters
+    ----------
+    policy : Policy
+        The policy; one that was written for single cuts is copied for each.
+    seeds : sequence of int
+        Seeds, one for each cut.
+    arguments : mapping
+        Keyword arguments of the environment.
+    readings : bool
+        Whether the finished cuts hold every field of their readings; else only those that the scores need.
+    finished : callable, optional
+        Called with the number of cuts that have ended with a decision.
+    """
+    count, environment = len(seeds), GentleCutEnv(**arguments)
+    batch, many = CutBatch(count, environment), as_array_policy(policy)
+    batch.give_seeds(seeds, np.arange(count), np.random.default_rng())
+    batch.begin(np.arange(count))
+    many.begin([np.random.default_rng(seed) for seed in seeds])
+    if isinstance(many, CopiedPolicy):
+        _show_states(many, seeds, GentleCutEnv(**arguments))
+    ticks = environment.ticks
+    decisions = math.ceil(environment.deadline / (ticks * TICK))
+    felt = np.zeros((count, ticks), READING)
+    kept = np.empty((count, decisions * ticks), READING if readings else _SCORED)
+    told, totals, over_limit = np.zeros((count, INFO_SIZE)), np.zeros((count, len(TERMS))), np.zeros(count)
+    ends = np.zeros(count, np.int64)
+    for first in range(0, decisions * ticks, ticks):
+        going = ends == 0
+        ended, terms, over = _decide(batch, many.act(batch.observations), ~going, told, felt)
+        for name in kept.dtype.names:
+            kept[name][:, first : first + ticks] = felt[name]
+        totals[going] += terms[going]
+        np.maximum(over_limit, over, out=over_limit)  # that of an ended cut stays as it is
+        ends += ended
+        if ended.any():
+            finished(int(np.count_nonzero(ended)))
+        if ends.all():
+            break
+    times, success = felt["time"].max(axis=1), batch.succeeded()
+    return [
+        FinishedCut(
+            seed=int(seeds[n]),
+            end=ENDS[ends[n]],
+            success=bool(success[n]),
+            truth=_truth(told[n]) | {"specimen_class": batch.classes[n]},
+            reward_totals=dict(zip(TERMS, totals[n].tolist(), strict=True)),
+            over_limit_N=float(over_limit[n]),
+            time_s=float(times[n]),
+            readings=kept[n, : round(times[n] / TICK)],
+            depth=batch.cuts.profiles["depth"][n].copy(),
+            measured_depth=batch.cuts.nominals["depth"][n].copy(),
+            resistance=batch.cuts.specimens["fracture_resistance"][n].copy(),
+        )
+        for n in range(count)
+    ]
 
 
-def replayed(start: Cuts, n: int, commands: np.ndarray, ticks: int, updates: int) -> StructArray:
-    """Simulate cut ``n`` again by its commands, shape (decisions, 2), in [-1, 1]; return every reading."""
-    readings = np.zeros(len(commands) * ticks, READING)
-    speeds, angles = SPEED_SCALE * commands[:, 0], ANGLE_CENTRE + ANGLE_SCALE * commands[:, 1]
-    copies = [part[n : n + 1].copy() for part in start[:5]]
-    arguments: list[Any] = [*(part[0] for part in copies), speeds, angles, TICK, readings]
-    simulate(*arguments)
-    return readings[:updates]
+def _show_states(policies: CopiedPolicy, seeds: Sequence[int], environment: GentleCutEnv) -> None:
+    """Show each copy of a privileged policy its cut at the start."""
+    for policy, seed in zip(policies.copies, seeds, strict=True):
+        if isinstance(policy, PrivilegedPolicy):
+            environment.reset(seed=seed)
+            policy.set_state(environment.cutting)
+
+
+def _decide(
+    batch: CutBatch, actions: Array32, waiting: NDArray[np.bool_], told: Array, readings: StructArray
+) -> tuple[Indices, Array, Array]:
+    """Advance the batch; return ends, terms of the reward, and largest force above the limit [N], shape (n, ...)."""
+    _, (ends, *_) = batch.decide(actions, waiting, told, readings=readings)
+    return ends, told[:, _PLACES["reward_terms"]], told[:, _PLACES["cost"]][:, COST.index("force_N")]
+
+
+def _truth(told: Array) -> dict[str, Any]:
+    """Return ``info["truth"]`` of one cut, but for the class of its specimen."""
+    truth: dict[str, Any] = dict(zip(TRUTH, told[_PLACES["truth"]].tolist(), strict=True))
+    return truth | {"units": int(truth["units"])}

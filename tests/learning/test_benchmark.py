@@ -23,7 +23,6 @@ from benchmark.table import markdown, origin_of, publish, read_table, write_lead
 
 from cutenv._base.parameter import parameter_table
 from cutenv.learning.arguments import PPOArguments
-from cutenv.learning.evaluation import workers
 from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import Features, Network, save_policy
 from cutenv.tissue.description import TissueDescription
@@ -67,9 +66,8 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         few = list(settings())
         patch.setattr(program, "settings", lambda: [few[0], few[-1]])  # one of the drive, one of the tissue
-        with workers(1) as pool:
-            whole.cut(pool)
-            whole.sweep(pool)
+        whole.cut()
+        whole.sweep()
         assert whole.uncut() == []
         assert whole.unswept() == []
     write_tables(folder, TINY)
@@ -82,8 +80,7 @@ def test_what_is_done_is_not_left_and_what_is_lost_is_done_again_to_the_last_dig
     before = lost.read_bytes()
     lost.unlink()
     assert whole.uncut() == [(Part("PPO", 1), "liver")]
-    with workers(1) as pool:
-        whole.cut(pool)
+    whole.cut()
     assert lost.read_bytes() == before
 
 
