@@ -19,7 +19,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cutenv.envs import set_cores
 from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.learning.result_tables import write_csv
 from cutenv.learning.seeds import TEST_SEEDS
@@ -46,18 +45,18 @@ def repaid(row: Mapping[str, Any], weights: RewardWeights) -> float:
     return total
 
 
-def measure(specimen_class: str, specimens: int) -> list[dict[str, Any]]:
+def measure(specimen_class: str, specimens: int, processes: int | None) -> list[dict[str, Any]]:
     """Return one row per cut: its scores, with ``return`` for the final and ``draft_return`` for the drafted reward."""
     seeds, shared = TEST_SEEDS[:specimens], {"specimen_class": specimen_class}
     contestants = {name: Contestant(make()) for name, make in BASELINES.items()}
-    rows = evaluate(contestants, seeds, shared, description=specimen_class)
+    rows = evaluate(contestants, seeds, shared, processes=processes, description=specimen_class)
     if specimen_class != "mixed":  # where the draft was judged
         for row in rows:
             row["draft_return"], row["draft_end"] = repaid(row, DRAFT), row["end"]
         return rows
     drafted = shared | {f"weight_{name}": weight for name, weight in dataclasses.asdict(DRAFT).items()}
     bound = {ORACLE: contestants[ORACLE]}
-    planned = evaluate(bound, seeds, drafted, description=f"{specimen_class}, draft")
+    planned = evaluate(bound, seeds, drafted, processes=processes, description=f"{specimen_class}, draft")
     by_seed = {row["seed"]: row for row in planned}
     for row in rows:
         bounds = row["policy"] == ORACLE
@@ -148,15 +147,13 @@ def main() -> None:
     parser.add_argument("--specimens", type=int, default=500, metavar="N", help="specimens of each class; default 500")
     parser.add_argument("--classes", nargs="+", choices=CLASSES, default=list(CLASSES), help="classes; default all")
     parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=f"folder; default {FOLDER}")
-    parser.add_argument("--processes", type=int, metavar="N", help="number of cores to use; default all")
+    parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
     parser.add_argument("--print", action="store_true", help="print the kept tables without measuring again")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
-    if arguments.processes is not None:
-        set_cores(arguments.processes)
     for specimen_class in arguments.classes:
         if not arguments.print:
-            rows = measure(specimen_class, arguments.specimens)
+            rows = measure(specimen_class, arguments.specimens, arguments.processes)
             write_csv(arguments.out / f"{specimen_class}.csv", rows)
         print("\n" + report(kept(arguments.out, specimen_class), specimen_class), flush=True)
 

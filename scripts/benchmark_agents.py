@@ -64,7 +64,7 @@ def main() -> None:
         benchmark.train()
         with workers(given.processes) as pool:
             benchmark.cut(pool)
-        benchmark.sweep()
+            benchmark.sweep(pool)
     except KeyboardInterrupt:
         print("\ninterrupted; the same command continues.")
         raise SystemExit(130) from None

@@ -12,7 +12,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv._engine.parallel import set_cores
 from cutenv.commands.options import command_parser
 from cutenv.tissue.specimen import CLASSES
 
@@ -21,8 +20,6 @@ def main(argv: Sequence[str]) -> int:
     """Evaluate and print; 2 if an option is bad, 130 after Ctrl-C."""
     arguments = _parser().parse_args(argv)
     try:
-        if arguments.processes is not None:
-            set_cores(arguments.processes)
         if arguments.report is not None:
             _report(arguments)
         else:
@@ -54,7 +51,12 @@ def _evaluate(arguments: argparse.Namespace) -> None:
     chosen = {name: contestant(name) for name in dict.fromkeys(names)}
     if arguments.out:
         arguments.out.mkdir(parents=True, exist_ok=True)
-    rows = evaluate(chosen, seeds[: arguments.specimens], {"specimen_class": arguments.specimen_class})
+    rows = evaluate(
+        chosen,
+        seeds[: arguments.specimens],
+        {"specimen_class": arguments.specimen_class},
+        processes=arguments.processes,
+    )
     summary, paired = summarise(rows), differences(rows, next(iter(chosen)))
     if arguments.out:
         write_csv(arguments.out / "scores.csv", rows)
@@ -76,7 +78,7 @@ def _report(arguments: argparse.Namespace) -> None:
     if not (run / "policy" / "card.json").is_file():
         raise ValueError(f"{run} contains no policy/card.json; give the folder of a finished run.")
     facts = json.loads((run / "run.json").read_text())
-    compare(run, facts, baselines_of=arguments.baselines_of)
+    compare(run, facts, processes=arguments.processes, baselines_of=arguments.baselines_of)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -102,7 +104,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--out", type=Path, metavar="FOLDER", help="write scores.csv, summary.csv and differences.csv here"
     )
-    parser.add_argument("--processes", type=int, metavar="N", help="number of cores to use; default all")
+    parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
     parser.add_argument("--report", type=Path, metavar="RUN", help="evaluate a finished training run again, and report")
     parser.add_argument(
         "--baselines-of", type=Path, metavar="RUN", help="with --report: reuse the baselines of another run"

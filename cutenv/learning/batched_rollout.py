@@ -19,8 +19,8 @@ from cutenv.policy.interface import CopiedPolicy, as_array_policy
 from cutenv.task.episode_dtypes import ENDS, TERMS
 from cutenv.task.info import COST, INFO_FIELDS, INFO_SIZE, TRUTH
 
-_SCORED = np.dtype([("true_force", "f8"), ("jump", "f8")])
-"""Readings from which the scores follow: a fifth of the memory of all."""
+_SCORED = np.dtype([("true_force", "f8")])
+"""Readings from which the scores follow: a ninth of the memory of all."""
 _PLACES = {group: place for group, _, place in INFO_FIELDS}
 
 
@@ -58,15 +58,17 @@ def batched_rollout(
     decisions = math.ceil(environment.deadline / (ticks * TICK))
     felt = np.zeros((count, ticks), READING)
     kept = np.empty((count, decisions * ticks), READING if readings else _SCORED)
-    told, totals, over_limit = np.zeros((count, INFO_SIZE)), np.zeros((count, len(TERMS))), np.zeros(count)
-    ends = np.zeros(count, np.int64)
+    told, totals = np.zeros((count, INFO_SIZE)), np.zeros((count, len(TERMS)))
+    over_limit, jumps, ends = np.zeros(count), np.zeros(count), np.zeros(count, np.int64)
     for first in range(0, decisions * ticks, ticks):
         going = ends == 0
         ended, terms, over = _decide(batch, many.act(batch.observations), ~going, told, felt)
+        which = np.flatnonzero(going)
         for name in kept.dtype.names:
-            kept[name][:, first : first + ticks] = felt[name]
-        totals[going] += terms[going]
-        np.maximum(over_limit, over, out=over_limit)  # that of an ended cut stays as it is
+            kept[name][which, first : first + ticks] = felt[name][which]
+        totals[which] += terms[which]
+        for largest, values in ((over_limit, over), (jumps, felt["jump"].max(axis=1))):
+            np.maximum(largest, values, out=largest)  # those of an ended cut stay as they are
         ends += ended
         if ended.any():
             finished(int(np.count_nonzero(ended)))
@@ -81,6 +83,7 @@ def batched_rollout(
             truth=_truth(told[n]) | {"specimen_class": batch.classes[n]},
             reward_totals=dict(zip(TERMS, totals[n].tolist(), strict=True)),
             over_limit_N=float(over_limit[n]),
+            largest_jump_m=float(jumps[n]),
             time_s=float(times[n]),
             readings=kept[n, : round(times[n] / TICK)],
             depth=batch.cuts.profiles["depth"][n].copy(),

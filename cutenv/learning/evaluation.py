@@ -7,19 +7,20 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
-from multiprocessing.pool import Pool
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
+from cutenv.envs import set_cores
 from cutenv.learning.batched_rollout import batched_rollout
-from cutenv.learning.finished_cut import FinishedCut
 from cutenv.policy import BASELINES, SHIPPED, ArrayPolicy, Policy, named_policy
 
 _BATCH, _SMALL_BATCH = 200, 100  # cuts simulated together; fewer where all readings are kept, or a policy is copied
+_FEWEST = 2000  # cuts, below which starting processes takes longer than they save
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Contestant:
     arguments: Mapping[str, Any] = field(default_factory=dict)
 
 
-def _prepare_worker() -> None:
+def _end_with_parent() -> None:
     """End this worker when its parent is killed; otherwise it would wait for work for ever."""
 
     def watch() -> None:
@@ -42,17 +43,51 @@ def _prepare_worker() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
+def _begin_worker() -> None:
+    """Use one core, as there are as many processes as cores, and leave Ctrl-C to the parent, which ends its workers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    set_cores(1)
+    _end_with_parent()
+
+
 @contextlib.contextmanager
-def workers(processes: int) -> Iterator[Pool]:
-    """Start processes that compute metrics; an error, or Ctrl-C, ends them at once."""
-    # Fresh processes: a fork of one that runs threads (torch, Numba) may hang.  They inherit that Ctrl-C is ignored.
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+def workers(processes: int | None = None) -> Iterator[Executor]:
+    """Start processes to evaluate in, by default one per core; an error cancels the remaining work."""
+    # Fresh processes: a fork of one that runs threads (torch, Numba) may hang.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes or os.cpu_count(), context, initializer=_begin_worker) as pool:
+        try:
+            yield pool
+        except BaseException:
+            started = list(pool._processes.values())
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in started:  # they are in the middle of cuts that are no longer needed
+                process.terminate()
+            raise
+
+
+@contextlib.contextmanager
+def _without_ctrl_c() -> Iterator[None]:
+    """Hold Ctrl-C back from this thread, and from the processes that it starts until they ignore it themselves."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows, where workers react to it until they have started
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        pool = multiprocessing.get_context("spawn").Pool(processes, _prepare_worker)
+        yield
     finally:
-        signal.signal(signal.SIGINT, before)
-    with pool:
-        yield pool
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _rows(
+    policy: Policy,
+    seeds: Sequence[int],
+    arguments: Mapping[str, Any],
+    metrics: bool,
+    finished: Callable[[int], Any] = lambda count: None,
+) -> list[dict[str, Any]]:
+    cuts = batched_rollout(policy, seeds, arguments, readings=metrics, finished=finished)
+    return [cut.scores() | (cut.metrics() if metrics else {}) for cut in cuts]
 
 
 def evaluate(
@@ -60,9 +95,10 @@ def evaluate(
     seeds: Sequence[int],
     arguments: Mapping[str, Any],
     *,
+    processes: int | None = None,
     description: str = "evaluating",
     metrics: bool = False,
-    pool: Pool | None = None,
+    pool: Executor | None = None,
 ) -> list[dict[str, Any]]:
     """Return the scores of every contestant on every seed, one row for each cut, in order.
 
@@ -74,29 +110,35 @@ def evaluate(
         Seeds, one for each specimen.
     arguments : mapping
         Keyword arguments of the environment; those of a contestant take precedence.
+    processes : int, optional
+        Number of processes; default one per core, or none of their own for few cuts.
     description : str
         Text before the progress bar.
     metrics : bool
         Whether to add every metric of the score card.
-    pool : Pool, optional
-        Processes of :func:`workers` that compute the metrics.
+    pool : Executor, optional
+        Processes of :func:`workers` to use instead.
     """
-    rows: list[dict[str, Any]] = []
-    with tqdm(total=len(contestants) * len(seeds), desc=description, unit="cut") as bar:
-        for name, one in contestants.items():
-            several = isinstance(one.policy, ArrayPolicy) and not metrics
-            size = _BATCH if several else _SMALL_BATCH
-            for k in range(0, len(seeds), size):
-                cuts = batched_rollout(
-                    one.policy, seeds[k : k + size], {**arguments, **one.arguments}, readings=metrics,
-                    finished=bar.update,
-                )  # fmt: skip
-                rows += [{"policy": name, **cut.scores()} for cut in cuts]
-                if metrics:
-                    computed = map(FinishedCut.metrics, cuts) if pool is None else pool.map(FinishedCut.metrics, cuts)
-                    for row, values in zip(rows[-len(cuts) :], computed, strict=True):
-                        row |= values
-    return rows
+    parts = []
+    for name, one in contestants.items():
+        size = _BATCH if isinstance(one.policy, ArrayPolicy) and not metrics else _SMALL_BATCH
+        whole = {**arguments, **one.arguments}
+        parts += [(name, (one.policy, seeds[k : k + size], whole, metrics)) for k in range(0, len(seeds), size)]
+    cuts = len(contestants) * len(seeds)
+    with contextlib.ExitStack() as stack:
+        own = processes or (os.cpu_count() if cuts >= _FEWEST else 1)
+        if pool is None and own != 1:
+            pool = stack.enter_context(workers(own))
+        bar = stack.enter_context(tqdm(total=cuts, desc=description, unit="cut"))
+        if pool is None:
+            return [{"policy": name, **row} for name, part in parts for row in _rows(*part, bar.update)]
+        futures = {}
+        for name, part in parts:
+            with _without_ctrl_c():
+                futures[pool.submit(_rows, *part)] = name
+        for future in as_completed(futures):
+            bar.update(len(future.result()))
+    return [{"policy": name, **row} for future, name in futures.items() for row in future.result()]
 
 
 def contestant(name: str) -> Contestant:

@@ -35,11 +35,13 @@ class FinishedCut:
         Sum of each term of the reward over the cut.
     over_limit_N : float
         Largest force above the limit [N].
+    largest_jump_m : float
+        Largest unstable growth in a millisecond [m].
     time_s : float
         Time of its end [s].
     readings : Records
         Readings at 1 kHz, :data:`cutenv.cutting.dtypes.READING`, shape (n,), hidden tip included; for the scores alone,
-        ``true_force`` and ``jump`` are enough.
+        ``true_force`` is enough.
     depth, measured_depth, resistance : array, shape (301,)
         Depth [m], as measured beforehand [m], and fracture resistance [J/m2] of the specimen along the line.
     """
@@ -50,6 +52,7 @@ class FinishedCut:
     truth: Mapping[str, Any]
     reward_totals: Mapping[str, float]
     over_limit_N: float
+    largest_jump_m: float
     time_s: float
     readings: StructArray
     depth: np.ndarray
@@ -74,7 +77,7 @@ class FinishedCut:
             "peak_force_N": float(readings["true_force"].max()),
             "mean_force_N": float(readings["true_force"].mean()),
             "uncontrolled_share": truth["uncontrolled_m"] / max(truth["tip_m"], 1e-9),
-            "largest_jump_mm": 1e3 * float(readings["jump"].max()),
+            "largest_jump_mm": 1e3 * self.largest_jump_m,
             "runs": int(truth["units"]),
             **{f"reward_{name}": value for name, value in self.reward_totals.items()},
         }

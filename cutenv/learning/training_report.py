@@ -19,7 +19,9 @@ from cutenv.report import CutPicture, TrainingResult, draw_cut, write_training_p
 _TEXTS = ("policy", "specimen_class", "end")
 
 
-def compare(run: Path, facts: Mapping[str, Any], *, baselines_of: Path | None = None) -> None:
+def compare(
+    run: Path, facts: Mapping[str, Any], *, processes: int | None = None, baselines_of: Path | None = None
+) -> None:
     """Evaluate the agent of a run and all baselines; write and print the scores, draw a cut, write the page.
 
     Parameters
@@ -28,6 +30,8 @@ def compare(run: Path, facts: Mapping[str, Any], *, baselines_of: Path | None = 
         Folder of the run, into which everything is written.
     facts : mapping
         Content of its ``run.json``.
+    processes : int, optional
+        Number of processes; default one per core.
     baselines_of : Path, optional
         Another run on the same specimens, whose scores of the baselines are reused: they would be the same.
 
@@ -51,7 +55,7 @@ def compare(run: Path, facts: Mapping[str, Any], *, baselines_of: Path | None = 
         "random": Contestant(RandomAction(), rate),  # at the agent's rate: rarer changes move the blade further
     }
     own = {name: one for name, one in contestants.items() if baselines_of is None or name in learned}
-    rows = evaluate(own, seeds, shared)
+    rows = evaluate(own, seeds, shared, processes=processes)
     if baselines_of is not None:
         rows += known_rows(baselines_of / "scores.csv", [name for name in contestants if name not in own], seeds)
     write_csv(run / "scores.csv", rows)

@@ -99,16 +99,17 @@ class ProbeAndCreep(ArrayPolicy):
         """Forget all cuts, and begin ``len(rngs)``; a script uses no randomness."""
         count = len(rngs)
         self._estimate.begin(count)
-        self._probing: list[UnloadProbe | None] = [None] * count
+        self._probing: dict[int, UnloadProbe] = {}
+        self._retreats = np.zeros(count, bool)
         self._probes, self._resting = np.zeros(count, int), np.zeros(count, bool)
         self._furthest, self._goal = np.zeros(count), np.zeros(count)
 
     def forget(self, cuts: Indices) -> None:
         """Begin those cuts again that are given by index."""
         self._estimate.forget(cuts)
-        for n in cuts:
-            self._probing[n] = None
-        self._probes[cuts] = self._resting[cuts] = self._furthest[cuts] = self._goal[cuts] = 0
+        for n in cuts.tolist():
+            self._probing.pop(n, None)
+        self._retreats[cuts] = self._probes[cuts] = self._resting[cuts] = self._furthest[cuts] = self._goal[cuts] = 0
 
     def act(self, observations: Array32) -> Array32:
         """Return the actions, shape (n, 2), for the observations of all cuts, shape (n, 12)."""
@@ -117,21 +118,19 @@ class ProbeAndCreep(ArrayPolicy):
         self._furthest = np.maximum(self._furthest, position)
         tips = self._estimate.tips(seen)
         left = np.where(self._probes > 0, self._goal - position, target - self._approach - tips)
-        near = ~self._resting & (left <= coasting(seen[:, SPEED]))
-        retreats = np.zeros(len(seen), bool)
-        for n, probe in enumerate(self._probing):
-            if probe is None and near[n]:
-                probe = self._probing[n] = UnloadProbe()
-            if probe is not None:
-                retreats[n] = probe.feel(*seen[n, [POSITION, FORCE, SPEED]].tolist())
-                if not retreats[n]:
-                    self._learn(n, probe.tip, target[n])
+        self._retreats |= ~self._resting & (left <= coasting(seen[:, SPEED]))
+        felt = seen[:, [POSITION, FORCE, SPEED]]
+        for n in np.flatnonzero(self._retreats).tolist():
+            probe = self._probing.setdefault(n, UnloadProbe())
+            self._retreats[n] = probe.feel(*felt[n].tolist())
+            if not self._retreats[n]:
+                self._learn(n, probe.tip, target[n])
         actions = choose(self._probes > 0, self._creep, self._cut)
-        return choose(retreats, self._retreat, choose(self._resting, self._rest, actions))
+        return choose(self._retreats, self._retreat, choose(self._resting, self._rest, actions))
 
     def _learn(self, n: int, tip: float, target: float) -> None:
         """Set the goal of cut ``n`` after a probe that found its tip [m]."""
-        self._probing[n] = None
+        del self._probing[n]
         self._probes[n] += 1
         missing = target - tip
         self._resting[n] = missing < self._near_enough or self._probes[n] >= self._most
@@ -163,8 +162,10 @@ class UnloadProbe:
         if speed > -0.9 * self.SPEED:
             return True
         self._felt.append((position, force))
-        before = [f for x, f in self._felt if x > position + self._FLAT_OVER]
-        if not before or force > 0.0 or before[-1] - force > self._FLAT:
+        if force > 0.0:
+            return True
+        before = next((f for x, f in reversed(self._felt) if x > position + self._FLAT_OVER), np.inf)
+        if before - force > self._FLAT:
             return True
         self._find()
         return False

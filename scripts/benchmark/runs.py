@@ -8,9 +8,8 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
-from multiprocessing.pool import Pool
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +60,7 @@ class Benchmark:
     only : sequence of str
         Names of the participants; empty: all.
     processes : int
-        Number of processes for training and for the metrics of cuts.
+        Number of processes for training and evaluation.
     """
 
     def __init__(self, folder: Path, protocol: Protocol, only: Sequence[str], processes: int) -> None:
@@ -161,35 +160,35 @@ class Benchmark:
         """File of the constant feeds on validation specimens."""
         return self.folder / "feeds.csv"
 
-    def best_feed(self) -> str:
+    def best_feed(self, pool: Executor) -> str:
         """Return the name of the best constant feed on validation specimens."""
         if not self.feeds.is_file():
             seeds, shared = VALIDATION_SEEDS[: self.protocol.feed_specimens], {"specimen_class": "mixed"}
             grid = {name: Contestant(BASELINES[name]()) for name in CONSTANT_FEEDS}
-            write_csv(self.feeds, summarise(evaluate(grid, seeds, shared, description="constant feeds")))
+            write_csv(self.feeds, summarise(evaluate(grid, seeds, shared, pool=pool, description="constant feeds")))
         rows = [row | {"mean": float(row["mean"])} for row in rows_of(self.feeds)]
         return best_script(rows, CONSTANT_FEEDS)
 
-    def entrant(self, part: Part) -> Contestant:
+    def entrant(self, part: Part, pool: Executor) -> Contestant:
         """Return the policy of a participant, and the environment that it needs."""
         if part.seed is not None:
             return contestant(str(self.run_of(part) / "policy"))
         if part.contestant == BEST_FEED:
-            return contestant(self.best_feed())
+            return contestant(self.best_feed(pool))
         one = contestant(part.contestant)
         return Contestant(one.policy, {"control_hz": 10}) if part.contestant in NULL_POLICIES else one
 
-    def cut(self, pool: Pool | None = None) -> None:
-        """Evaluate the remaining participants; the processes of ``pool`` compute their metrics."""
+    def cut(self, pool: Executor) -> None:
+        """Evaluate the remaining participants."""
         (self.folder / "cuts").mkdir(parents=True, exist_ok=True)
         for part, specimen_class in self.uncut():
             rows = evaluate(
-                {part.label: self.entrant(part)}, self.protocol.test_seeds, {"specimen_class": specimen_class},
+                {part.label: self.entrant(part, pool)}, self.protocol.test_seeds, {"specimen_class": specimen_class},
                 pool=pool, metrics=True, description=f"{part.label}, {specimen_class}",
             )  # fmt: skip
             write_csv(self.cuts_of(part, specimen_class), rows)
 
-    def sweep(self) -> None:
+    def sweep(self, pool: Executor) -> None:
         """Evaluate the remaining participants with other constants."""
         (self.folder / "sweeps").mkdir(parents=True, exist_ok=True)
         seeds = self.protocol.test_seeds[: self.protocol.sweep_specimens]
@@ -197,8 +196,8 @@ class Benchmark:
             known = rows_of(path)
             parts = [part for part in self.swept() if part.label not in {row["policy"] for row in known}]
             shared = {"specimen_class": self.protocol.training_class, **setting.arguments(path.parent)}
-            several = {part.label: self.entrant(part) for part in parts}
-            rows = evaluate(several, seeds, shared, description=setting.name)
+            several = {part.label: self.entrant(part, pool) for part in parts}
+            rows = evaluate(several, seeds, shared, pool=pool, description=setting.name)
             write_csv(path, [*known, *rows])
 
 

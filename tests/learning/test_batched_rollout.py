@@ -8,7 +8,7 @@ from whole_cut import go_on, make
 
 from cutenv.learning import evaluation
 from cutenv.learning.batched_rollout import batched_rollout
-from cutenv.learning.evaluation import Contestant, evaluate, workers
+from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.learning.finished_cut import METRIC_PREFIX, metric_column
 from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS
 from cutenv.policy import (
@@ -97,8 +97,7 @@ def test_the_scores_are_those_of_all_readings_and_any_chunks_give_the_same_rows(
     assert [row["seed"] for row in rows[:12]] == list(TEST_SEEDS[:12])
     monkeypatch.setattr(evaluation, "_BATCH", 5)
     assert evaluate(contestants, TEST_SEEDS[:12], shared) == rows
-    with workers(1) as pool:
-        measured = evaluate(contestants, TEST_SEEDS[:12], shared, metrics=True, pool=pool)
+    measured = evaluate(contestants, TEST_SEEDS[:12], shared, metrics=True, processes=2)
     assert [{name: row[name] for name in rows[0]} for row in measured] == rows
     cuts = batched_rollout(policy, TEST_SEEDS[:12], shared | policy.environment_arguments, readings=True)
     assert measured[:12] == [{"policy": "trained", **cut.scores(), **cut.metrics()} for cut in cuts]

@@ -23,6 +23,7 @@ from benchmark.table import markdown, origin_of, publish, read_table, write_lead
 
 from cutenv._base.parameter import parameter_table
 from cutenv.learning.arguments import PPOArguments
+from cutenv.learning.evaluation import workers
 from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import Features, Network, save_policy
 from cutenv.tissue.description import TissueDescription
@@ -66,8 +67,9 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         few = list(settings())
         patch.setattr(program, "settings", lambda: [few[0], few[-1]])  # one of the drive, one of the tissue
-        whole.cut()
-        whole.sweep()
+        with workers(1) as pool:
+            whole.cut(pool)
+            whole.sweep(pool)
         assert whole.uncut() == []
         assert whole.unswept() == []
     write_tables(folder, TINY)
@@ -80,7 +82,8 @@ def test_what_is_done_is_not_left_and_what_is_lost_is_done_again_to_the_last_dig
     before = lost.read_bytes()
     lost.unlink()
     assert whole.uncut() == [(Part("PPO", 1), "liver")]
-    whole.cut()
+    with workers(1) as pool:
+        whole.cut(pool)
     assert lost.read_bytes() == before
 
 

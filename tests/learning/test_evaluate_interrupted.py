@@ -1,4 +1,4 @@
-"""Ctrl-C ends an evaluation at once, in one line."""
+"""Ctrl-C ends an evaluation with its workers at once, in one line."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from program import command
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no process group to press Ctrl-C for")
 
 
-def test_ctrl_c_ends_an_evaluation_in_one_line(tmp_path: Path) -> None:
+@pytest.mark.parametrize("shown", [r" 0/", r" [1-9]\d*/"], ids=["workers import", "workers cut"])
+def test_ctrl_c_ends_an_evaluation_and_its_workers_in_one_line(shown: str, tmp_path: Path) -> None:
     line = [*command("evaluate"), "probe and creep", "--specimens", "5000", "--processes", "2"]
     process = subprocess.Popen(
         line, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
@@ -24,8 +25,9 @@ def test_ctrl_c_ends_an_evaluation_in_one_line(tmp_path: Path) -> None:
     assert process.stderr is not None
     printed, deadline = "", time.monotonic() + 240.0
     try:
-        while not re.search(r" [1-9]\d*/", printed) and process.poll() is None and time.monotonic() < deadline:
+        while not re.search(shown, printed) and process.poll() is None and time.monotonic() < deadline:
             printed += process.stderr.read(1)
+        time.sleep(1.0)
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does, to all of them, once
         printed += process.communicate(timeout=20)[1]
         assert process.returncode == 130, printed
