@@ -19,15 +19,15 @@ from cutenv._base.validation import in_range
 from cutenv._engine.elementary import log, tanh
 from cutenv._engine.jit import njit, njit_internal
 from cutenv.policy.signals import (
-    ANGLE,
-    DEPTH,
-    DISTANCE,
-    FORCE,
-    FORCE_MAX,
-    FORCE_MEAN,
-    FORCE_MIN,
-    POSITION,
-    SPEED,
+    ANGLE_COLUMN,
+    DEPTH_COLUMN,
+    DISTANCE_COLUMN,
+    FORCE_COLUMN,
+    FORCE_MAX_COLUMN,
+    FORCE_MEAN_COLUMN,
+    FORCE_MIN_COLUMN,
+    POSITION_COLUMN,
+    SPEED_COLUMN,
 )
 from cutenv.policy.tip_estimate import PASSAGE, pass_by, tip_behind
 from cutenv.task.observation import CLIP, COMPONENTS, SCALES, checked_observation
@@ -38,7 +38,7 @@ from cutenv.tissue.specimen import SPACING
 
 _WORKED_OUT = 14  # derived features, besides observation and history
 _CHANNELS = 5  # values per decision of the history
-_FORCES = [FORCE, FORCE_MEAN, FORCE_MIN, FORCE_MAX]
+_FORCES = [FORCE_COLUMN, FORCE_MEAN_COLUMN, FORCE_MIN_COLUMN, FORCE_MAX_COLUMN]
 _LENGTH = 0.010  # [m], scale of lengths
 _FINE = 0.002  # [m], scale of lengths that decide whether a cut is a success
 _FORCE_PER_DEPTH = 300.0  # [N/m]
@@ -208,11 +208,11 @@ def _extract(
     observation: StructArray,
     features: StructArray,
 ) -> None:
-    force = observation[FORCE] * SCALES[FORCE]
-    position = max(observation[POSITION] * SCALES[POSITION], 0.0)
-    speed = observation[SPEED] * SCALES[SPEED]
-    depth = max(observation[DEPTH] * SCALES[DEPTH], SHALLOWEST)
-    target = position + observation[DISTANCE] * SCALES[DISTANCE]
+    force = observation[FORCE_COLUMN] * SCALES[FORCE_COLUMN]
+    position = max(observation[POSITION_COLUMN] * SCALES[POSITION_COLUMN], 0.0)
+    speed = observation[SPEED_COLUMN] * SCALES[SPEED_COLUMN]
+    depth = max(observation[DEPTH_COLUMN] * SCALES[DEPTH_COLUMN], SHALLOWEST)
+    target = position + observation[DISTANCE_COLUMN] * SCALES[DISTANCE_COLUMN]
 
     passage = memory.passage
     pass_by(passage, position, depth)
@@ -237,7 +237,7 @@ def _extract(
     features[k + 10] = memory.friction_per_depth / nominal.friction_per_depth - 1.0
     features[k + 11] = (memory.furthest - position) / _LENGTH
     features[k + 12] = force / depth / _FORCE_PER_DEPTH
-    features[k + 13] = observation[FORCE_MAX] * SCALES[FORCE_MAX] / depth / _FORCE_PER_DEPTH
+    features[k + 13] = observation[FORCE_MAX_COLUMN] * SCALES[FORCE_MAX_COLUMN] / depth / _FORCE_PER_DEPTH
     k += _WORKED_OUT
 
     for i in range(len(frames)):
@@ -249,11 +249,11 @@ def _extract(
     for i in range(len(frames) - 1, 0, -1):
         frames[i] = frames[i - 1]
     if len(frames) > 0:
-        frames[0, 0] = observation[FORCE_MEAN]
-        frames[0, 1] = observation[FORCE_MIN]
-        frames[0, 2] = observation[FORCE_MAX]
+        frames[0, 0] = observation[FORCE_MEAN_COLUMN]
+        frames[0, 1] = observation[FORCE_MIN_COLUMN]
+        frames[0, 2] = observation[FORCE_MAX_COLUMN]
         frames[0, 3] = position
-        frames[0, 4] = observation[ANGLE]
+        frames[0, 4] = observation[ANGLE_COLUMN]
 
 
 @njit_internal

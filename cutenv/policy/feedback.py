@@ -10,7 +10,16 @@ from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._base.validation import in_range
 from cutenv.policy.interface import ArrayPolicy
 from cutenv.policy.scripted import INCLINED, Script, checked_approach, checked_motion
-from cutenv.policy.signals import DEPTH, DISTANCE, FORCE, POSITION, SPEED, choose, in_si, to_actions
+from cutenv.policy.signals import (
+    DEPTH_COLUMN,
+    DISTANCE_COLUMN,
+    FORCE_COLUMN,
+    POSITION_COLUMN,
+    SPEED_COLUMN,
+    choose,
+    in_si,
+    to_actions,
+)
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.policy.unloading import UPRIGHT, StopAndUnload, coasting
 from cutenv.task.observation import to_action
@@ -46,7 +55,7 @@ class ForceFeedback(Script):
 
     def command(self, seen: Array) -> Array32:
         """Return the actions while cutting."""
-        force_per_depth = seen[:, FORCE] / np.maximum(seen[:, DEPTH], SHALLOWEST)
+        force_per_depth = seen[:, FORCE_COLUMN] / np.maximum(seen[:, DEPTH_COLUMN], SHALLOWEST)
         load = np.clip(force_per_depth / self._full_load, 0.0, 1.0)
         return to_actions(self._unloaded + (self._loaded - self._unloaded) * load, self._angle)
 
@@ -114,12 +123,12 @@ class ProbeAndCreep(ArrayPolicy):
     def act(self, observations: Array32) -> Array32:
         """Return the actions, shape (n, 2), for the observations of all cuts, shape (n, 12)."""
         seen = in_si(observations)
-        position, target = seen[:, POSITION], seen[:, POSITION] + seen[:, DISTANCE]
+        position, target = seen[:, POSITION_COLUMN], seen[:, POSITION_COLUMN] + seen[:, DISTANCE_COLUMN]
         self._furthest = np.maximum(self._furthest, position)
         tips = self._estimate.tips(seen)
         left = np.where(self._probes > 0, self._goal - position, target - self._approach - tips)
-        self._retreats |= ~self._resting & (left <= coasting(seen[:, SPEED]))
-        felt = seen[:, [POSITION, FORCE, SPEED]]
+        self._retreats |= ~self._resting & (left <= coasting(seen[:, SPEED_COLUMN]))
+        felt = seen[:, [POSITION_COLUMN, FORCE_COLUMN, SPEED_COLUMN]]
         for n in np.flatnonzero(self._retreats).tolist():
             probe = self._probing.setdefault(n, UnloadProbe())
             self._retreats[n] = probe.feel(*felt[n].tolist())

@@ -14,7 +14,7 @@ from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.policy.plan import KNOTS, PLAN, STRETCH, UPRIGHT, roll_out_all
 from cutenv.policy.scripted import INCLINED, Script
-from cutenv.policy.signals import DISTANCE, POSITION, to_actions
+from cutenv.policy.signals import DISTANCE_COLUMN, POSITION_COLUMN, to_actions
 from cutenv.policy.unloading import StopAndUnload
 from cutenv.task.episode_dtypes import TERMS
 from cutenv.task.gentle_cutting import GentleCutting
@@ -180,9 +180,9 @@ class PlannerNominal(Script):
 
     def command(self, seen: Array) -> Array32:
         """Return the plans' commands for the present positions."""
-        position, plans = seen[:, POSITION], self._chosen
+        position, plans = seen[:, POSITION_COLUMN], self._chosen
         for n in np.flatnonzero(plans["stop"] == 0.0):  # not yet chosen
-            plans[n] = self.plan_for(position[n] + seen[n, DISTANCE])[0]
+            plans[n] = self.plan_for(position[n] + seen[n, DISTANCE_COLUMN])[0]
         each, segment = np.arange(len(plans)), np.clip((position / STRETCH).astype(int), 0, KNOTS - 1)
         speeds = np.where(position >= plans["slow_from"], plans["last_speed"], plans["speed"][each, segment])
         angles = np.where(position >= plans["upright_from"], UPRIGHT, plans["angle"][each, segment])

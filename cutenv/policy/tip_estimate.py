@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, Indices, Struct, StructArray
 from cutenv._engine.jit import njit, njit_internal
-from cutenv.policy.signals import DEPTH, FORCE, POSITION, in_si
+from cutenv.policy.signals import DEPTH_COLUMN, FORCE_COLUMN, POSITION_COLUMN, in_si
 from cutenv.task.tip_estimation import PRESLIDING, dragged
 from cutenv.task_quantities import SHALLOWEST
 from cutenv.tissue.description import TissueDescription, measured_liver
@@ -75,9 +75,13 @@ class TipEstimate:
 def _estimate(passages: StructArray, nominals: StructArray, seen: StructArray, tips: StructArray) -> None:
     nominal = nominals[0]
     for n in range(len(passages)):
-        passage, position, depth = passages[n], max(seen[n, POSITION], 0.0), max(seen[n, DEPTH], SHALLOWEST)
+        passage, position, depth = (
+            passages[n],
+            max(seen[n, POSITION_COLUMN], 0.0),
+            max(seen[n, DEPTH_COLUMN], SHALLOWEST),
+        )
         pass_by(passage, position, depth)
-        tips[n] = tip_behind(passage, nominal, depth, seen[n, FORCE], nominal.friction_per_depth, 1.0)
+        tips[n] = tip_behind(passage, nominal, depth, seen[n, FORCE_COLUMN], nominal.friction_per_depth, 1.0)
 
 
 @njit_internal

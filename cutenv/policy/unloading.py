@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._base.validation import in_range
-from cutenv.policy.signals import DISTANCE, FORCE, POSITION, SPEED, choose, in_si
+from cutenv.policy.signals import DISTANCE_COLUMN, FORCE_COLUMN, POSITION_COLUMN, SPEED_COLUMN, choose, in_si
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.task.observation import to_action
 
@@ -77,9 +77,9 @@ class StopAndUnload:
     def endings(self, seen: Array) -> tuple[NDArray[np.bool_], Array32]:
         """Return which endings have begun, shape (n,), and their actions, for observations in SI units, (n, 12)."""
         self.tip = self.tip_estimate.tips(seen)
-        self.left = seen[:, POSITION] + seen[:, DISTANCE] - self.tip
-        self._stopping |= self.left - coasting(seen[:, SPEED]) <= self._margin
+        self.left = seen[:, POSITION_COLUMN] + seen[:, DISTANCE_COLUMN] - self.tip
+        self._stopping |= self.left - coasting(seen[:, SPEED_COLUMN]) <= self._margin
         # While the blade draws back, friction lowers the measured force, so that zero is reached while the tissue still
         # holds the blade with a force of friction's size: little energy is left, and the rest counts as unloaded.
-        self._unloaded |= self._stopping & (seen[:, FORCE] <= 0.0)
+        self._unloaded |= self._stopping & (seen[:, FORCE_COLUMN] <= 0.0)
         return self._stopping, choose(self._unloaded, self._rest, self._draw_back)
