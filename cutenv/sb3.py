@@ -24,7 +24,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
 from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.policy.features import FeatureBatch, apply_dead_zone
+from cutenv.policy.features import Features, apply_dead_zone
 from cutenv.task.episode_dtypes import ENDS
 from cutenv.task.privileged import PRIVILEGED_FEATURES, append_privileged
 
@@ -173,8 +173,8 @@ class FeatureVecEnv(NativeVecEnv):
         **arguments: Any,
     ) -> None:
         count = seeds if isinstance(seeds, int) else len(seeds)
-        self._feature_batch = FeatureBatch(count, history=history, force=force)
-        self.features, self.dead_zone = self._feature_batch.size, dead_zone
+        self._features = Features(count, history=history, force=force)
+        self.features, self.dead_zone = self._features.size, dead_zone
         self._hidden_state = hidden_state
         self._all = np.arange(count)
         super().__init__(seeds, **arguments)
@@ -188,11 +188,11 @@ class FeatureVecEnv(NativeVecEnv):
         super().step_async(apply_dead_zone(actions, self.dead_zone))  # clipped by the environment
 
     def _observe(self) -> np.ndarray:
-        return self._with_hidden_state(self._feature_batch(self.observations), self._all)
+        return self._with_hidden_state(self._features(self.observations), self._all)
 
     def _observe_start(self, started: np.ndarray) -> np.ndarray:
-        self._feature_batch.forget(started)  # the features of the cut before
-        return self._with_hidden_state(self._feature_batch(self.observations[started], started), started)
+        self._features.forget(started)  # the features of the cut before
+        return self._with_hidden_state(self._features(self.observations[started], started), started)
 
     def _with_hidden_state(self, features: np.ndarray, numbers: np.ndarray) -> np.ndarray:
         return append_privileged(self._batch.cuts, features, numbers) if self._hidden_state else features.copy()

@@ -13,13 +13,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import gymnasium
 import numpy as np
 from tqdm import tqdm
 
-import cutenv  # noqa: F401  registers the environment
-from cutenv.learning.evaluation import contestant, run_cut
-from cutenv.plant import to_trace
+from cutenv.learning.batched_rollout import batched_rollout
+from cutenv.learning.evaluation import contestant
 from cutenv.policy import BASELINES, SCRIPTS
 from cutenv.scoring import METRICS, ReferenceSet, score
 
@@ -34,14 +32,14 @@ def reference(names: list[str], cuts: int, specimen_class: str) -> ReferenceSet:
     rows = []
     for name in tqdm(names, desc="cutting", unit="policy"):
         chosen = contestant(name)
-        env = gymnasium.make("cutenv/GentleCut-v1", specimen_class=specimen_class, **chosen.arguments)
-        for seed in range(FIRST_SEED, FIRST_SEED + cuts):
-            scores, readings = run_cut(env, chosen.policy, seed)
-            trace = to_trace(env.unwrapped.plant, readings, end=scores["end"])  # type: ignore[attr-defined]
-            card = score(trace, target_length=scores["target_length_mm"] / 1e3)
-            label = name if name in BASELINES else f"PPO ({Path(name).parent.name})"
+        label = name if name in BASELINES else f"PPO ({Path(name).parent.name})"
+        for cut in batched_rollout(
+            chosen.policy, range(FIRST_SEED, FIRST_SEED + cuts), {"specimen_class": specimen_class, **chosen.arguments},
+            readings=True,
+        ):  # fmt: skip
+            trace = cut.trace(cut.measured_depth, end=cut.end)
+            card = score(trace, target_length=cut.scores()["target_length_mm"] / 1e3)
             rows.append((label, {metric: scored.value for metric, scored in card.metrics.items()}))
-        env.close()
     about = f"{len(names)} scripts and agents, {cuts} {specimen_class} specimens each, tip estimated"
     return ReferenceSet.of(rows, name="baselines", about=about, force_unit="N")
 

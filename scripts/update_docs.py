@@ -301,12 +301,12 @@ def weights(_: argparse.Namespace) -> str:
     """Return the keyword of every weight of the reward."""
     changeable = [term for term in REWARD if term.weight is not None]
     rows = [(f"`weight_{term.name}`", f"{term.weight:g}", term.text) for term in changeable]
-    return markdown(("keyword", "default", "charged for"), rows)
+    return markdown_table(("keyword", "default", "charged for"), rows)
 
 
 def ends(_: argparse.Namespace) -> str:
     """Return the ends of a cut in order of precedence."""
-    return markdown(("end", "when"), [(f"`{end.name}`", end.text.replace("``", "`")) for end in CUT_ENDS])
+    return markdown_table(("end", "when"), [(f"`{end.name}`", end.text.replace("``", "`")) for end in CUT_ENDS])
 
 
 def tissue_file(_: argparse.Namespace) -> str:

@@ -38,7 +38,7 @@ _compare_flags_fast()
 
 
 def _remember_operators() -> None:
-    """Let Numba remember what an operator of given types is; it tries up to 16 templates at each ``x * y`` and ``a[n]``."""
+    """Let Numba remember what an operator of given types is: at each ``a[n]`` it tries up to 16 templates."""
     resolve = types.functions.BaseFunction.get_call_type
 
     def remembered(own: Any, context: Any, args: Any, kws: Any) -> Any:

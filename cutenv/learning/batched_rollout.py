@@ -1,67 +1,100 @@
-"""Batched rollout of a trained policy: all cuts in one vector environment, bit for bit equal to single cuts."""
+"""Batched rollout of a policy: all cuts in one compiled batch, bit for bit equal to single cuts."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from cutenv._base.arrays import StructArray
 from cutenv.cutting.dtypes import READING, TICK
-from cutenv.cutting.simulate import simulate
-from cutenv.envs.vector import GentleCutVectorEnv
+from cutenv.envs.batch import CutBatch
+from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.learning.finished_cut import FinishedCut
-from cutenv.policy import TrainedPolicy
-from cutenv.task.cuts import Cuts
-from cutenv.task.episode_dtypes import TERMS
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE, all_within_reach
+from cutenv.policy import Policy
+from cutenv.policy.interface import as_array_policy
+from cutenv.task.gentle_cutting import SimulatedCutting
+from cutenv.task.info import GROUPS, INFO, column
+from cutenv.task.reward import ENDS, TERMS
+
+_SCORED = np.dtype([("true_force", "f8")])
+"""Readings from which the scores follow: a ninth of the memory of all."""
+_TERMS = [column(field) for field in GROUPS["reward_terms"]]
 
 
-def batched_rollout(policy: TrainedPolicy, seeds: Sequence[int], arguments: Mapping[str, Any]) -> list[FinishedCut]:
-    """Return the first cut of each seed, in environments made with ``arguments``."""
-    environments = GentleCutVectorEnv(len(seeds), **arguments)
-    batch = policy.batch(len(seeds))
-    observations, _ = environments.reset(seed=list(seeds))
-    start = Cuts(*(part.copy() for part in environments.cuts))
-    fixed = environments.single.fixed_angle or np.nan
-    over, none_waits = np.zeros(len(seeds), bool), np.zeros(len(seeds), bool)
-    totals, over_limit = np.zeros((len(seeds), len(TERMS))), np.zeros(len(seeds))
-    commanded: list[np.ndarray] = []
-    result: dict[int, FinishedCut] = {}
-    while not over.all():  # cuts that are over start again, and are ignored
-        commands = np.array(batch(observations), np.float64)
-        observations, _, ended, _, info = environments.step(commands)  # type: ignore[arg-type]  # takes float64 too
-        all_within_reach(commands, none_waits, fixed)  # writes the fixed angle into them
-        commanded.append(commands)
-        going = ~over
-        totals[going] += np.stack([info["reward_terms"][name] for name in TERMS], axis=1)[going]
-        over_limit[going] = np.maximum(over_limit, info["cost"]["force_N"])[going]
-        for n in np.flatnonzero(ended & going).tolist():
-            updates = round(float(environments.cuts.progresses["time"][n]) / TICK)
-            truth = {name: values[n] for name, values in info["truth"].items() if not name.startswith("_")}
-            readings = replayed(start, n, np.array(commanded)[:, n], environments.single.ticks, updates)
-            assert readings["tip"][-1] == truth["tip_m"], "a repeated cut gives the same tip"
-            result[n] = FinishedCut(
-                seed=int(seeds[n]),
-                end=str(info["end"][n]),
-                success=bool(info["is_success"][n]),
-                truth=truth,
-                reward_totals=dict(zip(TERMS, totals[n].tolist(), strict=True)),
-                over_limit_N=float(over_limit[n]),
-                readings=readings,
-                depth=start.profiles["depth"][n].copy(),
-                resistance=start.specimens["fracture_resistance"][n].copy(),
-            )
-            over[n] = True
-    return [result[n] for n in range(len(seeds))]
+def batched_rollout(
+    policy: Policy,
+    seeds: Sequence[int],
+    arguments: Mapping[str, Any],
+    *,
+    readings: bool = False,
+    finished: Callable[[int], Any] = lambda count: None,
+) -> list[FinishedCut]:
+    """Let a policy cut the specimens of some seeds, the first episode of each.
+
+    Parameters
+    ----------
+    policy : Policy
+        The policy; one that was written for single cuts is copied for each.
+    seeds : sequence of int
+        Seeds, one for each cut.
+    arguments : mapping
+        Keyword arguments of the environment.
+    readings : bool
+        Whether the finished cuts hold every field of their readings; else only those that the scores need.
+    finished : callable, optional
+        Called with the number of cuts that have ended with a decision.
+    """
+    count, environment = len(seeds), GentleCutEnv(**arguments)
+    batch, many = CutBatch(count, environment), as_array_policy(policy)
+    batch.give_seeds(seeds, np.arange(count), np.random.default_rng())
+    batch.begin(np.arange(count))
+    many.begin([np.random.default_rng(seed) for seed in seeds])
+    if many.privileged:
+        many.set_states([_at_start(GentleCutEnv(**arguments), seed) for seed in seeds])
+    ticks = environment.ticks
+    decisions = math.ceil(environment.deadline / (ticks * TICK))
+    felt = np.zeros((count, ticks), READING)
+    kept = np.empty((count, decisions * ticks), READING if readings else _SCORED)
+    infos, totals = np.zeros(count, INFO), np.zeros((count, len(TERMS)))
+    over_limit, jumps, ends = np.zeros(count), np.zeros(count), np.zeros(count, np.int64)
+    for first in range(0, decisions * ticks, ticks):
+        going = ends == 0
+        _, ended = batch.decide(many.act(batch.observations), ~going, infos, readings=felt)
+        which = np.flatnonzero(going)
+        for name in kept.dtype.names:
+            kept[name][which, first : first + ticks] = felt[name][which]
+        totals[which] += np.stack([infos[name][which] for name in _TERMS], axis=1)
+        for largest, values in ((over_limit, infos["cost_force_N"]), (jumps, felt["jump"].max(axis=1))):
+            np.maximum(largest, values, out=largest)  # those of an ended cut stay as they are
+        ends += ended
+        if ended.any():
+            finished(int(np.count_nonzero(ended)))
+        if ends.all():
+            break
+    times, success = felt["time"].max(axis=1), batch.succeeded()
+    return [
+        FinishedCut(
+            seed=int(seeds[n]),
+            end=ENDS[ends[n]],
+            success=bool(success[n]),
+            truth={field.name: infos[column(field)][n].item() for field in GROUPS["truth"]}
+            | {"specimen_class": batch.classes[n]},
+            reward_totals=dict(zip(TERMS, totals[n].tolist(), strict=True)),
+            over_limit_N=float(over_limit[n]),
+            largest_jump_m=float(jumps[n]),
+            time_s=float(times[n]),
+            readings=kept[n, : round(times[n] / TICK)],
+            depth=batch.cuts.profiles["depth"][n].copy(),
+            measured_depth=batch.cuts.nominals["depth"][n].copy(),
+            resistance=batch.cuts.specimens["fracture_resistance"][n].copy(),
+        )
+        for n in range(count)
+    ]
 
 
-def replayed(start: Cuts, n: int, commands: np.ndarray, ticks: int, updates: int) -> StructArray:
-    """Simulate cut ``n`` again by its commands, shape (decisions, 2), in [-1, 1]; return every reading."""
-    readings = np.zeros(len(commands) * ticks, READING)
-    speeds, angles = SPEED_SCALE * commands[:, 0], ANGLE_CENTRE + ANGLE_SCALE * commands[:, 1]
-    copies = [part[n : n + 1].copy() for part in start[:5]]
-    arguments: list[Any] = [*(part[0] for part in copies), speeds, angles, TICK, readings]
-    simulate(*arguments)
-    return readings[:updates]
+def _at_start(environment: GentleCutEnv, seed: int) -> SimulatedCutting:
+    """Return the cut of a seed at its start."""
+    environment.reset(seed=seed)
+    return environment.cutting

@@ -18,6 +18,7 @@ from tqdm import tqdm
 from cutenv.learning.arguments import LearnerArguments
 from cutenv.learning.demonstration import invert_dead_zone
 from cutenv.policy import BASELINES, Policy
+from cutenv.policy.interface import as_array_policy
 from cutenv.sb3 import FeatureVecEnv
 
 Batch = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
@@ -109,7 +110,7 @@ def demonstrations(
     environments : FeatureVecEnv
         Environments to cut in; they are reset first.
     make_script : callable
-        Function that makes a script, called once for each environment.
+        Function that makes a script.
     decisions : int
         Total number of decisions, rounded up to a multiple of the number of environments.
     noise : float
@@ -119,15 +120,13 @@ def demonstrations(
     """
     rng = np.random.default_rng(seed)
     count = environments.num_envs
-    scripts = [make_script() for _ in range(count)]
-    for script in scripts:
-        script.reset(rng)
+    script = as_array_policy(make_script())
+    script.begin([rng] * count)
     amount = np.where(np.arange(count) % 2, noise, 0.0)[:, None]
     shown, starts = environments.reset(), np.ones(count, bool)
     all_shown, all_actions, all_starts = [], [], []
     for _ in tqdm(range(-(-decisions // count)), desc="demonstrating", unit="decision", unit_scale=count):
-        wanted = np.stack([script(o) for script, o in zip(scripts, environments.observations, strict=True)])
-        actions = invert_dead_zone(wanted, environments.dead_zone)
+        actions = invert_dead_zone(script.act(environments.observations), environments.dead_zone)
         all_shown.append(shown)
         all_actions.append(actions)
         all_starts.append(starts)
@@ -135,8 +134,7 @@ def demonstrations(
         environments.step_async(noisy)
         shown, _, ended, _ = environments.step_wait()
         starts = np.array(ended)
-        for n in np.flatnonzero(starts):
-            scripts[n].reset(rng)
+        script.forget(np.flatnonzero(starts))
     return Demonstrations(np.stack(all_shown), np.stack(all_actions), np.stack(all_starts))
 
 

@@ -7,24 +7,20 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import gymnasium
-import numpy as np
 from tqdm import tqdm
 
 from cutenv.envs import set_cores
 from cutenv.learning.batched_rollout import batched_rollout
-from cutenv.learning.finished_cut import FinishedCut
-from cutenv.learning.seeds import ENVIRONMENT
-from cutenv.policy import BASELINES, SHIPPED, Policy, PrivilegedPolicy, TrainedPolicy, named_policy
+from cutenv.policy import BASELINES, SHIPPED, ArrayPolicy, Policy, named_policy
 
-_CHUNK = 10  # cuts in one task of a process
-_BATCH = 100  # cuts of a trained policy, which are simulated together
+_BATCH, _SMALL_BATCH = 200, 100  # cuts simulated together; fewer where all readings are kept, or a policy is copied
+_FEWEST = 2000  # cuts, below which starting processes takes longer than they save
 
 
 @dataclass(frozen=True)
@@ -33,39 +29,6 @@ class Contestant:
 
     policy: Policy
     arguments: Mapping[str, Any] = field(default_factory=dict)
-
-
-def finished_cut(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> FinishedCut:
-    """Let a policy cut the specimen of a seed, its first episode."""
-    observation, _ = env.reset(seed=seed)
-    policy.reset(np.random.default_rng(seed))
-    unwrapped: Any = env.unwrapped
-    cutting = unwrapped.cutting
-    if isinstance(policy, PrivilegedPolicy):
-        policy.set_state(cutting)
-    parts, over_limit = [], 0.0
-    ended = False
-    while not ended:
-        observation, _, ended, _, info = env.step(policy(observation))
-        parts.append(cutting.readings.copy())
-        over_limit = max(over_limit, info["cost"]["force_N"])
-    return FinishedCut(
-        seed=seed,
-        end=info["end"],
-        success=info["is_success"],
-        truth=info["truth"],
-        reward_totals=dict(cutting.reward_totals),
-        over_limit_N=over_limit,
-        readings=np.concatenate(parts),
-        depth=unwrapped.specimen.depth,
-        resistance=unwrapped.specimen.fracture_resistance,
-    )
-
-
-def run_cut(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> tuple[dict[str, Any], np.ndarray]:
-    """Let a policy cut the specimen of a seed; return its scores, and the readings at 1 kHz, shape (n,)."""
-    cut = finished_cut(env, policy, seed)
-    return cut.scores(), cut.readings
 
 
 def _end_with_parent() -> None:
@@ -117,19 +80,14 @@ def _without_ctrl_c() -> Iterator[None]:
 
 
 def _rows(
-    contestant: Contestant, arguments: Mapping[str, Any], seeds: Sequence[int], metrics: bool
+    policy: Policy,
+    seeds: Sequence[int],
+    arguments: Mapping[str, Any],
+    metrics: bool,
+    finished: Callable[[int], Any] = lambda count: None,
 ) -> list[dict[str, Any]]:
-    whole = {**arguments, **contestant.arguments}
-    if isinstance(contestant.policy, TrainedPolicy):
-        return [_row(cut, metrics) for cut in batched_rollout(contestant.policy, seeds, whole)]
-    env = gymnasium.make(ENVIRONMENT, **whole)
-    rows = [_row(finished_cut(env, contestant.policy, seed), metrics) for seed in seeds]
-    env.close()
-    return rows
-
-
-def _row(cut: FinishedCut, metrics: bool) -> dict[str, Any]:
-    return cut.scores() | (cut.metrics() if metrics else {})
+    cuts = batched_rollout(policy, seeds, arguments, readings=metrics, finished=finished)
+    return [cut.scores() | (cut.metrics() if metrics else {}) for cut in cuts]
 
 
 def evaluate(
@@ -153,7 +111,7 @@ def evaluate(
     arguments : mapping
         Keyword arguments of the environment; those of a contestant take precedence.
     processes : int, optional
-        Number of processes; default one per core.
+        Number of processes; default one per core, or none of their own for few cuts.
     description : str
         Text before the progress bar.
     metrics : bool
@@ -161,15 +119,23 @@ def evaluate(
     pool : Executor, optional
         Processes of :func:`workers` to use instead.
     """
+    parts = []
+    for name, one in contestants.items():
+        size = _BATCH if isinstance(one.policy, ArrayPolicy) and not metrics else _SMALL_BATCH
+        whole = {**arguments, **one.arguments}
+        parts += [(name, (one.policy, seeds[k : k + size], whole, metrics)) for k in range(0, len(seeds), size)]
+    cuts = len(contestants) * len(seeds)
     with contextlib.ExitStack() as stack:
-        pool = stack.enter_context(workers(processes)) if pool is None else pool
-        bar = stack.enter_context(tqdm(total=len(contestants) * len(seeds), desc=description, unit="cut"))
+        own = processes or (os.cpu_count() if cuts >= _FEWEST else 1)
+        if pool is None and own != 1:
+            pool = stack.enter_context(workers(own))
+        bar = stack.enter_context(tqdm(total=cuts, desc=description, unit="cut"))
+        if pool is None:
+            return [{"policy": name, **row} for name, part in parts for row in _rows(*part, bar.update)]
         futures = {}
-        for name, one in contestants.items():
-            size = _BATCH if isinstance(one.policy, TrainedPolicy) else _CHUNK
-            for k in range(0, len(seeds), size):
-                with _without_ctrl_c():
-                    futures[pool.submit(_rows, one, arguments, seeds[k : k + size], metrics)] = name
+        for name, part in parts:
+            with _without_ctrl_c():
+                futures[pool.submit(_rows, *part)] = name
         for future in as_completed(futures):
             bar.update(len(future.result()))
     return [{"policy": name, **row} for future, name in futures.items() for row in future.result()]

@@ -35,10 +35,15 @@ class FinishedCut:
         Sum of each term of the reward over the cut.
     over_limit_N : float
         Largest force above the limit [N].
+    largest_jump_m : float
+        Largest unstable growth in a millisecond [m].
+    time_s : float
+        Time of its end [s].
     readings : Records
-        Readings at 1 kHz, :data:`cutenv.cutting.dtypes.READING`, shape (n,); hidden tip included.
-    depth, resistance : array, shape (301,)
-        Depth [m] and fracture resistance [J/m2] of the specimen along the line.
+        Readings at 1 kHz, :data:`cutenv.cutting.dtypes.READING`, shape (n,), hidden tip included; for the scores alone,
+        ``true_force`` is enough.
+    depth, measured_depth, resistance : array, shape (301,)
+        Depth [m], as measured beforehand [m], and fracture resistance [J/m2] of the specimen along the line.
     """
 
     seed: int
@@ -47,8 +52,11 @@ class FinishedCut:
     truth: Mapping[str, Any]
     reward_totals: Mapping[str, float]
     over_limit_N: float
+    largest_jump_m: float
+    time_s: float
     readings: StructArray
     depth: np.ndarray
+    measured_depth: np.ndarray
     resistance: np.ndarray
 
     def scores(self) -> dict[str, Any]:
@@ -65,27 +73,33 @@ class FinishedCut:
             "tip_error_mm": 1e3 * abs(beyond),
             "overshoot_mm": 1e3 * max(beyond, 0.0),
             "over_limit_N": self.over_limit_N,
-            "time_s": float(readings["time"][-1]),
+            "time_s": self.time_s,
             "peak_force_N": float(readings["true_force"].max()),
             "mean_force_N": float(readings["true_force"].mean()),
             "uncontrolled_share": truth["uncontrolled_m"] / max(truth["tip_m"], 1e-9),
-            "largest_jump_mm": 1e3 * float(readings["jump"].max()),
+            "largest_jump_mm": 1e3 * self.largest_jump_m,
             "runs": int(truth["units"]),
             **{f"reward_{name}": value for name, value in self.reward_totals.items()},
         }
 
+    def trace(self, depth: np.ndarray, **metadata: object) -> Trace:
+        """Return the readings as a rig would have recorded them, with a ``depth`` along the line, shape (301,) [m]."""
+        readings = self.readings
+        position = readings["position"].copy()
+        return Trace(
+            time=readings["time"].copy(),
+            force=readings["force"].copy(),
+            position=position,
+            speed=readings["speed"].copy(),
+            angle=readings["angle"].copy(),
+            depth=depth_below(depth, position),
+            force_unit="N",
+            metadata=metadata,
+        )
+
     def metrics(self) -> dict[str, float | str]:
         """Return every metric of the score card, keyed by :func:`metric_column`; an undefined one is an empty text."""
-        readings = self.readings
-        trace = Trace(
-            time=readings["time"],
-            force=readings["force"],
-            position=readings["position"],
-            speed=readings["speed"],
-            angle=readings["angle"],
-            depth=depth_below(self.depth, readings["position"]),
-            force_unit="N",
-        )
+        readings, trace = self.readings, self.trace(self.depth)
         cut = self.resistance[: max(int(self.truth["tip_m"] / SPACING), 0) + 1]
         truth = Truth(tip=readings["tip"], jump=readings["jump"], resistance=float(cut.mean()))
         card = score(trace, target_length=self.truth["target_length_m"], truth=truth)

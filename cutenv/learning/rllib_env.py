@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 
 from cutenv.envs import set_cores
 from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.policy.features import apply_dead_zone, extract_batch, feature_count, forget, new_memory
+from cutenv.policy.features import Features, apply_dead_zone
 from cutenv.task.observation import CLIP
 
 _INFO = ("is_success", "_is_success")  # the rest would be copied between processes
@@ -49,10 +49,10 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._native = GentleCutVectorEnv(num_envs, autoreset_mode=AutoresetMode.NEXT_STEP, **arguments)
         self.num_envs, self.metadata = num_envs, self._native.metadata
         self._first_seed, self._first_episode, self._dead_zone = first_seed, first_episode, dead_zone
-        self._memory, self._frames = new_memory(num_envs, history)
+        self._features = Features(num_envs, history=history)
         self._begins = np.zeros(num_envs, bool)
         self._fresh = True
-        size = feature_count(history)
+        size = self._features.size
         self.single_observation_space = gymnasium.spaces.Box(-CLIP, CLIP, (size,), np.float32)
         self.single_action_space = self._native.single_action_space
         self.observation_space = gymnasium.spaces.Box(-CLIP, CLIP, (num_envs, size), np.float32)
@@ -91,5 +91,5 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _seen(self, observations: np.ndarray) -> np.ndarray:
         """Return the features; those of a cut that begins hold nothing of the cut before."""
-        forget(self._memory, self._frames, np.flatnonzero(self._begins))
-        return extract_batch(self._memory, self._frames, observations)
+        self._features.forget(np.flatnonzero(self._begins))
+        return self._features(observations)

@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import gymnasium
-import numpy as np
-
-from cutenv.learning.evaluation import Contestant, contestant, evaluate, run_cut
+from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.learning.batched_rollout import batched_rollout
+from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.result_tables import SHOWN, print_differences, print_table, read_rows, write_csv
-from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS
+from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import best_script, differences, summarise
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE, SCRIPTS, RandomAction
 from cutenv.report import CutPicture, TrainingResult, draw_cut, write_training_page
@@ -128,16 +127,16 @@ def typical(rows: Sequence[Mapping[str, Any]], seeds: Sequence[int], agent: str)
 
 def cut_picture(name: str, one: Contestant, seed: int, shared: Mapping[str, Any]) -> CutPicture:
     """Let a policy cut a specimen, for a picture."""
-    env = gymnasium.make(ENVIRONMENT, **{**shared, **one.arguments})
-    scores, readings = run_cut(env, one.policy, seed)
-    unwrapped: Any = env.unwrapped
+    arguments = {**shared, **one.arguments}
+    (cut,) = batched_rollout(one.policy, [seed], arguments, readings=True)
+    scores = cut.scores()
     return CutPicture(
         policy=name,
         caption=f"{scores['end']}, return {scores['return']:.2f}, tip error {scores['tip_error_mm']:.1f} mm",
-        readings=readings,
-        depth=np.array(unwrapped.specimen.depth),
-        target_length=unwrapped.cutting.target_length,
-        force_limit_per_depth=unwrapped.force_limit_per_depth,
+        readings=cut.readings,
+        depth=cut.depth,
+        target_length=cut.truth["target_length_m"],
+        force_limit_per_depth=GentleCutEnv(**arguments).force_limit_per_depth,
     )
 
 

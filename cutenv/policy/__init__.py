@@ -11,15 +11,15 @@ from cutenv.policy.baselines import (
     SCRIPTS,
     feed_name,
 )
-from cutenv.policy.features import FeatureBatch, Features, apply_dead_zone
+from cutenv.policy.features import Features, apply_dead_zone
 from cutenv.policy.feedback import ForceFeedback, ProbeAndCreep
-from cutenv.policy.interface import Policy, PrivilegedPolicy
+from cutenv.policy.interface import ArrayPolicy, Policy, PrivilegedPolicy
 from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
 from cutenv.policy.recurrent import RecurrentNetwork
 from cutenv.policy.scripted import ConstantFeed, FastThenSlow, InclineBetween, NoAction, RandomAction, Script
 from cutenv.policy.shipped import DEFAULT_SHIPPED, SHIPPED, named_policy, shipped
 from cutenv.policy.tip_estimate import TipEstimate
-from cutenv.policy.trained import PolicyBatch, PolicyCard, TrainedPolicy, save_policy
+from cutenv.policy.trained import PolicyCard, TrainedPolicy, save_policy
 from cutenv.policy.unloading import StopAndUnload
 
 __all__ = [
@@ -32,9 +32,9 @@ __all__ = [
     "ORACLE",
     "SCRIPTS",
     "SHIPPED",
+    "ArrayPolicy",
     "ConstantFeed",
     "FastThenSlow",
-    "FeatureBatch",
     "Features",
     "ForceFeedback",
     "InclineBetween",
@@ -43,7 +43,6 @@ __all__ = [
     "PlannerNominal",
     "PlannerWithTruth",
     "Policy",
-    "PolicyBatch",
     "PolicyCard",
     "PrivilegedPolicy",
     "ProbeAndCreep",

@@ -12,27 +12,33 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from cutenv._base.arrays import Struct, StructArray
+from cutenv._base.arrays import Array32, Indices, Struct, StructArray
 from cutenv._base.validation import in_range
 from cutenv._engine.elementary import log, tanh
 from cutenv._engine.jit import njit, njit_internal
-from cutenv.policy.tip_estimate import remember_depth, tip_behind
+from cutenv.policy.signals import (
+    ANGLE_COLUMN,
+    DEPTH_COLUMN,
+    DISTANCE_COLUMN,
+    FORCE_COLUMN,
+    FORCE_MAX_COLUMN,
+    FORCE_MEAN_COLUMN,
+    FORCE_MIN_COLUMN,
+    POSITION_COLUMN,
+    SPEED_COLUMN,
+)
+from cutenv.policy.tip_estimate import PASSAGE, pass_by, tip_behind
 from cutenv.task.observation import CLIP, COMPONENTS, SCALES, checked_observation
-from cutenv.task.tip_estimation import PRESLIDING, dragged
 from cutenv.task_quantities import SHALLOWEST
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
-from cutenv.tissue.specimen import N_POINTS, SPACING
-
-_NAMES = [component.name for component in COMPONENTS]
-_FORCE, _MEAN, _MIN, _MAX, _POSITION, _SPEED, _ANGLE, _DEPTH, _DISTANCE = range(9)
-assert _NAMES[_MAX] == "force_max"
-assert _NAMES[_DISTANCE] == "distance"
+from cutenv.tissue.specimen import SPACING
 
 _WORKED_OUT = 14  # derived features, besides observation and history
 _CHANNELS = 5  # values per decision of the history
+_FORCES = [FORCE_COLUMN, FORCE_MEAN_COLUMN, FORCE_MIN_COLUMN, FORCE_MAX_COLUMN]
 _LENGTH = 0.010  # [m], scale of lengths
 _FINE = 0.002  # [m], scale of lengths that decide whether a cut is a success
 _FORCE_PER_DEPTH = 300.0  # [N/m]
@@ -48,11 +54,8 @@ MEMORY: np.dtype[Any] = np.dtype(
     (
         np.record,
         [
-            ("depths", "f8", (N_POINTS,)),  # depth of cut as far as the blade has been [m]
-            ("passed", "i8"),  # number of these that are known
+            ("passage", PASSAGE),  # of the blade, for the estimate of the tip
             ("furthest", "f8"),  # furthest position of the blade so far [m]
-            ("last", "f8"),  # position at the last decision [m]
-            ("bristle", "f8"),  # deflection of the friction bristles [m]
             ("steady", "i8"),  # number of decisions for which the blade has drawn back
             ("back_from", "f8"),  # position at which the retreat began [m]
             ("position", "f8"),  # at the last decision, or the last one at least _FLAT_OVER away [m]
@@ -73,8 +76,8 @@ MEMORY: np.dtype[Any] = np.dtype(
 """Structured dtype of the features' memory of one cut."""
 
 
-class FeatureBatch:
-    """Features of many cuts, decision after decision; bit for bit those of single cuts.
+class Features:
+    """Features of one cut or many, decision after decision; those of many are bit for bit those of each alone.
 
     Parameters
     ----------
@@ -96,61 +99,57 @@ class FeatureBatch:
         If ``count`` or ``history`` is not a whole number, or ``force`` is not True or False.
     """
 
-    def __init__(self, count: int, *, history: int = 6, force: bool = True) -> None:
+    def __init__(self, count: int = 1, *, history: int = 6, force: bool = True) -> None:
         if in_range("count", count, 1, 10**7, "1", "Give the number of cuts.") % 1.0:
             raise ValueError(f"count = {count} is not a whole number of cuts.")
         if in_range("history", history, 0, 1000, "1", "A handful of decisions is enough.") % 1.0:
             raise ValueError(f"history = {history} is not a whole number of decisions.")
         if not isinstance(force, bool):
             raise TypeError(f"force = {force!r} must be True (used) or False (not used).")
-        self._memory, self._frames = new_memory(int(count), int(history))
+        self._memory, self._frames = np.zeros(int(count), MEMORY), np.zeros((int(count), int(history), _CHANNELS))
         self._force = force
         self.size = feature_count(int(history))
         self._all = np.arange(int(count))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last cut, or all of them."""
         self.forget(self._all)
 
-    def forget(self, cuts: int | NDArray[np.int64]) -> None:
-        """Reset one of the cuts, or several, given by index."""
-        forget(self._memory, self._frames, cuts)
+    def forget(self, cuts: int | Indices) -> None:
+        """Forget one of the cuts, or several, given by index."""
+        self._memory[cuts] = _nothing()[0]
+        self._frames[cuts] = 0.0
 
-    def __call__(self, observations: NDArray[np.float32], cuts: NDArray[np.int64] | None = None) -> NDArray[np.float32]:
-        """Return features, shape (n, size) float32, for observations, shape (n, 12), of all or some cuts."""
-        seen = np.array(observations, np.float32)
+    def __call__(self, observations: ArrayLike, cuts: Indices | None = None) -> Array32:
+        """Return the features, float32, clipped like observations.
+
+        Parameters
+        ----------
+        observations : array, shape (n, 12), or (12,) of a single cut
+            Observations of all cuts, or of those given by index.
+        cuts : array of int, shape (n,), optional
+            Indices of the cuts.
+
+        Returns
+        -------
+        array, shape (n, size), or (size,) of a single cut
+            The features.
+        """
+        shape = np.shape(observations)
+        seen = np.array(observations, np.float32, ndmin=2)
         cuts = self._all if cuts is None else cuts
         if seen.shape != (len(cuts), len(COMPONENTS)):
             checked_observation(observations)
-            raise ValueError(f"observations have shape {seen.shape}; give ({len(cuts)}, {len(COMPONENTS)}).")
+            raise ValueError(f"observations have shape {shape}; give ({len(cuts)}, {len(COMPONENTS)}).")
         if not self._force:
-            seen[:, : _MAX + 1] = 0.0
-        return extract_batch(self._memory, self._frames, seen, cuts)
-
-
-class Features:
-    """Features of one cut, decision after decision: a :class:`FeatureBatch` of one.
-
-    Parameters
-    ----------
-    history, force
-        Same as for :class:`FeatureBatch`.
-
-    Attributes
-    ----------
-    size : int
-        Number of features.
-    """
-
-    def __init__(self, *, history: int = 6, force: bool = True) -> None:
-        self._batch = FeatureBatch(1, history=history, force=force)
-        self.size = self._batch.size
-
-    def reset(self) -> None:
-        """Forget the last cut."""
-        self._batch.forget(0)
-
-    def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the features, shape (size,) float32, clipped like observations, for an observation, shape (12,)."""
-        features: NDArray[np.float32] = self._batch(np.asarray(observation)[None])[0]
-        return features
+            seen[:, _FORCES] = 0.0
+        features = np.empty((len(seen), self.size), np.float32)
+        nominal = nominal_tissue(measured_liver())
+        if not extract_some(self._memory, self._frames, cuts, nominal, seen, features):
+            checked_observation(observations)  # raises with the reason
+        found: Array32 = features.reshape(*shape[:-1], self.size)
+        return found
 
 
 def apply_dead_zone(action: NDArray[np.float32], width: float) -> NDArray[np.float32]:
@@ -170,37 +169,12 @@ def feature_count(history: int) -> int:
     return len(COMPONENTS) + _WORKED_OUT + _CHANNELS * history
 
 
-def new_memory(cuts: int, history: int) -> tuple[StructArray, NDArray[np.float64]]:
-    """Return memory, shape (cuts,), and history frames, shape (cuts, history, 5), of cuts not yet begun."""
-    return np.zeros(cuts, MEMORY), np.zeros((cuts, history, _CHANNELS))
-
-
 @lru_cache(maxsize=1)
 def _nothing() -> StructArray:
     nothing = np.zeros(1, MEMORY)
     nothing["friction_per_depth"] = nominal_tissue(measured_liver())["friction_per_depth"]
     nothing["stiffness_ratio"] = 1.0
     return nothing
-
-
-def forget(memory: StructArray, frames: NDArray[np.float64], cuts: int | NDArray[np.int64]) -> None:
-    """Reset the memory of one cut, or several, given by index."""
-    memory[cuts] = _nothing()[0]
-    frames[cuts] = 0.0
-
-
-def extract_batch(
-    memory: StructArray,
-    frames: NDArray[np.float64],
-    observations: NDArray[np.float32],
-    cuts: NDArray[np.int64] | None = None,
-) -> NDArray[np.float32]:
-    """Return features, shape (n, size), for observations, shape (n, 12), of all cuts, or of those given by index."""
-    features = np.empty((len(observations), feature_count(frames.shape[1])), np.float32)
-    cuts = np.arange(len(memory)) if cuts is None else cuts
-    if not extract_some(memory, frames, cuts, nominal_tissue(measured_liver()), observations, features):
-        checked_observation(observations)  # raises with the reason
-    return features
 
 
 @njit
@@ -234,23 +208,18 @@ def _extract(
     observation: StructArray,
     features: StructArray,
 ) -> None:
-    force = observation[_FORCE] * SCALES[_FORCE]
-    position = max(observation[_POSITION] * SCALES[_POSITION], 0.0)
-    speed = observation[_SPEED] * SCALES[_SPEED]
-    depth = max(observation[_DEPTH] * SCALES[_DEPTH], SHALLOWEST)
-    target = position + observation[_DISTANCE] * SCALES[_DISTANCE]
+    force = observation[FORCE_COLUMN] * SCALES[FORCE_COLUMN]
+    position = max(observation[POSITION_COLUMN] * SCALES[POSITION_COLUMN], 0.0)
+    speed = observation[SPEED_COLUMN] * SCALES[SPEED_COLUMN]
+    depth = max(observation[DEPTH_COLUMN] * SCALES[DEPTH_COLUMN], SHALLOWEST)
+    target = position + observation[DISTANCE_COLUMN] * SCALES[DISTANCE_COLUMN]
 
-    memory.passed = remember_depth(memory.depths, memory.passed, position, depth)
-    memory.bristle = dragged(memory.bristle, position - memory.last)
-    memory.last = position
-    sense = memory.bristle / PRESLIDING
+    passage = memory.passage
+    pass_by(passage, position, depth)
     memory.furthest = max(memory.furthest, position)
     _watch(memory, nominal, position, speed, force, depth)
-
-    elastic = max(force - sense * nominal.friction_per_depth * depth, 0.0)
-    nominal_tip = tip_behind(position, elastic, nominal, memory.depths, memory.passed)
-    elastic = max(force - sense * memory.friction_per_depth * depth, 0.0) / memory.stiffness_ratio
-    tip = max(tip_behind(position, elastic, nominal, memory.depths, memory.passed), memory.tip)
+    nominal_tip = tip_behind(passage, nominal, depth, force, nominal.friction_per_depth, 1.0)
+    tip = max(tip_behind(passage, nominal, depth, force, memory.friction_per_depth, memory.stiffness_ratio), memory.tip)
 
     k = len(observation)
     for i in range(k):
@@ -268,7 +237,7 @@ def _extract(
     features[k + 10] = memory.friction_per_depth / nominal.friction_per_depth - 1.0
     features[k + 11] = (memory.furthest - position) / _LENGTH
     features[k + 12] = force / depth / _FORCE_PER_DEPTH
-    features[k + 13] = observation[_MAX] * SCALES[_MAX] / depth / _FORCE_PER_DEPTH
+    features[k + 13] = observation[FORCE_MAX_COLUMN] * SCALES[FORCE_MAX_COLUMN] / depth / _FORCE_PER_DEPTH
     k += _WORKED_OUT
 
     for i in range(len(frames)):
@@ -280,11 +249,11 @@ def _extract(
     for i in range(len(frames) - 1, 0, -1):
         frames[i] = frames[i - 1]
     if len(frames) > 0:
-        frames[0, 0] = observation[_MEAN]
-        frames[0, 1] = observation[_MIN]
-        frames[0, 2] = observation[_MAX]
+        frames[0, 0] = observation[FORCE_MEAN_COLUMN]
+        frames[0, 1] = observation[FORCE_MIN_COLUMN]
+        frames[0, 2] = observation[FORCE_MAX_COLUMN]
         frames[0, 3] = position
-        frames[0, 4] = observation[_ANGLE]
+        frames[0, 4] = observation[ANGLE_COLUMN]
 
 
 @njit_internal
@@ -331,8 +300,8 @@ def _find_tip(memory: Struct, nominal: Struct, depth: float) -> None:
         return
     mean_x, mean_F = memory.x / n, memory.F / n
     tip = memory.back_from - mean_x - (mean_F + memory.friction_per_depth * depth) / slope
-    place = min(max(round(tip / SPACING), 0), memory.passed - 1)
-    ratio = slope / nominal_stiffness(nominal, place, memory.depths[place])
+    place = min(max(round(tip / SPACING), 0), memory.passage.passed - 1)
+    ratio = slope / nominal_stiffness(nominal, place, memory.passage.depths[place])
     if _SOFTEST < ratio < _STIFFEST and tip > memory.tip - 0.003:
         memory.tip = tip
         memory.stiffness_ratio = ratio

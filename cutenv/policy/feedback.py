@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from cutenv._base.arrays import Array32
+from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._base.validation import in_range
+from cutenv.policy.interface import ArrayPolicy
 from cutenv.policy.scripted import INCLINED, Script, checked_approach, checked_motion
+from cutenv.policy.signals import (
+    DEPTH_COLUMN,
+    DISTANCE_COLUMN,
+    FORCE_COLUMN,
+    POSITION_COLUMN,
+    SPEED_COLUMN,
+    choose,
+    in_si,
+    to_actions,
+)
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.policy.unloading import UPRIGHT, StopAndUnload, coasting
-from cutenv.task.observation import COMPONENTS, SCALES, to_action
+from cutenv.task.observation import to_action
 from cutenv.task_quantities import SHALLOWEST
-
-_NAMES = [component.name for component in COMPONENTS]
-_FORCE, _POSITION, _SPEED, _DEPTH, _DISTANCE = (
-    _NAMES.index(name) for name in ("force", "position", "speed", "depth", "distance")
-)
 
 
 class ForceFeedback(Script):
@@ -45,15 +53,14 @@ class ForceFeedback(Script):
         self._loaded = checked_motion(loaded, angle)[0]
         self._full_load = in_range("full_load", full_load, 1.0, 1e4, "N/m", "3 N/cm is 300.")
 
-    def command(self, observation: Array32) -> Array32:
-        """Return the action while cutting."""
-        depth = max(float(observation[_DEPTH]) * SCALES[_DEPTH], SHALLOWEST)
-        force_per_depth = float(observation[_FORCE]) * SCALES[_FORCE] / depth
-        load = min(max(force_per_depth / self._full_load, 0.0), 1.0)
-        return to_action(self._unloaded + (self._loaded - self._unloaded) * load, self._angle)
+    def command(self, seen: Array) -> Array32:
+        """Return the actions while cutting."""
+        force_per_depth = seen[:, FORCE_COLUMN] / np.maximum(seen[:, DEPTH_COLUMN], SHALLOWEST)
+        load = np.clip(force_per_depth / self._full_load, 0.0, 1.0)
+        return to_actions(self._unloaded + (self._loaded - self._unloaded) * load, self._angle)
 
 
-class ProbeAndCreep:
+class ProbeAndCreep(ArrayPolicy):
     """A cut to near the target, then probes and short feeds in turn, until the tip is near enough.
 
     A probe unloads elastically: as the blade draws back, the force falls along a straight line whose slope is the
@@ -94,38 +101,49 @@ class ProbeAndCreep:
         self._margin = in_range("margin", margin, -0.05, 0.05, "m", "3 mm is 0.003.")
         self._near_enough = in_range("near_enough", near_enough, 0.0, 0.05, "m", "2 mm is 0.002.")
         self._most = int(in_range("probes", probes, 1, 100, "1", "Two to four are plenty."))
+        self._retreat, self._rest = to_action(-UnloadProbe.SPEED, UPRIGHT), to_action(0.0, UPRIGHT)
         self._estimate = TipEstimate()
 
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget the last cut."""
-        self._estimate.reset()
-        self._probe: UnloadProbe | None = None
-        self._probes = 0
-        self._resting = False
-        self._furthest = self._goal = 0.0
+    def begin(self, rngs: Sequence[np.random.Generator]) -> None:
+        """Forget all cuts, and begin ``len(rngs)``; a script uses no randomness."""
+        count = len(rngs)
+        self._estimate.begin(count)
+        self._probing: dict[int, UnloadProbe] = {}
+        self._retreats = np.zeros(count, bool)
+        self._probes, self._resting = np.zeros(count, int), np.zeros(count, bool)
+        self._furthest, self._goal = np.zeros(count), np.zeros(count)
 
-    def __call__(self, observation: Array32) -> Array32:
-        """Return the action for an observation."""
-        position, speed, distance = (float(observation[k]) * SCALES[k] for k in (_POSITION, _SPEED, _DISTANCE))
-        self._furthest = max(self._furthest, position)
-        target = position + distance
-        if self._probe is None and not self._resting:
-            left = self._goal - position if self._probes else target - self._approach - self._estimate(observation)
-            if left > coasting(speed):
-                return self._creep if self._probes else self._cut
-            self._probe = UnloadProbe()
-        if self._probe is not None:
-            if self._probe.feel(observation):
-                return to_action(-UnloadProbe.SPEED, UPRIGHT)
-            self._learn(self._probe.tip, target)
-        return to_action(0.0, UPRIGHT) if self._resting else self._creep
+    def forget(self, cuts: Indices) -> None:
+        """Begin those cuts again that are given by index."""
+        self._estimate.forget(cuts)
+        for n in cuts.tolist():
+            self._probing.pop(n, None)
+        self._retreats[cuts] = self._probes[cuts] = self._resting[cuts] = self._furthest[cuts] = self._goal[cuts] = 0
 
-    def _learn(self, tip: float, target: float) -> None:
-        self._probe = None
-        self._probes += 1
+    def act(self, observations: Array32) -> Array32:
+        """Return the actions, shape (n, 2), for the observations of all cuts, shape (n, 12)."""
+        seen = in_si(observations)
+        position, target = seen[:, POSITION_COLUMN], seen[:, POSITION_COLUMN] + seen[:, DISTANCE_COLUMN]
+        self._furthest = np.maximum(self._furthest, position)
+        tips = self._estimate.tips(seen)
+        left = np.where(self._probes > 0, self._goal - position, target - self._approach - tips)
+        self._retreats |= ~self._resting & (left <= coasting(seen[:, SPEED_COLUMN]))
+        felt = seen[:, [POSITION_COLUMN, FORCE_COLUMN, SPEED_COLUMN]]
+        for n in np.flatnonzero(self._retreats).tolist():
+            probe = self._probing.setdefault(n, UnloadProbe())
+            self._retreats[n] = probe.feel(*felt[n].tolist())
+            if not self._retreats[n]:
+                self._learn(n, probe.tip, target[n])
+        actions = choose(self._probes > 0, self._creep, self._cut)
+        return choose(self._retreats, self._retreat, choose(self._resting, self._rest, actions))
+
+    def _learn(self, n: int, tip: float, target: float) -> None:
+        """Set the goal of cut ``n`` after a probe that found its tip [m]."""
+        del self._probing[n]
+        self._probes[n] += 1
         missing = target - tip
-        self._resting = missing < self._near_enough or self._probes >= self._most
-        self._goal = self._furthest + missing - self._margin  # the tip will lag by as much as it did
+        self._resting[n] = missing < self._near_enough or self._probes[n] >= self._most
+        self._goal[n] = self._furthest[n] + missing - self._margin  # the tip will lag by as much as it did
 
 
 class UnloadProbe:
@@ -148,14 +166,15 @@ class UnloadProbe:
         self._felt: list[tuple[float, float]] = []
         self.tip = self.stiffness = 0.0
 
-    def feel(self, observation: Array32) -> bool:
-        """Add an observation; return True while the retreat must go on."""
-        position, force, speed = (float(observation[k]) * SCALES[k] for k in (_POSITION, _FORCE, _SPEED))
+    def feel(self, position: float, force: float, speed: float) -> bool:
+        """Add the blade's position [m], force [N] and speed [m/s]; return True while the retreat must go on."""
         if speed > -0.9 * self.SPEED:
             return True
         self._felt.append((position, force))
-        before = [f for x, f in self._felt if x > position + self._FLAT_OVER]
-        if not before or force > 0.0 or before[-1] - force > self._FLAT:
+        if force > 0.0:
+            return True
+        before = next((f for x, f in reversed(self._felt) if x > position + self._FLAT_OVER), np.inf)
+        if before - force > self._FLAT:
             return True
         self._find()
         return False

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from copy import deepcopy
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array32, Indices
 from cutenv.task.gentle_cutting import GentleCutting
 
 
@@ -17,7 +20,7 @@ class Policy(Protocol):
         """Forget the last cut; ``rng`` is the only source of randomness for the next."""
         ...
 
-    def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+    def __call__(self, observation: Array32) -> Array32:
         """Return the action, shape (2,) float32 in [-1, 1], for an observation, shape (12,)."""
         ...
 
@@ -29,3 +32,67 @@ class PrivilegedPolicy(Protocol):
     def set_state(self, cutting: GentleCutting) -> None:
         """Take the hidden state; called after ``reset`` with the cut at its start."""
         ...
+
+
+class ArrayPolicy(ABC):
+    """Base class of policies that decide for n cuts in one call; a single cut is n = 1 of the same code."""
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget all cuts, and begin a single one."""
+        self.begin([rng])
+
+    def __call__(self, observation: Array32) -> Array32:
+        """Return the action, shape (2,), for an observation, shape (12,), of the cut since :meth:`reset`."""
+        action: Array32 = self.act(np.asarray(observation)[None])[0]
+        return action
+
+    @abstractmethod
+    def begin(self, rngs: Sequence[np.random.Generator]) -> None:
+        """Forget all cuts, and begin ``len(rngs)``, each with its own source of randomness."""
+
+    @abstractmethod
+    def forget(self, cuts: Indices) -> None:
+        """Begin those cuts again that are given by index."""
+
+    privileged = False
+    """True: it must be given the hidden state by :meth:`set_states`, like a :class:`PrivilegedPolicy`."""
+
+    def set_states(self, cuttings: Sequence[GentleCutting]) -> None:
+        """Take the hidden states of all cuts, at their start; called after :meth:`begin` where it is privileged."""
+        raise NotImplementedError(f"{type(self).__name__} takes no hidden state.")
+
+    @abstractmethod
+    def act(self, observations: Array32) -> Array32:
+        """Return the actions, shape (n, 2) float32 in [-1, 1], for the observations of all cuts, shape (n, 12)."""
+
+
+class CopiedPolicy(ArrayPolicy):
+    """Adapter of a policy written for single cuts: a copy of it for each cut."""
+
+    def __init__(self, policy: Policy) -> None:
+        self._policy = policy
+        self.privileged = isinstance(policy, PrivilegedPolicy)
+
+    def set_states(self, cuttings: Sequence[GentleCutting]) -> None:
+        """Show each copy its cut."""
+        for policy, cutting in zip(self.copies, cuttings, strict=True):
+            policy.set_state(cutting)
+
+    def begin(self, rngs: Sequence[np.random.Generator]) -> None:
+        """Make and reset a copy for each of ``len(rngs)`` cuts."""
+        self.copies, self._rngs = [deepcopy(self._policy) for _ in rngs], list(rngs)
+        self.forget(np.arange(len(rngs)))
+
+    def forget(self, cuts: Indices) -> None:
+        """Reset the copies of those cuts."""
+        for n in cuts:
+            self.copies[n].reset(self._rngs[n])
+
+    def act(self, observations: Array32) -> Array32:
+        """Return the action of every copy."""
+        return np.stack([policy(seen) for policy, seen in zip(self.copies, observations, strict=True)])
+
+
+def as_array_policy(policy: Policy) -> ArrayPolicy:
+    """Return a policy for many cuts at once: itself, or copies of one that was written for single cuts."""
+    return policy if isinstance(policy, ArrayPolicy) else CopiedPolicy(policy)

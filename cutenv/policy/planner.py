@@ -7,17 +7,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cutenv._base.arrays import Array, Array32, StructArray
+from cutenv._base.arrays import Array, Array32, Indices, StructArray
 from cutenv._base.validation import in_range
 from cutenv._engine.parallel import parallel_for
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.policy.plan import PLAN, UPRIGHT, planned_command, roll_out_some
+from cutenv.policy.interface import ArrayPolicy
+from cutenv.policy.plan import KNOTS, PLAN, STRETCH, UPRIGHT, roll_out_some
 from cutenv.policy.scripted import INCLINED, Script
+from cutenv.policy.signals import DISTANCE_COLUMN, POSITION_COLUMN, to_actions
 from cutenv.policy.unloading import StopAndUnload
 from cutenv.task.cuts import Cuts
 from cutenv.task.gentle_cutting import GentleCutting, SimulatedCutting
-from cutenv.task.observation import COMPONENTS, SCALES, to_action
 from cutenv.task.weights import Limits, RewardWeights
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.specimen import Specimen
@@ -26,8 +27,6 @@ _FASTEST, _SLOWEST = 0.0254, 0.001  # [m/s]
 _DEADLINE, _TICKS = 30.0, 20  # [s], [ms]: the environment's defaults
 _AT_ONCE = 4096  # plans that are rolled out together
 _NEVER = 1.0  # [m], a place that no blade reaches
-_NAMES = [component.name for component in COMPONENTS]
-_POSITION, _DISTANCE = _NAMES.index("position"), _NAMES.index("distance")
 
 
 class Search:
@@ -35,15 +34,16 @@ class Search:
 
     Parameters
     ----------
-    *cuttings : SimulatedCutting
+    *cuttings : GentleCutting
         Cuts at their start, of one rate and deadline; they are copied and not changed.
     """
 
-    def __init__(self, *cuttings: SimulatedCutting) -> None:
+    def __init__(self, *cuttings: GentleCutting) -> None:
+        self._starts = []
         for cutting in cuttings:
             if not isinstance(cutting, SimulatedCutting):
                 raise TypeError(f"plans need a SimulatedCutting to simulate, got {type(cutting).__name__}.")
-        self._starts = [cutting.snapshot() for cutting in cuttings]
+            self._starts.append(cutting.snapshot())
         self._targets = [cutting.target_length for cutting in cuttings]
         self._ticks = cuttings[0].ticks
         self._decisions = math.ceil(1e3 * cuttings[0].deadline / self._ticks)
@@ -135,7 +135,7 @@ def _better(plans: StructArray, returns: Array, plan: StructArray, value: float)
     return (plans[k : k + 1].copy(), float(returns[k])) if returns[k] > value else (plan, value)
 
 
-class PlannerWithTruth:
+class PlannerWithTruth(ArrayPolicy):
     """The oracle: it knows the specimen and plans the whole cut; an upper bound that no real policy can reach.
 
     Its plans come from a search, so the true optimum is slightly better.
@@ -149,28 +149,37 @@ class PlannerWithTruth:
     def __init__(self, *, rounds: int = 20) -> None:
         self._rounds = int(in_range("rounds", rounds, 0, 10**6, "1", "20 come within 0.002 of 200."))
 
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget the last cut."""
-        self._rng = rng
-        self._actions: list[Array32] = []
+    privileged = True
+
+    def begin(self, rngs: Sequence[np.random.Generator]) -> None:
+        """Forget all cuts, and begin ``len(rngs)``."""
+        self._rngs = list(rngs)
+        self._actions: list[Array32 | None] = [None] * len(rngs)
+        self._decided = np.zeros(len(rngs), int)
+
+    def forget(self, cuts: Indices) -> None:
+        """Forget those cuts that are given by index."""
+        for n in cuts:
+            self._actions[n] = None
 
     def set_state(self, cutting: GentleCutting) -> None:
         """Plan the cut that is about to begin."""
-        if not isinstance(cutting, SimulatedCutting):
-            raise TypeError(f"plans need a SimulatedCutting to simulate, got {type(cutting).__name__}.")
-        self._actions = list(self.actions_for([cutting], [self._rng])[0][::-1])
+        self.set_states([cutting])
 
-    def actions_for(self, cuttings: Sequence[SimulatedCutting], rngs: Sequence[np.random.Generator]) -> list[Array32]:
-        """Plan many cuts that are about to begin, on all cores; return the actions of each, shape (decisions, 2)."""
+    def set_states(self, cuttings: Sequence[GentleCutting]) -> None:
+        """Plan the cuts that are about to begin, on all cores."""
         search = Search(*cuttings)
-        plans = [plan for plan, _ in search.best(rngs, rounds=self._rounds)]
-        return [actions.astype(np.float32) for actions in search.commands(plans)]
+        plans = [plan for plan, _ in search.best(self._rngs, rounds=self._rounds)]
+        self._actions = [actions.astype(np.float32) for actions in search.commands(plans)]
+        self._decided = np.zeros(len(cuttings), int)
 
-    def __call__(self, observation: Array32) -> Array32:
-        """Return the next action of the plan, whatever the observation."""
-        if not self._actions:
+    def act(self, observations: Array32) -> Array32:
+        """Return the next action of each plan, whatever the observations."""
+        planned = [actions for actions in self._actions if actions is not None]
+        if len(planned) < len(observations):
             raise RuntimeError("this planner must be shown the cut: call set_state(env.unwrapped.cutting) after reset.")
-        return self._actions.pop()
+        self._decided += 1
+        return np.stack([actions[n - 1] for actions, n in zip(planned, self._decided.tolist(), strict=True)])
 
 
 class PlannerNominal(Script):
@@ -192,17 +201,25 @@ class PlannerNominal(Script):
         self._rounds = int(in_range("rounds", rounds, 0, 10**6, "1", "20 come within 0.002 of 200."))
         self._plans: dict[float, StructArray] = {}
 
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget the last cut; plans are kept."""
-        super().reset(rng)
-        self._plan: StructArray | None = None
+    def begin(self, rngs: Sequence[np.random.Generator]) -> None:
+        """Forget all cuts, and begin ``len(rngs)``; plans are kept."""
+        super().begin(rngs)
+        self._chosen = np.zeros(len(rngs), PLAN)
 
-    def command(self, observation: Array32) -> Array32:
-        """Return the plan's command for the present position."""
-        position = float(observation[_POSITION]) * SCALES[_POSITION]
-        if self._plan is None:
-            self._plan = self.plan_for(position + float(observation[_DISTANCE]) * SCALES[_DISTANCE])
-        return to_action(*planned_command(self._plan[0], position))
+    def forget(self, cuts: Indices) -> None:
+        """Begin those cuts again that are given by index."""
+        super().forget(cuts)
+        self._chosen[cuts] = np.zeros((), PLAN)
+
+    def command(self, seen: Array) -> Array32:
+        """Return the plans' commands for the present positions."""
+        position, plans = seen[:, POSITION_COLUMN], self._chosen
+        for n in np.flatnonzero(plans["stop"] == 0.0):  # not yet chosen
+            plans[n] = self.plan_for(position[n] + seen[n, DISTANCE_COLUMN])[0]
+        each, segment = np.arange(len(plans)), np.clip((position / STRETCH).astype(int), 0, KNOTS - 1)
+        speeds = np.where(position >= plans["slow_from"], plans["last_speed"], plans["speed"][each, segment])
+        angles = np.where(position >= plans["upright_from"], UPRIGHT, plans["angle"][each, segment])
+        return to_actions(speeds, angles)
 
     def plan_for(self, target: float) -> StructArray:
         """Return the plan for a target length [m], rounded to a centimetre, shape (1,); cached."""

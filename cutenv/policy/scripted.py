@@ -3,36 +3,44 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
+from collections.abc import Sequence
 
 import numpy as np
 
-from cutenv._base.arrays import Array32
+from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._base.validation import in_range
+from cutenv.policy.interface import ArrayPolicy
+from cutenv.policy.signals import choose, in_si
 from cutenv.policy.unloading import UPRIGHT, StopAndUnload
 from cutenv.task.observation import to_action
 
 INCLINED = math.radians(45.0)
 
 
-class Script(ABC):
+class Script(ArrayPolicy):
     """Base class of scripts: cut by :meth:`command` until the shared routine stops and unloads."""
 
     def __init__(self, unloading: StopAndUnload | None = None) -> None:
         self.unloading = unloading or StopAndUnload()
 
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget the last cut."""
-        self.unloading.reset()
+    def begin(self, rngs: Sequence[np.random.Generator]) -> None:
+        """Forget all cuts, and begin ``len(rngs)``; a script uses no randomness."""
+        self.unloading.begin(len(rngs))
 
-    def __call__(self, observation: Array32) -> Array32:
-        """Return the action for an observation."""
-        ending = self.unloading(observation)
-        return self.command(observation) if ending is None else ending
+    def forget(self, cuts: Indices) -> None:
+        """Begin those cuts again that are given by index."""
+        self.unloading.forget(cuts)
+
+    def act(self, observations: Array32) -> Array32:
+        """Return the actions, shape (n, 2), for the observations of all cuts, shape (n, 12)."""
+        seen = in_si(observations)
+        ending, endings = self.unloading.endings(seen)
+        return choose(ending, endings, self.command(seen))
 
     @abstractmethod
-    def command(self, observation: Array32) -> Array32:
-        """Return the action while cutting."""
+    def command(self, seen: Array) -> Array32:
+        """Return the actions while cutting, shape (n, 2) or (2,), for observations in SI units, shape (n, 12)."""
 
 
 class ConstantFeed(Script):
@@ -42,7 +50,7 @@ class ConstantFeed(Script):
         super().__init__(unloading)
         self._action = to_action(*checked_motion(speed, angle))
 
-    def command(self, observation: Array32) -> Array32:
+    def command(self, seen: Array) -> Array32:
         """Return the constant action."""
         return self._action
 
@@ -63,9 +71,9 @@ class FastThenSlow(Script):
         self._fast, self._slow = to_action(*checked_motion(fast, angle)), to_action(*checked_motion(slow, angle))
         self._approach = checked_approach(approach)
 
-    def command(self, observation: Array32) -> Array32:
+    def command(self, seen: Array) -> Array32:
         """Return the slow action near the target, the fast one before."""
-        return self._slow if self.unloading.left < self._approach else self._fast
+        return choose(self.unloading.left < self._approach, self._slow, self._fast)
 
 
 class InclineBetween(Script):
@@ -86,33 +94,39 @@ class InclineBetween(Script):
         self._start = in_range("start", start, 0.0, 0.15, "m", "10 mm is 0.010.")
         self._approach = checked_approach(approach)
 
-    def command(self, observation: Array32) -> Array32:
+    def command(self, seen: Array) -> Array32:
         """Return the inclined action in the middle of the cut, the upright one at its ends."""
-        begun = self.unloading.tip > self._start
-        return self._inclined if begun and self.unloading.left > self._approach else self._upright
+        between = (self.unloading.tip > self._start) & (self.unloading.left > self._approach)
+        return choose(between, self._inclined, self._upright)
 
 
-class NoAction:
+class NoAction(ArrayPolicy):
     """A policy that never moves the blade."""
 
-    def reset(self, rng: np.random.Generator) -> None:
+    def begin(self, rngs: Sequence[np.random.Generator]) -> None:
         """Do nothing: there is no state."""
 
-    def __call__(self, observation: Array32) -> Array32:
-        """Return the action for speed zero, upright."""
-        return to_action(0.0, UPRIGHT)
+    def forget(self, cuts: Indices) -> None:
+        """Do nothing: there is no state."""
+
+    def act(self, observations: Array32) -> Array32:
+        """Return the action for speed zero, upright, for every observation."""
+        return np.tile(to_action(0.0, UPRIGHT), (len(observations), 1))
 
 
-class RandomAction:
+class RandomAction(ArrayPolicy):
     """A policy of uniformly random actions."""
 
-    def reset(self, rng: np.random.Generator) -> None:
-        """Use ``rng`` for the next cut."""
-        self._rng = rng
+    def begin(self, rngs: Sequence[np.random.Generator]) -> None:
+        """Use ``rngs`` for the next cuts, one for each."""
+        self._rngs = list(rngs)
 
-    def __call__(self, observation: Array32) -> Array32:
-        """Return a random action."""
-        return self._rng.uniform(-1.0, 1.0, 2).astype(np.float32)
+    def forget(self, cuts: Indices) -> None:
+        """Do nothing: the next cuts go on with the random numbers."""
+
+    def act(self, observations: Array32) -> Array32:
+        """Return a random action for each observation."""
+        return np.array([rng.uniform(-1.0, 1.0, 2) for rng in self._rngs], np.float32)
 
 
 def checked_motion(speed: float, angle: float) -> tuple[float, float]:

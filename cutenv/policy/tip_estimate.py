@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.arrays import Struct, StructArray
+from cutenv._base.arrays import Array, Indices, Struct, StructArray
 from cutenv._engine.jit import njit, njit_internal
-from cutenv.task.observation import OFFSETS, SCALES, checked_observation
+from cutenv.policy.signals import DEPTH_COLUMN, FORCE_COLUMN, POSITION_COLUMN, in_si
 from cutenv.task.tip_estimation import PRESLIDING, dragged
 from cutenv.task_quantities import SHALLOWEST
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
 
-_FORCE, _POSITION, _DEPTH = 0, 4, 7  # components of the observation
 _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
+
+PASSAGE: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            ("depths", "f8", (N_POINTS,)),  # depth of cut as far as the blade has been [m]
+            ("passed", "i8"),  # number of these that are known
+            ("bristle", "f8"),  # deflection of the friction bristles [m]
+            ("position", "f8"),  # of the blade at the last observation [m]
+        ],
+    )
+)
+"""Structured dtype of what an estimate of the tip remembers of one cut; zeros at its start."""
 
 
 class TipEstimate:
@@ -32,37 +46,53 @@ class TipEstimate:
 
     def __init__(self, tissue: TissueDescription | None = None) -> None:
         self._nominal = nominal_tissue(tissue or measured_liver())
-        self._depths = np.zeros(N_POINTS)
         self.reset()
 
     def reset(self) -> None:
         """Forget the last cut."""
-        self._passed = 0
-        self._bristle = self._position = 0.0
+        self.begin(1)
+
+    def begin(self, count: int) -> None:
+        """Forget all cuts, and begin ``count``."""
+        self._passages = np.zeros(count, PASSAGE)
+
+    def forget(self, cuts: Indices) -> None:
+        """Begin those cuts again that are given by index."""
+        self._passages[cuts] = np.zeros((), PASSAGE)
 
     def __call__(self, observation: NDArray[np.float32]) -> float:
         """Return the tip [m] for an observation, shape (12,), of the cut since :meth:`reset`."""
-        seen = checked_observation(observation) * SCALES + OFFSETS
-        self._passed, self._bristle, self._position, tip = _estimate(
-            seen, self._nominal, self._depths, self._passed, self._bristle, self._position
-        )
-        return tip
+        return float(self.tips(in_si(observation)[None])[0])
+
+    def tips(self, seen: Array) -> Array:
+        """Return the tips [m], shape (n,), for the observations of all cuts in SI units, shape (n, 12)."""
+        tips = np.empty(len(seen))
+        _estimate(self._passages, self._nominal, seen, tips)
+        return tips
 
 
 @njit
-def _estimate(
-    seen: StructArray, nominals: StructArray, depths: StructArray, passed: int, bristle: float, before: float
-) -> tuple[int, float, float, float]:
+def _estimate(passages: StructArray, nominals: StructArray, seen: StructArray, tips: StructArray) -> None:
     nominal = nominals[0]
-    position = max(seen[_POSITION], 0.0)
-    depth = max(seen[_DEPTH], SHALLOWEST)
-    passed = remember_depth(depths, passed, position, depth)
-    bristle = dragged(bristle, position - before)
-    elastic = max(seen[_FORCE] - bristle / PRESLIDING * nominal.friction_per_depth * depth, 0.0)
-    return passed, bristle, position, tip_behind(position, elastic, nominal, depths, passed)
+    for n in range(len(passages)):
+        passage, position, depth = (
+            passages[n],
+            max(seen[n, POSITION_COLUMN], 0.0),
+            max(seen[n, DEPTH_COLUMN], SHALLOWEST),
+        )
+        pass_by(passage, position, depth)
+        tips[n] = tip_behind(passage, nominal, depth, seen[n, FORCE_COLUMN], nominal.friction_per_depth, 1.0)
 
 
-@njit
+@njit_internal
+def pass_by(passage: Struct, position: float, depth: float) -> None:
+    """Note the blade's ``position`` [m] and ``depth`` [m]: the bristles, and the depths passed since the last time."""
+    passage.passed = remember_depth(passage.depths, passage.passed, position, depth)
+    passage.bristle = dragged(passage.bristle, position - passage.position)
+    passage.position = position
+
+
+@njit_internal
 def remember_depth(depths: StructArray, passed: int, position: float, depth: float) -> int:
     """Fill ``depths``, shape (301,) [m], up to the blade, by linear interpolation since the last observation.
 
@@ -76,10 +106,17 @@ def remember_depth(depths: StructArray, passed: int, position: float, depth: flo
 
 
 @njit_internal
-def tip_behind(position: float, elastic: float, nominal: Struct, depths: StructArray, passed: int) -> float:
-    """Return the tip [m] behind a blade at ``position`` [m] under an ``elastic`` force [N], in the mean tissue."""
-    tip = position
+def tip_behind(
+    passage: Struct, nominal: Struct, depth: float, force: float, friction_per_depth: float, stiffness_ratio: float
+) -> float:
+    """Return the tip [m] behind the blade, from the measured ``force`` [N], the blade's ``depth`` [m] and friction.
+
+    The tissue's stiffness is ``stiffness_ratio`` times that of the mean tissue, ``nominal``.
+    """
+    friction = passage.bristle / PRESLIDING * friction_per_depth * depth
+    elastic = max(force - friction, 0.0) / stiffness_ratio
+    tip: float = passage.position
     for _ in range(_ITERATIONS):
-        place = min(max(round(tip / SPACING), 0), passed - 1)
-        tip = position - elastic / nominal_stiffness(nominal, place, depths[place])
+        place = min(max(round(tip / SPACING), 0), passage.passed - 1)
+        tip = passage.position - elastic / nominal_stiffness(nominal, place, passage.depths[place])
     return max(tip, 0.0)

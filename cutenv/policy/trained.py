@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cutenv._base.arrays import Array32
+from cutenv._base.arrays import Array32, Indices
 from cutenv._base.atomic_file import atomic_write
 from cutenv.policy.actor_network import Network
-from cutenv.policy.features import FeatureBatch, apply_dead_zone
+from cutenv.policy.features import Features, apply_dead_zone
+from cutenv.policy.interface import ArrayPolicy
 from cutenv.policy.policy_card import PolicyCard, check_scaling, observation_scaling
 from cutenv.policy.recurrent import RecurrentNetwork
 
-__all__ = ["PolicyBatch", "PolicyCard", "TrainedPolicy", "observation_scaling", "save_policy"]
+__all__ = ["PolicyCard", "TrainedPolicy", "observation_scaling", "save_policy"]
 
 
 WEIGHTS, CARD = "policy.safetensors", "card.json"
@@ -26,44 +27,7 @@ _ACTIONS = 2
 _AGAIN = "Copy the whole folder again, or save the policy again with this version of cutenv."
 
 
-class PolicyBatch:
-    """A trained policy for ``count`` cuts at once; for each, bit for bit the same as :class:`TrainedPolicy`.
-
-    Parameters
-    ----------
-    card : PolicyCard
-        Description of the network.
-    network : Network or RecurrentNetwork
-        Network from features to action.
-    count : int
-        Number of cuts.
-    """
-
-    def __init__(self, card: PolicyCard, network: Network | RecurrentNetwork, count: int) -> None:
-        self._dead_zone = card.dead_zone
-        self._network = network
-        self._features = _features(card, count)
-        self._state = network.start(count) if isinstance(network, RecurrentNetwork) else None
-
-    def forget(self, cut: int) -> None:
-        """Reset one of the cuts."""
-        self._features.forget(cut)
-        if self._state is not None:
-            for values in self._state:
-                values[cut] = 0.0
-
-    def __call__(self, observations: Array32) -> Array32:
-        """Return the actions, shape (count, 2), for the observations of all cuts, shape (count, 12)."""
-        features = self._features(observations)
-        if isinstance(self._network, RecurrentNetwork):
-            assert self._state is not None
-            actions, self._state = self._network(features, self._state)
-        else:
-            actions = self._network(features)
-        return apply_dead_zone(np.clip(actions, np.float32(-1.0), np.float32(1.0)), self._dead_zone)
-
-
-class TrainedPolicy:
+class TrainedPolicy(ArrayPolicy):
     """A trained deterministic policy: features, network, clipping to [-1, 1], dead zone.
 
     :meth:`load` reads one from a folder that :func:`save_policy` wrote.
@@ -97,7 +61,7 @@ class TrainedPolicy:
                 f"layers is {_shown(card.layers)}; with features {card.features} it must begin with {needed[0]} and "
                 f"end with {needed[1]}. Train with the features that the card names."
             )
-        self._one = self.batch(1)
+        self._begin(1)
 
     @property
     def card(self) -> PolicyCard:
@@ -114,18 +78,29 @@ class TrainedPolicy:
         """Arguments for making the environment, so that observations and actions mean the same as in training."""
         return dict(self._card.environment_arguments)
 
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget the last cut; ``rng`` is not used."""
-        self._one.forget(0)
+    def begin(self, rngs: Sequence[np.random.Generator]) -> None:
+        """Forget all cuts, and begin ``len(rngs)``; the policy uses no randomness."""
+        self._begin(len(rngs))
 
-    def __call__(self, observation: Array32) -> Array32:
-        """Return the action, shape (2,), for an observation, shape (12,), of the cut since :meth:`reset`."""
-        action: Array32 = self._one(np.asarray(observation)[None])[0]
-        return action
+    def _begin(self, count: int) -> None:
+        self._features = _features(self._card, count)
+        self._state = self._network.start(count) if isinstance(self._network, RecurrentNetwork) else None
 
-    def batch(self, count: int) -> PolicyBatch:
-        """Return the same policy for ``count`` cuts at once, none of them begun."""
-        return PolicyBatch(self._card, self._network, count)
+    def forget(self, cuts: Indices) -> None:
+        """Begin those cuts again that are given by index."""
+        self._features.forget(cuts)
+        for values in self._state or ():
+            values[cuts] = 0.0
+
+    def act(self, observations: Array32) -> Array32:
+        """Return the actions, shape (n, 2), for the observations of all cuts, shape (n, 12)."""
+        features = self._features(observations)
+        if isinstance(self._network, RecurrentNetwork):
+            assert self._state is not None
+            actions, self._state = self._network(features, self._state)
+        else:
+            actions = self._network(features)
+        return apply_dead_zone(np.clip(actions, np.float32(-1.0), np.float32(1.0)), self._card.dead_zone)
 
     @classmethod
     def load(cls, folder: str | Path) -> TrainedPolicy:
@@ -177,8 +152,8 @@ def save_policy(
     ----------
     folder : path
         Created if missing.  It may hold the same policy already, also with other facts about its training.
-        network : Network or RecurrentNetwork
-            Network from features to action.
+    network : Network or RecurrentNetwork
+        Network from features to action.
     environment, environment_arguments, features, dead_zone, training
         Same as in :class:`PolicyCard`.
     replace : bool
@@ -224,10 +199,10 @@ def save_policy(
     return card
 
 
-def _features(card: PolicyCard, count: int) -> FeatureBatch:
+def _features(card: PolicyCard, count: int) -> Features:
     """Build the features described by a card; the only place that knows their keywords."""
     try:
-        return FeatureBatch(count, **card.features)
+        return Features(count, **card.features)
     except (TypeError, ValueError) as error:
         raise ValueError(f"features {card.features} are not understood: {error} {_AGAIN}") from None
 

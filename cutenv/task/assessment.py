@@ -317,8 +317,8 @@ def observe_rest(
 ) -> None:
     """Fill the observation at the start: the blade at rest at the clamp, force tared to zero; ``counts`` are zeros."""
     _fill(
-        first_row(counts), 0, 0.0, 1, 0.0, 0.0, angle, depth_at(measured, 0.0), 0.0, task.target, task.deadline, 0.0, last_angle,
-        observation,
+        first_row(counts), 0, 0.0, 1, 0.0, 0.0, angle, depth_at(measured, 0.0), 0.0, task.target, task.deadline, 0.0,
+        last_angle, observation,
     )  # fmt: skip
 
 

@@ -19,7 +19,6 @@ from cutenv.plant import Leg, SimulatedPlant, forward_backward
 from cutenv.policy import (
     ConstantFeed,
     FastThenSlow,
-    FeatureBatch,
     Features,
     ForceFeedback,
     InclineBetween,
@@ -144,7 +143,7 @@ OUTSIDE: list[tuple[Callable[[], Any], str, str]] = [
     (lambda: PlannerWithTruth(rounds=-1), "rounds", "-1"),
     (lambda: PlannerNominal(rounds=NAN), "rounds", "nan"),
     (lambda: Features(history=-1), "history", "-1"),
-    (lambda: FeatureBatch(0), "count", "0"),
+    (lambda: Features(0), "count", "0"),
     (lambda: StopAndUnload(margin=3), "margin", "3 m"),
     (lambda: StopAndUnload(margin=NAN), "margin", "nan m"),
     (lambda: StopAndUnload(retreat_speed=0.5), "retreat_speed", "0.5 m/s"),
@@ -223,10 +222,10 @@ UNLIKE: list[tuple[Callable[[], Any], type[Exception], str]] = [
     (lambda: FastThenSlow()(np.zeros(11)), ValueError, "observation has shape"),
     (lambda: Features()(np.full(12, NAN)), ValueError, "observation = .*nan.* must be finite"),
     (lambda: Features(history=2.5), ValueError, "history = 2.5 is not a whole number"),
-    (lambda: FeatureBatch(1.5), ValueError, "count = 1.5 is not a whole number"),
-    (lambda: FeatureBatch(2, force="no"), TypeError, "force = 'no' must be True"),
-    (lambda: FeatureBatch(2)(np.zeros((3, 12))), ValueError, r"observations have shape \(3, 12\); give \(2, 12\)"),
-    (lambda: FeatureBatch(1)(np.full((1, 12), NAN)), ValueError, "observation = .*nan.* must be finite"),
+    (lambda: Features(1.5), ValueError, "count = 1.5 is not a whole number"),
+    (lambda: Features(2, force="no"), TypeError, "force = 'no' must be True"),
+    (lambda: Features(2)(np.zeros((3, 12))), ValueError, r"observations have shape \(3, 12\); give \(2, 12\)"),
+    (lambda: Features(1)(np.full((1, 12), NAN)), ValueError, "observation = .*nan.* must be finite"),
     (lambda: GentleCutEnv(tissue=5), TypeError, "tissue = 5 must be the path"),
     (lambda: GentleCutEnv(reward_from="estimated"), ValueError, "Did you mean 'estimate'"),
     (lambda: GentleCutEnv().reset(options={"specimen": 5}), TypeError, "specimen must be a cutenv.tissue.Specimen"),
@@ -245,12 +244,11 @@ def test_every_public_function_that_takes_an_argument_is_in_the_tables():
     helpers = (even, changed, simulated, leg, advance)
     here |= {name for helper in helpers for name in helper.__code__.co_names}
     takes_none = {"measured_fracture_resistance", "measured_liver", "quasi_static_modulus", "NoAction", "RandomAction"}
-    interfaces = {"Plant", "Policy", "PrivilegedPolicy", "Script"}
+    interfaces = {"ArrayPolicy", "Plant", "Policy", "PrivilegedPolicy", "Script"}
     in_their_own_tests = {
         "Network",
         "RecurrentNetwork",
         "PolicyCard",
-        "PolicyBatch",
         "TrainedPolicy",
         "save_policy",
         "apply_dead_zone",

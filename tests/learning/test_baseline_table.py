@@ -7,13 +7,11 @@ import math
 import sys
 
 import baseline_table
-import gymnasium
 import pytest
 from baseline_table import findings, grid_lines, repaid, report, table
 
-from cutenv.learning.evaluation import run_cut
+from cutenv.learning.batched_rollout import batched_rollout
 from cutenv.learning.result_tables import write_csv
-from cutenv.learning.seeds import ENVIRONMENT
 from cutenv.policy import (
     CONSTANT_FEEDS,
     NULL_POLICIES,
@@ -42,7 +40,8 @@ ENDINGS = {
 def paid(policy, seed: int, weights: RewardWeights | None = None, **keywords: float) -> dict:
     """The row of a cut in an environment with these weights."""
     given = {} if weights is None else {f"weight_{name}": value for name, value in dataclasses.asdict(weights).items()}
-    return run_cut(gymnasium.make(ENVIRONMENT, specimen_class="vascular", **given, **keywords), policy, seed)[0]
+    (cut,) = batched_rollout(policy, [seed], {"specimen_class": "vascular", **given, **keywords})
+    return cut.scores()
 
 
 def row_that_ends(end: str) -> tuple[dict, int]:

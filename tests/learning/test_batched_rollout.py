@@ -1,16 +1,27 @@
-"""Cuts of a trained policy side by side are those that it makes one after the other, readings and all."""
+"""Cuts of a policy side by side are those that it makes one after the other, readings and all."""
 
 from __future__ import annotations
 
-import gymnasium
 import numpy as np
 import pytest
+from whole_cut import go_on, make
 
-from cutenv.learning.batched_rollout import batched_rollout, replayed
-from cutenv.learning.evaluation import Contestant, evaluate, finished_cut
+from cutenv.learning import evaluation
+from cutenv.learning.batched_rollout import batched_rollout
+from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.learning.finished_cut import METRIC_PREFIX, metric_column
 from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS
-from cutenv.policy import BASELINES, ConstantFeed, Features, Network, NoAction, TrainedPolicy, save_policy
+from cutenv.policy import (
+    BASELINES,
+    ORACLE,
+    ConstantFeed,
+    Features,
+    Network,
+    NoAction,
+    PlannerWithTruth,
+    TrainedPolicy,
+    save_policy,
+)
 from cutenv.scoring import METRICS
 
 pytest.importorskip("safetensors", reason="policies are kept with an extra: pip install 'cutenv[rl]'")
@@ -39,44 +50,62 @@ def policy(tmp_path_factory: pytest.TempPathFactory) -> TrainedPolicy:
 
 
 @pytest.mark.parametrize("keywords", [{}, {"angle_mode": "fixed", "fixed_angle_deg": 60.0}], ids=["free", "fixed"])
-def test_they_are_bit_for_bit_those_one_after_the_other(policy, keywords):
-    arguments = {"specimen_class": "mixed", "deadline_s": 12.0, **policy.environment_arguments, **keywords}
-    together = batched_rollout(policy, TEST_SEEDS[:5], arguments)
-    env = gymnasium.make(ENVIRONMENT, **arguments)
-    for seed, cut in zip(TEST_SEEDS[:5], together, strict=True):
-        alone = finished_cut(env, policy, seed)
-        assert cut.scores() == alone.scores()
-        assert np.array_equal(cut.readings, alone.readings)
-        assert cut.metrics() == alone.metrics()
-    assert len({cut.end for cut in together} - {"deadline"}) > 0, "cuts that all end at the deadline prove less"
+@pytest.mark.parametrize("name", ["trained", "probe and creep", "planner with truth", "random", "of a user"])
+def test_they_are_bit_for_bit_those_one_after_the_other(policy, name, keywords):
+    arguments = {"specimen_class": "mixed", "deadline_s": 12.0, "control_hz": 10, **keywords}
+    one = {"trained": policy, "of a user": Slowing(), ORACLE: PlannerWithTruth(rounds=1)}.get(name) or BASELINES[name]()
+    together = batched_rollout(one, TEST_SEEDS[:4], arguments, readings=True)
+    env = make(**arguments)
+    for seed, found in zip(TEST_SEEDS[:4], together, strict=True):
+        observation, _ = env.reset(seed=seed)
+        one.reset(np.random.default_rng(seed))
+        if name == ORACLE:
+            one.set_state(env.unwrapped.cutting)
+        alone = go_on(env, one, observation)
+        assert (found.end, found.success) == (alone.end, alone.infos[-1]["is_success"])
+        assert found.truth == alone.infos[-1]["truth"]
+        assert found.reward_totals == env.unwrapped.cutting.reward_totals
+        assert np.array_equal(found.readings, alone.readings)
+        assert found.time_s == alone.readings["time"][-1]
+        assert found.over_limit_N == max(info["cost"]["force_N"] for info in alone.infos)
+        assert np.array_equal(found.depth, env.unwrapped.specimen.depth)
+        assert np.array_equal(found.measured_depth, env.unwrapped.plant.depth)
+        assert np.array_equal(found.resistance, env.unwrapped.specimen.fracture_resistance)
+    if name not in ("random", "of a user"):
+        assert {cut.end for cut in together} - {"deadline"}, "cuts that all end at the deadline prove less"
 
 
-def test_a_command_changed_on_the_way_would_be_noticed(policy, monkeypatch):
-    from cutenv.learning import batched_rollout as module
+class Slowing:
+    """A policy as its user writes one: for a single cut, slower from decision to decision."""
 
-    def other(start, n, commands, ticks, updates):
-        return replayed(start, n, commands * 0.9, ticks, updates)
+    def reset(self, rng):
+        self.speed = rng.uniform(0.5, 1.0)
 
-    monkeypatch.setattr(module, "replayed", other)
-    with pytest.raises(AssertionError, match="a repeated cut gives the same tip"):
-        batched_rollout(policy, TEST_SEEDS[:2], {"deadline_s": 12.0, "control_hz": 10})
+    def __call__(self, observation):
+        self.speed *= 0.99
+        return np.float32([self.speed, 1.0])
 
 
-def test_one_and_two_processes_and_any_chunks_give_the_same_rows(policy):
+def test_the_scores_are_those_of_all_readings_and_any_chunks_give_the_same_rows(policy, monkeypatch):
     contestants = {
         "trained": Contestant(policy, policy.environment_arguments),
         "feed": Contestant(ConstantFeed(speed=0.02)),
     }
     shared = {"specimen_class": "mixed", "deadline_s": 5.0}
-    one = evaluate(contestants, TEST_SEEDS[:12], shared, processes=1, metrics=True)
-    assert evaluate(contestants, TEST_SEEDS[:12], shared, processes=2, metrics=True) == one
-    assert [row["policy"] for row in one] == ["trained"] * 12 + ["feed"] * 12
-    assert [row["seed"] for row in one[:12]] == list(TEST_SEEDS[:12])
+    rows = evaluate(contestants, TEST_SEEDS[:12], shared)
+    assert [row["policy"] for row in rows] == ["trained"] * 12 + ["feed"] * 12
+    assert [row["seed"] for row in rows[:12]] == list(TEST_SEEDS[:12])
+    monkeypatch.setattr(evaluation, "_BATCH", 5)
+    assert evaluate(contestants, TEST_SEEDS[:12], shared) == rows
+    measured = evaluate(contestants, TEST_SEEDS[:12], shared, metrics=True, processes=2)
+    assert [{name: row[name] for name in rows[0]} for row in measured] == rows
+    cuts = batched_rollout(policy, TEST_SEEDS[:12], shared | policy.environment_arguments, readings=True)
+    assert measured[:12] == [{"policy": "trained", **cut.scores(), **cut.metrics()} for cut in cuts]
 
 
 def test_every_metric_of_the_score_card_has_a_column_with_its_unit():
-    env = gymnasium.make(ENVIRONMENT)
-    metrics = finished_cut(env, BASELINES["probe and creep"](), TEST_SEEDS[0]).metrics()
+    (cut,) = batched_rollout(BASELINES["probe and creep"](), TEST_SEEDS[:1], {}, readings=True)
+    metrics = cut.metrics()
     assert list(metrics) == [metric_column(name) for name in METRICS]
     assert metric_column("peak_force") == f"{METRIC_PREFIX}peak_force_N"
     assert metric_column("force_rate").endswith("_per_s")
@@ -84,13 +113,12 @@ def test_every_metric_of_the_score_card_has_a_column_with_its_unit():
 
 
 def test_the_metrics_agree_with_what_the_simulator_says():
-    env = gymnasium.make(ENVIRONMENT)
-    cut = finished_cut(env, BASELINES["constant 1.27 cm/s 60 deg"](), TEST_SEEDS[1])
+    (cut,) = batched_rollout(BASELINES["constant 1.27 cm/s 60 deg"](), [TEST_SEEDS[1]], {}, readings=True)
     scores, metrics = cut.scores(), cut.metrics()
     assert 1e3 * metrics[metric_column("tip_error")] == pytest.approx(scores["tip_error_mm"], abs=0.02)
     assert metrics[metric_column("uncontrolled_share")] == pytest.approx(scores["uncontrolled_share"], abs=0.02)
 
 
 def test_a_metric_that_cannot_be_had_is_an_empty_cell():
-    cut = finished_cut(gymnasium.make(ENVIRONMENT, deadline_s=2.0), NoAction(), TEST_SEEDS[0])
+    (cut,) = batched_rollout(NoAction(), TEST_SEEDS[:1], {"deadline_s": 2.0}, readings=True)
     assert "" in cut.metrics().values()

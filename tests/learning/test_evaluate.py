@@ -9,12 +9,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import gymnasium
 import numpy as np
 import pytest
 
 from cutenv.commands.evaluate import main
-from cutenv.learning.evaluation import Contestant, contestant, evaluate, run_cut
+from cutenv.learning.batched_rollout import batched_rollout
+from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.result_tables import write_csv
 from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.learning.statistics import best_script, by_policy, differences, mean_with_interval, summarise
@@ -100,11 +100,7 @@ SHORT = {"deadline_s": 1.0, "specimen_class": "mixed"}
 
 @pytest.fixture(scope="module")
 def rows() -> list[dict]:
-    return evaluate(CONTESTANTS, TEST_SEEDS[:12], SHORT, processes=1)
-
-
-def test_two_processes_give_the_rows_that_one_gives(rows):
-    assert evaluate(CONTESTANTS, TEST_SEEDS[:12], SHORT, processes=2) == rows
+    return evaluate(CONTESTANTS, TEST_SEEDS[:12], SHORT)
 
 
 def test_rows_come_in_order_and_all_meet_the_same_specimens(rows):
@@ -118,12 +114,12 @@ def test_rows_come_in_order_and_all_meet_the_same_specimens(rows):
 
 
 def test_a_row_is_the_cut_that_one_gets_alone_whatever_was_cut_before(rows):
-    env = gymnasium.make(ENVIRONMENT, **SHORT)
-    alone, readings = run_cut(env, RandomAction(), TEST_SEEDS[5])
+    (cut,) = batched_rollout(RandomAction(), [TEST_SEEDS[5]], SHORT, readings=True)
+    alone = cut.scores()
     assert {"policy": "random", **alone} == rows[12 + 5]
-    assert len(readings) == 1000
+    assert len(cut.readings) == 1000
     assert alone["return"] == pytest.approx(sum(alone[f"reward_{term}"] for term in TERMS), abs=1e-12)
-    assert alone["peak_force_N"] == readings["true_force"].max()
+    assert alone["peak_force_N"] == cut.readings["true_force"].max()
     assert alone["end"] == "deadline"
 
 
@@ -135,11 +131,9 @@ def test_a_policy_that_sees_the_truth_is_shown_it_and_no_other():
             shown.append(cutting)
             super().set_state(cutting)
 
-    env = gymnasium.make(ENVIRONMENT, deadline_s=2.0)
-    run_cut(env, Planner(rounds=0), 0)
-    assert shown == [env.unwrapped.cutting]
-    run_cut(env, NoAction(), 0)
-    assert len(shown) == 1
+    batched_rollout(Planner(rounds=0), TEST_SEEDS[:2], {"deadline_s": 2.0})
+    lengths = [cut.truth["target_length_m"] for cut in batched_rollout(NoAction(), TEST_SEEDS[:2], {"deadline_s": 2.0})]
+    assert [cutting.target_length for cutting in shown] == lengths
 
 
 def test_csv_files_are_read_back_as_written(tmp_path, rows):
@@ -176,8 +170,7 @@ def folder(tmp_path: Path) -> Path:
 def test_a_folder_is_a_policy_in_the_environment_that_it_needs(folder):
     given = contestant(str(folder))
     assert given.arguments == {"control_hz": 10}
-    env = gymnasium.make(ENVIRONMENT, **given.arguments)
-    assert math.isfinite(run_cut(env, given.policy, 0)[0]["return"])
+    assert math.isfinite(batched_rollout(given.policy, [0], given.arguments)[0].scores()["return"])
 
 
 def test_a_baseline_is_known_by_name_and_what_is_neither_is_refused_with_a_list():

@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from cutenv.policy import FeatureBatch, Features, Network, RecurrentNetwork, TrainedPolicy, save_policy
+from cutenv.policy import Features, Network, RecurrentNetwork, TrainedPolicy, save_policy
 from cutenv.policy.policy_card import PolicyCard
 from cutenv.policy.trained import CARD
 from cutenv.task.observation import COMPONENTS
@@ -217,12 +217,12 @@ def test_a_missing_array_is_named():
 def test_a_batch_acts_bit_for_bit_as_single_policies_do_also_when_a_cut_begins_anew(network, tmp_path):
     policy = TrainedPolicy(save_policy(tmp_path / "policy", network, **ABOUT), network)
     seen = observations(30, 5)
-    batch = policy.batch(5)
+    policy.begin([np.random.default_rng(0)] * 5)
     together = []
     for decision in range(30):
         if decision == 11:
-            batch.forget(2)
-        together.append(batch(seen[decision]))
+            policy.forget(np.array([2]))
+        together.append(policy.act(seen[decision]))
     for cut in range(5):
         policy.reset(np.random.default_rng(0))
         for decision in range(30):
@@ -235,8 +235,8 @@ def test_who_does_not_feel_the_force_cannot_tell_it():
     seen = observations(6, 3)
     other = seen.copy()
     other[..., :4] = 5.0
-    blunt, feeling = FeatureBatch(3, history=2, force=False), FeatureBatch(3, history=2)
-    blunt_too, feeling_too = FeatureBatch(3, history=2, force=False), FeatureBatch(3, history=2)
+    blunt, feeling = Features(3, history=2, force=False), Features(3, history=2)
+    blunt_too, feeling_too = Features(3, history=2, force=False), Features(3, history=2)
     for one, two in zip(seen, other, strict=True):
         assert (blunt(one) == blunt_too(two)).all()
         assert (feeling(one) != feeling_too(two)).any()

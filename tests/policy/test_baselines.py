@@ -16,7 +16,6 @@ from cutenv.policy import (
     NULL_POLICIES,
     ORACLE,
     SCRIPTS,
-    Features,
     PrivilegedPolicy,
     TipEstimate,
     feed_name,
@@ -62,8 +61,7 @@ def test_all_others_are_given_an_observation_and_nothing_else():
     for name, policy in BASELINES.items():
         assert list(inspect.signature(policy().reset).parameters) == ["rng"], name
         assert list(inspect.signature(type(policy()).__call__).parameters) == ["self", "observation"], name
-    for feeling in (Features, TipEstimate):
-        assert list(inspect.signature(feeling.__call__).parameters) == ["self", "observation"]
+    assert list(inspect.signature(TipEstimate.__call__).parameters) == ["self", "observation"]
 
 
 @pytest.mark.parametrize("name", [name for name in BASELINES if name != ORACLE])

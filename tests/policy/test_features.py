@@ -14,7 +14,7 @@ from observed import observed
 from whole_cut import CRUISE, INCLINED, UPRIGHT, cut, make
 
 from cutenv.policy import ConstantFeed, Features, ProbeAndCreep, RandomAction, apply_dead_zone, features
-from cutenv.policy.features import MEMORY, extract_batch, feature_count, forget, new_memory
+from cutenv.policy.features import MEMORY, feature_count
 from cutenv.task.observation import CLIP, COMPONENTS, to_action
 
 N = len(COMPONENTS)
@@ -88,23 +88,19 @@ def test_many_cuts_at_once_have_the_features_of_each_alone_bit_for_bit():
     cuts = [observations(0), observations(3, RandomAction(), deadline_s=6.0), observations(2)]
     length = min(map(len, cuts))
     alone = [all_features(seen[:length], history=4) for seen in cuts]
-    memory, frames = new_memory(len(cuts), 4)
-    for number in range(len(cuts)):
-        forget(memory, frames, number)
+    extract = Features(len(cuts), history=4)
     for moment in range(length):
-        together = extract_batch(memory, frames, np.array([seen[moment] for seen in cuts]))
+        together = extract(np.array([seen[moment] for seen in cuts]))
         np.testing.assert_array_equal(together, [found[moment] for found in alone])
 
 
 def test_one_cut_of_many_begins_anew_without_the_others():
     seen = observations(0)
-    memory, frames = new_memory(2, 2)
-    for number in (0, 1):
-        forget(memory, frames, number)
+    extract = Features(2, history=2)
     for observation in seen[:100]:
-        extract_batch(memory, frames, np.array([observation, observation]))
-    forget(memory, frames, 0)
-    anew, going_on = extract_batch(memory, frames, np.array([seen[0], seen[100]]))
+        extract(np.array([observation, observation]))
+    extract.forget(0)
+    anew, going_on = extract(np.array([seen[0], seen[100]]))
     np.testing.assert_array_equal(anew, all_features(seen, history=2)[0])
     np.testing.assert_array_equal(going_on, all_features(seen, history=2)[100])
 
@@ -165,7 +161,7 @@ def test_the_stiffness_that_was_felt_is_told_by_its_logarithm():
 
 def test_nothing_hidden_reaches_them():
     """They are made of observations, and the module knows no plant, no law and no environment."""
-    assert list(inspect.signature(extract_batch).parameters) == ["memory", "frames", "observations", "cuts"]
+    assert list(inspect.signature(Features.__call__).parameters) == ["self", "observations", "cuts"]
     tree = ast.parse(Path(features.__file__).read_text(encoding="utf-8"))
     rooms = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
     assert {room for room in rooms if room.startswith("cutenv.")} == {
@@ -173,8 +169,8 @@ def test_nothing_hidden_reaches_them():
         "cutenv._base.arrays",
         "cutenv.task_quantities",
         "cutenv._engine.elementary",
+        "cutenv.policy.signals",
         "cutenv.policy.tip_estimate",
-        "cutenv.task.tip_estimation",
         "cutenv.task.observation",
         "cutenv.tissue.description",
         "cutenv.tissue.nominal",
@@ -199,7 +195,7 @@ def test_a_dead_zone_maps_small_speeds_to_rest_and_keeps_the_ends_and_the_angle(
 
 def test_some_cuts_of_many_are_fed_by_their_numbers():
     seen = observations(0)
-    some, all_of_them = features.FeatureBatch(3, history=2), features.FeatureBatch(3, history=2)
+    some, all_of_them = Features(3, history=2), Features(3, history=2)
     for observation in seen[:60]:
         expected = all_of_them(np.array([observation] * 3))
         found = some(np.array([observation] * 2), np.array([2, 0]))

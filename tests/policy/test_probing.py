@@ -28,17 +28,17 @@ class Probe:
 class Watched(ProbeAndCreep):
     """The script; beside each probe the hidden truth is written down."""
 
-    def reset(self, rng):
-        super().reset(rng)
+    def begin(self, rngs):
+        super().begin(rngs)
         self.probes: list[Probe] = []
 
-    def _learn(self, tip, target):
+    def _learn(self, n, tip, target):
         state, specimen = self.env.unwrapped.plant.states[0], self.env.unwrapped.specimen
         true_tip = float(state["tip"])
         stiffness = float(np.interp(true_tip / SPACING, np.arange(301), specimen.stiffness()))
-        lag = self._probe._felt[0][0] - true_tip
-        self.probes.append(Probe(tip, self._probe.stiffness, true_tip, stiffness, lag))
-        super()._learn(tip, target)
+        probe = self._probing[n]
+        self.probes.append(Probe(tip, probe.stiffness, true_tip, stiffness, probe._felt[0][0] - true_tip))
+        super()._learn(n, tip, target)
 
 
 def probes(seeds: range, **keywords: float) -> list[Probe]:
@@ -79,7 +79,7 @@ def test_a_probe_waits_until_the_blade_draws_back_and_stops_when_only_friction_i
     while in_units(observation)["position"] < 0.07:
         observation = env.step(to_action(CRUISE, INCLINED))[0]
     probe, forces = UnloadProbe(), []
-    while probe.feel(observation):
+    while probe.feel(*(in_units(observation)[name] for name in ("position", "force", "speed"))):
         observation, *_, info = env.step(to_action(-UnloadProbe.SPEED, UPRIGHT))
         forces.append(float(in_units(observation)["force"]))
     assert forces[0] > 2.0

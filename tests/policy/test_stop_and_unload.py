@@ -107,8 +107,8 @@ def test_every_script_finishes_in_even_tissue_and_leaves_it_unloaded(name):
 
 def test_a_script_that_only_stopped_would_leave_it_loaded():
     class OnlyStop(StopAndUnload):
-        def __call__(self, observation):
-            return None if super().__call__(observation) is None else to_action(0.0, UPRIGHT)
+        def endings(self, seen):
+            return super().endings(seen)[0], np.tile(to_action(0.0, UPRIGHT), (len(seen), 1))
 
     record = cut(make(specimen_class="uniform"), ConstantFeed(speed=CRUISE, unloading=OnlyStop()), target_length=0.08)
     assert record.end == "deadline"
