@@ -51,6 +51,7 @@ class Hack:
         self._unloading.reset()
         self.ending.reset()
         self.rng, self.count, self.notes = rng, -1, {}
+        self._truth: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         self.count += 1
@@ -69,8 +70,11 @@ class Hack:
         """Elastic force over R B at the tip: the hidden truth."""
         plant, specimen = self.env.unwrapped.plant, self.env.unwrapped.specimen
         tip, blade = float(plant.states["tip"][0]), float(plant.states["blade"][0])
-        points = np.arange(len(specimen.depth)) * SPACING
-        stiffness, resistance = (np.interp(tip, points, v) for v in (specimen.stiffness(), specimen.fracture_force()))
+        if self._truth is None:
+            points = np.arange(len(specimen.depth)) * SPACING
+            self._truth = points, specimen.stiffness(), specimen.fracture_force()
+        points, *profiles = self._truth
+        stiffness, resistance = (np.interp(tip, points, profile) for profile in profiles)
         return stiffness * max(blade - tip, 0.0) / resistance
 
 
