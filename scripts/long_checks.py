@@ -2,7 +2,7 @@
 
     python3 scripts/start.py test --long                    all of them, some hours; sets up first
     python scripts/long_checks.py --list                    what there is, and what is done
-    python scripts/long_checks.py --only "rig: faults" "learning"
+    python scripts/long_checks.py --only "rig: faults" "slow tests"
 
 A check that has passed on this state of the source is not repeated: interrupt it at any time, and start it again. What
 is done is kept in runs/long-checks/, with the output of every check. The last line has the date and the commit.
@@ -26,7 +26,7 @@ FOLDER = Path("runs") / "long-checks"
 _PYTEST = ["-m", "pytest", "-p", "no:cacheprovider"]
 
 CHECKS: dict[str, list[str]] = {
-    "learning": [*_PYTEST, "-m", "slow"],
+    "slow tests": [*_PYTEST, "-m", "slow"],
     "new examples of every property": [*_PYTEST, "tests/properties", "tests/derived", "tests/recording", "tests/rig"],
     "rig: soak": ["scripts/rig_soak.py", "--minutes", "60"],
     "rig: faults": ["scripts/rig_faults.py"],

@@ -13,7 +13,7 @@ from whole_cut import CRUISE, FASTEST, INCLINED, UPRIGHT, Script, cut, interval,
 from cutenv.policy import ConstantFeed, Policy, ProbeAndCreep, StopAndUnload
 
 FEW, SEEDS = range(3), range(40)
-LOOKS = (FEW, range(8), range(16), SEEDS)
+LOOKS = (FEW, range(8), range(16), range(26), SEEDS)
 CLASSES = ("uniform", "liver")
 ENDINGS = {"stop and unload": StopAndUnload, "probe and creep": ProbingEnd}
 # By design, and one more; peaks between decisions are tried below, hidden state in test_hidden_state.py.
