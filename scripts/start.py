@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
 """Set up cutenv in .venv, then train an agent or run the tests. Needs nothing but Python.
 
-usage: python3 scripts/start.py COMMAND [--torch-index URL] [--accept-cuda] [ARGUMENT ...]
+usage: python3 scripts/start.py COMMAND [--torch-index URL] [--accept-cuda] [--long] [ARGUMENT ...]
 
   train   set up what training needs, then run "cutenv train" with the arguments (--quick: about two minutes)
-  test    set up everything, then run pytest with the arguments
-  setup   set up everything, and stop
+  test    set up everything, and Ray in .venv-ray, then run pytest with the arguments
+  setup   set up everything but Ray, and stop
+
+  --long              with "test": run the checks that take hours (scripts/long_checks.py) and go on where they stopped
 
   --torch-index URL   at the first set-up, take torch from this package index (of CPU builds, for instance)
   --accept-cuda       let pip download CUDA packages on a machine without an NVIDIA driver
@@ -30,7 +32,10 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PROGRAMS = {"train": ["-m", "cutenv", "train"], "test": ["-m", "pytest", "-n", "2", "--dist", "worksteal"], "setup": []}
 EXTRAS = {"train": "rl", "test": "dev", "setup": "dev"}
-"""Extra of pyproject.toml that a command needs; dev holds the others."""
+"""Extra of pyproject.toml that a command needs; dev holds the others but distributed."""
+RAY = "distributed"  # an extra that wants another Gymnasium, and so an environment of its own
+CONSTRAINTS = {RAY: "constraints-distributed.txt"}
+"""Tested versions of an extra, if they are not those of constraints.txt."""
 PYTHON = f"{sys.version_info[0]}.{sys.version_info[1]}"
 # Measured with a CPU build of torch: 1.7 GB of .venv, 0.4 GB of downloads that pip holds twice while it works.
 DISK_BYTES = 3_000_000_000
@@ -92,9 +97,9 @@ def check_disk(free_bytes: int, needed_bytes: int) -> None:
         )
 
 
-def fingerprint(root: Path, python: str) -> str:
+def fingerprint(root: Path, python: str, constraints: str = "constraints.txt") -> str:
     """Name what an installation depends on: what is asked for, where, and the Python."""
-    parts = [(root / name).read_bytes() for name in ("pyproject.toml", "constraints.txt")]
+    parts = [(root / name).read_bytes() for name in ("pyproject.toml", constraints)]
     return hashlib.sha256(b"\0".join([*parts, str(root).encode(), python.encode()])).hexdigest()
 
 
@@ -187,8 +192,8 @@ def make_venv(venv: Path) -> None:
     """Make ``venv`` again, with only pip in it."""
     check_disk(shutil.disk_usage(ROOT).free, DISK_BYTES)
     if Path(sys.prefix) == venv:
-        raise Refusal(".venv is broken and in use. Cure: run this with the Python that it was made from.")
-    print(f"cutenv: making .venv with Python {PYTHON}", flush=True)
+        raise Refusal(f"{venv.name} is broken and in use. Cure: run this with the Python that it was made from.")
+    print(f"cutenv: making {venv.name} with Python {PYTHON}", flush=True)
     command = [sys.executable, "-m", "venv", "--clear", str(venv)]
     made = subprocess.run(command, capture_output=True, text=True)
     if made.returncode != 0:
@@ -196,8 +201,9 @@ def make_venv(venv: Path) -> None:
 
 
 def set_up(venv: Path, extra: str, torch_index: str | None, accept_cuda: bool) -> None:
-    """Install cutenv with an extra into ``venv``, as pyproject.toml and constraints.txt ask; nothing if it is there."""
-    wanted = fingerprint(ROOT, sys.version)
+    """Install cutenv with an extra into ``venv``, as pyproject.toml and the constraints ask; nothing if it is there."""
+    constraints = CONSTRAINTS.get(extra, "constraints.txt")
+    wanted = fingerprint(ROOT, sys.version, constraints)
     state = state_of(venv, wanted, extra)
     if state == "ready":
         return
@@ -206,8 +212,8 @@ def set_up(venv: Path, extra: str, torch_index: str | None, accept_cuda: bool) -
     if state == "broken":
         make_venv(venv)
     stamp, plan = venv / "cutenv-setup.txt", venv / "cutenv-plan.json"
-    install = ["install", "-c", "constraints.txt"]
-    chosen = ["--only-binary", ":all:", "-e", f".[{extra}]"]
+    install = ["install", "-c", constraints]
+    chosen = ["--only-binary", ":all:", *(["pytest"] if extra == RAY else []), "-e", f".[{extra}]"]
     print("cutenv: asking the package index what is needed", flush=True)
     pip(venv, *install, "--quiet", "pip")  # a Python's own pip may be too old to plan without downloading
     if torch_index:
@@ -232,7 +238,10 @@ def main(argv: list[str]) -> int:
     parser.add_argument("command", choices=PROGRAMS)
     parser.add_argument("--torch-index", metavar="URL")
     parser.add_argument("--accept-cuda", action="store_true")
+    parser.add_argument("--long", action="store_true")
     options, passed_on = parser.parse_known_args(argv)
+    if options.long and options.command != "test":
+        parser.error("--long is for the command 'test'")
     venv = ROOT / ".venv"
     if {"-h", "--help"} & set(passed_on) and not (venv / "cutenv-setup.txt").exists():
         print(f"{__doc__}\nThe options of '{options.command}' itself: the same line again, after 'setup'.")
@@ -241,6 +250,8 @@ def main(argv: list[str]) -> int:
         supported = supported_pythons((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
         check_python(PYTHON, sys.implementation.name, supported)
         set_up(venv, EXTRAS[options.command], options.torch_index, options.accept_cuda)
+        if options.command == "test":
+            set_up(ROOT / ".venv-ray", RAY, options.torch_index, options.accept_cuda)
     except Refusal as refusal:
         print(f"\ncutenv: {refusal}", file=sys.stderr)
         return 1
@@ -250,7 +261,8 @@ def main(argv: list[str]) -> int:
     if options.command == "setup":
         print(f"cutenv: {venv} is ready")
         return 0
-    command = [python_of(venv), *PROGRAMS[options.command], *passed_on]
+    program = ["scripts/long_checks.py"] if options.long else PROGRAMS[options.command]
+    command = [python_of(venv), *program, *passed_on]
     os.chdir(ROOT)
     sys.stdout.flush()
     if os.name == "nt":

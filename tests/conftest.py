@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -22,6 +24,15 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 settings.register_profile("repeatable", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("exploring", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("exploring" if os.environ.get("CUTENV_EXPLORE") else "repeatable")
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """One browser for every test of a page; one with 3-D graphics is another."""
+    import chromium  # from this folder, which a copy of this file elsewhere does not have
+
+    with chromium.browser(tmp_path_factory.mktemp("profile")) as opened:
+        yield opened
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -64,6 +64,11 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         set_cores(1)  # a process for each runner
         return cls(**{"num_envs": 1} | dict(context))
 
+    @property
+    def seeds(self) -> list[int]:
+        """Seeds from which the environments sample their specimens, one each, since the first ``reset``."""
+        return [int(seed) for seed in self._native.batch.seeds]
+
     def share_seeds(self, runner: int) -> None:
         """Use the seeds of a runner, counted from 0; its environments follow those of the runners before it."""
         self._first_seed += runner * self.num_envs

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import chromium
@@ -27,12 +26,6 @@ SEARCH = """(() => {
 })()"""
 FOUND = """[...document.querySelectorAll(".md-search-result__link")].map(link => link.getAttribute("href")).join(" ")"""
 PATIENCE_S = 20.0
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Browser]:
-    with chromium.browser(tmp_path_factory.mktemp("profile")) as opened:
-        yield opened
 
 
 @pytest.mark.parametrize("page", PAGES)

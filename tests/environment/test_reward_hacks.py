@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from hacks import HACKS, KEYWORDS, Hack, ProbingEnd, probing
-from whole_cut import CRUISE, FASTEST, INCLINED, UPRIGHT, Script, cut, interval, make
+from whole_cut import CRUISE, FASTEST, INCLINED, UPRIGHT, Script, cut, interval, make, total
 
 from cutenv.policy import ConstantFeed, Policy, ProbeAndCreep, StopAndUnload
 
 FEW, SEEDS = range(3), range(40)
+LOOKS = (FEW, range(8), range(16), range(26), SEEDS)
 CLASSES = ("uniform", "liver")
 ENDINGS = {"stop and unload": StopAndUnload, "probe and creep": ProbingEnd}
 # By design, and one more; peaks between decisions are tried below, hidden state in test_hidden_state.py.
@@ -24,11 +25,11 @@ ASKED_FOR = (
 
 
 def returns(policy: Policy | Hack, seeds: range = SEEDS, **keywords: float) -> np.ndarray:
-    """As many cuts of even tissue as of liver."""
+    """As many cuts of even tissue as of liver, a row each."""
     totals = []
     for specimen_class in CLASSES:
         policy.env = env = make(specimen_class=specimen_class, **keywords)
-        totals += [cut(env, policy, seed).total for seed in seeds]
+        totals.append([total(env, policy, seed) for seed in seeds])
     return np.array(totals)
 
 
@@ -37,20 +38,35 @@ def constant_feed() -> ConstantFeed:
 
 
 @functools.cache
+def honest_returns(ending: str, seeds: range, **keywords: float) -> np.ndarray:
+    return returns(constant_feed() if ending == "stop and unload" else ProbeAndCreep(), seeds, **keywords)
+
+
 def honest(ending: str, seeds: range = SEEDS, **keywords: float) -> np.ndarray:
     """Returns of the honest cut that ends so: the best constant feed, or the script that probes."""
-    return returns(constant_feed() if ending == "stop and unload" else ProbeAndCreep(), seeds, **keywords)
+    return np.hstack([honest_returns(ending, part, **keywords) for part in parts(seeds)])
+
+
+def parts(seeds: range) -> list[range]:
+    """The seeds that each look adds to those before, so that no cut is made twice."""
+    ends = sorted({look.stop for look in LOOKS if look.stop < seeds.stop} | {seeds.stop})
+    return [range(first, last) for first, last in zip([0, *ends], ends, strict=False)]
 
 
 def check_that_it_does_not_pay(hack: Hack, ending: str, weights=None, **keywords) -> None:
     """The hack returns less than an honest cut of the same specimens, beyond chance on a few, or no more on many.
 
+    The more alike they are, the more specimens are cut.
+
     Where a crack that runs comes to rest is chance, and after a plain stop that chance is in the return: a gain counts
     if it is more than chance, and with an end that probes also if it is more than a hundredth.
     """
     weights = weights or {}
-    for seeds in (FEW, SEEDS):
-        gained = returns(hack.end_as(ENDINGS[ending]), seeds, **weights, **keywords) - honest(ending, seeds, **weights)
+    hack.end_as(ENDINGS[ending])
+    gained = np.empty((len(CLASSES), 0))
+    for seeds in parts(SEEDS):
+        made = returns(hack, seeds, **weights, **keywords) - honest_returns(ending, seeds, **weights)
+        gained = np.hstack([gained, made])
         low, high = interval(gained)
         if low > 0.0 or high < 0.0:
             break

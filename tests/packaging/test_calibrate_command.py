@@ -68,9 +68,9 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_files_give_what_the_records_give(files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, report = tmp_path / "my_tissue.json", tmp_path / "card.html"
-    status, said, err = run(capsys, *files, "--out", out, "--report", report, "--resamples", 20)
+    status, said, err = run(capsys, *files, "--out", out, "--report", report, "--resamples", 3)
     assert (status, "note:" in err) == (0, False)
-    found, expected = load_description(out), calibrate(records(), name="my_tissue", resamples=20)
+    found, expected = load_description(out), calibrate(records(), name="my_tissue", resamples=3)
     assert found == expected
     assert found.calibration == expected.calibration
     assert found.name == "my_tissue"

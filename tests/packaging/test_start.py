@@ -23,7 +23,7 @@ def project(tmp_path: Path) -> Path:
     """Lay out the files that set-up reads, without a virtual environment."""
     (tmp_path / "scripts").mkdir()
     shutil.copy(SCRIPT, tmp_path / "scripts")
-    for name in ("pyproject.toml", "constraints.txt"):
+    for name in ("pyproject.toml", "constraints.txt", "constraints-distributed.txt"):
         shutil.copy(ROOT / name, tmp_path)
     return tmp_path
 
@@ -243,7 +243,7 @@ def test_training_installs_what_it_needs_and_the_tests_the_rest(venv: Path, monk
 def test_every_command_names_an_extra_that_there_is() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     assert set(start.EXTRAS) == set(start.PROGRAMS)
-    assert set(start.EXTRAS.values()) <= set(extras)
+    assert {*start.EXTRAS.values(), start.RAY} <= set(extras)
     names = {re.split(r"[<>=\[]", entry)[0] for entry in extras["rl"]}
     assert {"torch", "stable-baselines3", "matplotlib", "safetensors", "tqdm"} <= names
     assert "pytest" not in names
@@ -291,13 +291,49 @@ def test_help_needs_no_set_up_and_lists_the_commands(project: Path) -> None:
 
 def test_arguments_are_passed_on_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
     became: list[list[str]] = []
-    monkeypatch.setattr(start, "set_up", lambda *arguments: None)
+    made: list[tuple[str, str]] = []
+    monkeypatch.setattr(start, "set_up", lambda venv, extra, *rest: made.append((venv.name, extra)))
     monkeypatch.setattr(start.os, "execv", lambda program, command: became.append(command))
     monkeypatch.chdir(ROOT)
     start.main(["train", "--quick", "--torch-index", "elsewhere", "--seed", "3"])
+    assert made == [(".venv", "rl")]
     start.main(["test", "-k", "packaging", "tests/packaging"])
+    assert made[1:] == [(".venv", "dev"), (".venv-ray", "distributed")]
+    start.main(["test", "--long", "--list"])
     assert became[0][1:] == ["-m", "cutenv", "train", "--quick", "--seed", "3"]
     assert became[1][1:] == ["-m", "pytest", "-n", "2", "--dist", "worksteal", "-k", "packaging", "tests/packaging"]
+    assert became[2][1:] == ["scripts/long_checks.py", "--list"]
+
+
+def test_long_is_for_the_tests(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        start.main(["train", "--long"])
+    assert "--long is for the command 'test'" in capsys.readouterr().err
+
+
+def test_rays_environment_is_asked_for_with_its_own_constraints(venv: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[object, ...]] = []
+
+    def pip(venv: Path, *arguments: str) -> None:
+        asked.append(arguments)
+        (venv / "cutenv-plan.json").write_text('{"install": []}')
+
+    monkeypatch.setattr(start, "pip", pip)
+    stamp(venv, "an-older-one distributed")
+    start.set_up(venv, start.RAY, torch_index=None, accept_cuda=False)
+    assert asked[-1] == (
+        *("install", "-c", "constraints-distributed.txt", "--only-binary", ":all:"),
+        *("pytest", "-e", ".[distributed]"),
+    )
+
+
+def test_rays_constraints_are_those_of_the_others_but_for_gymnasium() -> None:
+    tested, rays = (
+        dict(re.findall(r"^([\w-]+)==(\S+)$", (ROOT / name).read_text(), flags=re.MULTILINE))
+        for name in ("constraints.txt", "constraints-distributed.txt")
+    )
+    assert {name for name in tested.keys() & rays.keys() if tested[name] != rays[name]} == {"gymnasium"}
+    assert rays.keys() - tested.keys() == {"ray"}
 
 
 def test_an_interrupted_set_up_says_what_to_do(

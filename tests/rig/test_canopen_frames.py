@@ -185,20 +185,20 @@ def test_a_sample_is_made_of_the_two_frames_of_one_sync(drive, network, ear):
     axis.close()
 
 
-def test_100000_frames_of_garbage_harm_nothing(drive, axis, ear, network):
+def test_20000_frames_of_garbage_harm_nothing(drive, axis, ear, network):
     axis.enable()
     drive.mute = True  # from here on the drive sends nonsense only
     draw = random.Random(1)
     own = [0x081, 0x181, 0x281, 0x581, 0x701]
     bench_marks = (len(ear.breaks), axis.garbled)
-    for _ in range(100_000):
+    for _ in range(20_000):
         number = draw.choice(own) if draw.random() < 0.8 else draw.randrange(0x800)
         # A heartbeat of one byte would be a true one, and tell of another state.
         length = draw.choice([0, 2, 8]) if number == 0x701 else draw.randrange(9)
         network._handle(number, draw.randbytes(length))
     assert network.broken is None
     assert len(ear.breaks) == bench_marks[0]
-    assert axis.garbled > bench_marks[1] + 10_000
+    assert axis.garbled > bench_marks[1] + 2_000
     assert "bytes" in axis.last_garbled or "statusword" in axis.last_garbled
     drive.mute = False
     drive.frames()

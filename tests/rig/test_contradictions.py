@@ -150,7 +150,7 @@ def cut_on_a_fake(settings: RigSettings) -> None:
             raise RigStopped(report, np.zeros(0))
 
 
-@hypothesis_settings(max_examples=60, deadline=None)
+@hypothesis_settings(max_examples=25, deadline=None)
 @given(settings=with_surprises())
 @example(settings=USUAL)
 @example(settings=FREE)

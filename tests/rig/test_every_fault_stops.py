@@ -15,7 +15,6 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.fake.fake_rig import FakeRig, Faults
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, detection_times
 
-INSTANTS = 1000
 PERIOD = 20  # [ms]
 UPRIGHT = math.pi / 2
 Inject = Callable[[FakeRig], None]
@@ -148,13 +147,16 @@ def trial(rig: FakeRig, name: str, after: float, speed: float) -> RigStopped:
     return stop
 
 
+@pytest.mark.parametrize("instants", [60, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", FAULTS)
-def test_at_every_instant_it_is_found_out_and_stays_stopped(name):
+def test_at_every_instant_it_is_found_out_and_stays_stopped(name, instants):
+    """One instant in each of the equal parts of three control periods, in any order."""
     random = np.random.default_rng(list(name.encode()))
     rig = ready_rig()
-    for instant in range(INSTANTS):
-        trial(rig, name, after=random.uniform(0.12, 0.18), speed=random.uniform(0.008, 0.0254))
-        if instant % 100 == 0:
+    parts = random.permutation(instants) + random.uniform(size=instants)
+    for number, part in enumerate(parts):
+        trial(rig, name, after=0.12 + 3e-3 * PERIOD * part / instants, speed=random.uniform(0.008, 0.0254))
+        if number % (instants // 10) == 0:
             check_stays(rig)
         begin_again(rig)
 

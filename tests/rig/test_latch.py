@@ -150,7 +150,7 @@ def test_any_order_of_events_ends_where_the_operator_can_go_on_and_never_in_powe
     run_state_machine_as_test(
         AnyOrder,
         settings=settings(
-            max_examples=80, stateful_step_count=20, deadline=None, derandomize=True,
+            max_examples=30, stateful_step_count=20, deadline=None, derandomize=True,
             phases=[hypothesis.Phase.generate],  # to shrink a failure takes minutes
             suppress_health_check=list(hypothesis.HealthCheck),
         ),

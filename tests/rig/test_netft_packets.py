@@ -76,10 +76,10 @@ def test_whatever_comes_is_a_record_or_the_one_error(packet):
             parse_packet(packet)
 
 
-def test_a_hundred_thousand_garbled_packets_raise_nothing_but_the_one_error():
+def test_twenty_thousand_garbled_packets_raise_nothing_but_the_one_error():
     draw = random.Random(20)
     read = refused = 0
-    for _ in range(100_000):
+    for _ in range(20_000):
         packet = draw.randbytes(draw.choice([0, 1, 8, 35, 36, 36, 37, 72, 1400]))
         for parse in (parse_packet, parse_request):
             try:
@@ -87,8 +87,8 @@ def test_a_hundred_thousand_garbled_packets_raise_nothing_but_the_one_error():
                 read += 1
             except PacketError:
                 refused += 1
-    assert read > 20_000  # 36 bytes are a record, whatever they say
-    assert read + refused == 200_000
+    assert read > 4_000  # 36 bytes are a record, whatever they say
+    assert read + refused == 40_000
 
 
 @pytest.mark.parametrize(
