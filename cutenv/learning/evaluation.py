@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from cutenv.envs import set_cores
 from cutenv.learning.batched_rollout import batched_rollout
-from cutenv.policy import BASELINES, SHIPPED, ArrayPolicy, Policy, named_policy
+from cutenv.policy import BASELINES, SHIPPED, ArrayPolicy, Policy, PrivilegedPolicy, named_policy
 
 _BATCH, _SMALL_BATCH = 200, 100  # cuts simulated together; fewer where all readings are kept, or a policy is copied
 _FEWEST = 2000  # cuts, below which starting processes takes longer than they save
@@ -121,7 +121,8 @@ def evaluate(
     """
     parts = []
     for name, one in contestants.items():
-        size = _BATCH if isinstance(one.policy, ArrayPolicy) and not metrics else _SMALL_BATCH
+        whole_batch = isinstance(one.policy, ArrayPolicy) and not (metrics or one.policy.privileged)
+        size = _BATCH if whole_batch else _SMALL_BATCH
         whole = {**arguments, **one.arguments}
         parts += [(name, (one.policy, seeds[k : k + size], whole, metrics)) for k in range(0, len(seeds), size)]
     cuts = len(contestants) * len(seeds)
@@ -133,12 +134,13 @@ def evaluate(
         if pool is None:
             return [{"policy": name, **row} for name, part in parts for row in _rows(*part, bar.update)]
         futures = {}
-        for name, part in parts:
-            with _without_ctrl_c():
-                futures[pool.submit(_rows, *part)] = name
+        for place in sorted(range(len(parts)), key=lambda place: not isinstance(parts[place][1][0], PrivilegedPolicy)):
+            with _without_ctrl_c():  # planners first: they take longest
+                futures[pool.submit(_rows, *parts[place][1])] = place
         for future in as_completed(futures):
             bar.update(len(future.result()))
-    return [{"policy": name, **row} for future, name in futures.items() for row in future.result()]
+    done = {place: future.result() for future, place in futures.items()}
+    return [{"policy": name, **row} for place, (name, _) in enumerate(parts) for row in done[place]]
 
 
 def contestant(name: str) -> Contestant:
