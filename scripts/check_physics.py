@@ -123,9 +123,7 @@ def check_reloading(specimens: Sequence[Specimen]) -> Iterator[Row]:
 
 
 @njit
-def _lead(
-    states: Any, profiles: Any, laws: Any, positions: Array, angles: Array, readings: Any, shares: Array
-) -> None:
+def _lead(states: Any, profiles: Any, laws: Any, positions: Array, angles: Array, readings: Any, shares: Array) -> None:
     """Move a blade; fill ``shares`` with the residual over the work, or over 1 mJ, after each update."""
     for i in range(len(positions)):
         now = slice(i, i + 1)
