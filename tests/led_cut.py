@@ -109,9 +109,7 @@ def _lead(states, profiles, laws, positions, angles, dt, readings):
 
 
 _PARTS = (cutting_blade, cutting_friction, cutting_relaxation, cutting_law, cutting_row, cutting_update)
-_IMPORT = (
-    rf"^from cutenv\.cutting\.({'|'.join(part.__name__.split('.')[-1] for part in _PARTS)}) import (\([^)]*\)|.*)\n"
-)
+_IMPORT = rf"^from ({'|'.join(part.__name__ for part in _PARTS)}) import (\([^)]*\)|.*)\n"
 
 
 def changed_law(*changes: tuple[str, str]) -> ModuleType:

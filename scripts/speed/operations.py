@@ -81,10 +81,12 @@ def operations_per_update(speed: float = 0.01, angle: float = math.radians(45.0)
     take(rows[0], plain, c.profiles[0], c.drives[0], c.sensors[0], 0, 0)
     rows[0].given[0], rows[0].aim[0] = speed, angle
     begin(rows[0], plain, 1)
-    row, profiles, sensors = _in_counting(rows[0]), [_in_counting(c.profiles[0])], [_in_counting(c.sensors[0])]
+    row = _in_counting(rows[0])
+    tissue: Any = [_in_counting(c.profiles[0])]
+    sensor: Any = [_in_counting(c.sensors[0])]
     _counted.clear()
     for i in range(_UPDATES):
-        update_row(row, profiles, sensors, TICK, i == 0)
+        update_row(row, tissue, sensor, TICK, i == 0)
     return {kind: count / _UPDATES for kind, count in _counted.items()}
 
 
