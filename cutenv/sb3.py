@@ -95,7 +95,7 @@ class NativeVecEnv(VecEnv):
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Return observations, rewards, ends and infos; a cut that has ended starts again at once."""
         start = time.perf_counter()
-        rewards, (ends, *_) = self._batch.decide(self._actions)
+        rewards, ends = self._batch.decide(self._actions)
         self._returns += rewards
         self._lengths += 1
         shown, ended = self._observe(), ends != 0

@@ -27,7 +27,7 @@ class Lanes(types.NestedArray):
     """Type of a field of a row: an array of fixed shape whose elements are addressed directly."""
 
 
-class Row(types.Record):
+class RowType(types.Record):
     """Type of a row: a record whose array fields are :class:`Lanes`."""
 
     def __init__(self, record: types.Record) -> None:
@@ -44,15 +44,15 @@ class Row(types.Record):
             for name, field in record.fields.items()
         ]
         super().__init__(fields, record.size, record.aligned)
-        self.name = f"Row({hash(self.name):x})"
+        self.name = f"RowType({hash(self.name):x})"
 
     def __repr__(self) -> str:
         return self.name
 
 
 _models.register_default(Lanes)(_models.NestedArrayModel)
-_models.register_default(Row)(_models.RecordModel)
-_rows: dict[Any, Row] = {}
+_models.register_default(RowType)(_models.RecordModel)
+_rows: dict[Any, RowType] = {}
 
 
 def first_row(rows: Any) -> Any:
@@ -64,7 +64,7 @@ def first_row(rows: Any) -> Any:
 def _type_of_row(_: Any) -> Any:
     def row(rows: Any) -> Any:
         if rows.dtype not in _rows:
-            _rows[rows.dtype] = Row(rows.dtype)
+            _rows[rows.dtype] = RowType(rows.dtype)
         return _rows[rows.dtype]
 
     return row
@@ -100,7 +100,7 @@ def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
     return builder.insert_value(ir.Constant(whole, parts), data, model._fields.index("data"))
 
 
-_registry.lower_getattr_generic(Row)(_field)
+_registry.lower_getattr_generic(RowType)(_field)
 
 
 def _address(context: Any, builder: Any, lanes: Any, value: Any, indices: Any, kinds: Any) -> Any:

@@ -23,9 +23,9 @@ from cutenv.cutting.law import depth_at, stiffness_at, toughness_at
 from cutenv.cutting.row import LANES
 from cutenv.cutting.simulate import account
 from cutenv.task import info, observation, reward
-from cutenv.task.info import FIELDS, column
+from cutenv.task.info import INFO_FIELDS, column
 from cutenv.task.observation import CLIP, COMPONENTS
-from cutenv.task.reward import CUT_ENDS, ENDS, MOMENT, REWARD
+from cutenv.task.reward import CUT_ENDS, ENDS, OF_MILLISECOND, REWARD
 from cutenv.task.tip_estimation import estimated_tip
 from cutenv.task_quantities import ANGLE_TOLERANCE, SHALLOWEST, TIP_TOLERANCE, lag, tip_error
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
@@ -38,7 +38,7 @@ FORCE_UNLOADED = 0.1
 """Force above friction below which the blade counts as unloaded [N]."""
 
 _FINISHED = ENDS.index("finished")
-_DECLARED: dict[str, tuple[Any, ...]] = {"reward": REWARD, "seen": COMPONENTS, "info": FIELDS}
+_DECLARED: dict[str, tuple[Any, ...]] = {"reward": REWARD, "seen": COMPONENTS, "info": INFO_FIELDS}
 """Tables whose entries add up something at every millisecond."""
 _TOTALS: dict[str, Any] = {
     f"{table}_{entry.name}": entry
@@ -96,16 +96,16 @@ def _add_lines() -> list[str]:
     for name, entry in _TOTALS.items():
         total = f"count.{name}[k]"
         if entry.each is not None:
-            lines.append(f"{total} += {expression(entry.each, MOMENT)}")
+            lines.append(f"{total} += {expression(entry.each, OF_MILLISECOND)}")
         else:
-            lines.append(f"{total} = {expression(entry.fold, MOMENT, {'total': total})}")
+            lines.append(f"{total} = {expression(entry.fold, OF_MILLISECOND, {'total': total})}")
     return lines
 
 
 def _end_lines() -> list[str]:
     ended = "0"
     for code, end in reversed(list(enumerate(CUT_ENDS, start=1))):
-        ended = f"{code} if {expression(end.when, MOMENT)} else ({ended})"
+        ended = f"{code} if {expression(end.when, OF_MILLISECOND)} else ({ended})"
     return [f"count.end[k] = {ended}"]
 
 
@@ -115,9 +115,9 @@ def _charge_lines() -> list[str]:
         words = {"weight": f"task.{term.name}", "total": f"count.reward_{term.name}[k]"}
         charged = "0.0"
         if term.gain is not None:
-            charged = expression(term.gain, reward.STEP, words)
+            charged = expression(term.gain, reward.OF_STEP, words)
         elif term.cost is not None:
-            charged = f"0.0 - {expression(term.cost, reward.STEP, words)}"
+            charged = f"0.0 - {expression(term.cost, reward.OF_STEP, words)}"
         lines.append(f"info.reward_terms_{term.name} = {charged}")
     return lines
 
@@ -130,9 +130,9 @@ def _charge_end_lines() -> list[str]:
     for term in REWARD:
         words = {"weight": f"task.{term.name}"}
         if term.end_cost is not None:
-            lines.append(f"info.reward_terms_{term.name} -= {expression(term.end_cost, reward.END, words)}")
+            lines.append(f"info.reward_terms_{term.name} -= {expression(term.end_cost, reward.OF_END, words)}")
         if term.largest is not None:
-            (final if term.end_cost is not None else passing).append(expression(term.largest, reward.STEP, words))
+            (final if term.end_cost is not None else passing).append(expression(term.largest, reward.OF_STEP, words))
     safety = " or ".join(f"progress.end == {ENDS.index(name)}" for name in reward.SAFETY_ENDS)
     lines += [f"if {safety}:", *(f"    info.reward_terms_safety -= {cost}" for cost in passing)]
     return [*lines, f"    info.reward_terms_safety -= {' + '.join(final)}"]
@@ -150,24 +150,24 @@ def _observe_lines() -> list[str]:
 def _info_lines(groups: set[str], quantities: Iterable[str]) -> list[str]:
     return [
         f"info.{column(field)} = {expression(field.value, set(quantities), {'total': f'count.info_{field.name}[k]'})}"
-        for field in FIELDS
+        for field in INFO_FIELDS
         if field.value is not None and field.group in groups
     ]
 
 
 _start = _fused("_start", ("count", "k"), _start_lines())
-_add = _fused("_add", ("count", "k", *MOMENT), [*_add_lines(), *_end_lines()])
-_charge = _fused("_charge", ("count", "k", "task", *reward.STEP, "info"), _charge_lines())
-_charge_end = _fused("_charge_end", ("task", "progress", *reward.END, "info"), _charge_end_lines())
+_add = _fused("_add", ("count", "k", *OF_MILLISECOND), [*_add_lines(), *_end_lines()])
+_charge = _fused("_charge", ("count", "k", "task", *reward.OF_STEP, "info"), _charge_lines())
+_charge_end = _fused("_charge_end", ("task", "progress", *reward.OF_END, "info"), _charge_end_lines())
 _fill = _fused("_fill", ("count", "k", *observation.QUANTITIES, "observation"), _observe_lines())
 _tell_cost = _fused("_tell_cost", ("count", "k", "task", "tip", "info"), _info_lines({"cost", ""}, ("task", "tip")))
 _tell = _fused(
     "_tell",
     ("state", "law", "task", "energy", "modulus", "resistance", "info"),
-    _info_lines({"truth", "energy"}, info.MADE_OF),
+    _info_lines({"truth", "energy"}, info.OF_INFO),
 )
 
-N_FIELDS = np.int64(len(FIELDS))
+N_FIELDS = np.int64(len(INFO_FIELDS))
 _TERMS = info.PLACES["reward_terms"]
 _FIRST_TERM, _LAST_TERM = np.int64(_TERMS.start), np.int64(_TERMS.stop)
 

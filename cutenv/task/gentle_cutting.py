@@ -158,7 +158,7 @@ class GentleCutting:
         return self._numbers()[0][PLACES["reward_terms"]]
 
     def info(self) -> list[float]:
-        """Return the fields of the last step's info, :data:`cutenv.task.info.FIELDS`, whole numbers as int.
+        """Return the fields of the last step's info, :data:`cutenv.task.info.INFO_FIELDS`, whole numbers as int.
 
         Hidden state and energies are those of a simulated cut; 0 for others.
         """

@@ -27,17 +27,17 @@ class InfoField:
     whole: bool = False
     """True: a whole number."""
     value: Formula | None = None
-    """Its value, of quantities of :data:`MADE_OF`; None: a term of the reward."""
+    """Its value, of quantities of :data:`OF_INFO`; None: a term of the reward."""
     each: Formula | None = None
-    """What is added up at every millisecond."""
+    """Summand of every millisecond."""
     fold: Formula | None = None
-    """What ``total`` becomes at every millisecond, for what is not a sum; from 0."""
+    """Next ``total`` at every millisecond, for what is not a sum; from 0."""
 
 
-MADE_OF = ("state", "law", "task", "tip", "energy", "modulus", "resistance")
+OF_INFO = ("state", "law", "task", "tip", "energy", "modulus", "resistance")
 """Quantities of a field: records of the cut, tip as assessed [m], energy account, modulus and resistance at the tip."""
 
-FIELDS = (
+INFO_FIELDS = (
     InfoField(name="tip_m", group="truth", value=lambda state: state.tip),
     InfoField(name="blade_m", group="truth", value=lambda state: state.blade),
     InfoField(name="fracture_resistance_J_m2", group="truth", value=lambda resistance: resistance),
@@ -77,18 +77,20 @@ def column(field: InfoField) -> str:
     return f"{field.group}_{field.name}" if field.group else field.name
 
 
-INFO: np.dtype[Any] = np.dtype((np.record, [(column(field), "i8" if field.whole else "f8") for field in FIELDS]))
+INFO: np.dtype[Any] = np.dtype((np.record, [(column(field), "i8" if field.whole else "f8") for field in INFO_FIELDS]))
 """Structured dtype of all fields."""
 GROUPS = {
-    group: tuple(field for field in FIELDS if field.group == group)
-    for group in dict.fromkeys(field.group for field in FIELDS if field.group)
+    group: tuple(field for field in INFO_FIELDS if field.group == group)
+    for group in dict.fromkeys(field.group for field in INFO_FIELDS if field.group)
 }
 """Fields of each group."""
-PLACES = {group: slice(FIELDS.index(fields[0]), FIELDS.index(fields[-1]) + 1) for group, fields in GROUPS.items()}
+PLACES = {
+    group: slice(INFO_FIELDS.index(fields[0]), INFO_FIELDS.index(fields[-1]) + 1) for group, fields in GROUPS.items()
+}
 """Place of each group in a record, counted in fields, each 8 bytes wide."""
-WHOLE = tuple(number for number, field in enumerate(FIELDS) if field.whole)
+WHOLE = tuple(number for number, field in enumerate(INFO_FIELDS) if field.whole)
 """Places of the whole numbers."""
-OUT_OF_RANGE = [field.name for field in FIELDS].index("out_of_range")
+OUT_OF_RANGE = [field.name for field in INFO_FIELDS].index("out_of_range")
 """Place of the updates out of range."""
 
 assert tuple(field.name for field in GROUPS["energy"]) == EnergyAccount._fields

@@ -28,7 +28,7 @@ QUANTITIES = (
 )  # fmt: skip
 """Quantities that a component is made of, in SI units: measured force, number of milliseconds of the step; position,
 speed and angle of the blade, depth of cut there as measured beforehand; time since reset; target length and deadline of
-the task; last action.  Those of a millisecond are in :data:`cutenv.task.reward.MOMENT`."""
+the task; last action.  Those of a millisecond are in :data:`cutenv.task.reward.OF_MILLISECOND`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,11 +46,11 @@ class Component:
     value: Formula
     """Its value in ``unit``."""
     each: Formula | None = None
-    """What is added up at every millisecond."""
+    """Summand of every millisecond."""
     fold: Formula | None = None
-    """What ``total`` becomes at every millisecond, for what is not a sum."""
+    """Next ``total`` at every millisecond, for what is not a sum."""
     start: float = 0.0
-    """What ``total`` begins with."""
+    """First ``total`` of a step."""
 
 
 COMPONENTS = (
@@ -120,9 +120,6 @@ COMPONENTS = (
     ),
 )
 """Components of the observation, in order."""
-NAMES = tuple(component.name for component in COMPONENTS)
-"""Their names."""
-
 SCALES = np.array([component.scale for component in COMPONENTS])
 OFFSETS = np.array([component.offset for component in COMPONENTS])
 

@@ -11,7 +11,8 @@ stops and unloads avoids them, so a breach costs more than stopping in every sta
 
 An entry of a table is all that a term or an end consists of: the compiled assessment, the layout of its records, the
 weights and their keywords, ``info``, docstrings and labels of reports are made from it.  Its formulas are lambdas whose
-parameters name quantities: of a millisecond (:data:`MOMENT`), of a step (:data:`STEP`) or of an end (:data:`END`).
+parameters name quantities: of a millisecond (:data:`OF_MILLISECOND`), a step (:data:`OF_STEP`) or an end
+(:data:`OF_END`).
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ TIME_SCALE = 30.0
 WORST_STORED = 2.0
 """Largest stored energy that is charged at an end, in R B 3 mm: a tip 12 mm behind at F = R B."""
 
-MOMENT = (
+OF_MILLISECOND = (
     "felt", "force", "force_limit", "depth", "position", "moved", "speed", "tip", "jump", "touched", "time", "quiet",
     "target", "deadline", "speed_min", "speed_max",
 )  # fmt: skip
@@ -50,9 +51,9 @@ MOMENT = (
 size), depth of cut; position of the blade, its motion and the size of its speed; crack tip and its unstable growth
 (true or estimated); 1 if the blade has loaded the tissue before; time since reset, time at rest and unloaded; target
 length and deadline of the task, measured range of speed."""
-STEP = ("updates", "target", "tip", "tip_before", "time_left")
+OF_STEP = ("updates", "target", "tip", "tip_before", "time_left")
 """Quantities of a step: number of milliseconds, target length [m], tip at its end and before [m], time left [s]."""
-END = (*STEP, "angle", "stored", "toughness")
+OF_END = (*OF_STEP, "angle", "stored", "toughness")
 """Quantities of an end: those of its step, angle of the blade [rad], stored energy [J], R B at the tip [N]."""
 
 
@@ -67,19 +68,19 @@ class Term:
     title: str
     """Label in reports."""
     text: str
-    """What it is charged for."""
+    """Reason of the charge, in the words of the documentation."""
     weight: float | None = None
     """Default weight; None: it has none that could be changed."""
     per: str = ""
     """Unit of the weight."""
     each: Formula | None = None
-    """What is added up at every millisecond."""
+    """Summand of every millisecond."""
     gain: Formula | None = None
-    """What a step earns."""
+    """Gain of a step."""
     cost: Formula | None = None
-    """What a step costs."""
+    """Cost of a step."""
     end_cost: Formula | None = None
-    """What an end costs."""
+    """Cost of an end."""
     largest: Formula | None = None
     """Largest cost that stopping could still have; an end for safety pays it."""
 
