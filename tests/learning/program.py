@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import io
 import os
 import re
 import signal
 import subprocess
 import sys
 import time
+import traceback
 from pathlib import Path
 from typing import Any
+
+from cutenv import cli
 
 ROOT = Path(__file__).parents[2]
 
@@ -22,9 +27,21 @@ def command(program: str) -> list[str]:
 
 
 def run(program: str, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run to its end."""
+    """Run to its end; a command of cutenv in this process, which has the learners loaded."""
     line = [*command(program), *arguments]
-    return subprocess.run(line, cwd=folder, capture_output=True, text=True, check=False, timeout=300)
+    if program.endswith(".py"):
+        return subprocess.run(line, cwd=folder, capture_output=True, text=True, check=False, timeout=300)
+    out, errors = io.StringIO(), io.StringIO()
+    with contextlib.chdir(folder), contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
+        try:
+            status = cli.main([*program.split(), *arguments])
+        except SystemExit as ended:
+            status = ended.code if isinstance(ended.code, int | None) else 1
+            print("" if isinstance(ended.code, int | None) else ended.code, file=errors)
+        except Exception:
+            traceback.print_exc()
+            status = 1
+    return subprocess.CompletedProcess(line, status or 0, out.getvalue(), errors.getvalue())
 
 
 def interrupted(program: str, folder: Path, checkpoint: str, *arguments: str) -> tuple[int, str]:
