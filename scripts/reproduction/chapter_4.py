@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from cutenv.tissue.elasticity import constitutive_matrix
 from cutenv.tissue.tables import ThesisTable, table
+from reproduction.constitutive import constitutive_matrix
 from reproduction.elements import DIVISIONS, model
 from reproduction.models import EXPERIMENTS, FORMULATIONS, FROM_4_CM, four_node_rows, places
 from reproduction.rows import Row, Statements, equal, erratum, everywhere, holds, near, printed_as, refuted, statement

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from constitutive import constitutive_matrix
+from reproduction.constitutive import constitutive_matrix
 from numpy.typing import NDArray
 from skfem.models.elasticity import linear_stress
 
