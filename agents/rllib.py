@@ -133,7 +133,7 @@ def algorithm(arguments: Arguments, first_episode: int = 0) -> PPO:
             num_envs_per_env_runner=arguments.environments,
             gym_env_vectorize_mode="vector_entry_point",
             rollout_fragment_length=arguments.rollout,
-            sample_timeout_s=None,  # a runner that dies is noticed; one that compiles, or shares its core, is waited for
+            sample_timeout_s=None,  # a dead runner is noticed; one that compiles or shares its core is waited for
         )
         .training(
             train_batch_size_per_learner=arguments.workers * arguments.environments * arguments.rollout,

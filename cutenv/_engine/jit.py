@@ -39,7 +39,8 @@ _compare_flags_fast()
 
 def _remember_operators() -> None:
     """Let Numba remember what an operator of given types is: at each ``a[n]`` it tries up to 16 templates."""
-    resolve = types.functions.BaseFunction.get_call_type
+    function: Any = types.functions.BaseFunction
+    resolve = function.get_call_type
 
     def remembered(own: Any, context: Any, args: Any, kws: Any) -> Any:
         if kws or getattr(own.typing_key, "__module__", "") != "_operator":
@@ -49,7 +50,7 @@ def _remember_operators() -> None:
             found = known[context, args] = resolve(own, context, args, kws)
         return found
 
-    types.functions.BaseFunction.get_call_type = remembered
+    function.get_call_type = remembered
 
 
 _remember_operators()
