@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from copy import deepcopy
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -70,7 +70,7 @@ class CopiedPolicy(ArrayPolicy):
     """Adapter of a policy written for single cuts: a copy of it for each cut."""
 
     def __init__(self, policy: Policy) -> None:
-        self._policy = policy
+        self._policy: Any = policy
         self.privileged = isinstance(policy, PrivilegedPolicy)
 
     def set_states(self, cuttings: Sequence[GentleCutting]) -> None:

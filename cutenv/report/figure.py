@@ -1,4 +1,4 @@
-"""What figures of pages share: they are drawn for a desktop screen and for a phone, and load matplotlib when drawn."""
+"""Shared parts of the figures of pages: drawn for a desktop screen and for a phone, loading matplotlib when drawn."""
 
 from __future__ import annotations
 

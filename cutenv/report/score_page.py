@@ -114,4 +114,4 @@ def _digits(value: float) -> str:
 
 
 _SHARED = {"disclaimer": DISCLAIMER, "handy": _handy, "metrics": METRICS}
-"""What both pages are given."""
+"""Context of both pages."""

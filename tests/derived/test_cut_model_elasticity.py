@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from reproduction.constitutive import constitutive_matrix
 from numpy.typing import NDArray
+from reproduction.constitutive import constitutive_matrix
 from skfem.models.elasticity import linear_stress
 
 from cutenv.tissue.elasticity import elastic_form, lame_parameters

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reproduction.constitutive import constitutive_matrix
 from numpy.typing import NDArray
+from reproduction.constitutive import constitutive_matrix
 from reproduction.elements import GRADIENT, KINDS, SIZE, convergence, joined, mesh_of, patch, small_mesh
 from scipy.sparse import csr_array
 from skfem import Basis, BilinearForm, ElementVector

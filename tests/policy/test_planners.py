@@ -12,6 +12,7 @@ from whole_cut import CRUISE, FASTEST, INCLINED, Cut, cut, go_on, make
 from cutenv.policy import SCRIPTS, ConstantFeed, PlannerNominal, PlannerWithTruth
 from cutenv.policy import planner as planning
 from cutenv.policy.planner import Search
+from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task.observation import in_units
 from cutenv.tissue import Specimen, measured_liver
 
@@ -31,10 +32,10 @@ def cut_as_planned(env, seed: int, planner: PlannerWithTruth) -> Planned:
     values = []
     best = Search.best
 
-    def noting(search, rng, **keywords):
-        plan, value = best(search, rng, **keywords)
-        values.append(value)
-        return plan, value
+    def noting(search, rngs, **keywords):
+        found = best(search, rngs, **keywords)
+        values.extend(value for _, value in found)
+        return found
 
     observation, _ = env.reset(seed=seed)
     planner.reset(np.random.default_rng(seed))
@@ -93,7 +94,7 @@ def test_more_rounds_never_plan_worse():
     env = make(specimen_class="vascular")
     env.reset(seed=1)
     search = Search(env.unwrapped.cutting)
-    values = [search.best(np.random.default_rng(0), rounds=rounds)[1] for rounds in (0, 3, 9)]
+    values = [search.best([np.random.default_rng(0)], rounds=rounds)[0][1] for rounds in (0, 3, 9)]
     assert values == sorted(values)
     assert values[-1] > values[0]
 
@@ -127,17 +128,11 @@ def test_without_a_look_at_the_cut_it_says_what_is_missing():
         planner(observed())
 
 
-def test_a_plant_that_is_no_simulation_cannot_be_looked_into():
-    class Rig:
-        depth = np.full(301, 0.02)
-
-    env = make(specimen_class="uniform")
-    env.reset(seed=0)
-    cutting = env.unwrapped.cutting
-    cutting.plant = Rig()
+def test_a_cut_that_is_not_simulated_cannot_be_looked_into():
+    cutting = object.__new__(GentleCutting)
     planner = PlannerWithTruth()
     planner.reset(np.random.default_rng(0))
-    with pytest.raises(TypeError, match="need a SimulatedPlant to simulate, got Rig"):
+    with pytest.raises(TypeError, match="need a SimulatedCutting to simulate, got GentleCutting"):
         planner.set_state(cutting)
 
 
@@ -169,6 +164,6 @@ def test_the_nominal_planner_looks_for_the_best_plan_of_the_mean_liver():
     mean = planning._mean_cut(measured_liver(), target)
     assert mean.plant.specimen == Specimen.mean()
     search = Search(mean)
-    plain = search.returns(search.plain_plans())
-    assert search.returns(planner.plan_for(target))[0] >= plain.max()
+    (plain,) = search.returns([search.plain_plans(target)])
+    assert search.returns([planner.plan_for(target)])[0] >= plain.max()
     assert plain.max() - plain.min() > 0.5
