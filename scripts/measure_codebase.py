@@ -56,6 +56,10 @@ LABELS = {
     "import_cycles": "import cycles, also of two files",
     "loaded_cutenv": "modules of cutenv that `gymnasium.make` of GentleCut loads",
     "loaded_rig": "... of these in `cutenv.rig`",
+    "step_functions": "functions of cutenv in one `env.step`",
+    "batch_functions": "... in one step of a vector environment",
+    "both_functions": "... in both together",
+    "both_modules": "... in so many modules",
     "repeated_names": "public top-level names defined in two modules or more",
     "docstrings": "docstrings in cutenv, agents and scripts",
     "fragments": "... that begin with Of, What, How, Where, Why, Whether or As",
@@ -86,6 +90,29 @@ ids = [id for id in gymnasium.registry if re.fullmatch(r"{PACKAGE}/GentleCut-v\\
 gymnasium.make(max(ids, key=lambda id: int(id.rpartition("-v")[2])))
 print(*sorted(name for name in sys.modules if name.partition(".")[0] == {PACKAGE!r}))
 """
+_STEP = f"""
+import re, sys
+import gymnasium
+import {PACKAGE}
+ids = [id for id in gymnasium.registry if re.fullmatch(r"{PACKAGE}/GentleCut-v\\d+", id)]
+name = max(ids, key=lambda id: int(id.rpartition("-v")[2]))
+env = MADE
+env.reset(seed=0)
+action = env.action_space.sample()
+action[..., 0] = 0.5
+for _ in range(10):
+    env.step(action)
+entered = set()
+def enter(frame, event, argument):
+    code = frame.f_code
+    place = code.co_filename
+    if event == "call" and ("/{PACKAGE}/" in place or place.startswith("<fused")) and not code.co_name.startswith("<"):
+        entered.add((frame.f_globals.get("__name__"), code.co_name))
+sys.setprofile(enter)
+env.step(action)
+sys.setprofile(None)
+print(*map(":".join, entered))
+"""
 
 
 def measures(root: Path = ROOT) -> Measures:
@@ -110,6 +137,7 @@ def measures(root: Path = ROOT) -> Measures:
     sizes = [_line_count(path) for path in package]
     functions = [size for path in package for size in _function_sizes(_tree(path))]
     loaded = loaded_modules(root)
+    single, batch = (entered_in_step(root, made) for made in ("gymnasium.make(name)", "gymnasium.make_vec(name, 2)"))
     result: Measures = {
         "readme_lines": _line_count(root / "README.md"),
         "layers": layer_count(root),
@@ -118,6 +146,10 @@ def measures(root: Path = ROOT) -> Measures:
         "import_cycles": len(import_cycles(root)),
         "loaded_cutenv": len(loaded),
         "loaded_rig": sum(1 for name in loaded if name == RIG or name.startswith(f"{RIG}.")),
+        "step_functions": len(single),
+        "batch_functions": len(batch),
+        "both_functions": len(single | batch),
+        "both_modules": len({name.partition(":")[0] for name in single | batch}),
         "repeated_names": len(repeated_names(root)),
         "docstrings": sum(1 for path in _sources(root, *CODE) for _ in docstrings(_tree(path))),
         "fragments": len(fragments(root)),
@@ -202,9 +234,24 @@ def loaded_modules(root: Path) -> list[str]:
     SystemExit
         If the environment cannot be made.
     """
-    variables = os.environ | {"PYTHONPATH": str(root), "PYTHONDONTWRITEBYTECODE": "1"}
+    return _answered(root, _LOAD)
+
+
+def entered_in_step(root: Path, made: str) -> set[str]:
+    """List the functions of cutenv, as ``module:function``, that one step of an environment enters in plain Python.
+
+    Raises
+    ------
+    SystemExit
+        If the environment cannot be made.
+    """
+    return set(_answered(root, _STEP.replace("MADE", made), NUMBA_DISABLE_JIT="1"))
+
+
+def _answered(root: Path, program: str, **settings: str) -> list[str]:
+    variables = os.environ | {"PYTHONPATH": str(root), "PYTHONDONTWRITEBYTECODE": "1"} | settings
     done = subprocess.run(
-        [sys.executable, "-c", _LOAD], cwd=root, env=variables, capture_output=True, text=True, check=False
+        [sys.executable, "-c", program], cwd=root, env=variables, capture_output=True, text=True, check=False
     )
     if done.returncode != 0:
         raise SystemExit(f"The environment of {root} cannot be made:\n{done.stderr.strip()}")
