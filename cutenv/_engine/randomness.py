@@ -64,21 +64,6 @@ def uniform_at(seed: Integer, episode: Integer, stream: Integer, counter: Intege
     return float((high << np.uint64(21)) | (low >> np.uint64(11))) * 2.0**-53
 
 
-@njit_internal
-def four_normals_at(
-    seed: Integer, episode: Integer, stream: Integer, block: Integer
-) -> tuple[float, float, float, float]:
-    """Return four independent standard normal numbers for (seed, episode, stream, block), one from each word."""
-    w0, w1, w2, w3 = words_at(seed, episode, stream, block)
-    first = 4 * block
-    return (
-        _normal(w0, seed, episode, stream, first),
-        _normal(w1, seed, episode, stream, first + 1),
-        _normal(w2, seed, episode, stream, first + 2),
-        _normal(w3, seed, episode, stream, first + 3),
-    )
-
-
 @njit
 def normal_at(seed: Integer, episode: Integer, stream: Integer, counter: Integer) -> float:
     """Return one standard normal number for (seed, episode, stream, counter)."""
