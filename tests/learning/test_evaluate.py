@@ -127,9 +127,9 @@ def test_a_policy_that_sees_the_truth_is_shown_it_and_no_other():
     shown = []
 
     class Planner(PlannerWithTruth):
-        def set_state(self, cutting):
-            shown.append(cutting)
-            super().set_state(cutting)
+        def set_states(self, cuttings):
+            shown.extend(cuttings)
+            super().set_states(cuttings)
 
     batched_rollout(Planner(rounds=0), TEST_SEEDS[:2], {"deadline_s": 2.0})
     lengths = [cut.truth["target_length_m"] for cut in batched_rollout(NoAction(), TEST_SEEDS[:2], {"deadline_s": 2.0})]
