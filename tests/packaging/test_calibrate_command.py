@@ -202,7 +202,7 @@ def test_a_card_that_cannot_be_written_leaves_no_tissue(
 ) -> None:
     from cutenv.report import calibration_card
 
-    def full(*arguments: object) -> None:
+    def full(*arguments: object, **keywords: object) -> None:
         raise OSError("no space left on device")
 
     monkeypatch.setattr(calibration_card, "write_page", full)
