@@ -99,7 +99,8 @@ name = max(ids, key=lambda id: int(id.rpartition("-v")[2]))
 env = MADE
 env.reset(seed=0)
 action = env.action_space.sample()
-action[..., 0] = 0.5
+if action.dtype.kind == "f":
+    action[..., 0] = 0.5
 for _ in range(10):
     env.step(action)
 entered = set()
