@@ -18,6 +18,7 @@ from tqdm import tqdm
 
 from cutenv.learning.batched_rollout import batched_rollout
 from cutenv.learning.evaluation import contestant
+from cutenv.plant.protocol import recorded_trace
 from cutenv.policy import BASELINES, SCRIPTS
 from cutenv.scoring import METRICS, ReferenceSet, score
 
@@ -37,7 +38,7 @@ def reference(names: list[str], cuts: int, specimen_class: str) -> ReferenceSet:
             chosen.policy, range(FIRST_SEED, FIRST_SEED + cuts), {"specimen_class": specimen_class, **chosen.arguments},
             readings=True,
         ):  # fmt: skip
-            trace = cut.trace(cut.measured_depth, end=cut.end)
+            trace = recorded_trace(cut.readings, cut.measured_depth, end=cut.end)
             card = score(trace, target_length=cut.scores()["target_length_mm"] / 1e3)
             rows.append((label, {metric: scored.value for metric, scored in card.metrics.items()}))
     about = f"{len(names)} scripts and agents, {cuts} {specimen_class} specimens each, tip estimated"

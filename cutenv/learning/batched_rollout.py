@@ -52,7 +52,8 @@ def batched_rollout(
     batch.begin(np.arange(count))
     many.begin([np.random.default_rng(seed) for seed in seeds])
     if many.privileged:
-        many.set_states([_at_start(GentleCutEnv(**arguments), seed) for seed in seeds])
+        shown = GentleCutEnv(**arguments)
+        many.set_states([_at_start(shown, seed) for seed in seeds])
     ticks = environment.ticks
     decisions = math.ceil(environment.deadline / (ticks * TICK))
     felt = np.zeros((count, ticks), READING)

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import StructArray
+from cutenv.plant.protocol import recorded_trace
 from cutenv.scoring import METRICS, Truth, score
-from cutenv.tissue.grid import SPACING, depth_below
-from cutenv.trace import Trace
+from cutenv.tissue.grid import SPACING
 
 METRIC_PREFIX = "metric_"
 
@@ -82,24 +82,9 @@ class FinishedCut:
             **{f"reward_{name}": value for name, value in self.reward_totals.items()},
         }
 
-    def trace(self, depth: np.ndarray, **metadata: object) -> Trace:
-        """Return the readings as a rig would have recorded them, with a ``depth`` along the line, shape (301,) [m]."""
-        readings = self.readings
-        position = readings["position"].copy()
-        return Trace(
-            time=readings["time"].copy(),
-            force=readings["force"].copy(),
-            position=position,
-            speed=readings["speed"].copy(),
-            angle=readings["angle"].copy(),
-            depth=depth_below(depth, position),
-            force_unit="N",
-            metadata=metadata,
-        )
-
     def metrics(self) -> dict[str, float | str]:
         """Return every metric of the score card, keyed by :func:`metric_column`; an undefined one is an empty text."""
-        readings, trace = self.readings, self.trace(self.depth)
+        readings, trace = self.readings, recorded_trace(self.readings, self.depth)
         cut = self.resistance[: max(int(self.truth["tip_m"] / SPACING), 0) + 1]
         truth = Truth(tip=readings["tip"], jump=readings["jump"], resistance=float(cut.mean()))
         card = score(trace, target_length=self.truth["target_length_m"], truth=truth)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutenv._base.arrays import StructArray
+from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import in_range
 from cutenv.cutting.dtypes import TICK
 from cutenv.plant.interface import Plant
@@ -82,7 +82,15 @@ def run(plant: Plant, legs: list[Leg]) -> StructArray:
 
 
 def to_trace(plant: Plant, readings: StructArray, **metadata: object) -> Trace:
-    """Return the readings as a rig would have recorded them: force, position, speed, angle, depth; no hidden state."""
+    """Return a plant's readings as a rig would have recorded them, with the depth that it has measured beforehand."""
+    return recorded_trace(readings, plant.depth, **metadata)
+
+
+def recorded_trace(readings: StructArray, depth: Array, **metadata: object) -> Trace:
+    """Return readings as a rig would have recorded them: force, position, speed, angle, depth; no hidden state.
+
+    ``depth`` is that along the cut line, shape (301,) [m].
+    """
     position = readings["position"].copy()
     return Trace(
         time=readings["time"].copy(),
@@ -90,7 +98,7 @@ def to_trace(plant: Plant, readings: StructArray, **metadata: object) -> Trace:
         position=position,
         speed=readings["speed"].copy(),
         angle=readings["angle"].copy(),
-        depth=depth_below(plant.depth, position),
+        depth=depth_below(depth, position),
         force_unit="N",
         metadata=dict(metadata),
     )

@@ -85,9 +85,8 @@ def _fused(name: str, parameters: Iterable[str], lines: Iterable[str]) -> Any:
 
 def _start_lines() -> list[str]:
     return [
-        f"count.{name}[k] = {'math.' if math.isinf(start) else ''}{start}".replace("math.-inf", "-math.inf")
+        f"count.{name}[k] = {repr(getattr(entry, 'start', 0)).replace('inf', 'math.inf')}"
         for name, entry in _TOTALS.items()
-        for start in [0 if getattr(entry, "whole", False) else float(getattr(entry, "start", 0.0))]
     ]
 
 

@@ -29,7 +29,7 @@ NEVER_CALLED = {"NRT_MemInfo_call_dtor"}
 
 
 def needs(callback: Any) -> set[str]:
-    """What the callback calls, directly or not, that is neither in its own code nor an instruction; and exceptions.
+    """List what the callback calls, directly or not, outside its own code and instructions; and its exceptions.
 
     Around it, Numba adds what reports an exception to Python.  That is left out: it is called only with the status of
     an exception, each of which Numba keeps pickled in the module.

@@ -106,7 +106,7 @@ def copied(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def extended(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What a package with one term and one component more does."""
+    """Run a copy of the package with one term and one component more; return what it printed."""
     package = copied(tmp_path_factory.mktemp("extended"))
     with_entry(package, "task/reward.py", '    Term(\n        name="safety",', TERM)
     with_entry(package, "task/observation.py", ')\n"""Components of the observation', COMPONENT)

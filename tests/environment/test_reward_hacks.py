@@ -25,7 +25,7 @@ ASKED_FOR = (
 
 
 def returns(policy: Policy | Hack, seeds: range = SEEDS, **keywords: float) -> np.ndarray:
-    """As many cuts of even tissue as of liver, a row each."""
+    """Return the returns of a policy in even tissue and in liver, shape (2, seeds)."""
     totals = []
     for specimen_class in CLASSES:
         policy.env = env = make(specimen_class=specimen_class, **keywords)

@@ -1,4 +1,4 @@
-"""What pages share: numbers as print sets them, a whole document, text that stays text, shades that can be read on."""
+"""Parts that pages share: numbers in print typography, the document, escaped text, legible shades."""
 
 from __future__ import annotations
 
