@@ -7,6 +7,7 @@ BENCHMARKS = {
     "step": "environment",
     "batch": "batch",
     "tick": "tick",
+    "picture": "picture",
     "field": "field",
     "models": "models",
     "factorisation": "factorisation",

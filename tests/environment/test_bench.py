@@ -22,6 +22,7 @@ from speed import (
     gymnasium_vectors,
     limits,
     models,
+    picture,
     ppo,
     reading,
     tick,
@@ -37,6 +38,7 @@ MODULES: dict[str, ModuleType] = {
     "step": environment,
     "batch": batch,
     "tick": tick,
+    "picture": picture,
     "field": field,
     "models": models,
     "factorisation": factorisation,
@@ -101,6 +103,13 @@ def test_resets_are_timed_beside_gymnasiums():
     assert all(microseconds > 0.0 for microseconds in times.values())
 
 
+def test_pictures_of_the_environment_and_of_play_are_timed(monkeypatch):
+    monkeypatch.setattr(picture, "_ROUNDS", 1)
+    times = picture.picture_times()
+    assert set(times) == {"render", "play", "copy"}
+    assert min(times["render"], times["play"]) > times["copy"] > 0.0
+
+
 def test_displacements_are_timed_from_clamp_to_end_on_the_meshes_of_the_thesis():
     found = field.field_times(field.MESHES[0], updates=20)
     assert found.n_equations == 876
@@ -148,6 +157,7 @@ def made_up(monkeypatch):
     monkeypatch.setattr(batch, "step_rate", lambda other, count: 1.0e4)
     monkeypatch.setattr(batch, "limits", lambda native, bare: Measured({"bytes": Number(2816, "byte")}, ["limits"]))
     monkeypatch.setattr(tick, "durations", lambda: (np.full(1000, 50_000), np.full(1000, 100), 0))
+    monkeypatch.setattr(picture, "picture_times", lambda: {"render": 0.01, "play": 0.02, "copy": 0.001})
     slow = np.full(100, 3000.0)
     monkeypatch.setattr(field, "field_times", lambda divisions: field.FieldTimes(876, 30.0, slow, slow / 9, slow * 2))
     levels = {name: models.LevelTimes(100 * n, 3.0 * n, 1.0 * n) for n, name in enumerate(models.LEVELS, 1)}
@@ -180,6 +190,7 @@ def made_up(monkeypatch):
         ("batch", 2, "  65536    1000.0         -         -      10.0      0.50            2.00"),
         ("batch", 2, "     16    1000.0      10.0      10.0      10.0      0.50            2.00"),
         ("tick", 1, "99.9 % are within 49.9 us of the empty loop's; MISSED: the 20 us allowed"),
+        ("picture", 1, "play: 20.0 ms, 20 times a copy of the picture; MISSED: the 16.7 ms allowed"),
         ("field", 2, "99 % in 3000 us, 18.0 % of a picture's time; MISSED: the 10 % allowed"),
         ("models", 0, "quad8          200        0.667      0.1          6.0 ms  0.667"),
         ("factorisation", 1, "10.0 times faster (MISSED: required 15)"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -308,17 +307,6 @@ def test_a_cut_that_left_no_record_has_an_end_card_too() -> None:
     played.close()
     assert played.phase == "ended"
     picture_of(played)
-
-
-def test_a_picture_takes_less_than_a_sixtieth_of_a_second() -> None:
-    played, picture = cut_halfway(practice=True), PlayPicture()
-    spent = []
-    for k in range(30):
-        start = time.process_time()
-        played.advance(10.0 + k * FRAME)
-        picture.draw(played.sight())
-        spent.append(time.process_time() - start)
-    assert np.median(spent) < FRAME
 
 
 # The command
