@@ -102,18 +102,6 @@ def go_on(env: gymnasium.Env[Any, Any], policy: Any, observation: np.ndarray) ->
     return Cut(np.array(rewards), terms, infos, np.concatenate(readings), np.array(observations))
 
 
-def total(env: gymnasium.Env[Any, Any], policy: Any, seed: int) -> float:
-    """The return of :func:`cut`, where nothing else of it is wanted."""
-    observation, _ = env.reset(seed=seed)
-    policy.reset(np.random.default_rng(seed))
-    rewards, ended = [], False
-    while not ended:
-        observation, reward, ended, truncated, _ = env.step(policy(observation))
-        assert not truncated
-        rewards.append(reward)
-    return float(np.sum(rewards))
-
-
 def interval(values: Any) -> tuple[float, float]:
     """95 % interval of the mean: 1.96 standard errors to either side."""
     values = np.asarray(values, dtype=float)

@@ -2,90 +2,132 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
-import gymnasium
 import numpy as np
 from whole_cut import CRUISE, FASTEST, INCLINED, UPRIGHT
 
-from cutenv.policy import ProbeAndCreep, StopAndUnload
-from cutenv.task.observation import COMPONENTS, OFFSETS, SCALES, to_action
+from cutenv.envs.batch import CutBatch
+from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.policy import Policy, ProbeAndCreep, StopAndUnload
+from cutenv.policy.interface import ArrayPolicy, as_array_policy
+from cutenv.policy.signals import choose, in_si, to_actions
+from cutenv.task.cuts import Cuts
+from cutenv.task.observation import COMPONENTS
 from cutenv.tissue.specimen import SPACING
 
-Command = tuple[float, float]
+Command = tuple[Any, Any]
 NAMES = [component.name for component in COMPONENTS]
 
 
 class ProbingEnd:
-    """How probe-and-creep ends a cut: None until it would begin its first probe."""
+    """How probe-and-creep ends cuts: each ending begins with its first probe."""
 
     def __init__(self) -> None:
         self._script = ProbeAndCreep()
 
-    def reset(self) -> None:
-        self._script.reset(np.random.default_rng(0))
+    def begin(self, count: int) -> None:
+        self._script.begin([np.random.default_rng(0)] * count)
         self._body: np.ndarray | None = None
-        self._ending = False
+        self._begun = np.zeros(count, bool)
 
-    def __call__(self, observation: np.ndarray) -> np.ndarray | None:
-        action = self._script(observation)
-        self._body = action if self._body is None else self._body
-        self._ending = self._ending or not np.array_equal(action, self._body)
-        return action if self._ending else None
+    def endings(self, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        actions = self._script.act(observations)
+        self._body = actions if self._body is None else self._body
+        self._begun |= np.any(actions != self._body, axis=1)
+        return self._begun, actions
 
 
-class Hack:
-    """Commands until the cut is to end, then an honest end, :class:`StopAndUnload` or another, unless it is skipped.
+class Hack(ArrayPolicy):
+    """Commands until a cut is to end, then an honest end, :class:`StopAndUnload` or another, unless it is skipped.
 
-    ``command(self, seen)`` gives (speed [m/s], angle [rad]) for what is seen in SI units; it may keep notes in
-    ``self.notes`` and count in ``self.count``, draw from ``self.rng`` and, as no agent could, look into ``self.env``.
+    ``command(self, seen)`` gives (speed [m/s], angle [rad]), each a number or an array of shape (n,), for what is seen
+    of n cuts in SI units, arrays of shape (n,) by name.  It may keep notes of each cut (:meth:`note`), count decisions
+    in ``self.count``, draw from ``self.rngs`` and, as no agent could, look into ``self.cuts``.
     """
 
-    def __init__(self, command: Callable[[Any, dict[str, Any]], Command], *, stops: bool = True) -> None:
+    cuts: Cuts
+
+    def __init__(self, command: Callable[[Any, dict[str, np.ndarray]], Command], *, stops: bool = True) -> None:
         self._command, self.stops = command, stops
         self._unloading = StopAndUnload()
-        self.ending: Callable[[np.ndarray], np.ndarray | None] = self._unloading
-        self.env: gymnasium.Env[Any, Any]
+        self._probing: ProbingEnd | None = None
 
-    def reset(self, rng: np.random.Generator) -> None:
-        self._unloading.reset()
-        self.ending.reset()
-        self.rng, self.count, self.notes = rng, -1, {}
-        self._truth: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+    def begin(self, rngs: Sequence[np.random.Generator]) -> None:
+        self._unloading.begin(len(rngs))
+        if self._probing is not None:
+            self._probing.begin(len(rngs))
+        self.rngs, self.count, self._notes = rngs, -1, {}
 
-    def __call__(self, observation: np.ndarray) -> np.ndarray:
+    def forget(self, cuts: np.ndarray) -> None:
+        raise NotImplementedError("a hack begins all its cuts together")
+
+    def act(self, observations: np.ndarray) -> np.ndarray:
         self.count += 1
-        seen = dict(zip(NAMES, (observation * SCALES + OFFSETS).tolist(), strict=True))
-        stop = self._unloading(observation)
-        ending = stop if self.ending is self._unloading else self.ending(observation)
+        values = in_si(observations)
+        seen = dict(zip(NAMES, values.T, strict=True))
+        ending, endings = self._unloading.endings(values)
+        if self._probing is not None:
+            ending, endings = self._probing.endings(observations)
         seen["target"], seen["tip"] = seen["position"] + seen["distance"], self._unloading.tip
-        return ending if self.stops and ending is not None else to_action(*self._command(self, seen))
+        speed, angle = self._command(self, seen)
+        actions = to_actions(np.broadcast_to(speed, len(values)), angle)
+        return choose(ending & self.stops, endings, actions)
+
+    def note(self, name: str, default: Any) -> np.ndarray:
+        """The notes of that name, one for each cut, to be changed in place."""
+        return self._notes.setdefault(name, np.full(len(self.rngs), default))
 
     def end_as(self, ending: type[StopAndUnload] | type[ProbingEnd]) -> Hack:
         """End honestly in that way."""
-        self.ending = self._unloading if ending is StopAndUnload else ending()
+        self._probing = ProbingEnd() if ending is ProbingEnd else None
         return self
 
-    def force_ratio(self) -> float:
+    def force_ratio(self) -> np.ndarray:
         """Elastic force over R B at the tip: the hidden truth."""
-        plant, specimen = self.env.unwrapped.plant, self.env.unwrapped.specimen
-        tip, blade = float(plant.states["tip"][0]), float(plant.states["blade"][0])
-        if self._truth is None:
-            points = np.arange(len(specimen.depth)) * SPACING
-            self._truth = points, specimen.stiffness(), specimen.fracture_force()
-        points, *profiles = self._truth
-        stiffness, resistance = (np.interp(tip, points, profile) for profile in profiles)
-        return stiffness * max(blade - tip, 0.0) / resistance
+        tip, blade = self.cuts.states["tip"], self.cuts.states["blade"]
+        points = np.arange(self.cuts.profiles["depth"].shape[1]) * SPACING
+        stiffness, resistance = (
+            np.array([np.interp(x, points, y) for x, y in zip(tip, self.cuts.profiles[name], strict=True)])
+            for name in ("stiffness", "toughness")
+        )
+        return stiffness * np.maximum(blade - tip, 0.0) / resistance
+
+
+class Ended(NamedTuple):
+    """Cuts that have ended, one for each seed: return, success, and how far the tip is from the target [m]."""
+
+    returns: np.ndarray
+    success: np.ndarray
+    tip_error: np.ndarray
+
+
+def cut_all(policy: Policy | ArrayPolicy, seeds: Sequence[int], **keywords: Any) -> Ended:
+    """Cut the specimens of the seeds, all in one batch."""
+    count, environment = len(seeds), GentleCutEnv(**keywords)
+    batch, many = CutBatch(count, environment), as_array_policy(policy)
+    batch.give_seeds(list(seeds), np.arange(count), np.random.default_rng())
+    batch.begin(np.arange(count))
+    many.begin([np.random.default_rng(seed) for seed in seeds])
+    if isinstance(many, Hack):
+        many.cuts = batch.cuts
+    returns, ended = np.zeros(count), np.zeros(count, bool)
+    while not ended.all():
+        rewards, ends = batch.decide(many.act(batch.observations), ended)
+        returns[~ended] += rewards[~ended]
+        ended = ended | (ends != 0)
+    tip, target = batch.cuts.states["tip"], batch.cuts.tasks["target"]
+    return Ended(returns, batch.succeeded(), np.abs(tip - target))
 
 
 def dither(low: float, high: float, angle: float = INCLINED) -> Hack:
     """Back and forth between two forces about R B, known from the truth, so as to cut in loading only."""
 
-    def command(self: Hack, seen: dict[str, Any]) -> Command:
-        ratio, forth = self.force_ratio(), self.notes.get("forth", True)
-        self.notes["forth"] = ratio < high if forth else ratio < low
-        return (FASTEST if self.notes["forth"] else -FASTEST), angle
+    def command(self: Hack, seen: dict[str, np.ndarray]) -> Command:
+        ratio, forth = self.force_ratio(), self.note("forth", True)
+        forth[:] = np.where(forth, ratio < high, ratio < low)
+        return np.where(forth, FASTEST, -FASTEST), angle
 
     return Hack(command)
 
@@ -93,16 +135,13 @@ def dither(low: float, high: float, angle: float = INCLINED) -> Hack:
 def sawing(reach: float, strokes: int) -> Hack:
     """Cut, then saw to and fro in the open crack, then go on."""
 
-    def command(self: Hack, seen: dict[str, Any]) -> Command:
-        done = self.notes.setdefault("strokes", 0)
-        turn = self.notes.setdefault("turn", 0.5 * seen["target"])
-        back = self.notes.setdefault("back", False)
-        if done < strokes:
-            if not back and seen["position"] > turn:
-                self.notes["back"] = True
-            elif back and seen["position"] < turn - reach:
-                self.notes["back"], self.notes["strokes"] = False, done + 1
-        return (-FASTEST if self.notes["back"] else CRUISE), INCLINED
+    def command(self: Hack, seen: dict[str, np.ndarray]) -> Command:
+        done, turn, back = self.note("strokes", 0), 0.5 * seen["target"], self.note("back", False)
+        arrived = back & (seen["position"] < turn - reach)
+        leave = ~back & (seen["position"] > turn) & (done < strokes)
+        done += arrived
+        back ^= arrived | leave
+        return np.where(back, -FASTEST, CRUISE), INCLINED
 
     return Hack(command)
 
@@ -110,11 +149,10 @@ def sawing(reach: float, strokes: int) -> Hack:
 def finish_after(travel: float) -> Hack:
     """Cut that far, draw back, and call it finished."""
 
-    def command(self: Hack, seen: dict[str, Any]) -> Command:
-        self.notes["far"] = self.notes.get("far", False) or seen["position"] > travel
-        if not self.notes["far"]:
-            return FASTEST, UPRIGHT
-        return (-0.01 if seen["force"] > 0.0 else 0.0), UPRIGHT
+    def command(self: Hack, seen: dict[str, np.ndarray]) -> Command:
+        far = self.note("far", False)
+        far |= seen["position"] > travel
+        return np.where(far, np.where(seen["force"] > 0.0, -0.01, 0.0), FASTEST), UPRIGHT
 
     return Hack(command, stops=False)
 
@@ -122,9 +160,10 @@ def finish_after(travel: float) -> Hack:
 def stop_loaded(speed: float) -> Hack:
     """Cut to the target and stay there, or creep, without unloading."""
 
-    def command(self: Hack, seen: dict[str, Any]) -> Command:
-        self.notes["there"] = self.notes.get("there", False) or seen["tip"] > seen["target"] - 0.003
-        return (speed, UPRIGHT) if self.notes["there"] else (CRUISE, INCLINED)
+    def command(self: Hack, seen: dict[str, np.ndarray]) -> Command:
+        there = self.note("there", False)
+        there |= seen["tip"] > seen["target"] - 0.003
+        return np.where(there, speed, CRUISE), np.where(there, UPRIGHT, INCLINED)
 
     return Hack(command, stops=False)
 
@@ -132,8 +171,8 @@ def stop_loaded(speed: float) -> Hack:
 def breach_near_the_target(fall_short: float) -> Hack:
     """Cut to a few millimetres before the target, then load until the force limit ends it."""
 
-    def command(self: Hack, seen: dict[str, Any]) -> Command:
-        return FASTEST if seen["tip"] < seen["target"] - fall_short else 0.5 * FASTEST, UPRIGHT
+    def command(self: Hack, seen: dict[str, np.ndarray]) -> Command:
+        return np.where(seen["tip"] < seen["target"] - fall_short, FASTEST, 0.5 * FASTEST), UPRIGHT
 
     return Hack(command, stops=False)
 
@@ -141,10 +180,10 @@ def breach_near_the_target(fall_short: float) -> Hack:
 def wait(seconds: float, where: float) -> Hack:
     """Stand still for a while, loaded, once the blade is there."""
 
-    def command(self: Hack, seen: dict[str, Any]) -> Command:
-        if seen["position"] > where * seen["target"]:
-            self.notes["waited"] = self.notes.get("waited", 0) + 1
-        return (0.0 if 0 < self.notes.get("waited", 0) < 50 * seconds else CRUISE), INCLINED
+    def command(self: Hack, seen: dict[str, np.ndarray]) -> Command:
+        waited = self.note("waited", 0)
+        waited += seen["position"] > where * seen["target"]
+        return np.where((waited > 0) & (waited < 50 * seconds), 0.0, CRUISE), INCLINED
 
     return Hack(command)
 
@@ -157,8 +196,9 @@ def every(decisions: int, *commands: Command) -> Hack:
 def jitter(spread: float, speed: float = CRUISE) -> Hack:
     """Speed and angle shaken at random at every decision."""
 
-    def command(self: Hack, seen: dict[str, Any]) -> Command:
-        return speed + spread * self.rng.uniform(-1.0, 1.0), INCLINED + 0.3 * self.rng.uniform()
+    def command(self: Hack, seen: dict[str, np.ndarray]) -> Command:
+        shaken = np.array([rng.uniform(-1.0, 1.0, 2) for rng in self.rngs])
+        return speed + spread * shaken[:, 0], INCLINED + 0.15 * (1.0 + shaken[:, 1])
 
     return Hack(command)
 
@@ -166,16 +206,14 @@ def jitter(spread: float, speed: float = CRUISE) -> Hack:
 def probing(number: int) -> Hack:
     """An honest cut with that many unload probes: back by 8 mm and on again."""
 
-    def command(self: Hack, seen: dict[str, Any]) -> Command:
-        next_at = (self.notes.get("probes", 0) + 1) / (number + 1) * 0.8 * seen["target"]
-        if "until" in self.notes:
-            if seen["position"] > self.notes["until"]:
-                return -0.01, INCLINED
-            del self.notes["until"]
-            self.notes["probes"] = self.notes.get("probes", 0) + 1
-        elif self.notes.get("probes", 0) < number and seen["position"] > next_at:
-            self.notes["until"] = seen["position"] - 0.008
-        return CRUISE, INCLINED
+    def command(self: Hack, seen: dict[str, np.ndarray]) -> Command:
+        made, until = self.note("probes", 0), self.note("until", np.inf)
+        back = seen["position"] > until
+        made += np.isfinite(until) & ~back
+        until[~back] = np.inf
+        begins = ~back & (made < number) & (seen["position"] > (made + 1) / (number + 1) * 0.8 * seen["target"])
+        until[begins] = seen["position"][begins] - 0.008
+        return np.where(back, -0.01, CRUISE), INCLINED
 
     return Hack(command)
 
@@ -183,9 +221,9 @@ def probing(number: int) -> Hack:
 def haste_by_turns(slow: float, fast: float, force_per_depth: float) -> Hack:
     """Fast while the force is high, when a fast blade cuts evenly; slow while it is low, when only haste costs."""
 
-    def command(self: Hack, seen: dict[str, Any]) -> Command:
-        high = seen["force"] > force_per_depth * max(seen["depth"], 1e-3)
-        return (fast if high else slow), INCLINED
+    def command(self: Hack, seen: dict[str, np.ndarray]) -> Command:
+        high = seen["force"] > force_per_depth * np.maximum(seen["depth"], 1e-3)
+        return np.where(high, fast, slow), INCLINED
 
     return Hack(command)
 
@@ -193,12 +231,11 @@ def haste_by_turns(slow: float, fast: float, force_per_depth: float) -> Hack:
 def unload_inclined() -> Hack:
     """Cut to the target and draw back without turning upright: below the edge a wedge stays uncut."""
 
-    def command(self: Hack, seen: dict[str, Any]) -> Command:
-        self.notes["there"] = self.notes.get("there", False) or seen["tip"] > seen["target"] - 0.002
-        if not self.notes["there"]:
-            return CRUISE, INCLINED
-        self.notes["free"] = self.notes.get("free", False) or seen["force"] <= 0.0
-        return (0.0 if self.notes["free"] else -0.005), INCLINED
+    def command(self: Hack, seen: dict[str, np.ndarray]) -> Command:
+        there, free = self.note("there", False), self.note("free", False)
+        there |= seen["tip"] > seen["target"] - 0.002
+        free |= there & (seen["force"] <= 0.0)
+        return np.where(free, 0.0, np.where(there, -0.005, CRUISE)), INCLINED
 
     return Hack(command, stops=False)
 
@@ -218,7 +255,11 @@ HACKS: dict[str, dict[str, Hack]] = {
     "crossing the line with small force": {
         "at full speed": Hack(lambda self, seen: (FASTEST, UPRIGHT), stops=False),
         "at 1 mm/s": Hack(
-            lambda self, seen: (CRUISE, INCLINED) if seen["distance"] > 0.01 else (0.001, UPRIGHT), stops=False
+            lambda self, seen: (
+                np.where(seen["distance"] > 0.01, CRUISE, 0.001),
+                np.where(seen["distance"] > 0.01, INCLINED, UPRIGHT),
+            ),
+            stops=False,
         ),
     },
     "ending early": {

@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hacks import HACKS, KEYWORDS, Hack, ProbingEnd, probing
-from whole_cut import CRUISE, FASTEST, INCLINED, UPRIGHT, Script, cut, interval, make, total
+from hacks import HACKS, KEYWORDS, Hack, ProbingEnd, cut_all, probing
+from whole_cut import CRUISE, FASTEST, INCLINED, UPRIGHT, Script, cut, interval, make
 
 from cutenv.policy import ConstantFeed, Policy, ProbeAndCreep, StopAndUnload
 
 FEW, SEEDS = range(3), range(40)
-LOOKS = (FEW, range(8), range(16), range(26), SEEDS)
 CLASSES = ("uniform", "liver")
 ENDINGS = {"stop and unload": StopAndUnload, "probe and creep": ProbingEnd}
 # By design, and one more; peaks between decisions are tried below, hidden state in test_hidden_state.py.
@@ -26,11 +25,7 @@ ASKED_FOR = (
 
 def returns(policy: Policy | Hack, seeds: range = SEEDS, **keywords: float) -> np.ndarray:
     """Return the returns of a policy in even tissue and in liver, shape (2, seeds)."""
-    totals = []
-    for specimen_class in CLASSES:
-        policy.env = env = make(specimen_class=specimen_class, **keywords)
-        totals.append([total(env, policy, seed) for seed in seeds])
-    return np.array(totals)
+    return np.array([cut_all(policy, seeds, specimen_class=name, **keywords).returns for name in CLASSES])
 
 
 def constant_feed() -> ConstantFeed:
@@ -38,39 +33,20 @@ def constant_feed() -> ConstantFeed:
 
 
 @functools.cache
-def honest_returns(ending: str, seeds: range, **keywords: float) -> np.ndarray:
+def honest(ending: str, seeds: range = SEEDS, **keywords: float) -> np.ndarray:
+    """Returns of the honest cut that ends so: the best constant feed, or the script that probes."""
     return returns(constant_feed() if ending == "stop and unload" else ProbeAndCreep(), seeds, **keywords)
 
 
-def honest(ending: str, seeds: range = SEEDS, **keywords: float) -> np.ndarray:
-    """Returns of the honest cut that ends so: the best constant feed, or the script that probes."""
-    return np.hstack([honest_returns(ending, part, **keywords) for part in parts(seeds)])
-
-
-def parts(seeds: range) -> list[range]:
-    """The seeds that each look adds to those before, so that no cut is made twice."""
-    ends = sorted({look.stop for look in LOOKS if look.stop < seeds.stop} | {seeds.stop})
-    return [range(first, last) for first, last in zip([0, *ends], ends, strict=False)]
-
-
 def check_that_it_does_not_pay(hack: Hack, ending: str, weights=None, **keywords) -> None:
-    """The hack returns less than an honest cut of the same specimens, beyond chance on a few, or no more on many.
-
-    The less plainly it loses, the more specimens are cut.
+    """The hack returns no more than an honest cut of the same specimens.
 
     Where a crack that runs comes to rest is chance, and after a plain stop that chance is in the return: a gain counts
     if it is more than chance, and with an end that probes also if it is more than a hundredth.
     """
     weights = weights or {}
-    hack.end_as(ENDINGS[ending])
-    gained = np.empty((len(CLASSES), 0))
-    for seeds in parts(SEEDS):
-        made = returns(hack, seeds, **weights, **keywords) - honest_returns(ending, seeds, **weights)
-        gained = np.hstack([gained, made])
-        low, high = interval(gained)
-        if high < 0.0:  # a gain is judged on all specimens alone: of five looks, one may show it by chance
-            break
-    assert low < 0.0, f"the hack returns {gained.mean():.3f} more than an honest cut"
+    gained = returns(hack.end_as(ENDINGS[ending]), **weights, **keywords) - honest(ending, **weights)
+    assert interval(gained)[0] < 0.0, f"the hack returns {gained.mean():.3f} more than an honest cut"
     if ending != "stop and unload":
         assert gained.mean() < 0.01, f"the hack returns {gained.mean():.3f} more than an honest cut"
 
@@ -139,12 +115,9 @@ def test_a_blind_unload_probe_costs_less_than_a_tenth(number):
 @pytest.mark.parametrize("probes", [2, 3])
 def test_one_or_two_unload_probes_that_tell_where_to_go_on_are_worth_while(probes):
     """The last of them only tells that the tip has arrived."""
-    gained, more_success = [], []
-    for seed in range(50):
-        probed, plain = (cut(make(), policy, seed) for policy in (ProbeAndCreep(probes=probes), constant_feed()))
-        gained.append(probed.total - plain.total)
-        more_success.append(float(probed.infos[-1]["is_success"]) - float(plain.infos[-1]["is_success"]))
-    assert np.mean(gained) > 0.0
+    probed, plain = (cut_all(policy, range(50)) for policy in (ProbeAndCreep(probes=probes), constant_feed()))
+    more_success = probed.success.astype(float) - plain.success
+    assert np.mean(probed.returns - plain.returns) > 0.0
     assert np.mean(more_success) > 0.0
     assert probes == 2 or interval(more_success)[0] > 0.0  # one probe that leads on tells less
 
@@ -175,7 +148,5 @@ def test_time_is_paid_for_even_where_the_tissue_is_no_softer(speed):
 def test_no_hack_ends_in_a_success_before_the_target():
     for family in ("shallow or hardly cutting", "ending early", "leaving the tissue loaded"):
         for name, hack in HACKS[family].items():
-            hack.env = env = make(specimen_class="uniform", **KEYWORDS.get(name, {}))
-            record = cut(env, hack, 0)
-            near = abs(record.infos[-1]["truth"]["tip_m"] - record.infos[-1]["truth"]["target_length_m"]) <= 0.003
-            assert near or not record.infos[-1]["is_success"]
+            ended = cut_all(hack, [0], specimen_class="uniform", **KEYWORDS.get(name, {}))
+            assert ended.tip_error[0] <= 0.003 or not ended.success[0]
