@@ -38,6 +38,7 @@ PLAN: np.dtype[Any] = np.dtype(
             ("retreat", "f8"),  # speed of drawing back [m/s]
             ("rest_lag", "f8"),  # lag of the tip at which drawing back ends [m]
             ("stopping", "i8"),  # of the rollout: 1 once it draws back, 2 once it rests
+            ("leader", "i8"),  # how many plans further on is one that is the same but stops later; 0: none
         ],
     )
 )
@@ -59,6 +60,7 @@ def roll_out_some(
     core: int,
     cuts: Cuts,
     plans: StructArray,
+    together: int,
     ticks: int,
     decisions: int,
     returns: StructArray,
@@ -66,53 +68,93 @@ def roll_out_some(
 ) -> None:
     """Follow n plans, each to the end of its own cut, with the reward assessed from hidden state.
 
+    A plan with a leader takes over its cut where it stops, so that what they share is simulated once.
+
     Parameters
     ----------
     passed, core : WorkQueue, int
-        Work queue and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
+        Work queue, of ``together`` plans each, and number of the thread, see
+        :func:`cutenv._engine.parallel.parallel_for`.
     cuts : Cuts
         n cuts at their start, changed in place.
     plans : Records
         :data:`PLAN`, shape (n,).
+    together : int
+        Number of plans that one thread follows at a time; a plan and its leader are among the same ones.
     ticks, decisions : int
         Milliseconds between decisions; largest number of decisions.
     returns : array, shape (n,)
         Filled with the return of each plan.
     actions : array, shape (n, decisions, 2) or (0, 0, 2)
-        Filled with the actions taken, unless it has no rows.
+        Filled with the actions taken, unless it has no rows; not for plans with a leader.
     """
     count = len(plans)
     action, observations, rewards = np.zeros((count, 2)), np.zeros((count, N_COMPONENTS), np.float32), np.zeros(count)
-    ends, over, infos = np.zeros(count, np.int64), np.zeros(count, np.bool_), np.zeros(count, INFO)
+    ends, waits, infos = np.zeros(count, np.int64), np.zeros(count, np.bool_), np.zeros(count, INFO)
     readings = np.zeros((0, 0), READING)
     rows, counts = np.zeros(1, ROW), np.zeros(1, COUNT)
     row, lanes = first_row(rows), first_row(counts)
     plain = plain_views(rows, cuts.states, cuts.laws, cuts.drives)
     fetched = flat_views(cuts, plain, infos)
-    first, last = next_chunk(passed, core, LANES)
-    while first < last:
+    group, none = next_chunk(passed, core, 1)
+    while group < none:
+        first, last = group * together, min((group + 1) * together, count)
         left = last - first
         for n in range(first, last):
             returns[n] = 0.0
+            waits[n] = plans[n].leader > 0
         for decision in range(decisions):
             for n in range(first, last):
-                if not over[n]:
+                if plans[n].leader > 0:
+                    left -= _take_over(cuts, plans, waits, returns, n)
+                if not waits[n]:
                     _choose(plans[n], cuts.states[n], action[n])
                     if len(actions) > 0:
                         actions[n, decision, 0], actions[n, decision, 1] = action[n, 0], action[n, 1]
-            step_row(
-                cuts, row, lanes, plain, first, last, ticks, True, over, action, observations, rewards, ends, infos,
-                readings, fetched, (0, 0),
-            )  # fmt: skip
+            begun = first
+            while begun < last:
+                end = _row_from(waits, begun, last)
+                step_row(
+                    cuts, row, lanes, plain, begun, end, ticks, True, waits, action, observations, rewards, ends,
+                    infos, readings, fetched, (0, 0),
+                )  # fmt: skip
+                begun = end
             for n in range(first, last):
                 returns[n] += rewards[n]
                 if ends[n] != 0:
-                    over[n] = True
+                    waits[n] = True
                     left -= 1
             if left == 0:
                 break
-        mark_done(passed, core, last - first)
-        first, last = next_chunk(passed, core, LANES)
+        mark_done(passed, core, 1)
+        group, none = next_chunk(passed, core, 1)
+
+
+@njit_internal
+def _row_from(waits: StructArray, begun: int, last: int) -> int:
+    """Return the end of the next row: of cuts from ``begun`` to before ``last``, so many that its lanes suffice."""
+    taken = 0
+    for n in range(begun, last):
+        if not waits[n]:
+            if taken == LANES:
+                return n
+            taken += 1
+    return last
+
+
+@njit_internal
+def _take_over(cuts: Cuts, plans: StructArray, waits: StructArray, returns: StructArray, n: int) -> int:
+    """Let plan ``n`` take over its leader's cut if it stops here; return 1 if that cut is over before, else 0."""
+    leader = n + plans[n].leader
+    if cuts.states[leader].blade < plans[n].stop and not waits[leader]:
+        return 0
+    returns[n], plans[n].leader = returns[leader], 0
+    if waits[leader]:
+        return 1
+    cuts.states[n], cuts.drives[n], cuts.sensors[n] = cuts.states[leader], cuts.drives[leader], cuts.sensors[leader]
+    cuts.progresses[n] = cuts.progresses[leader]
+    waits[n] = False
+    return 0
 
 
 @njit_internal

@@ -26,6 +26,7 @@ from cutenv.tissue.specimen import Specimen
 _FASTEST, _SLOWEST = 0.0254, 0.001  # [m/s]
 _DEADLINE, _TICKS = 30.0, 20  # [s], [ms]: the environment's defaults
 _AT_ONCE = 4096  # plans that are rolled out together
+_TOGETHER = 128  # plans that one thread rolls out, so that the rows of the last ones are full
 _NEVER = 1.0  # [m], a place that no blade reaches
 
 
@@ -69,7 +70,11 @@ class Search:
         cuts = Cuts(*(np.repeat(np.concatenate(records), counts) for records in zip(*starts, strict=True)))
         returns = np.zeros(len(every))
         actions = np.zeros((len(every), self._decisions, 2) if recorded else (0, 0, 2))
-        parallel_for(roll_out_some, len(every), cuts, every, self._ticks, self._decisions, returns, actions)
+        together = 3 * len(plans[0]) if every["leader"].any() else _TOGETHER  # leaders of three cuts fill a row
+        groups = math.ceil(len(every) / together)
+        parallel_for(
+            roll_out_some, groups, cuts, every, together, self._ticks, self._decisions, returns, actions, fewest=1
+        )
         return returns, actions
 
     def best(
@@ -104,6 +109,7 @@ class Search:
         plans["stop"] = stop
         plans["retreat"] = 0.010
         plans["rest_lag"] = 0.5e-3
+        plans["leader"] = np.tile(np.arange(len(stops))[::-1], len(speeds) * len(angles))  # the last to stop
         return plans
 
     def varied(
@@ -111,6 +117,7 @@ class Search:
     ) -> StructArray:
         """Return ``count`` mutations of ``plan``, shape (1,): each number is changed with a probability of 1/3."""
         plans = np.repeat(plan, count)
+        plans["leader"] = 0
 
         def change(name: str, step: float, low: float, high: float) -> None:
             values = plans[name]
@@ -132,7 +139,11 @@ class Search:
 
 def _better(plans: StructArray, returns: Array, plan: StructArray, value: float) -> tuple[StructArray, float]:
     k = int(np.argmax(returns))
-    return (plans[k : k + 1].copy(), float(returns[k])) if returns[k] > value else (plan, value)
+    if returns[k] <= value:
+        return plan, value
+    better = plans[k : k + 1].copy()
+    better["leader"] = 0
+    return better, float(returns[k])
 
 
 class PlannerWithTruth(ArrayPolicy):

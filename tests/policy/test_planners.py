@@ -167,3 +167,21 @@ def test_the_nominal_planner_looks_for_the_best_plan_of_the_mean_liver():
     (plain,) = search.returns([search.plain_plans(target)])
     assert search.returns([planner.plan_for(target)])[0] >= plain.max()
     assert plain.max() - plain.min() > 0.5
+
+
+def test_plans_that_share_a_cut_up_to_their_stops_return_what_each_returns_alone():
+    cuttings = []
+    for seed in (1, 2):
+        env = make(specimen_class="vascular")
+        env.reset(seed=seed)
+        cuttings.append(env.unwrapped.cutting)
+    search = Search(*cuttings)
+    plans = [search.plain_plans(cutting.target_length)[:66] for cutting in cuttings]
+    alone = [own.copy() for own in plans]
+    for own in alone:
+        own["leader"] = 0
+    np.testing.assert_array_equal(search.returns(plans), search.returns(alone))
+    ahead = [own.copy() for own in plans]
+    for own in ahead:
+        own["leader"] = np.minimum(own["leader"], 1)  # it moves only from its own stop on: too late
+    assert not np.array_equal(search.returns(ahead), search.returns(alone))
