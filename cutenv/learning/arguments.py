@@ -143,12 +143,13 @@ class PPOArguments(LearnerArguments):
         "specimens": 30,
     }
 
-    timesteps: int = option(8_000_000, "number of decisions to train for", (1, 10**12), resumable=True)
+    timesteps: int = option(5_000_000, "number of decisions to train for", (1, 10**12), resumable=True)
     history: int = option(0, "number of past decisions among the features", (0, 100))
-    rollout: int = option(128, "number of decisions of each environment between updates", (2, 10**6))
-    batch_size: int = option(1024, "number of decisions in a gradient step", (2, 10**9))  # divided by their deviation
-    epochs: int = option(8, "number of passes over a rollout", (1, 10**6))
-    learning_rate: float = option(3e-4, "learning rate at the start; falls linearly to a twentieth", (1e-9, 1.0))
+    environments: int = option(256, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
+    rollout: int = option(32, "number of decisions of each environment between updates", (2, 10**6))
+    batch_size: int = option(2048, "number of decisions in a gradient step", (2, 10**9))  # divided by their deviation
+    epochs: int = option(6, "number of passes over a rollout", (1, 10**6))
+    learning_rate: float = option(5e-4, "learning rate at the start; falls linearly to a twentieth", (1e-9, 1.0))
     gamma: float = option(1.0, "discount per decision", (0.0, 1.0))
     gae_lambda: float = option(0.95, "lambda of the generalised advantage estimate", (0.0, 1.0))
     averaging: float = option(
@@ -176,7 +177,11 @@ class RecurrentPPOArguments(PPOArguments):
     """Options of recurrent PPO."""
 
     timesteps: int = option(4_000_000, "number of decisions to train for", (1, 10**12), resumable=True)
+    environments: int = option(64, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
+    rollout: int = option(128, "number of decisions of each environment between updates", (2, 10**6))
+    batch_size: int = option(1024, "number of decisions in a gradient step", (2, 10**9))  # divided by their deviation
     epochs: int = option(4, "number of passes over a rollout", (1, 10**6))
+    learning_rate: float = option(3e-4, "learning rate at the start; falls linearly to a twentieth", (1e-9, 1.0))
     critic_first: float = option(
         0.15, "share of training, after demonstrations, in which only the critic learns", (0.0, 1.0)
     )

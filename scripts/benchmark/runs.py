@@ -24,9 +24,9 @@ from cutenv.learning.statistics import best_script, summarise
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE
 
 SWEPT = ("PPO", "recurrent PPO", "behaviour cloning", "probe and creep", BEST_FEED)
-_CORE_SECONDS = {ORACLE: 0.27, "planner (nominal)": 0.12, "nothing": 0.06, "random": 0.06}
+_CORE_SECONDS = {ORACLE: 0.15}
 """Time of one cut with its score card, on the machine of docs/results/speed.md [core s]; for the others:"""
-_CORE_SECONDS_ELSE = 0.02
+_CORE_SECONDS_ELSE = 0.006
 _CLONING_S, _STARTING_S = 90.0, 20.0  # time of behaviour cloning; time of any run besides training: imports, export
 
 
@@ -109,11 +109,11 @@ class Benchmark:
         )  # fmt: skip
         cutting = sum(_CORE_SECONDS.get(part.contestant, _CORE_SECONDS_ELSE) for part, _ in self.uncut()) * p.specimens
         sweeping = len(self.unswept()) * len(self.swept()) * p.sweep_specimens * 0.6 * _CORE_SECONDS_ELSE
-        feeds = 0.0 if self.feeds.is_file() or not self.uncut() else len(CONSTANT_FEEDS) * p.feed_specimens * 0.012
+        feeds = 0 if self.feeds.is_file() or not self.uncut() else len(CONSTANT_FEEDS) * p.feed_specimens
         statistics = sum(20.0 if name in ENTRIES else 4.0 for name in self.names) * p.resamples / 2000
         stages = {
             f"train {len(self.untrained())} agents": training / self.processes,
-            f"choose the best of {len(CONSTANT_FEEDS)} constant feeds": feeds / self.processes,
+            f"choose the best of {len(CONSTANT_FEEDS)} constant feeds": feeds * _CORE_SECONDS_ELSE / self.processes,
             f"cut {len(self.uncut()) * p.specimens} specimens": cutting / self.processes,
             f"sweep {len(self.unswept())} settings of constants": sweeping / self.processes,
             "statistics": statistics,
