@@ -1,6 +1,6 @@
 """Train an agent to cut gently, compare it with every baseline, report.
 
-PPO takes about 10 minutes on 2 cores, recurrent PPO, whose actor has a memory, about 20.  Behaviour cloning imitates a
+PPO takes about 7 minutes on 2 cores, recurrent PPO, whose actor has a memory, about 20.  Behaviour cloning imitates a
 script, or a data set of 'cutenv datasets', in some three minutes, without any trial of its own.  Everything is written
 to the folder runs/NAME; an interrupted run continues from its checkpoint with --resume.
 """

@@ -17,6 +17,7 @@ from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE, SCRI
 from cutenv.report import CutPicture, TrainingResult, draw_cut, write_training_page
 
 _TEXTS = ("policy", "specimen_class", "end")
+_MORE = 5  # times as many specimens for agent and best script, so that chance does not hide their difference
 
 
 def compare(
@@ -64,7 +65,12 @@ def compare(
     script = best_script(summary, [*CONSTANT_FEEDS, *SCRIPTS])
     feed = best_script(summary, CONSTANT_FEEDS)
     shown = [*learned, feed, *SCRIPTS, ORACLE, *NULL_POLICIES]
-    paired = differences([row for row in rows if row["policy"] in shown], agent)
+    more = TEST_SEEDS[len(seeds) : _MORE * len(seeds)]
+    both = {name: contestants[name] for name in (agent, script)}
+    further = evaluate(both, more, shared, processes=processes, description="comparing")
+    write_csv(run / "comparison.csv", further)
+    paired = differences([row for row in rows if row["policy"] in shown and row["policy"] != script], agent)
+    paired += differences([row for row in rows + further if row["policy"] in both], agent)
     write_csv(run / "differences.csv", paired)
 
     seed = typical(rows, seeds, agent)
@@ -100,8 +106,11 @@ def compare(
     print(f"\n{len(seeds)} held-out specimens of class {arguments['specimen_class']}, mean [95 % interval]\n")
     print_table([row for row in summary if row["policy"] in shown], SHOWN[:4] + SHOWN[5:])
     print_differences([row for row in paired if row["baseline"] in (script, feed, ORACLE)])
+    print(f"({script}: on {len(seeds) + len(more)} specimens)")
     print(f"\nWritten to {run}/: report.html (open it in a browser), policy/ (safetensors and card, needs no torch),")
-    print("scores.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json, cut.png")
+    print(
+        "scores.csv and comparison.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json, cut.png"
+    )
 
 
 def known_rows(path: Path, policies: Sequence[str], seeds: Sequence[int]) -> list[dict[str, Any]]:

@@ -88,14 +88,23 @@ def training_headline(result: TrainingResult) -> tuple[str, str, str]:
         kind, word = "open", "Undecided"
         claim = f"Whether {result.agent} beats {script} is open"
         tried += f"its return differs by {_interval(mean, low, high)}, an interval that holds 0"
-    own, other = (number(100.0 * result.score(name, "success")["mean"], 0) for name in result.compared()[:2])
-    return kind, word, f"{claim}. {tried}; {own}\u00a0% of its cuts succeed, against {other}\u00a0%.{_left(result)}"
+    return kind, word, f"{claim}. {tried}{_succeeded(result)}.{_left(result)}"
 
 
 def _interval(mean: float, low: float, high: float) -> str:
     """Return a paired difference in words, with as many digits as keep the interval's ends apart from 0."""
     digits = next((n for n in range(2, 7) if all(round(end, n) for end in (low, high) if end)), 7)
     return f"{number(mean, digits)} (95\u00a0% interval {number(low, digits)} to {number(high, digits)})"
+
+
+def _succeeded(result: TrainingResult) -> str:
+    """Return how much more or less often the agent succeeds than the best script, where that is known."""
+    difference = result.difference(result.best_script, "success")
+    if difference is None:
+        return ""
+    mean, low, high = (100.0 * float(difference[name]) for name in ("mean", "low_95", "high_95"))
+    more = f"{number(abs(mean), 1)} points {'more' if mean >= 0.0 else 'less'} often"
+    return f"; it succeeds {more} (95\u00a0% interval {number(low, 1)} to {number(high, 1)})"
 
 
 def _left(result: TrainingResult) -> str:

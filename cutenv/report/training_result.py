@@ -121,7 +121,8 @@ class TrainingResult:
         ``reward_...`` for agent, best script and bound.  All policies met the same held-out specimens.
     differences : sequence of mappings
         Rows ``policy, baseline, score, mean, low_95, high_95, cuts``: agent minus baseline, paired by specimen; score
-        ``return`` for the best script at least, ``success`` where known.
+        ``return`` for the best script at least, ``success`` where known.  Those of the best script may be of more
+        specimens than the others.
     agent, best_script : str
         Learned policy, and the script to compare it with.
     bound : str or None
@@ -206,7 +207,8 @@ class TrainingResult:
             )
 
     def _check_counts(self) -> None:
-        counts = sorted({row["cuts"] for row in (*self.summary, *self.differences)})
+        others = [row for row in self.differences if row["baseline"] != self.best_script]
+        counts = sorted({row["cuts"] for row in (*self.summary, *others)})
         if len(counts) > 1:
             raise ValueError(
                 f"summary and differences count {', '.join(map(str, counts))} cuts; every policy must meet the same "

@@ -27,7 +27,8 @@ SMALL = (
     "--demonstrations", "2000", "--validations", "2", "--validation-specimens", "4",
 )  # fmt: skip
 FILES = (
-    "policy/policy.safetensors", "policy/card.json", "policy.zip", "checkpoint.zip", "scores.csv", "summary.csv",
+    "policy/policy.safetensors", "policy/card.json", "policy.zip", "checkpoint.zip", "scores.csv", "comparison.csv",
+    "summary.csv",
     "differences.csv", "learning_curve.csv", "run.json", "cut.png", "report.html",
 )  # fmt: skip
 
@@ -62,6 +63,20 @@ def test_every_policy_met_the_same_specimens(finished):
         seeds[row["policy"]].append(row["seed"])
     assert set(seeds) == {"PPO", "PPO untrained", *BASELINES}
     assert len({tuple(own) for own in seeds.values()}) == 1
+
+
+def test_agent_and_best_script_met_five_times_as_many(finished):
+    run, printed = finished
+    few = {row["seed"] for row in rows(run / "scores.csv")}
+    further = rows(run / "comparison.csv")
+    agent, script = dict.fromkeys(row["policy"] for row in further)
+    assert agent == "PPO"
+    assert len(further) == 2 * 4 * len(few)
+    assert not few & {row["seed"] for row in further}
+    cuts = {(row["baseline"], row["score"]): float(row["cuts"]) for row in rows(run / "differences.csv")}
+    assert cuts[script, "return"] == cuts[script, "success"] == 5 * len(few)
+    assert {count for (baseline, _), count in cuts.items() if baseline != script} == {len(few)}
+    assert f"({script}: on {5 * len(few)} specimens)" in printed
 
 
 def test_it_is_told_when_the_agent_was_level_with_its_teacher_or_that_it_never_was(finished):
