@@ -6,7 +6,7 @@ import math
 from typing import Protocol
 
 from cutenv.cutting.drive import Rig
-from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.dtypes import READING, TICK
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant import ReplayPlant, SimulatedPlant
@@ -15,6 +15,8 @@ from cutenv.rig.config.identified import drive_of
 from cutenv.rig.config.settings import RigSettings
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace
+
+_FELT = [(READING.names or ()).index(name) for name in ("position", "speed", "force")]
 
 
 class DrivenPlant(Protocol):
@@ -52,36 +54,38 @@ class SpecimenPlant:
         )
         self._angle = settings.fixed_angle
         self._quick_stop = settings.blade.quick_stop
-        self._reading = self.plant.advance(0.0, self._angle, 1)
+        self._stopping: bool | None = None
+        self._advance(0.0)
 
     def step(self, speed: float, turn: float, stopping: bool) -> None:
         """Advance by a millisecond; a quick stop brakes at its own rate, without the velocity loop's lag."""
         self._angle += turn * TICK
-        speed = 0.0 if stopping else speed
-        self.plant.cuts["drives"]["acceleration"] = self._quick_stop if stopping else self._drive.acceleration
-        self.plant.cuts["drives"]["lag"] = TICK if stopping else self._drive.motor_lag
-        self._reading = self.plant.advance(speed, self._measured_angle, 1)
+        if stopping != self._stopping:
+            self._stopping = stopping
+            self.plant.cuts["drives"]["acceleration"] = self._quick_stop if stopping else self._drive.acceleration
+            self.plant.cuts["drives"]["lag"] = TICK if stopping else self._drive.motor_lag
+        self._advance(0.0 if stopping else speed)
 
-    @property
-    def _measured_angle(self) -> float:
-        """Angle, limited to the range for which the law was measured [rad]."""
-        return min(max(self._angle, ANGLE_RANGE[0]), ANGLE_RANGE[1])
+    def _advance(self, speed: float) -> None:
+        """Advance by a millisecond, at the nearest angle for which the law was measured."""
+        angle = min(max(self._angle, ANGLE_RANGE[0]), ANGLE_RANGE[1])
+        (reading,) = self.plant.advance(speed, angle, 1).tolist()  # numbers: records are slow to read one by one
+        self._position, self._speed, self._force = (reading[k] for k in _FELT)
 
     def block(self) -> None:
         """Advance by a millisecond in which nothing can move."""
         self.plant.cuts["states"]["hand_speed"] = 0.0
-        self._reading = self.plant.advance(0.0, self._measured_angle, 1)
+        self._advance(0.0)
 
     @property
     def motion(self) -> tuple[float, float, float]:
         """Position [m], speed [m/s] and angle [rad]."""
-        reading = self._reading[0]
-        return float(reading["position"]), float(reading["speed"]), self._angle
+        return self._position, self._speed, self._angle
 
     @property
     def force(self) -> float:
         """Force as measured by the sensor [N]."""
-        return float(self._reading[0]["force"])
+        return self._force
 
 
 class RecordedPlant:
