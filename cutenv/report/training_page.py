@@ -102,9 +102,10 @@ def _succeeded(result: TrainingResult) -> str:
     difference = result.difference(result.best_script, "success")
     if difference is None:
         return ""
-    mean, low, high = (100.0 * float(difference[name]) for name in ("mean", "low_95", "high_95"))
-    more = f"{number(abs(mean), 1)} points {'more' if mean >= 0.0 else 'less'} often"
-    return f"; it succeeds {more} (95\u00a0% interval {number(low, 1)} to {number(high, 1)})"
+    how, sign = ("more", 100.0) if difference["mean"] >= 0.0 else ("less", -100.0)
+    mean, *ends = (sign * float(difference[name]) for name in ("mean", "low_95", "high_95"))
+    low, high = (number(end, 1) for end in sorted(ends))
+    return f"; it succeeds {number(mean, 1)} points {how} often (95\u00a0% interval {low} to {high})"
 
 
 def _left(result: TrainingResult) -> str:

@@ -174,6 +174,15 @@ def test_the_headline_is_what_the_paired_difference_says(
     assert "0.19: 0.64 against 0.83" in sentences
 
 
+def test_it_says_how_much_less_often_the_agent_succeeds() -> None:
+    changed = [
+        row | {"mean": -0.17, "low_95": -0.26, "high_95": -0.08} if row["score"] == "success" else row
+        for row in made_up.differences()
+    ]
+    sentences = training_headline(result(differences=changed))[2].replace("\u00a0", " ")
+    assert "it succeeds 17.0 points less often (95 % interval 8.0 to 26.0)" in sentences
+
+
 def test_without_a_bound_nothing_is_said_of_it() -> None:
     assert "bound" not in training_headline(result(bound=None))[2]
 
