@@ -55,6 +55,7 @@ class SpecimenPlant:
         self._angle = settings.fixed_angle
         self._quick_stop = settings.blade.quick_stop
         self._stopping: bool | None = None
+        self._position = self._speed = self._force = 0.0
         self._advance(0.0)
 
     def step(self, speed: float, turn: float, stopping: bool) -> None:
