@@ -16,6 +16,7 @@ from cutenv.policy.feedback import ForceFeedback, ProbeAndCreep
 from cutenv.policy.interface import ArrayPolicy, Policy, PrivilegedPolicy
 from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
 from cutenv.policy.recurrent import RecurrentNetwork
+from cutenv.policy.return_stroke import ReturnStroke
 from cutenv.policy.scripted import ConstantFeed, FastThenSlow, InclineBetween, NoAction, RandomAction, Script
 from cutenv.policy.shipped import DEFAULT_SHIPPED, SHIPPED, named_policy, shipped
 from cutenv.policy.tip_estimate import TipEstimate
@@ -48,6 +49,7 @@ __all__ = [
     "ProbeAndCreep",
     "RandomAction",
     "RecurrentNetwork",
+    "ReturnStroke",
     "Script",
     "StopAndUnload",
     "TipEstimate",

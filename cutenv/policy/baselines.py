@@ -8,6 +8,7 @@ from collections.abc import Callable
 from cutenv.policy.feedback import ForceFeedback, ProbeAndCreep
 from cutenv.policy.interface import Policy
 from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
+from cutenv.policy.return_stroke import ReturnStroke
 from cutenv.policy.scripted import ConstantFeed, FastThenSlow, InclineBetween, NoAction, RandomAction
 
 GRID_SPEEDS = (0.10, 0.38, 0.89, 1.27, 1.65, 2.16, 2.54)
@@ -20,6 +21,7 @@ SCRIPTS: dict[str, Callable[[], Policy]] = {
     "90-45-90": InclineBetween,
     "force feedback": ForceFeedback,
     "probe and creep": ProbeAndCreep,
+    "return stroke": ReturnStroke,
     "planner (nominal)": PlannerNominal,
 }
 """Scripts that an engineer would program, besides the constant feeds."""

@@ -1,15 +1,12 @@
 """Features of a learned policy: the observation, quantities derived from it, and a short history.
 
-The most useful derived quantity is the position of the tip.  While the blade advances, the force determines it only
-for a known stiffness; while it draws back, the force falls along a straight line whose slope is the stiffness, down
-to friction, and there is the tip.  Both estimates are features; nothing is included that a rig could not know.
+The most useful derived quantities are the position of the tip (:mod:`cutenv.policy.tip_estimate`), and how far an
+unstable run would carry it if it began now.  Nothing is included that a rig could not know.
 """
 
 from __future__ import annotations
 
 import math
-from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,51 +26,18 @@ from cutenv.policy.signals import (
     POSITION_COLUMN,
     SPEED_COLUMN,
 )
-from cutenv.policy.tip_estimate import PASSAGE, pass_by, tip_behind
+from cutenv.policy.tip_estimate import CUT_ESTIMATE, estimate_cut, nothing_yet
 from cutenv.task.observation import CLIP, COMPONENTS, SCALES, checked_observation
 from cutenv.task_quantities import SHALLOWEST
 from cutenv.tissue.description import measured_liver
-from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
-from cutenv.tissue.specimen import SPACING
+from cutenv.tissue.nominal import nominal_tissue
 
-_WORKED_OUT = 14  # derived features, besides observation and history
+_WORKED_OUT = 19  # derived features, besides observation and history
 _CHANNELS = 5  # values per decision of the history
 _FORCES = [FORCE_COLUMN, FORCE_MEAN_COLUMN, FORCE_MIN_COLUMN, FORCE_MAX_COLUMN]
 _LENGTH = 0.010  # [m], scale of lengths
 _FINE = 0.002  # [m], scale of lengths that decide whether a cut is a success
 _FORCE_PER_DEPTH = 300.0  # [N/m]
-
-_STEADY = -0.002  # [m/s], speed below which a blade draws back steadily
-_SETTLED = 0.0006  # [m] of retreat after which the delayed force no longer contains the earlier friction
-_FLAT, _FLAT_OVER = 0.10, 0.0004  # [N], [m]: pure friction changes by less than this over this distance
-_STEEP = 0.15  # [N] above friction: still elastic
-_SPAN = 0.0006  # [m], shortest distance over which a slope is fitted
-_SOFTEST, _STIFFEST = 0.25, 4.0  # multiples of the mean tissue's stiffness
-
-MEMORY: np.dtype[Any] = np.dtype(
-    (
-        np.record,
-        [
-            ("passage", PASSAGE),  # of the blade, for the estimate of the tip
-            ("furthest", "f8"),  # furthest position of the blade so far [m]
-            ("steady", "i8"),  # number of decisions for which the blade has drawn back
-            ("back_from", "f8"),  # position at which the retreat began [m]
-            ("position", "f8"),  # at the last decision, or the last one at least _FLAT_OVER away [m]
-            ("force", "f8"),  # there [N]
-            ("count", "i8"),  # number of readings during elastic retreat; then their moments about back_from
-            ("x", "f8"),
-            ("F", "f8"),
-            ("xx", "f8"),
-            ("xF", "f8"),
-            ("nearest", "f8"),  # shortest distance of those readings from back_from [m]
-            ("friction_per_depth", "f8"),  # measured, or nominal [N/m]
-            ("stiffness_ratio", "f8"),  # measured K over that of the mean tissue, at the tip [1]
-            ("probed", "i8"),  # 1 once the tip has been located by drawing back
-            ("tip", "f8"),  # located tip [m]
-        ],
-    )
-)
-"""Structured dtype of the features' memory of one cut."""
 
 
 class Features:
@@ -106,7 +70,9 @@ class Features:
             raise ValueError(f"history = {history} is not a whole number of decisions.")
         if not isinstance(force, bool):
             raise TypeError(f"force = {force!r} must be True (used) or False (not used).")
-        self._memory, self._frames = np.zeros(int(count), MEMORY), np.zeros((int(count), int(history), _CHANNELS))
+        self._memory = np.repeat(nothing_yet(measured_liver()), int(count))
+        self._estimates = np.zeros(int(count), CUT_ESTIMATE)
+        self._frames = np.zeros((int(count), int(history), _CHANNELS))
         self._force = force
         self.size = feature_count(int(history))
         self._all = np.arange(int(count))
@@ -118,7 +84,7 @@ class Features:
 
     def forget(self, cuts: int | Indices) -> None:
         """Forget one of the cuts, or several, given by index."""
-        self._memory[cuts] = _nothing()[0]
+        self._memory[cuts] = nothing_yet(measured_liver())[0]
         self._frames[cuts] = 0.0
 
     def __call__(self, observations: ArrayLike, cuts: Indices | None = None) -> Array32:
@@ -146,7 +112,7 @@ class Features:
             seen[:, _FORCES] = 0.0
         features = np.empty((len(seen), self.size), np.float32)
         nominal = nominal_tissue(measured_liver())
-        if not extract_some(self._memory, self._frames, cuts, nominal, seen, features):
+        if not extract_some(self._memory, self._estimates, self._frames, cuts, nominal, seen, features):
             checked_observation(observations)  # raises with the reason
         found: Array32 = features.reshape(*shape[:-1], self.size)
         return found
@@ -169,24 +135,17 @@ def feature_count(history: int) -> int:
     return len(COMPONENTS) + _WORKED_OUT + _CHANNELS * history
 
 
-@lru_cache(maxsize=1)
-def _nothing() -> StructArray:
-    nothing = np.zeros(1, MEMORY)
-    nothing["friction_per_depth"] = nominal_tissue(measured_liver())["friction_per_depth"]
-    nothing["stiffness_ratio"] = 1.0
-    return nothing
-
-
 @njit
 def extract_some(
     memory: StructArray,
+    estimates: StructArray,
     frames: StructArray,
     cuts: StructArray,
     nominals: StructArray,
     observations: StructArray,
     features: StructArray,
 ) -> bool:
-    """Fill ``features``, shape (n, size), and update the memory of the n cuts given by index.
+    """Fill ``features``, shape (n, size), and update memory and estimates of the n cuts given by index.
 
     Returns False, and changes nothing, if an observation is not finite.
     """
@@ -196,48 +155,51 @@ def extract_some(
                 return False
     for k in range(len(cuts)):
         n = cuts[k]
-        _extract(memory[n], frames[n], nominals[0], observations[k], features[k])
+        _extract(memory[n], estimates[n], frames[n], nominals[0], observations[k], features[k])
     return True
 
 
 @njit_internal
 def _extract(
     memory: Struct,
+    estimate: Struct,
     frames: StructArray,
     nominal: Struct,
     observation: StructArray,
     features: StructArray,
 ) -> None:
     force = observation[FORCE_COLUMN] * SCALES[FORCE_COLUMN]
+    mean_force = observation[FORCE_MEAN_COLUMN] * SCALES[FORCE_MEAN_COLUMN]
     position = max(observation[POSITION_COLUMN] * SCALES[POSITION_COLUMN], 0.0)
     speed = observation[SPEED_COLUMN] * SCALES[SPEED_COLUMN]
     depth = max(observation[DEPTH_COLUMN] * SCALES[DEPTH_COLUMN], SHALLOWEST)
     target = position + observation[DISTANCE_COLUMN] * SCALES[DISTANCE_COLUMN]
 
-    passage = memory.passage
-    pass_by(passage, position, depth)
-    memory.furthest = max(memory.furthest, position)
-    _watch(memory, nominal, position, speed, force, depth)
-    nominal_tip = tip_behind(passage, nominal, depth, force, nominal.friction_per_depth, 1.0)
-    tip = max(tip_behind(passage, nominal, depth, force, memory.friction_per_depth, memory.stiffness_ratio), memory.tip)
+    estimate_cut(memory, nominal, position, speed, depth, force, mean_force, estimate)
+    left = target - estimate.tip
 
     k = len(observation)
     for i in range(k):
         features[i] = observation[i]
-    features[k] = (target - nominal_tip) / _LENGTH
-    features[k + 1] = (position - nominal_tip) / _LENGTH
-    features[k + 2] = (target - tip) / _LENGTH
-    features[k + 3] = (position - tip) / _LENGTH
-    features[k + 4] = tanh((target - tip) / _FINE)
+    features[k] = (target - estimate.nominal_tip) / _LENGTH
+    features[k + 1] = (position - estimate.nominal_tip) / _LENGTH
+    features[k + 2] = left / _LENGTH
+    features[k + 3] = (position - estimate.tip) / _LENGTH
+    features[k + 4] = tanh(left / _FINE)
     features[k + 5] = memory.probed
-    features[k + 6] = memory.probed * (target - memory.tip) / _LENGTH
-    features[k + 7] = memory.probed * tanh((target - memory.tip) / _FINE)
-    features[k + 8] = memory.probed * (memory.furthest - memory.tip) / _LENGTH
+    features[k + 6] = memory.probed * (target - memory.located) / _LENGTH
+    features[k + 7] = memory.probed * tanh((target - memory.located) / _FINE)
+    features[k + 8] = memory.probed * (memory.furthest - memory.located) / _LENGTH
     features[k + 9] = log(memory.stiffness_ratio)
     features[k + 10] = memory.friction_per_depth / nominal.friction_per_depth - 1.0
     features[k + 11] = (memory.furthest - position) / _LENGTH
     features[k + 12] = force / depth / _FORCE_PER_DEPTH
     features[k + 13] = observation[FORCE_MAX_COLUMN] * SCALES[FORCE_MAX_COLUMN] / depth / _FORCE_PER_DEPTH
+    features[k + 14] = estimate.elastic / (estimate.resistance * depth) - 1.0
+    features[k + 15] = estimate.resistance / nominal.toughness_per_depth - 1.0
+    features[k + 16] = estimate.run / _LENGTH
+    features[k + 17] = (left - estimate.run) / _LENGTH
+    features[k + 18] = tanh((left - estimate.run) / _FINE)
     k += _WORKED_OUT
 
     for i in range(len(frames)):
@@ -254,55 +216,3 @@ def _extract(
         frames[0, 2] = observation[FORCE_MAX_COLUMN]
         frames[0, 3] = position
         frames[0, 4] = observation[ANGLE_COLUMN]
-
-
-@njit_internal
-def _watch(memory: Struct, nominal: Struct, position: float, speed: float, force: float, depth: float) -> None:
-    """Update stiffness, friction and tip from the force while the blade draws back."""
-    if speed < _STEADY:
-        if memory.steady == 0:
-            memory.back_from = position
-            memory.count = 0
-            memory.x = memory.F = memory.xx = memory.xF = 0.0
-        memory.steady += 1
-    else:
-        memory.steady = 0
-    drawn_back = memory.back_from - position
-    if memory.steady > 1 and drawn_back > _SETTLED:
-        fell = memory.force - force
-        if force < 0.0 and fell < _FLAT and memory.position - position > _FLAT_OVER:
-            memory.friction_per_depth = -force / depth
-            _find_tip(memory, nominal, depth)
-        elif force > _STEEP - memory.friction_per_depth * depth:
-            memory.count += 1
-            memory.x += drawn_back
-            memory.F += force
-            memory.xx += drawn_back**2
-            memory.xF += drawn_back * force
-            if memory.count == 1:
-                memory.nearest = drawn_back
-            if memory.count > 1 and drawn_back - memory.nearest > _SPAN:
-                _find_tip(memory, nominal, depth)
-    if memory.steady <= 1 or memory.position - position > _FLAT_OVER:  # whatever the decision rate
-        memory.position = position
-        memory.force = force
-
-
-@njit_internal
-def _find_tip(memory: Struct, nominal: Struct, depth: float) -> None:
-    """Locate the tip: extrapolate the straight line of the force down to friction."""
-    n = memory.count
-    if n < 2:
-        return
-    spread = memory.xx - memory.x**2 / n
-    slope = (memory.x * memory.F / n - memory.xF) / max(spread, 1e-12)  # fall of the force over the retreat [N/m]
-    if slope <= 0.0:
-        return
-    mean_x, mean_F = memory.x / n, memory.F / n
-    tip = memory.back_from - mean_x - (mean_F + memory.friction_per_depth * depth) / slope
-    place = min(max(round(tip / SPACING), 0), memory.passage.passed - 1)
-    ratio = slope / nominal_stiffness(nominal, place, memory.passage.depths[place])
-    if _SOFTEST < ratio < _STIFFEST and tip > memory.tip - 0.003:
-        memory.tip = tip
-        memory.stiffness_ratio = ratio
-        memory.probed = 1

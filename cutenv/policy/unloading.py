@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cutenv._base.arrays import Array, Array32, Indices
+from cutenv._base.arrays import Array, Array32, Indices, StructArray
 from cutenv._base.validation import in_range
 from cutenv.policy.signals import DISTANCE_COLUMN, FORCE_COLUMN, POSITION_COLUMN, SPEED_COLUMN, choose, in_si
-from cutenv.policy.tip_estimate import TipEstimate
+from cutenv.policy.tip_estimate import CUT_ESTIMATE, TipEstimate
 from cutenv.task.observation import to_action
 
 UPRIGHT = math.pi / 2
@@ -32,7 +32,7 @@ class StopAndUnload:
     ----------
     margin : float
         Distance of the estimated tip before the target, once the blade has stopped, at which to command the stop [m].
-        retreat_speed : float
+    retreat_speed : float
         Speed of drawing back [m/s].
     tip_estimate : TipEstimate, optional
         Default: the estimator with the measured pig liver's mean stiffness.
@@ -41,6 +41,8 @@ class StopAndUnload:
     ----------
     tip, left : float, or array of shape (n,)
         The estimated tip and its distance to the target [m], at the last observation, or at those of n cuts.
+    estimates : Records, shape (n,)
+        All that is estimated of the cuts, :data:`cutenv.policy.tip_estimate.CUT_ESTIMATE`.
     """
 
     def __init__(
@@ -59,6 +61,7 @@ class StopAndUnload:
     def begin(self, count: int) -> None:
         """Forget all cuts, and begin ``count``."""
         self.tip_estimate.begin(count)
+        self.estimates: StructArray = np.zeros(count, CUT_ESTIMATE)
         self.tip: Any = np.zeros(count)
         self.left: Any = np.zeros(count)
         self._stopping, self._unloaded = np.zeros(count, bool), np.zeros(count, bool)
@@ -68,6 +71,10 @@ class StopAndUnload:
         self.tip_estimate.forget(cuts)
         self._stopping[cuts] = self._unloaded[cuts] = False
 
+    def stop(self, cuts: NDArray[np.bool_]) -> None:
+        """Begin the ending of those cuts now, wherever their tips are; ``cuts`` has shape (n,)."""
+        self._stopping |= cuts
+
     def __call__(self, observation: Array32) -> Array32 | None:
         """Return the action of the ending once it has begun, else None, for an observation, shape (12,)."""
         begun, actions = self.endings(in_si(observation)[None])
@@ -76,7 +83,8 @@ class StopAndUnload:
 
     def endings(self, seen: Array) -> tuple[NDArray[np.bool_], Array32]:
         """Return which endings have begun, shape (n,), and their actions, for observations in SI units, (n, 12)."""
-        self.tip = self.tip_estimate.tips(seen)
+        self.estimates = self.tip_estimate.estimates(seen)
+        self.tip = self.estimates["tip"]
         self.left = seen[:, POSITION_COLUMN] + seen[:, DISTANCE_COLUMN] - self.tip
         self._stopping |= self.left - coasting(seen[:, SPEED_COLUMN]) <= self._margin
         # While the blade draws back, friction lowers the measured force, so that zero is reached while the tissue still

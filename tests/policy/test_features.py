@@ -14,7 +14,8 @@ from observed import observed
 from whole_cut import CRUISE, INCLINED, UPRIGHT, cut, make
 
 from cutenv.policy import ConstantFeed, Features, ProbeAndCreep, RandomAction, apply_dead_zone, features
-from cutenv.policy.features import MEMORY, feature_count
+from cutenv.policy.features import feature_count
+from cutenv.policy.tip_estimate import CUT_ESTIMATE, CUT_MEMORY
 from cutenv.task.observation import CLIP, COMPONENTS, to_action
 
 N = len(COMPONENTS)
@@ -34,7 +35,7 @@ def all_features(seen: np.ndarray, **keywords) -> np.ndarray:
 @pytest.mark.parametrize("history", [0, 1, 6, 20])
 def test_there_are_as_many_as_it_says(history):
     extract = Features(history=history)
-    assert extract(observed()).shape == (extract.size,) == (feature_count(history),) == (N + 14 + 5 * history,)
+    assert extract(observed()).shape == (extract.size,) == (feature_count(history),) == (N + 19 + 5 * history,)
     assert extract(observed()).dtype == np.float32
 
 
@@ -65,7 +66,7 @@ def test_they_begin_with_the_observation_itself():
 
 def test_history_tells_the_decisions_before_and_how_far_ago_they_were():
     seen = observations(0)
-    found = all_features(seen, history=3)[:, N + 14 :].reshape(len(seen), 3, 5)
+    found = all_features(seen, history=3)[:, N + 19 :].reshape(len(seen), 3, 5)
     for back in (1, 2, 3):
         np.testing.assert_array_equal(found[back:, back - 1, :3], seen[:-back, 1:4])
         np.testing.assert_array_equal(found[back:, back - 1, 4], seen[:-back, 6])
@@ -177,7 +178,7 @@ def test_nothing_hidden_reaches_them():
         "cutenv.tissue.specimen",
         "cutenv._base.validation",
     }
-    assert not {"true_force", "elastic_force", "jump"} & set(MEMORY.names)
+    assert not {"true_force", "elastic_force", "jump"} & {*CUT_MEMORY.names, *CUT_ESTIMATE.names}
 
 
 def test_a_dead_zone_maps_small_speeds_to_rest_and_keeps_the_ends_and_the_angle():

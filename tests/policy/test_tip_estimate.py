@@ -8,6 +8,7 @@ from observed import observed
 from whole_cut import CRUISE, INCLINED, UPRIGHT, make
 
 from cutenv.policy import TipEstimate
+from cutenv.policy.signals import in_si
 from cutenv.policy.tip_estimate import remember_depth
 from cutenv.task.observation import to_action
 from cutenv.tissue import Specimen, measured_liver
@@ -94,3 +95,60 @@ def test_reset_forgets_the_depths_of_the_last_cut():
     used.reset()
     seen = observed(position=0.06, force=3.0, depth=0.02)
     assert used(seen) == TipEstimate()(seen)
+
+
+def after_a_return_stroke(seed: int, *, control_hz: int = 50, stroke: float = 0.0025, **keywords: float):
+    """Estimator and environment after a cut of 60 mm, a return stroke and 5 mm more; and the true friction [N/m]."""
+    env, estimate = make(control_hz=control_hz, target_length=0.09, specimen_class="liver", **keywords), TipEstimate()
+    observation, info = env.reset(seed=seed)
+    friction = env.unwrapped.specimen.friction_per_depth
+    turn = None
+    for _ in range(15 * control_hz):
+        tip, blade = estimate(observation), info["truth"]["blade_m"]
+        furthest = float(estimate.memory["furthest"][0])
+        if turn is None and furthest > 0.060 and furthest - blade > stroke:
+            turn = furthest
+        if turn is not None and blade > turn + 0.005:
+            return tip, estimate, info["truth"], friction
+        back = turn is None and furthest > 0.060
+        observation, *_, info = env.step(to_action(-0.010 if back else CRUISE, INCLINED))
+    raise AssertionError("the cut never came there")
+
+
+@pytest.mark.parametrize("control_hz", [10, 50])
+def test_a_return_stroke_measures_stiffness_and_friction_and_finds_the_tip_from_then_on(control_hz):
+    tips, stiffnesses, frictions = [], [], []
+    for seed in range(12):
+        tip, estimate, truth, friction = after_a_return_stroke(seed, control_hz=control_hz)
+        assert estimate.memory["probed"][0] == 1
+        tips.append(tip - truth["tip_m"])
+        stiffnesses.append(float(estimate.memory["stiffness_ratio"][0]))
+        frictions.append(float(estimate.memory["friction_per_depth"][0]) / friction)
+    assert np.std(stiffnesses) > 0.15, "livers differ"
+    assert np.median(np.abs(tips)) < 0.4e-3
+    assert np.median(np.abs(np.array(frictions) - 1.0)) < 0.1
+
+
+def test_without_a_return_stroke_it_does_not_so_the_check_can_fail():
+    tips = []
+    for seed in range(12):
+        tip, estimate, truth, _ = after_a_return_stroke(seed, stroke=0.0)
+        assert estimate.memory["probed"][0] == 0
+        tips.append(tip - truth["tip_m"])
+    assert np.median(np.abs(tips)) > 0.8e-3
+
+
+def test_the_run_that_is_predicted_is_that_of_the_energy_balance():
+    """F l - K l^2 / 2 = R B l, with the resistance that the force has shown so far."""
+    estimate = TipEstimate()
+    for position in np.linspace(0.0, 0.05, 51):  # 3 N all along 2 cm of depth: 150 N/m, friction included
+        estimate.estimates(in_si(observed(position=position, speed=0.01, force=3.0, force_mean=3.0, depth=0.02))[None])
+    (found,) = estimate.estimates(
+        in_si(observed(position=0.05, speed=0.01, force=6.0, force_mean=6.0, depth=0.02))[None]
+    )
+    friction = float(estimate.memory["friction_per_depth"][0]) * 0.02
+    nominal = nominal_tissue(LIVER)["toughness_per_depth"][0]
+    resistance = ((3.0 - friction) / 0.02 * 0.035 + nominal * 0.005) / 0.040
+    assert found["elastic"] == pytest.approx(6.0 - friction, abs=1e-6)
+    assert found["resistance"] == pytest.approx(resistance, rel=1e-5)
+    assert found["run"] == pytest.approx(2.0 * (6.0 - friction - 0.02 * resistance) / found["stiffness"], rel=1e-5)
