@@ -28,15 +28,17 @@ from cutenv.policy.signals import (
 )
 from cutenv.policy.tip_estimate import CUT_ESTIMATE, estimate_cut, nothing_yet
 from cutenv.task.observation import CLIP, COMPONENTS, SCALES, checked_observation
+from cutenv.task.reward import DECELERATION
 from cutenv.task_quantities import SHALLOWEST
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.nominal import nominal_tissue
 
-_WORKED_OUT = 19  # derived features, besides observation and history
+_WORKED_OUT = 21  # derived features, besides observation and history
 _CHANNELS = 5  # values per decision of the history
 _FORCES = [FORCE_COLUMN, FORCE_MEAN_COLUMN, FORCE_MIN_COLUMN, FORCE_MAX_COLUMN]
 _LENGTH = 0.010  # [m], scale of lengths
 _FINE = 0.002  # [m], scale of lengths that decide whether a cut is a success
+_NEAR = 0.010  # [m] before the target, where a cut calls for care
 _FORCE_PER_DEPTH = 300.0  # [N/m]
 
 
@@ -177,6 +179,7 @@ def _extract(
 
     estimate_cut(memory, nominal, position, speed, depth, force, mean_force, estimate)
     left = target - estimate.tip
+    reach = left - max(speed, 0.0) ** 2 / (2.0 * DECELERATION)  # less the way that the blade needs to stop
 
     k = len(observation)
     for i in range(k):
@@ -200,6 +203,8 @@ def _extract(
     features[k + 16] = estimate.run / _LENGTH
     features[k + 17] = (left - estimate.run) / _LENGTH
     features[k + 18] = tanh((left - estimate.run) / _FINE)
+    features[k + 19] = tanh(reach / _FINE)
+    features[k + 20] = tanh((reach - _NEAR) / _FINE)
     k += _WORKED_OUT
 
     for i in range(len(frames)):

@@ -35,7 +35,7 @@ def all_features(seen: np.ndarray, **keywords) -> np.ndarray:
 @pytest.mark.parametrize("history", [0, 1, 6, 20])
 def test_there_are_as_many_as_it_says(history):
     extract = Features(history=history)
-    assert extract(observed()).shape == (extract.size,) == (feature_count(history),) == (N + 19 + 5 * history,)
+    assert extract(observed()).shape == (extract.size,) == (feature_count(history),) == (N + 21 + 5 * history,)
     assert extract(observed()).dtype == np.float32
 
 
@@ -66,7 +66,7 @@ def test_they_begin_with_the_observation_itself():
 
 def test_history_tells_the_decisions_before_and_how_far_ago_they_were():
     seen = observations(0)
-    found = all_features(seen, history=3)[:, N + 19 :].reshape(len(seen), 3, 5)
+    found = all_features(seen, history=3)[:, N + 21 :].reshape(len(seen), 3, 5)
     for back in (1, 2, 3):
         np.testing.assert_array_equal(found[back:, back - 1, :3], seen[:-back, 1:4])
         np.testing.assert_array_equal(found[back:, back - 1, 4], seen[:-back, 6])
