@@ -89,7 +89,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     backward     0.15   backward travel after first contact / L
     haste        0.1    integral over travel of stopping distance / 3 mm, / L
     time         0.15   time / 30 s
-    tip_error    0.2    at the end: min(tip error / 3 mm, 3)
+    missed       0.3    at the end: 1 unless it is a success
+    tip_error    0.1    at the end: min(tip error / 3 mm, 3)
     wedge        0.2    at the end: uncut wedge / B = cot(angle)
     stored       0.1    at the end: min(stored energy / (R B 3 mm), 2)
     safety       1      at an end for safety: the worst that stopping could still have cost

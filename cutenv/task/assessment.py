@@ -276,13 +276,22 @@ def conclude(
 
 
 @njit
+def succeeded(task: Struct, progress: Struct) -> bool:
+    """Return True if finished, with the tip within 3 mm of the target and the blade within 10 degrees of upright."""
+    near = tip_error(progress.tip, task.target) <= TIP_TOLERANCE
+    upright = abs(0.5 * math.pi - progress.angle) <= ANGLE_TOLERANCE
+    success: bool = progress.end == _FINISHED and near and upright
+    return success
+
+
+@njit
 def charge_end(task: Struct, progress: Struct, profile: Struct, info: Struct) -> None:
     """Charge the terminal cost, the same for every end, and the additional cost of an end for safety."""
     tip = progress.tip
     stored = 0.5 * stiffness_at(profile, tip)[0] * lag(progress.position, tip) ** 2
     _charge_end(
         task, progress, progress.updates, task.target, tip, tip, max(task.deadline - progress.time, 0.0),
-        progress.angle, stored, toughness_at(profile, tip), info,
+        progress.angle, stored, toughness_at(profile, tip), 0.0 if succeeded(task, progress) else 1.0, info,
     )  # fmt: skip
 
 
@@ -356,15 +365,6 @@ def assess_readings(
             break
     conclude(count, 0, task, progress, nominal, nominal, felt, angle, action, e.infos[0], observation)
     return add_terms(as_float64_view(e.infos), e.totals), progress.end
-
-
-@njit
-def succeeded(task: Struct, progress: Struct) -> bool:
-    """Return True if finished, with the tip within 3 mm of the target and the blade within 10 degrees of upright."""
-    near = tip_error(progress.tip, task.target) <= TIP_TOLERANCE
-    upright = abs(0.5 * math.pi - progress.angle) <= ANGLE_TOLERANCE
-    success: bool = progress.end == _FINISHED and near and upright
-    return success
 
 
 @njit

@@ -154,7 +154,7 @@ class GentleCutting:
 
     @property
     def terms(self) -> NDArray[np.float64]:
-        """The reward of the last step by term, shape (12,): a view."""
+        """The reward of the last step by term, shape (13,): a view."""
         return self._numbers()[0][PLACES["reward_terms"]]
 
     def info(self) -> list[float]:
