@@ -107,14 +107,14 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     All are ``terminated``; ``truncated`` is always False; ``info["end"]`` names which: of several in one millisecond,
     the first counts.
 
-    =========== ======================================================================================
+    =========== =======================================================================================================
     End         When
-    =========== ======================================================================================
+    =========== =======================================================================================================
     force_limit force per depth above ``force_limit_per_depth``; an end for safety
     overshoot   tip more than 5 mm beyond the target; an end for safety
-    finished    after 10 mm of travel, speed below 0.5 mm/s and force below friction + 0.1 N for 0.3 s
+    finished    blade has been within 10 mm of the target, speed below 0.5 mm/s, force below friction + 0.1 N for 0.3 s
     deadline    ``deadline_s`` have passed
-    =========== ======================================================================================
+    =========== =======================================================================================================
 
     Success (``info["is_success"]``): finished, tip within 3 mm of the target, blade within 10 degrees of upright.
 

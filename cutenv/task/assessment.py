@@ -30,8 +30,8 @@ from cutenv.task.tip_estimation import estimated_tip
 from cutenv.task_quantities import ANGLE_TOLERANCE, SHALLOWEST, TIP_TOLERANCE, lag, tip_error
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 
-TRAVEL_TO_FINISH = 0.010
-"""Position that the blade must have reached before the task can be finished [m]."""
+NEAR_TARGET = 0.010
+"""Distance from the target to which the blade must have come before the task can be finished [m]."""
 SPEED_AT_REST = 0.5e-3
 """Speed below which the blade counts as at rest [m/s]."""
 FORCE_UNLOADED = 0.1
@@ -214,7 +214,7 @@ def count_lane(
     depth = max(depth, SHALLOWEST)
     furthest = max(count.furthest[k], position)
     unloaded = felt < count.friction_per_depth[k] * depth + FORCE_UNLOADED
-    resting = speed < SPEED_AT_REST and unloaded and furthest >= TRAVEL_TO_FINISH
+    resting = speed < SPEED_AT_REST and unloaded and furthest >= count.target[k] - NEAR_TARGET
     time, quiet = count.time[k] + TICK, count.quiet[k] + TICK if resting else 0.0
     _add(
         count, k, felt, size, count.force_limit_per_depth[k] * depth, depth, position, moved, speed, tip, jump,

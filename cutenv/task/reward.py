@@ -233,7 +233,7 @@ CUT_ENDS = (
     ),
     End(
         name="finished",
-        text="after 10 mm of travel, speed below 0.5 mm/s and force below friction + 0.1 N for 0.3 s",
+        text="blade has been within 10 mm of the target, speed below 0.5 mm/s, force below friction + 0.1 N for 0.3 s",
         when=lambda quiet: quiet >= TIME_AT_REST - 0.5 * TICK,
     ),
     End(

@@ -48,7 +48,7 @@ def assess_again(env: Any, cut: Cut, *, weights: dict[str, float] = WEIGHTS, for
     per_depth = np.abs(readings["true_force"]) / depth
     friction = specimen.friction_per_depth * depth
     time = TICK * np.arange(1, len(x) + 1)
-    end, n = _first_end(x, a - L, v, per_depth - force_limit, readings["force"] - friction, time - task.deadline)
+    end, n = _first_end(x, a - L, v, per_depth - force_limit, readings["force"] - friction, time - task.deadline, L)
 
     feed = np.diff(x[:n], prepend=0.0)
     touched = np.concatenate(([False], np.maximum.accumulate(x > a)[: n - 1]))
@@ -77,8 +77,8 @@ def assess_again(env: Any, cut: Cut, *, weights: dict[str, float] = WEIGHTS, for
     return Assessment(terms, end, n, success)
 
 
-def _first_end(x, beyond, v, over_limit, over_friction, after_deadline) -> tuple[str, int]:
-    quiet = (np.abs(v) < 0.5e-3) & (over_friction < 0.1) & (np.maximum.accumulate(x) >= 0.010)
+def _first_end(x, beyond, v, over_limit, over_friction, after_deadline, L) -> tuple[str, int]:
+    quiet = (np.abs(v) < 0.5e-3) & (over_friction < 0.1) & (np.maximum.accumulate(x) >= L - 0.010)
     for i in range(len(x)):
         if over_limit[i] > 0.0:
             return "force_limit", i + 1

@@ -15,6 +15,7 @@ import cutenv  # noqa: F401  registers the environment
 from cutenv._engine import parallel
 from cutenv.cutting.row import LANES
 from cutenv.envs.vector import GentleCutVectorEnv
+from cutenv.task.observation import in_units, to_action
 from cutenv.tissue import Specimen, measured_liver
 
 ENVIRONMENT = "cutenv/GentleCut-v1"
@@ -119,13 +120,30 @@ def test_it_is_so_for_rows_of_cuts_and_for_every_drive_and_sensor(keywords):
     assert ended >= count
 
 
+def test_rest_far_from_the_target_ends_no_cut():
+    native, singles = both(num_envs=2)
+    for env in (native, singles):
+        env.reset(seed=3)
+    for step in range(400):
+        speed = 0.0127 if step < 100 else (-0.005 if step < 200 else 0.0)
+        action = np.tile(to_action(speed, 0.5 * np.pi), (2, 1))
+        seen, *_, ended, _, info = native.step(action)
+        np.testing.assert_array_equal(seen, singles.step(action)[0])
+        assert not ended.any(), info
+    known = in_units(seen)
+    assert np.all(known["position"] > 0.01)
+    assert np.all(known["distance"] > 0.02)
+    assert np.all(np.abs(known["speed"]) < 0.5e-3)
+    assert np.all(known["force"] < 0.1)
+
+
 def test_a_cut_that_has_finished_is_told_so():
-    native, singles = both(num_envs=2, deadline_s=20.0)
+    native, singles = both(num_envs=2, deadline_s=20.0, target_length=0.06)
     for env in (native, singles):
         env.reset(seed=3)
     for step in range(600):
-        speed = 0.5 if step < 200 else (-0.2 if step < 280 else 0.0)
-        action = np.tile(np.array([[speed, 1.0]], np.float32), (2, 1))
+        speed = 0.0127 if step < 210 else (-0.0127 if step < 290 else 0.0)
+        action = np.tile(to_action(speed, 0.5 * np.pi), (2, 1))
         ours, theirs = native.step(action), singles.step(action)
         check_same(ours[4], theirs[4])
         if "end" in ours[4]:
