@@ -31,7 +31,7 @@ from cutenv.task.assessment import (
 )
 from cutenv.task.episode_dtypes import PROGRESS, SPECIMEN, TASK
 from cutenv.task.info import INFO
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
 from cutenv.task.reward import TERMS
 from cutenv.task.tip_estimation import estimated_tip
 
@@ -259,7 +259,7 @@ def _take(cuts: Cuts, row: Struct, plain: Plain, count: Struct, actions: StructA
     """Load cut number ``n`` and its action into lane ``k``."""
     take(row, plain, cuts.profiles[n], cuts.drives[n], cuts.sensors[n], k, n)
     begin_count(count, k, cuts.tasks[n], cuts.progresses[n])
-    row.given[k] = SPEED_SCALE * actions[n, 0]
+    row.given[k] = commanded_speed(actions[n, 0])
     row.aim[k] = ANGLE_CENTRE + ANGLE_SCALE * actions[n, 1]
 
 

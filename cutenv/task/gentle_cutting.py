@@ -14,7 +14,7 @@ from cutenv.task.assessment import assess_readings, charge_end, succeeded
 from cutenv.task.beginning import expect
 from cutenv.task.cuts import EPISODE, Cuts, rest_one, step_one, tell_one
 from cutenv.task.info import GROUPS, OUT_OF_RANGE, PLACES, WHOLE
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, SPEED_SCALE
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, commanded_speed
 from cutenv.task.reward import ENDS, STOPPED, TERMS
 from cutenv.task.weights import Limits, RewardWeights, task_record
 from cutenv.tissue.description import TissueDescription
@@ -89,7 +89,8 @@ class GentleCutting:
         """Command an action (2 numbers in [-1, 1]) for one decision; return observation, shape (12,), and reward."""
         speed, angle = action.tolist()
         self.last_action = action
-        return self._assess(self.plant.advance(SPEED_SCALE * speed, ANGLE_CENTRE + ANGLE_SCALE * angle, self.ticks))
+        commanded = float(commanded_speed(speed)), ANGLE_CENTRE + ANGLE_SCALE * angle
+        return self._assess(self.plant.advance(*commanded, self.ticks))
 
     def stopped(self, readings: StructArray) -> tuple[NDArray[np.float32], float]:
         """End a cut whose plant was stopped by the rig's safety in the step after ``readings``; a safety end.
