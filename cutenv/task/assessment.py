@@ -321,12 +321,19 @@ def tell(state: Struct, profile: Struct, law: Struct, task: Struct, specimen: St
 
 @njit_inline
 def observe_rest(
-    counts: StructArray, task: Struct, measured: Struct, angle: float, last_angle: float, observation: StructArray
+    counts: StructArray,
+    task: Struct,
+    progress: Struct,
+    measured: Struct,
+    angle: float,
+    last_angle: float,
+    observation: StructArray,
 ) -> None:
-    """Fill the observation at the start: the blade at rest at the clamp, force tared to zero; ``counts`` are zeros."""
+    """Fill the observation at the start: the blade at rest, force tared to zero; ``counts`` are zeros."""
+    position = progress.position
     _fill(
-        first_row(counts), 0, 0.0, 1, 0.0, 0.0, angle, depth_at(measured, 0.0), 0.0, task.target, task.deadline, 0.0,
-        last_angle, observation,
+        first_row(counts), 0, 0.0, 1, position, 0.0, angle, depth_at(measured, position), 0.0, task.target,
+        task.deadline, 0.0, last_angle, observation,
     )  # fmt: skip
 
 

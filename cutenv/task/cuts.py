@@ -131,7 +131,7 @@ def step_one(
 def rest_one(episodes: StructArray, angle: float, last_angle: float, observation: StructArray) -> None:
     """Fill the observation of one episode at its start, before any step: :func:`observe_rest`."""
     e = episodes[0]
-    observe_rest(e.counts, e.tasks[0], e.nominals[0], angle, last_angle, observation)
+    observe_rest(e.counts, e.tasks[0], e.progresses[0], e.nominals[0], angle, last_angle, observation)
 
 
 @njit

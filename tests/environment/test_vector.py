@@ -84,6 +84,8 @@ KEYWORDS = [
     {"reward_from": "estimate"},
     {"force_drift": 0.02, "force_delay": 0.003, "weight_jump": 0.7, "depth_noise": 0.002},
     {"force_limit_per_depth": 300.0},
+    {"start_before_target": 0.02},
+    {"start_before_target": 0.005, "reward_from": "estimate", "drive": "hand", "specimen_class": "uniform"},
 ]
 
 
@@ -118,6 +120,32 @@ def test_it_is_so_for_rows_of_cuts_and_for_every_drive_and_sensor(keywords):
     steps = round(1.5 * keywords["deadline_s"] * keywords["control_hz"])
     ended, _ = run_both(*both("NextStep", count, **keywords), steps=steps, num_envs=count)
     assert ended >= count
+
+
+@pytest.mark.parametrize("keywords", [{}, {"reward_from": "estimate"}, {"drive": "hand", "target_length": 0.05}])
+def test_a_cut_that_starts_before_the_target_starts_unloaded_and_at_rest(keywords):
+    envs = gymnasium.make_vec(ENVIRONMENT, num_envs=3, start_before_target=0.015, **keywords)
+    seen, info = envs.reset(seed=5)
+    known = in_units(seen)
+    np.testing.assert_allclose(known["distance"], 0.015, atol=1e-8)
+    np.testing.assert_allclose(known["position"], info["truth"]["target_length_m"] - 0.015, atol=1e-7)
+    assert_array_equal(info["truth"]["tip_m"], info["truth"]["blade_m"])
+    assert not known["speed"].any()
+    assert not known["force"].any()
+    _, rewards, _, _, later = envs.step(np.zeros((3, 2), np.float32))
+    assert_array_equal(later["truth"]["blade_m"], info["truth"]["blade_m"])
+    assert not later["energy"]["stored"].any()
+    np.testing.assert_allclose(rewards, -0.15 * 0.02 / 30.0)  # time alone
+
+
+def test_progress_counts_what_is_gained_from_the_start():
+    env = gymnasium.make(ENVIRONMENT, start_before_target=0.01, target_length=0.08, specimen_class="uniform")
+    env.reset(seed=1)
+    ended, gained = False, 0.0
+    while not ended:
+        _, _, ended, _, info = env.step(to_action(0.02, 0.5 * np.pi))
+        gained += info["reward_terms"]["progress"]
+    assert gained == pytest.approx(0.01 / 0.08)
 
 
 def test_rest_far_from_the_target_ends_no_cut():
