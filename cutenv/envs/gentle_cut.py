@@ -101,8 +101,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     The stopping distance is v^2 / (2 x 0.1 m/s2): a blade that needs longer to stop than success allows for is not
     under control, whatever it meets.
 
-    Doing nothing returns -0.75.  No return exceeds 1.  An end for safety also pays the time left, tip error and wedge
-    at their largest, and a loaded tissue.  Weights can be replaced by keyword (``weight_jump=0.2``).
+    Doing nothing returns -0.75.  No return exceeds 1.  An end for safety also pays the time left, a miss, tip error
+    and wedge at their largest, and a loaded tissue.  Weights can be replaced by keyword (``weight_jump=0.2``).
 
     Ends
     ----

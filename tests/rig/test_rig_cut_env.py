@@ -81,8 +81,8 @@ def test_the_same_cut_scores_as_in_the_simulator(env, name):
     assert np.median(differences) < 0.05  # a run more or less costs as much
 
 
-def test_a_rig_whose_sensor_is_slow_and_noisy_does_not():
-    env = RigCutEnv(rig="fake", force_noise=0.3, force_delay=0.06)
+def test_a_rig_that_is_slow_and_noisy_does_not():
+    env = RigCutEnv(rig="fake", force_noise=0.3, force_delay=0.06, motor_lag=0.12)
     with pytest.raises(AssertionError):
         test_the_same_cut_scores_as_in_the_simulator(env, "probe and creep")
 
