@@ -34,7 +34,6 @@ def train(arguments: PPOArguments, run: Path) -> None:
     # Sixty-four cuts at once.  The actor sees features; the hidden state after them is for the critic alone.
     environments = FeatureVecEnv(
         arguments.training_seeds,
-        dead_zone=arguments.dead_zone,
         hidden_state=True,
         **arguments.features,
         **arguments.environment,

@@ -4,9 +4,9 @@
     python agents/ppo_minimal.py --total-decisions 200000 --seed 3
 
 It needs cutenv's environment, gymnasium, numpy and torch, and nothing from cutenv.learning.  It sees the 12 numbers of
-the observation and learns by trial alone: no features, no demonstrations, no dead zone, and a critic that sees no more
-than the actor.  Measured with seeds 0 and 1: a return of -0.83 before, 0.01 and -0.04 after 1.5 million decisions (some
-two minutes), with success in 16 and 15 % of 200 held-out specimens; doing nothing earns -0.75.  The agent of
+the observation and learns by trial alone: no features, no demonstrations, and a critic that sees no more than the
+actor.  Measured with seeds 0 and 1: a return of -0.83 before, 0.01 and -0.04 after 1.5 million decisions (some two
+minutes), with success in 16 and 15 % of 200 held-out specimens; doing nothing earns -0.75.  The agent of
 ``cutenv train`` has all of these: it reaches 0.55 from its demonstrations alone, before it learns by trial.
 """
 

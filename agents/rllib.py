@@ -59,7 +59,6 @@ class Arguments:
     angle_mode: str = option("free", "turn the blade (free), or keep its angle (fixed)", ("free", "fixed"))
     control_hz: int = option(10, "decisions per second")
     history: int = option(0, "number of past decisions among the features", (0, 100))
-    dead_zone: float = option(0.25, "share of the speed's action that means rest", (0.0, 0.9))
     rollout: int = option(128, "number of decisions of each environment between updates", (2, 10**6))
     batch_size: int = option(1024, "number of decisions in a gradient step", (2, 10**9))
     epochs: int = option(8, "number of passes over the sampled decisions", (1, 10**6))
@@ -123,7 +122,6 @@ def algorithm(arguments: Arguments, first_episode: int = 0) -> PPO:
         "first_seed": arguments.training_seeds.start,
         "first_episode": first_episode,
         "history": arguments.history,
-        "dead_zone": arguments.dead_zone,
     }
     config = (
         PPOConfig()
@@ -263,7 +261,6 @@ def main() -> None:
         environment=ENVIRONMENT,
         environment_arguments={"control_hz": arguments.control_hz, "angle_mode": arguments.angle_mode},
         features={"history": arguments.history},
-        dead_zone=arguments.dead_zone,
         training=facts | {"decisions": int(float(curve[-1]["decisions"])) if curve else 0},
         replace=True,
     )

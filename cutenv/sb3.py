@@ -24,7 +24,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
 from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.policy.features import Features, apply_dead_zone
+from cutenv.policy.features import Features
 from cutenv.task.episode_dtypes import ENDS
 from cutenv.task.privileged import PRIVILEGED_FEATURES, append_privileged
 
@@ -140,7 +140,7 @@ class NativeVecEnv(VecEnv):
 
 
 class FeatureVecEnv(NativeVecEnv):
-    """Environments of ``cutenv train``: the observations are features, and the actions have a dead zone.
+    """Environments of ``cutenv train``: the observations are features.
 
     An observation is the output of :class:`cutenv.policy.Features`: forces by depth, an estimate of the crack tip, the
     distance to the target.  The attribute ``features`` is its size.
@@ -151,8 +151,6 @@ class FeatureVecEnv(NativeVecEnv):
         See :class:`NativeVecEnv`.
     history : int
         Number of past decisions among the features.
-    dead_zone : float
-        Share of the speed's action around 0 that means rest, see :func:`cutenv.policy.apply_dead_zone`.
     force : bool
         Whether the features include the force.
     hidden_state : bool
@@ -167,14 +165,13 @@ class FeatureVecEnv(NativeVecEnv):
         seeds: int | Sequence[int],
         *,
         history: int = 0,
-        dead_zone: float = 0.25,
         force: bool = True,
         hidden_state: bool = False,
         **arguments: Any,
     ) -> None:
         count = seeds if isinstance(seeds, int) else len(seeds)
         self._features = Features(count, history=history, force=force)
-        self.features, self.dead_zone = self._features.size, dead_zone
+        self.features = self._features.size
         self._hidden_state = hidden_state
         self._all = np.arange(count)
         super().__init__(seeds, **arguments)
@@ -182,10 +179,6 @@ class FeatureVecEnv(NativeVecEnv):
     def _make_observation_space(self) -> gymnasium.Space[Any]:
         size = self.features + (len(PRIVILEGED_FEATURES) if self._hidden_state else 0)
         return gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float32)
-
-    def step_async(self, actions: np.ndarray) -> None:
-        """Store the actions, shape (n, 2), after applying the dead zone."""
-        super().step_async(apply_dead_zone(actions, self.dead_zone))  # clipped by the environment
 
     def _observe(self) -> np.ndarray:
         return self._with_hidden_state(self._features(self.observations), self._all)

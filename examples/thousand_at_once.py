@@ -6,6 +6,7 @@ import gymnasium
 import numpy as np
 
 import cutenv  # registers the environments
+from cutenv.task.observation import to_action
 
 envs = gymnasium.make_vec("cutenv/GentleCut-v1", num_envs=1024, autoreset_mode="SameStep")
 env = gymnasium.make("cutenv/GentleCut-v1")
@@ -13,7 +14,7 @@ observations, _ = envs.reset(seed=0)  # environment i has seed i
 single, _ = env.reset(seed=7)
 assert np.array_equal(observations[7], single)
 
-action = np.array([0.4, -1.0], np.float32)  # 40 % of the greatest speed, 45 degrees
+action = to_action(0.01, np.radians(45.0))
 actions = np.tile(action, (1024, 1))
 envs.step(actions)  # compiles at the first use
 env.step(action)

@@ -43,7 +43,7 @@ class _Cut:
                 if attempt == _ATTEMPTS - 1:
                     raise
                 continue
-            if not any(self.env.step([0.5, 1.0])[2] for _ in range(_GOOD)):
+            if not any(self.env.step([0.625, 1.0])[2] for _ in range(_GOOD)):
                 break
         emulator = self.env._source.emulator
         assert emulator is not None
@@ -107,12 +107,12 @@ def alternating() -> Found:
 
 def nearly_late() -> Found:
     """Take 15 of the 20 ms for each decision: a busy machine may stop it, an idle one should not."""
-    return _returned(lambda i: np.array([0.3, 1.0]), None, wait=0.015)
+    return _returned(lambda i: np.array([0.475, 1.0]), None, wait=0.015)
 
 
 def late() -> Found:
     """Take 100 ms for a decision."""
-    return _returned(lambda i: np.array([0.3, 1.0]), "clock overrun", wait=0.1)
+    return _returned(lambda i: np.array([0.475, 1.0]), "clock overrun", wait=0.1)
 
 
 def raising() -> Found:
@@ -136,7 +136,7 @@ def resetting() -> Found:
     with tempfile.TemporaryDirectory() as folder:
         cut = _Cut(folder)
         cut.env.reset(seed=5)
-        cut.env.step([0.3, 1.0])
+        cut.env.step([0.475, 1.0])
         return cut.judged(stopped=None)
 
 
@@ -149,7 +149,7 @@ def deleting_its_record() -> Found:
         told = ""
         try:
             for _ in range(_BAD):
-                if cut.env.step([0.3, 1.0])[2]:
+                if cut.env.step([0.475, 1.0])[2]:
                     break
         except OSError as error:
             told = str(error)
@@ -171,7 +171,7 @@ def filling_the_disk() -> Found:
         resource.setrlimit(resource.RLIMIT_FSIZE, (written + 10_000, before[1]))
         try:
             for _ in range(_BAD):
-                if cut.env.step([0.3, 1.0])[2]:
+                if cut.env.step([0.475, 1.0])[2]:
                     break
         except OSError:
             pass

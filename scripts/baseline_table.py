@@ -39,7 +39,7 @@ def repaid(row: Mapping[str, Any], weights: RewardWeights) -> float:
     if row["end"] in SAFETY_ENDS:
         time_left = max(DEADLINE - float(row["time_s"]), 0.0)
         total -= weights.time * time_left / TIME_SCALE
-        total -= weights.tip_error * TIP_ERROR_CAP + weights.wedge + weights.stored * WORST_STORED
+        total -= weights.missed + weights.tip_error * TIP_ERROR_CAP + weights.wedge + weights.stored * WORST_STORED
     return total
 
 

@@ -119,10 +119,11 @@ class CutBatch:
         target = self.single.target_length or 0.0
         if options.get("target_length") is not None:
             target = checked_length(options["target_length"])
+            self.single.check_start(target)
         parallel_for(
             begin_some, len(which), self.cuts, start, expected, which, self.seeds, self.episodes,
-            GIVEN if given else _SOURCES[self.single.specimen_class], self.single.from_truth, target, *self._drawn_by,
-            self.observations, self._vascular,
+            GIVEN if given else _SOURCES[self.single.specimen_class], self.single.from_truth, target,
+            self.single.start_before_target or 0.0, *self._drawn_by, self.observations, self._vascular,
         )  # fmt: skip
         drawn = self._vascular[which]
         classes = self.classes.copy()  # callers keep the arrays they were given

@@ -18,7 +18,7 @@ from cutenv._engine.jit import warn_before_first_compile
 from cutenv.envs.constants import Constants, identified_constants
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant.simulator import ANGLE_RANGE, SimulatedPlant
-from cutenv.task.beginning import drawn_length
+from cutenv.task.beginning import SHORTEST, drawn_length
 from cutenv.task.cuts import step_one
 from cutenv.task.gentle_cutting import SimulatedCutting
 from cutenv.task.info import GROUPS, OUT_OF_RANGE, PLACES
@@ -51,7 +51,9 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     1   target angle    45 to 90 (upright)     deg
     === =============== ====================== ======
 
-    The drive follows through its lag and limits.  With ``angle_mode="fixed"`` the second number is ignored.
+    A speed action has a dead zone, so that noise about 0 does not move the blade: -1 to -0.25: 2.54 to 0 cm/s back;
+    -0.25 to 0.25: rest; 0.25 to 1: 0 to 2.54 cm/s forward.  ``cutenv.task.observation.to_action`` gives the action for
+    a speed.  The drive follows through its lag and limits.  With ``angle_mode="fixed"`` the second number is ignored.
 
     Observation
     -----------
@@ -89,7 +91,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     backward     0.15   backward travel after first contact / L
     haste        0.1    integral over travel of stopping distance / 3 mm, / L
     time         0.15   time / 30 s
-    tip_error    0.2    at the end: min(tip error / 3 mm, 3)
+    missed       0.3    at the end: 1 unless it is a success
+    tip_error    0.1    at the end: min(tip error / 3 mm, 3)
     wedge        0.2    at the end: uncut wedge / B = cot(angle)
     stored       0.1    at the end: min(stored energy / (R B 3 mm), 2)
     safety       1      at an end for safety: the worst that stopping could still have cost
@@ -98,42 +101,43 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     The stopping distance is v^2 / (2 x 0.1 m/s2): a blade that needs longer to stop than success allows for is not
     under control, whatever it meets.
 
-    Doing nothing returns -0.75.  No return exceeds 1.  An end for safety also pays the time left, tip error and wedge
-    at their largest, and a loaded tissue.  Weights can be replaced by keyword (``weight_jump=0.2``).
+    Doing nothing returns -0.75.  No return exceeds 1.  An end for safety also pays the time left, a miss, tip error
+    and wedge at their largest, and a loaded tissue.  Weights can be replaced by keyword (``weight_jump=0.2``).
 
     Ends
     ----
     All are ``terminated``; ``truncated`` is always False; ``info["end"]`` names which: of several in one millisecond,
     the first counts.
 
-    =========== ======================================================================================
+    =========== =======================================================================================================
     End         When
-    =========== ======================================================================================
+    =========== =======================================================================================================
     force_limit force per depth above ``force_limit_per_depth``; an end for safety
     overshoot   tip more than 5 mm beyond the target; an end for safety
-    finished    after 10 mm of travel, speed below 0.5 mm/s and force below friction + 0.1 N for 0.3 s
+    finished    blade has been within 10 mm of the target, speed below 0.5 mm/s, force below friction + 0.1 N for 0.3 s
     deadline    ``deadline_s`` have passed
-    =========== ======================================================================================
+    =========== =======================================================================================================
 
     Success (``info["is_success"]``): finished, tip within 3 mm of the target, blade within 10 degrees of upright.
 
     Arguments
     ---------
-    =============== ======= ===========================================================================
-    Keyword         Default Meaning
-    =============== ======= ===========================================================================
-    specimen_class  "mixed" "uniform", "liver", "vascular" (tough inclusions) or "mixed" (half each)
-    target_length   None    length of the cut [m]; None: drawn from 0.060 to 0.100 m
-    tissue          None    path of a tissue or specimen JSON file; None: the measured pig liver
-    control_hz      50      decisions per second; divides 1000
-    deadline_s      30.0    time for a cut [s]
-    angle_mode      "free"  "free" or "fixed"
-    fixed_angle_deg 90.0    angle of the blade if fixed [deg], 45 to 90
-    reward_from     "truth" "truth" or "estimate" (tip from force, as on a rig)
-    drive           "rig"   "rig" (holds position) or "hand" (yields to force)
-    rig             None    a rig's TOML file, whose identified values replace the parameter table's
-    render_mode     None    "rgb_array" or "human"
-    =============== ======= ===========================================================================
+    =================== ======= ===========================================================================
+    Keyword             Default Meaning
+    =================== ======= ===========================================================================
+    specimen_class      "mixed" "uniform", "liver", "vascular" (tough inclusions) or "mixed" (half each)
+    target_length       None    length of the cut [m]; None: drawn from 0.060 to 0.100 m
+    start_before_target None    the cut is already made to this far before the target [m]; None: not at all
+    tissue              None    path of a tissue or specimen JSON file; None: the measured pig liver
+    control_hz          50      decisions per second; divides 1000
+    deadline_s          30.0    time for a cut [s]
+    angle_mode          "free"  "free" or "fixed"
+    fixed_angle_deg     90.0    angle of the blade if fixed [deg], 45 to 90
+    reward_from         "truth" "truth" or "estimate" (tip from force, as on a rig)
+    drive               "rig"   "rig" (holds position) or "hand" (yields to force)
+    rig                 None    a rig's TOML file, whose identified values replace the parameter table's
+    render_mode         None    "rgb_array" or "human"
+    =================== ======= ===========================================================================
 
     Besides, each constant of the parameter table (``acceleration``, ``motor_lag``, ``rotation_rate``, ``dead_time``,
     ``backlash``, ``force_noise``, ``force_resolution``, ``force_delay``, ``force_limit_per_depth``, ...; SI units) and
@@ -162,6 +166,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         *,
         specimen_class: str = "mixed",
         target_length: float | None = None,
+        start_before_target: float | None = None,
         tissue: str | Path | None = None,
         control_hz: int = 50,
         deadline_s: float = 30.0,
@@ -184,6 +189,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError(f'fixed_angle_deg = {fixed_angle_deg:g} needs angle_mode="fixed"; it is "free".')
         self.deadline = in_range("deadline_s", deadline_s, 1.0, 3600.0, "s", "Give the seconds for a cut.")
         self.target_length = None if target_length is None else checked_length(target_length)
+        self.start_before_target = start_before_target
+        self.check_start(SHORTEST if self.target_length is None else self.target_length)
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": control_hz}
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
@@ -233,6 +240,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             length = self.target_length
         if options.get("target_length") is not None:
             length = checked_length(options["target_length"])
+            self.check_start(length)
         specimen = self.given_specimen(options.get("specimen"))
         if specimen is None:
             specimen = self.tissue.drawn(self._seed, episode, self.specimen_class)
@@ -245,6 +253,17 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self.render()
         return observation, self._info()
 
+    def check_start(self, length: float) -> None:
+        """Raise ValueError if ``start_before_target`` is not less than a target length [m], or less than 2 mm."""
+        if self.start_before_target is None:
+            return
+        cure = "Distances are in metres: 10 mm is 0.01."
+        if in_range("start_before_target", self.start_before_target, 0.002, 0.130, "m", cure) >= length:
+            raise ValueError(
+                f"start_before_target = {self.start_before_target:g} m must be less than the target length, which can "
+                f"be {length:g} m. Give less, or None to begin at the clamp."
+            )
+
     def given_specimen(self, option: Any) -> Specimen | None:
         """Return the specimen given by a reset's option or the ``tissue`` file; None if it is to be drawn."""
         if option is None:
@@ -256,7 +275,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return option
 
     def set_up(self, specimen: Specimen, length: float, *, seed: int, episode: int, depth: NDArray[np.float64]) -> None:
-        """Put the blade to a specimen's clamp, with target ``length`` [m] and the ``depth`` [m] known to the lab."""
+        """Put the blade to the start of a cut of ``length`` [m], with the ``depth`` [m] known to the lab."""
         constants, tissue = self.constants, specimen.tissue
         self.specimen = specimen
         self._undrawn.clear()
@@ -276,6 +295,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             constants.weights,
             constants.limits,
             from_truth=self.from_truth,
+            start=0.0 if self.start_before_target is None else length - self.start_before_target,
             friction_per_depth=specimen.friction_per_depth if self.from_truth else tissue.nominal_friction_per_depth,
             target_length=length,
             deadline=self.deadline,

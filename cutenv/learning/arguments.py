@@ -56,7 +56,6 @@ class LearnerArguments:
     control_hz: int = option(10, "decisions per second")
     history: int = option(6, "number of past decisions among the features", (0, 100))
     force: str = option("felt", "give the agent the force (felt), or hide it (unfelt)", ("felt", "unfelt"))
-    dead_zone: float = option(0.25, "share of the speed's action around 0 that means rest", (0.0, 0.9))
     environments: int = option(64, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
     hidden: int = option(64, "number of units in each layer", (1, 4096))
     demonstrations: int = option(
@@ -129,7 +128,7 @@ class LearnerArguments:
         """Make environments with these seeds, which show the hidden state after the features."""
         from cutenv.sb3 import FeatureVecEnv
 
-        return FeatureVecEnv(seeds, dead_zone=self.dead_zone, hidden_state=True, **self.features, **self.environment)
+        return FeatureVecEnv(seeds, hidden_state=True, **self.features, **self.environment)
 
 
 @dataclass(frozen=True, kw_only=True)

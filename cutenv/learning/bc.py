@@ -110,7 +110,7 @@ def training_data(arguments: BCArguments) -> tuple[DecisionDataset, dict[str, An
         return shown.by_decision(), {"script": arguments.script, "decisions": arguments.demonstrations}
     try:
         dataset = opened(arguments.dataset)
-        observations, actions = cloning_data(dataset, dead_zone=arguments.dead_zone, **arguments.features)
+        observations, actions = cloning_data(dataset, **arguments.features)
     except ValueError as error:
         raise BadArguments(f"--dataset: {error}") from None
     if len(observations) != arguments.demonstrations:

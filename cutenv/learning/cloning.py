@@ -16,7 +16,6 @@ from torch.nn.utils.rnn import pad_sequence
 from tqdm import tqdm
 
 from cutenv.learning.arguments import LearnerArguments
-from cutenv.learning.demonstration import invert_dead_zone
 from cutenv.policy import BASELINES, Policy
 from cutenv.policy.interface import as_array_policy
 from cutenv.sb3 import FeatureVecEnv
@@ -126,7 +125,7 @@ def demonstrations(
     shown, starts = environments.reset(), np.ones(count, bool)
     all_shown, all_actions, all_starts = [], [], []
     for _ in tqdm(range(-(-decisions // count)), desc="demonstrating", unit="decision", unit_scale=count):
-        actions = invert_dead_zone(script.act(environments.observations), environments.dead_zone)
+        actions = script.act(environments.observations)
         all_shown.append(shown)
         all_actions.append(actions)
         all_starts.append(starts)

@@ -24,7 +24,7 @@ from cutenv.tissue.description import measured_liver
 from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
 
-_REST = 1e-6 / SPEED_SCALE  # speed of an action below which it means rest
+_REST = 1e-6  # [m/s], below which a recorded blade rests: its noise must not become an action beyond the dead zone
 
 FELT = {
     "time_s": "time since the cut began",
@@ -142,6 +142,7 @@ def recorded(
         last = readings[done + ticks - 1]
         speed = float(last["position"] - readings["position"][max(done - 1, 0)]) / (ticks * TICK)
         beyond += abs(speed) > SPEED_SCALE
+        speed = 0.0 if abs(speed) < _REST else speed
         action = to_action(min(max(speed, -SPEED_SCALE), SPEED_SCALE), float(last["angle"]))
         observation, reward = cutting.step(action.astype(np.float64))
         observations.append(observation)
@@ -215,12 +216,3 @@ def _joined(
         seed=seed,
         about=about,
     )
-
-
-def invert_dead_zone(actions: np.ndarray, width: float) -> np.ndarray:
-    """Return the actions, shape (n, 2), that :func:`cutenv.policy.apply_dead_zone` maps to ``actions``."""
-    result = np.array(actions, np.float32)
-    speed = result[:, 0]
-    moved = np.copysign(np.abs(speed) * (1.0 - width) + width, speed)
-    result[:, 0] = np.where(np.abs(speed) < _REST, 0.0, moved)
-    return result

@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 import cutenv
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.learning.demonstration import ESTIMATED, FELT, HIDDEN, Demonstration, invert_dead_zone, recorded, simulated
+from cutenv.learning.demonstration import ESTIMATED, FELT, HIDDEN, Demonstration, recorded, simulated
 from cutenv.learning.evaluation import contestant
 from cutenv.learning.seeds import ENVIRONMENT
 from cutenv.policy import Features
@@ -31,7 +31,10 @@ from cutenv.task.observation import COMPONENTS
 if TYPE_CHECKING:
     from minari import MinariDataset
 
-ACTIONS = ("target speed / 2.54 cm/s", "(target angle - 67.5 deg) / 22.5 deg")
+ACTIONS = (
+    "target speed: 0 within 0.25, 2.54 cm/s at 1",
+    "(target angle - 67.5 deg) / 22.5 deg",
+)
 """Meaning of the two numbers of an action."""
 _UNSET = "`(author|author_email|code_permalink|eval_env)` is set to None"  # Minari warns of each
 
@@ -205,10 +208,8 @@ def environment_of(dataset: MinariDataset) -> dict[str, Any]:
     return {name: spec.kwargs.get(name, defaults[name].default) for name in names}
 
 
-def cloning_data(
-    dataset: MinariDataset, *, history: int, dead_zone: float, force: bool = True
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the features, shape (n, size), and actions before the dead zone, shape (n, 2), to fit a clone to.
+def cloning_data(dataset: MinariDataset, *, history: int, force: bool = True) -> tuple[np.ndarray, np.ndarray]:
+    """Return the features, shape (n, size), and actions, shape (n, 2), to fit a clone to.
 
     Parameters
     ----------
@@ -216,15 +217,13 @@ def cloning_data(
         Data set with this package's observation; ``filter_episodes`` selects some cuts.
     history, force
         See :class:`cutenv.policy.Features`.
-    dead_zone : float
-        See :func:`cutenv.policy.apply_dead_zone`.
 
     Raises
     ------
     ValueError
         If its observations are not those of cutenv, or it contains no decision.
     """
-    cuts = list(cloning_data_by_cut(dataset, history=history, dead_zone=dead_zone, force=force))
+    cuts = list(cloning_data_by_cut(dataset, history=history, force=force))
     if not cuts:
         raise ValueError(f"data set {dataset.id!r} contains no cut; record some, or filter fewer away.")
     features, actions = zip(*cuts, strict=True)
@@ -232,7 +231,7 @@ def cloning_data(
 
 
 def cloning_data_by_cut(
-    dataset: MinariDataset, *, history: int, dead_zone: float, force: bool = True
+    dataset: MinariDataset, *, history: int, force: bool = True
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield :func:`cloning_data` of every cut, for a network with memory."""
     if dataset.observation_space.shape != (len(COMPONENTS),):
@@ -244,7 +243,7 @@ def cloning_data_by_cut(
     for cut in dataset.iterate_episodes():
         features.reset()
         shown = np.stack([features(observation) for observation in cut.observations[:-1]])
-        yield shown, invert_dead_zone(cut.actions, dead_zone)
+        yield shown, cut.actions
 
 
 def free_folder(dataset_id: str) -> Path:

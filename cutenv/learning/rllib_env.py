@@ -1,4 +1,4 @@
-"""The native vector environment for the environment runners of Ray RLlib, with features and dead zone."""
+"""The native vector environment for the environment runners of Ray RLlib, with features."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 
 from cutenv.envs import set_cores
 from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.policy.features import Features, apply_dead_zone
+from cutenv.policy.features import Features
 from cutenv.task.observation import CLIP
 
 _INFO = ("is_success", "_is_success")  # the rest would be copied between processes
@@ -28,8 +28,6 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         seeds of its runners overlap, and two runners would cut the same specimens; see :meth:`share_seeds`.
     history : int
         Number of past decisions among the features.
-    dead_zone : float
-        Share of the speed's action around 0 that means rest.
     first_episode : int
         First episode of each seed; a resumed training begins where no specimen has been cut yet.
     **arguments
@@ -42,13 +40,12 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         *,
         first_seed: int,
         history: int,
-        dead_zone: float,
         first_episode: int = 0,
         **arguments: Any,
     ) -> None:
         self._native = GentleCutVectorEnv(num_envs, autoreset_mode=AutoresetMode.NEXT_STEP, **arguments)
         self.num_envs, self.metadata = num_envs, self._native.metadata
-        self._first_seed, self._first_episode, self._dead_zone = first_seed, first_episode, dead_zone
+        self._first_seed, self._first_episode = first_seed, first_episode
         self._features = Features(num_envs, history=history)
         self._begins = np.zeros(num_envs, bool)
         self._fresh = True
@@ -88,8 +85,7 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Step every environment with its action, shape (num_envs, 2), clipped to the range."""
-        commands = apply_dead_zone(np.clip(np.asarray(actions, np.float32), -1.0, 1.0), self._dead_zone)
-        observations, rewards, ended, truncated, info = self._native.step(commands)
+        observations, rewards, ended, truncated, info = self._native.step(actions)
         seen = self._seen(observations)
         self._begins = ended
         return seen, rewards, ended, truncated, {name: info[name] for name in _INFO if name in info}

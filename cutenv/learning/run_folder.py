@@ -54,7 +54,6 @@ def export(
         environment=ENVIRONMENT,
         environment_arguments={"control_hz": arguments.control_hz, **arguments.angle},
         features=arguments.features,
-        dead_zone=arguments.dead_zone,
         training=facts,
         replace=True,
     )

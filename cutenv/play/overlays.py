@@ -54,7 +54,7 @@ def draw_ready_card(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
         ("Gamepad: left stick and right trigger; begin with its button A.", palette.INK),
         ("", palette.INK),
         (f"Bring the tip of the cut, which is hidden, to {target:.1f} mm, within 3 mm.", palette.INK),
-        ("To finish: blade upright, draw back until nothing pulls, hold still.", palette.INK),
+        ("To finish, near the target: blade upright, draw back until nothing pulls, hold still.", palette.INK),
         ("", palette.INK),
         (f"Tissue: {sight.specimen_class} (c: another).   Practice: {practice} (p).", palette.QUIET),
         (f"Every cut is recorded, {whose}.", palette.QUIET),

@@ -290,7 +290,7 @@ def _draw_advice(canvas: Canvas, layout: Layout) -> None:
         "Lean the blade to start the crack at less force.",
         "Raise it upright before the end: else a wedge stays.",
         "Then draw back until nothing pulls, and hold still:",
-        "that finishes the cut.",
+        "near the target, that finishes the cut.",
     )
     for k, words in enumerate(lines):
         canvas.text(words, (layout.column, 446 + 22 * k), size=17, colour=palette.QUIET)

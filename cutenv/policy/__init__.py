@@ -11,7 +11,7 @@ from cutenv.policy.baselines import (
     SCRIPTS,
     feed_name,
 )
-from cutenv.policy.features import Features, apply_dead_zone
+from cutenv.policy.features import Features
 from cutenv.policy.feedback import ForceFeedback, ProbeAndCreep
 from cutenv.policy.interface import ArrayPolicy, Policy, PrivilegedPolicy
 from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
@@ -54,7 +54,6 @@ __all__ = [
     "StopAndUnload",
     "TipEstimate",
     "TrainedPolicy",
-    "apply_dead_zone",
     "feed_name",
     "named_policy",
     "save_policy",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cutenv._base.arrays import Array32, Indices, Struct, StructArray
 from cutenv._base.validation import in_range
@@ -118,18 +118,6 @@ class Features:
             checked_observation(observations)  # raises with the reason
         found: Array32 = features.reshape(*shape[:-1], self.size)
         return found
-
-
-def apply_dead_zone(action: NDArray[np.float32], width: float) -> NDArray[np.float32]:
-    """Apply a dead zone to the speed of actions, shape (..., 2): -width to width becomes zero, +-1 stays +-1.
-
-    A policy whose actions jitter can then hold still and finish at rest.  ValueError for a width outside 0 to 0.9.
-    """
-    in_range("width", width, 0.0, 0.9, "1", "A quarter of the reach is 0.25.")
-    result = np.array(action, np.float32)
-    speed = result[..., 0]
-    result[..., 0] = np.copysign(np.maximum(np.abs(speed) - width, 0.0) / (1.0 - width), speed)
-    return result
 
 
 def feature_count(history: int) -> int:

@@ -16,7 +16,7 @@ from cutenv.cutting.row import LANES, ROW, plain_views
 from cutenv.task.assessment import COUNT
 from cutenv.task.cuts import Cuts, flat_views, step_row
 from cutenv.task.info import INFO
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, SPEED_SCALE
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, speed_action
 
 N_COMPONENTS = len(COMPONENTS)
 KNOTS = 28
@@ -167,5 +167,5 @@ def _choose(plan: Struct, state: Struct, action: StructArray) -> None:
         if state.speed <= 0.0 and state.blade - state.tip <= plan.rest_lag:
             plan.stopping = 2
         speed, angle = (0.0 if plan.stopping == 2 else -plan.retreat), UPRIGHT
-    action[0] = np.float64(np.float32(speed / SPEED_SCALE))
+    action[0] = np.float64(np.float32(speed_action(speed)))
     action[1] = np.float64(np.float32((angle - ANGLE_CENTRE) / ANGLE_SCALE))

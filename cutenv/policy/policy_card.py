@@ -9,9 +9,9 @@ import re
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from cutenv._base.validation import in_range, one_of
+from cutenv._base.validation import one_of
 from cutenv.policy.actor_network import ACTIVATIONS
-from cutenv.task.observation import COMPONENTS
+from cutenv.task.observation import COMPONENTS, DEAD_ZONE
 from cutenv.tissue.description import checked_fields
 
 POLICY_SCHEMA = "cutenv-policy/1"
@@ -41,8 +41,6 @@ class PolicyCard:
         Activation function after every layer but the last.
     features : dict
         Keyword arguments of :class:`cutenv.policy.features.Features`.
-    dead_zone : float
-        Fraction of the range of the action's speed that means rest, 0 to 0.9 [1].
     sha256 : str
         SHA-256 of ``policy.safetensors``, in hexadecimal digits.
     training : dict
@@ -66,7 +64,6 @@ class PolicyCard:
     layers: tuple[int, ...]
     activation: str
     features: dict[str, Any]
-    dead_zone: float
     sha256: str
     training: dict[str, Any]
     memory: str | None = None
@@ -83,7 +80,6 @@ class PolicyCard:
             "environment_arguments": _mapping("environment_arguments", self.environment_arguments),
             "layers": _sizes(self.layers),
             "features": _mapping("features", self.features),
-            "dead_zone": in_range("dead_zone", self.dead_zone, 0.0, 0.9, "1", "A quarter is 0.25."),
             "training": _mapping("training", self.training),
             "scaling": _plain("scaling", self.scaling),
         }
@@ -99,16 +95,22 @@ class PolicyCard:
 
     @classmethod
     def from_json(cls, text: str) -> PolicyCard:
-        """Parse the text of :meth:`to_json`.
+        """Parse the text of :meth:`to_json`, or of an earlier version, whose networks had a dead zone of their own.
 
         Raises
         ------
         TypeError, ValueError
             For another schema, an unknown or missing field, or an invalid value.
         """
-        return cls(
-            **checked_fields(text, POLICY_SCHEMA, {field.name for field in dataclasses.fields(cls)}, ("memory",))
-        )
+        names = {field.name for field in dataclasses.fields(cls)}
+        content = checked_fields(text, POLICY_SCHEMA, names | {"dead_zone"}, ("memory", "dead_zone"))
+        width = content.pop("dead_zone", DEAD_ZONE)
+        if width != DEAD_ZONE:
+            raise ValueError(
+                f"dead_zone = {width!r}, but that of every action is {DEAD_ZONE} now: the network's actions would mean "
+                "other speeds. Train the policy again."
+            )
+        return cls(**content)
 
 
 def check_scaling(scaling: list[dict[str, Any]]) -> None:

@@ -12,8 +12,8 @@ from cutenv.task.observation import (
     COMPONENTS,
     OFFSETS,
     SCALES,
-    SPEED_SCALE,
     checked_observation,
+    speed_action,
 )
 
 _COLUMNS = {component.name: k for k, component in enumerate(COMPONENTS)}
@@ -35,7 +35,7 @@ def in_si(observations: ArrayLike) -> Array:
 def to_actions(speeds: Array, angles: Array | float) -> Array32:
     """Return actions, shape (n, 2) float32 in [-1, 1], for speeds [m/s], shape (n,), and angles [rad]; clipped."""
     actions = np.empty((len(speeds), 2), np.float32)
-    actions[:, 0], actions[:, 1] = speeds / SPEED_SCALE, (angles - ANGLE_CENTRE) / ANGLE_SCALE
+    actions[:, 0], actions[:, 1] = speed_action(speeds), (angles - ANGLE_CENTRE) / ANGLE_SCALE
     return np.clip(actions, -1.0, 1.0, out=actions)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from cutenv._base.arrays import Array32, Indices
 from cutenv._base.atomic_file import atomic_write
 from cutenv.policy.actor_network import Network
-from cutenv.policy.features import Features, apply_dead_zone
+from cutenv.policy.features import Features
 from cutenv.policy.interface import ArrayPolicy
 from cutenv.policy.policy_card import PolicyCard, check_scaling, observation_scaling
 from cutenv.policy.recurrent import RecurrentNetwork
@@ -28,7 +28,7 @@ _AGAIN = "Copy the whole folder again, or save the policy again with this versio
 
 
 class TrainedPolicy(ArrayPolicy):
-    """A trained deterministic policy: features, network, clipping to [-1, 1], dead zone.
+    """A trained deterministic policy: features, network, clipping to [-1, 1].
 
     :meth:`load` reads one from a folder that :func:`save_policy` wrote.
 
@@ -100,7 +100,7 @@ class TrainedPolicy(ArrayPolicy):
             actions, self._state = self._network(features, self._state)
         else:
             actions = self._network(features)
-        return apply_dead_zone(np.clip(actions, np.float32(-1.0), np.float32(1.0)), self._card.dead_zone)
+        return np.clip(actions, np.float32(-1.0), np.float32(1.0))
 
     @classmethod
     def load(cls, folder: str | Path) -> TrainedPolicy:
@@ -140,7 +140,6 @@ def save_policy(
     environment: str,
     environment_arguments: Mapping[str, Any],
     features: Mapping[str, Any],
-    dead_zone: float,
     training: Mapping[str, Any],
     replace: bool = False,
 ) -> PolicyCard:
@@ -154,7 +153,7 @@ def save_policy(
         Created if missing.  It may hold the same policy already, also with other facts about its training.
     network : Network or RecurrentNetwork
         Network from features to action.
-    environment, environment_arguments, features, dead_zone, training
+    environment, environment_arguments, features, training
         Same as in :class:`PolicyCard`.
     replace : bool
         Whether a different policy in the folder is overwritten.
@@ -180,7 +179,6 @@ def save_policy(
         layers=network.sizes,
         activation=network.activation,
         features=dict(features),
-        dead_zone=dead_zone,
         sha256=hashlib.sha256(content).hexdigest(),
         training=dict(training),
         memory="lstm" if isinstance(network, RecurrentNetwork) else None,

@@ -9,7 +9,8 @@ from cutenv.task.weights import RewardWeights
 from cutenv.task_quantities import ANGLE_TOLERANCE, TIP_TOLERANCE
 
 _WEIGHTS = RewardWeights()
-_IDLE_COST = _WEIGHTS.time + TIP_ERROR_CAP * _WEIGHTS.tip_error  # the whole time, and the largest tip error
+_IDLE_COST = _WEIGHTS.time + _WEIGHTS.missed + TIP_ERROR_CAP * _WEIGHTS.tip_error
+"""Cost of doing nothing: the whole time, a miss and the largest tip error."""
 
 TERM_MEANINGS = {term.name: term.title for term in REWARD}
 """Title of each term of the reward."""

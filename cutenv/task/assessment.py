@@ -30,8 +30,8 @@ from cutenv.task.tip_estimation import estimated_tip
 from cutenv.task_quantities import ANGLE_TOLERANCE, SHALLOWEST, TIP_TOLERANCE, lag, tip_error
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 
-TRAVEL_TO_FINISH = 0.010
-"""Position that the blade must have reached before the task can be finished [m]."""
+NEAR_TARGET = 0.010
+"""Distance from the target to which the blade must have come before the task can be finished [m]."""
 SPEED_AT_REST = 0.5e-3
 """Speed below which the blade counts as at rest [m/s]."""
 FORCE_UNLOADED = 0.1
@@ -214,7 +214,7 @@ def count_lane(
     depth = max(depth, SHALLOWEST)
     furthest = max(count.furthest[k], position)
     unloaded = felt < count.friction_per_depth[k] * depth + FORCE_UNLOADED
-    resting = speed < SPEED_AT_REST and unloaded and furthest >= TRAVEL_TO_FINISH
+    resting = speed < SPEED_AT_REST and unloaded and furthest >= count.target[k] - NEAR_TARGET
     time, quiet = count.time[k] + TICK, count.quiet[k] + TICK if resting else 0.0
     _add(
         count, k, felt, size, count.force_limit_per_depth[k] * depth, depth, position, moved, speed, tip, jump,
@@ -276,13 +276,22 @@ def conclude(
 
 
 @njit
+def succeeded(task: Struct, progress: Struct) -> bool:
+    """Return True if finished, with the tip within 3 mm of the target and the blade within 10 degrees of upright."""
+    near = tip_error(progress.tip, task.target) <= TIP_TOLERANCE
+    upright = abs(0.5 * math.pi - progress.angle) <= ANGLE_TOLERANCE
+    success: bool = progress.end == _FINISHED and near and upright
+    return success
+
+
+@njit
 def charge_end(task: Struct, progress: Struct, profile: Struct, info: Struct) -> None:
     """Charge the terminal cost, the same for every end, and the additional cost of an end for safety."""
     tip = progress.tip
     stored = 0.5 * stiffness_at(profile, tip)[0] * lag(progress.position, tip) ** 2
     _charge_end(
         task, progress, progress.updates, task.target, tip, tip, max(task.deadline - progress.time, 0.0),
-        progress.angle, stored, toughness_at(profile, tip), info,
+        progress.angle, stored, toughness_at(profile, tip), 0.0 if succeeded(task, progress) else 1.0, info,
     )  # fmt: skip
 
 
@@ -312,12 +321,19 @@ def tell(state: Struct, profile: Struct, law: Struct, task: Struct, specimen: St
 
 @njit_inline
 def observe_rest(
-    counts: StructArray, task: Struct, measured: Struct, angle: float, last_angle: float, observation: StructArray
+    counts: StructArray,
+    task: Struct,
+    progress: Struct,
+    measured: Struct,
+    angle: float,
+    last_angle: float,
+    observation: StructArray,
 ) -> None:
-    """Fill the observation at the start: the blade at rest at the clamp, force tared to zero; ``counts`` are zeros."""
+    """Fill the observation at the start: the blade at rest, force tared to zero; ``counts`` are zeros."""
+    position = progress.position
     _fill(
-        first_row(counts), 0, 0.0, 1, 0.0, 0.0, angle, depth_at(measured, 0.0), 0.0, task.target, task.deadline, 0.0,
-        last_angle, observation,
+        first_row(counts), 0, 0.0, 1, position, 0.0, angle, depth_at(measured, position), 0.0, task.target,
+        task.deadline, 0.0, last_angle, observation,
     )  # fmt: skip
 
 
@@ -356,15 +372,6 @@ def assess_readings(
             break
     conclude(count, 0, task, progress, nominal, nominal, felt, angle, action, e.infos[0], observation)
     return add_terms(as_float64_view(e.infos), e.totals), progress.end
-
-
-@njit
-def succeeded(task: Struct, progress: Struct) -> bool:
-    """Return True if finished, with the tip within 3 mm of the target and the blade within 10 degrees of upright."""
-    near = tip_error(progress.tip, task.target) <= TIP_TOLERANCE
-    upright = abs(0.5 * math.pi - progress.angle) <= ANGLE_TOLERANCE
-    success: bool = progress.end == _FINISHED and near and upright
-    return success
 
 
 @njit

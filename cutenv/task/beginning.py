@@ -41,6 +41,14 @@ def measure_depth(seed: Integer, episode: Integer, noise: float, modes: Array, d
 
 
 @njit_internal
+def begin_at(state: Struct, progress: Struct, place: float) -> None:
+    """Put a blade that stands at the clamp to ``place`` [m], where the cut that is already made ends: unloaded."""
+    state.blade = state.tip = state.hand = place
+    progress.position = progress.furthest = progress.tip = place
+    progress.window_position = progress.window_tip = place
+
+
+@njit_internal
 def expect(nominal: Struct, profile: Struct) -> None:
     """Fill stiffness and toughness of a ``profile`` with those of the mean tissue at its depth of cut."""
     for i in range(N_POINTS):
@@ -62,6 +70,7 @@ def begin_some(
     source: int,
     from_truth: bool,
     target: float,
+    before: float,
     recipe: StructArray,
     modes: Array,
     depth_noise: float,
@@ -91,6 +100,8 @@ def begin_some(
         True: the assessment knows the specimen's friction. False: it uses that of the mean tissue.
     target : float
         Length of every cut [m]; 0: sampled.
+    before : float
+        Distance from the target to which every cut is already made [m]; 0: all begin at the clamp.
     recipe, modes
         See :func:`cutenv.tissue.sampling.sample_profiles`.
     depth_noise, depth_modes
@@ -114,6 +125,8 @@ def begin_some(
         cuts.sensors[n].seed = seed
         cuts.sensors[n].episode = episode
         cuts.tasks[n].target = target if target > 0.0 else drawn_length(seed, episode)
+        if before > 0.0:
+            begin_at(cuts.states[n], cuts.progresses[n], cuts.tasks[n].target - before)
         profile, nominal, along = cuts.profiles[n], cuts.nominals[n], cuts.specimens[n]
         if source == GIVEN:
             cuts.profiles[n] = start.profiles[0]
@@ -138,6 +151,7 @@ def begin_some(
         measure_depth(seed, episode, depth_noise, depth_modes, profile.depth, nominal.depth)
         expect(expected[0], nominal)
         angle = cuts.states[n].angle
-        observe_rest(counts, cuts.tasks[n], nominal, angle, (angle - ANGLE_CENTRE) / ANGLE_SCALE, observations[n])
+        last_angle = (angle - ANGLE_CENTRE) / ANGLE_SCALE
+        observe_rest(counts, cuts.tasks[n], cuts.progresses[n], nominal, angle, last_angle, observations[n])
         mark_done(passed, core, 1)
         k, end = next_chunk(passed, core, 1)

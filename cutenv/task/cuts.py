@@ -31,7 +31,7 @@ from cutenv.task.assessment import (
 )
 from cutenv.task.episode_dtypes import PROGRESS, SPECIMEN, TASK
 from cutenv.task.info import INFO
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
 from cutenv.task.reward import TERMS
 from cutenv.task.tip_estimation import estimated_tip
 
@@ -131,7 +131,7 @@ def step_one(
 def rest_one(episodes: StructArray, angle: float, last_angle: float, observation: StructArray) -> None:
     """Fill the observation of one episode at its start, before any step: :func:`observe_rest`."""
     e = episodes[0]
-    observe_rest(e.counts, e.tasks[0], e.nominals[0], angle, last_angle, observation)
+    observe_rest(e.counts, e.tasks[0], e.progresses[0], e.nominals[0], angle, last_angle, observation)
 
 
 @njit
@@ -259,7 +259,7 @@ def _take(cuts: Cuts, row: Struct, plain: Plain, count: Struct, actions: StructA
     """Load cut number ``n`` and its action into lane ``k``."""
     take(row, plain, cuts.profiles[n], cuts.drives[n], cuts.sensors[n], k, n)
     begin_count(count, k, cuts.tasks[n], cuts.progresses[n])
-    row.given[k] = SPEED_SCALE * actions[n, 0]
+    row.given[k] = commanded_speed(actions[n, 0])
     row.aim[k] = ANGLE_CENTRE + ANGLE_SCALE * actions[n, 1]
 
 

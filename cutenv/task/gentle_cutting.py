@@ -11,10 +11,10 @@ from cutenv.cutting.dtypes import PROFILE, READING
 from cutenv.plant.interface import Plant
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.assessment import assess_readings, charge_end, succeeded
-from cutenv.task.beginning import expect
+from cutenv.task.beginning import begin_at, expect
 from cutenv.task.cuts import EPISODE, Cuts, rest_one, step_one, tell_one
 from cutenv.task.info import GROUPS, OUT_OF_RANGE, PLACES, WHOLE
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, SPEED_SCALE
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, commanded_speed
 from cutenv.task.reward import ENDS, STOPPED, TERMS
 from cutenv.task.weights import Limits, RewardWeights, task_record
 from cutenv.tissue.description import TissueDescription
@@ -89,7 +89,8 @@ class GentleCutting:
         """Command an action (2 numbers in [-1, 1]) for one decision; return observation, shape (12,), and reward."""
         speed, angle = action.tolist()
         self.last_action = action
-        return self._assess(self.plant.advance(SPEED_SCALE * speed, ANGLE_CENTRE + ANGLE_SCALE * angle, self.ticks))
+        commanded = float(commanded_speed(speed)), ANGLE_CENTRE + ANGLE_SCALE * angle
+        return self._assess(self.plant.advance(*commanded, self.ticks))
 
     def stopped(self, readings: StructArray) -> tuple[NDArray[np.float32], float]:
         """End a cut whose plant was stopped by the rig's safety in the step after ``readings``; a safety end.
@@ -116,7 +117,7 @@ class GentleCutting:
         return observation, reward
 
     def rest(self, angle: float) -> NDArray[np.float32]:
-        """Return the observation at the start: the blade at rest at the clamp, force tared to zero."""
+        """Return the observation at the start: the blade at rest, force tared to zero."""
         self.last_action = np.array([0.0, (angle - ANGLE_CENTRE) / ANGLE_SCALE])
         observation = np.empty(len(COMPONENTS), np.float32)
         rest_one(self.episode, angle, self.last_action[1], observation)
@@ -154,7 +155,7 @@ class GentleCutting:
 
     @property
     def terms(self) -> NDArray[np.float64]:
-        """The reward of the last step by term, shape (12,): a view."""
+        """The reward of the last step by term, shape (13,): a view."""
         return self._numbers()[0][PLACES["reward_terms"]]
 
     def info(self) -> list[float]:
@@ -233,6 +234,8 @@ class SimulatedCutting(GentleCutting):
         The tissue and blade to control; the blade stands at the clamp.
     from_truth : bool
         True: the reward is assessed from hidden state. False: from the rig's estimate of the tip.
+    start : float
+        Length of the cut that is already made [m].
     tissue, weights, limits, friction_per_depth, target_length, deadline, ticks
         See :class:`GentleCutting`.
     """
@@ -247,6 +250,7 @@ class SimulatedCutting(GentleCutting):
         limits: Limits,
         *,
         from_truth: bool = True,
+        start: float = 0.0,
         friction_per_depth: float,
         target_length: float,
         deadline: float,
@@ -266,6 +270,8 @@ class SimulatedCutting(GentleCutting):
         self._recorded: StructArray = np.zeros((1, ticks), READING)
         self.episode["specimens"]["modulus"] = plant.specimen.modulus
         self.episode["specimens"]["fracture_resistance"] = plant.specimen.fracture_resistance
+        if start > 0.0:
+            begin_at(plant.states[0], self.progress[0], start)
 
     def step(self, action: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
         """Command an action (2 numbers in [-1, 1]) for one decision; return observation, shape (12,), and reward."""
@@ -284,7 +290,7 @@ class SimulatedCutting(GentleCutting):
         return Cuts(*self.plant.snapshot(), *parts)
 
     def rest(self, angle: float) -> NDArray[np.float32]:
-        """Return the observation at the start: the blade at rest at the clamp, force tared to zero."""
+        """Return the observation at the start: the blade at rest, force tared to zero."""
         tell_one(self.plant.cuts, self.episode)
         return super().rest(angle)
 

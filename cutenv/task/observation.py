@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cutenv._base.arrays import StructArray
+from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import in_range
 from cutenv._engine.fuse import Formula
-from cutenv._engine.jit import njit
+from cutenv._engine.jit import njit, njit_internal
+
+T = TypeVar("T", float, Array)
 
 SPEED_SCALE = 0.0254
 """Speed of action 1 [m/s]: the fastest measured."""
+DEAD_ZONE = 0.25
+"""Size of a speed action up to which the blade is to rest, so that noise about 0 does not move it."""
 ANGLE_CENTRE, ANGLE_SCALE = math.radians(67.5), math.radians(22.5)
 """Angle of action 0, and the half range to 45 and 90 degrees [rad]."""
 _FASTEST = 0.5  # [m/s], above which a speed looks like cm/s
@@ -124,6 +128,20 @@ SCALES = np.array([component.scale for component in COMPONENTS])
 OFFSETS = np.array([component.offset for component in COMPONENTS])
 
 
+@njit_internal
+def commanded_speed(action: T) -> T:
+    """Return the speed [m/s] that a speed action, -1 to 1, commands: 0 in the dead zone, linear beyond."""
+    speed: T = SPEED_SCALE * ((action - np.minimum(np.maximum(action, -DEAD_ZONE), DEAD_ZONE)) / (1.0 - DEAD_ZONE))
+    return speed
+
+
+@njit_internal
+def speed_action(speed: T) -> T:
+    """Return the action that commands a speed [m/s], the inverse of :func:`commanded_speed`; 0 for speed 0."""
+    action: T = np.sign(speed) * DEAD_ZONE + (1.0 - DEAD_ZONE) * (speed / SPEED_SCALE)
+    return action
+
+
 @njit
 def within_reach(action: StructArray, fixed_angle: float) -> bool:
     """Clip an action, shape (2,), to [-1, 1], or fix its angle [rad] (NaN: free); return False if it has a NaN."""
@@ -177,5 +195,5 @@ def to_action(speed: float, angle: float) -> NDArray[np.float32]:
     if not (abs(speed) <= _FASTEST and 0.0 <= angle <= math.pi):
         in_range("speed", speed, -_FASTEST, _FASTEST, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
         in_range("angle", angle, 0.0, math.pi, "rad", "Angles are in radians: 90 degrees is 1.5708.")
-    action = np.array([speed / SPEED_SCALE, (angle - ANGLE_CENTRE) / ANGLE_SCALE], dtype=np.float32)
+    action = np.array([speed_action(speed), (angle - ANGLE_CENTRE) / ANGLE_SCALE], dtype=np.float32)
     return np.clip(action, -1.0, 1.0)

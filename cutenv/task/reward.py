@@ -4,7 +4,7 @@ Reward of a step = progress / L - costs.  All costs are non-negative and additiv
 Every end is charged the same terminal cost; an end for safety also pays the largest cost that stopping could still
 have had, so that it never pays to end early:
 
-    time left, tip error at its cap, a full wedge, and a tissue left loaded.
+    time left, a miss, tip error at its cap, a full wedge, and a tissue left loaded.
 
 Costs that only time bounds (force, lag, jumps, backward travel) are not part of that largest cost: a policy that
 stops and unloads avoids them, so a breach costs more than stopping in every state.
@@ -53,8 +53,9 @@ size), depth of cut; position of the blade, its motion and the size of its speed
 length and deadline of the task, measured range of speed."""
 OF_STEP = ("updates", "target", "tip", "tip_before", "time_left")
 """Quantities of a step: number of milliseconds, target length [m], tip at its end and before [m], time left [s]."""
-OF_END = (*OF_STEP, "angle", "stored", "toughness")
-"""Quantities of an end: those of its step, angle of the blade [rad], stored energy [J], R B at the tip [N]."""
+OF_END = (*OF_STEP, "angle", "stored", "toughness", "missed")
+"""Quantities of an end: those of its step, angle of the blade [rad], stored energy [J], R B at the tip [N], 0 for a
+success and 1 for any other end."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,10 +159,19 @@ REWARD = (
         largest=lambda weight, time_left: weight * time_left / TIME_SCALE,
     ),
     Term(
+        name="missed",
+        title="missed",
+        text="at the end: 1 unless it is a success",
+        weight=0.3,
+        per="at an end that is not a success",
+        end_cost=lambda weight, missed: weight * missed,
+        largest=lambda weight: weight,
+    ),
+    Term(
         name="tip_error",
         title="tip error",
         text="at the end: min(tip error / 3 mm, 3)",
-        weight=0.2,
+        weight=0.1,
         per="at the end, per 3 mm, up to 9 mm",
         end_cost=lambda weight, tip, target: weight * min(tip_error(tip, target) / TIP_TOLERANCE, TIP_ERROR_CAP),
         largest=lambda weight: weight * TIP_ERROR_CAP,
@@ -223,7 +233,7 @@ CUT_ENDS = (
     ),
     End(
         name="finished",
-        text="after 10 mm of travel, speed below 0.5 mm/s and force below friction + 0.1 N for 0.3 s",
+        text="blade has been within 10 mm of the target, speed below 0.5 mm/s, force below friction + 0.1 N for 0.3 s",
         when=lambda quiet: quiet >= TIME_AT_REST - 0.5 * TICK,
     ),
     End(

@@ -19,7 +19,7 @@ from cutenv.cutting.row import ONE, begin, plain_views, put, take
 from cutenv.cutting.simulate import Physics, hold_some
 from cutenv.cutting.update import update_row
 from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
 from speed.gymnasium_vectors import ASYNC, NATIVE, SYNC, Other, step_rate
 from speed.limits import limits
 from speed.measured import Measured, Number, at_least, at_most
@@ -79,7 +79,7 @@ def rates(count: int, rounds: int | None = None) -> Rates:
         rounds = 30 if count < SOME else 7 if count <= MANY else 2
     env = GentleCutVectorEnv(count)
     actions = np.tile(np.array(_ACTION, np.float32), (count, 1))
-    command = SPEED_SCALE * _ACTION[0], ANGLE_CENTRE + ANGLE_SCALE * _ACTION[1]
+    command = commanded_speed(_ACTION[0]), ANGLE_CENTRE + ANGLE_SCALE * _ACTION[1]
     commands, felt = np.tile(command, (count, 1)), np.empty(count)
     best = [np.inf, np.inf, np.inf, np.inf]
     for _ in range(rounds + 1):  # the first one warms up

@@ -147,7 +147,7 @@ def sawing(reach: float, strokes: int) -> Hack:
 
 
 def finish_after(travel: float) -> Hack:
-    """Cut that far, draw back, and call it finished."""
+    """Cut that far, draw back, and rest there."""
 
     def command(self: Hack, seen: dict[str, np.ndarray]) -> Command:
         far = self.note("far", False)

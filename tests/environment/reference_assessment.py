@@ -19,7 +19,8 @@ WEIGHTS = {
     "backward": 0.15,
     "haste": 0.1,
     "time": 0.15,
-    "tip_error": 0.2,
+    "missed": 0.3,
+    "tip_error": 0.1,
     "wedge": 0.2,
     "stored": 0.1,
 }
@@ -47,7 +48,7 @@ def assess_again(env: Any, cut: Cut, *, weights: dict[str, float] = WEIGHTS, for
     per_depth = np.abs(readings["true_force"]) / depth
     friction = specimen.friction_per_depth * depth
     time = TICK * np.arange(1, len(x) + 1)
-    end, n = _first_end(x, a - L, v, per_depth - force_limit, readings["force"] - friction, time - task.deadline)
+    end, n = _first_end(x, a - L, v, per_depth - force_limit, readings["force"] - friction, time - task.deadline, L)
 
     feed = np.diff(x[:n], prepend=0.0)
     touched = np.concatenate(([False], np.maximum.accumulate(x > a)[: n - 1]))
@@ -64,19 +65,20 @@ def assess_again(env: Any, cut: Cut, *, weights: dict[str, float] = WEIGHTS, for
     tip, lag = a[n - 1], max(x[n - 1] - a[n - 1], 0.0)
     stored = 0.5 * along(specimen.stiffness(), tip) * lag**2
     tip_error = abs(tip - L) / 0.003
+    success = end == "finished" and tip_error <= 1.0 and theta[n - 1] >= math.radians(80.0)
+    terms["missed"] = 0.0 if success else -1.0
     terms["tip_error"] = -min(tip_error, 3.0)
     terms["wedge"] = -1.0 / math.tan(theta[n - 1])
     terms["stored"] = -min(stored / (along(specimen.fracture_force(), tip) * 0.003), 2.0)
     terms = {name: value * weights.get(name, 1.0) for name, value in terms.items()}
-    worst = 3.0 * weights["tip_error"] + weights["wedge"] + 2.0 * weights["stored"]
+    worst = weights["missed"] + 3.0 * weights["tip_error"] + weights["wedge"] + 2.0 * weights["stored"]
     left = weights["time"] * (task.deadline - n * TICK) / 30.0
     terms["safety"] = -(worst + left) if end in ("force_limit", "overshoot") else 0.0
-    upright = theta[n - 1] >= math.radians(80.0)
-    return Assessment(terms, end, n, end == "finished" and tip_error <= 1.0 and upright)
+    return Assessment(terms, end, n, success)
 
 
-def _first_end(x, beyond, v, over_limit, over_friction, after_deadline) -> tuple[str, int]:
-    quiet = (np.abs(v) < 0.5e-3) & (over_friction < 0.1) & (np.maximum.accumulate(x) >= 0.010)
+def _first_end(x, beyond, v, over_limit, over_friction, after_deadline, L) -> tuple[str, int]:
+    quiet = (np.abs(v) < 0.5e-3) & (over_friction < 0.1) & (np.maximum.accumulate(x) >= L - 0.010)
     for i in range(len(x)):
         if over_limit[i] > 0.0:
             return "force_limit", i + 1

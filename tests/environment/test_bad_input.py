@@ -251,7 +251,6 @@ def test_every_public_function_that_takes_an_argument_is_in_the_tables():
         "PolicyCard",
         "TrainedPolicy",
         "save_policy",
-        "apply_dead_zone",
         "feed_name",
         "ReplayPlant",
         "shipped",

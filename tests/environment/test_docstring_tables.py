@@ -162,7 +162,7 @@ def test_the_numbers_of_the_ends_stand_in_the_docstring():
 
     text = section(DOC, "Ends")
     for number in (
-        f"{1e3 * assessment.TRAVEL_TO_FINISH:g} mm of travel",
+        f"within {1e3 * assessment.NEAR_TARGET:g} mm of the target, speed",
         f"{1e3 * assessment.SPEED_AT_REST:g} mm/s",
         f"friction + {assessment.FORCE_UNLOADED:g} N for {reward.TIME_AT_REST:g} s",
         f"{1e3 * reward.OVERSHOOT_ALLOWED:g} mm beyond",

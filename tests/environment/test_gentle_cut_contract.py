@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import itertools
+import math
 import pickle
 
 import gymnasium
@@ -16,6 +17,8 @@ from stable_baselines3.common.env_checker import check_env as sb3_check
 from whole_cut import cut, make, steady
 
 from cutenv.policy import ConstantFeed
+from cutenv.policy.signals import to_actions
+from cutenv.task.observation import DEAD_ZONE, commanded_speed, in_units, to_action
 from cutenv.tissue.specimen import CLASSES
 
 MODES = list(itertools.product(CLASSES, ("free", "fixed"), ("truth", "estimate"), ("rig", "hand")))
@@ -182,6 +185,35 @@ def test_an_action_out_of_range_is_its_clipped_self(action, clipped):
     twin.reset(seed=0)
     for _ in range(20):
         assert identical(env.step(np.array(action, np.float32)), twin.step(np.array(clipped, np.float32)))
+
+
+@pytest.mark.parametrize("speed", [-0.25, -0.1, 1e-6, 0.2, 0.25])
+def test_an_action_in_the_dead_zone_holds_the_blade_still_and_the_next_one_beyond_moves_it(speed):
+    env, batch = make().unwrapped, gymnasium.make_vec("cutenv/GentleCut-v1", num_envs=2)
+    env.reset(seed=0)
+    batch.reset(seed=0)
+    for action in (to_action(0.02, 1.0), np.float32([speed, 1.0]), np.float32([math.copysign(0.26, speed), 1.0])):
+        for _ in range(60):
+            seen = env.step(action)[0]
+            assert np.array_equal(batch.step(np.tile(action, (2, 1)))[0][0], seen)
+        assert in_units(seen)["last_speed"] == action[0]
+        assert (abs(env.cutting.readings["speed"][-1]) < 1e-9) == (abs(action[0]) <= 0.25)
+
+
+@pytest.mark.parametrize("speed", [-0.0254, -0.01, -0.001, -1e-5, 0.0, 1e-5, 0.001, 0.0127, 0.0254])
+def test_to_action_gives_the_action_that_commands_a_speed(speed):
+    action = to_action(speed, 1.0)
+    assert commanded_speed(float(action[0])) == pytest.approx(speed, abs=2e-9)
+    assert np.array_equal(to_actions(np.array([speed]), 1.0)[0], action)
+    assert action[0] == 0.0 if speed == 0.0 else abs(action[0]) > DEAD_ZONE
+    env, batch = make(force_limit_per_depth=1e5), gymnasium.make_vec("cutenv/GentleCut-v1", num_envs=1)
+    env.reset(seed=0)
+    batch.reset(seed=0)
+    for command in 75 * [to_action(0.02, 1.0)] + 60 * [action]:
+        env.step(command)
+        batch.step(command[None])
+    assert env.unwrapped.cutting.readings["speed"][-1] == pytest.approx(speed, abs=1e-6)
+    assert batch.unwrapped.cuts.states["speed"][0] == pytest.approx(speed, abs=1e-6)
 
 
 @pytest.mark.parametrize("action", [0.5, [0.5], [0.5, 0.5, 0.5], [[0.5, 0.5]], []])

@@ -7,9 +7,10 @@ import json
 import math
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
-from whole_cut import FASTEST, INCLINED, UPRIGHT, cut, legs, make, steady
+from whole_cut import ENVIRONMENT, FASTEST, INCLINED, UPRIGHT, cut, legs, make, steady
 
 from cutenv.cutting.drive import Hand, Rig
 from cutenv.cutting.parameters import LawParameters
@@ -65,6 +66,26 @@ def test_a_misspelt_argument_is_an_error_that_names_the_nearest(typed, meant):
 def test_a_misspelt_choice_names_the_nearest(keywords, meant):
     with pytest.raises(ValueError, match=rf"^{next(iter(keywords))} must be one of .* Did you mean '{meant}'"):
         make(**keywords)
+
+
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        ({"start_before_target": 0.001}, r"start_before_target = 0\.001 m is outside 0\.002 to 0\.13 m"),
+        ({"start_before_target": 10}, "start_before_target = 10 m is outside .*10 mm is 0.01"),
+        ({"start_before_target": 0.06}, r"must be less than the target length, which can be 0\.06 m"),
+        ({"start_before_target": 0.02, "target_length": 0.02}, "must be less than the target length"),
+    ],
+)
+def test_a_start_that_is_not_before_the_target_is_refused(keywords, message):
+    with pytest.raises(ValueError, match=message):
+        make(**keywords)
+
+
+def test_a_start_is_checked_against_the_target_length_of_a_reset():
+    for env in (make(start_before_target=0.03), gymnasium.make_vec(ENVIRONMENT, num_envs=2, start_before_target=0.03)):
+        with pytest.raises(ValueError, match="must be less than the target length"):
+            env.reset(seed=0, options={"target_length": 0.03})
 
 
 def test_a_misspelt_reset_option_names_the_nearest():

@@ -28,7 +28,7 @@ def env() -> GentleCutEnv:
     return env
 
 
-def advance(env: GentleCutEnv, steps: int, speed: float = 0.4, angle: float = 1.0) -> None:
+def advance(env: GentleCutEnv, steps: int, speed: float = 0.55, angle: float = 1.0) -> None:
     for _ in range(steps):
         env.step(np.array([speed, angle], np.float32))
 

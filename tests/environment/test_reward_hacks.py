@@ -78,15 +78,12 @@ def test_every_hack_asked_for_is_tried():
     assert set(HACKS) == set(ASKED_FOR)
 
 
+NO_ERROR = {"weight_missed": 0.0, "weight_tip_error": 0.0}
 WRONG_WEIGHTS = {
-    ("hovering", "at the clamp"): {"weight_tip_error": 0.0, "weight_time": 0.0, "weight_jump": 30.0},
-    ("shallow or hardly cutting", "10 mm and out"): {"weight_tip_error": 0.0, "weight_time": 12.0},
-    ("ending early", "by force near the target"): {
-        "weight_tip_error": 0.0,
-        "weight_wedge": 0.0,
-        "weight_backward": 30.0,
-    },
-    ("leaving the tissue loaded", "creeping back"): {"weight_backward": 10.0, "weight_tip_error": 0.0},
+    ("hovering", "at the clamp"): {**NO_ERROR, "weight_time": 0.0, "weight_jump": 30.0},
+    ("shallow or hardly cutting", "half of it and out"): {**NO_ERROR, "weight_time": 0.0, "weight_jump": 30.0},
+    ("ending early", "by force near the target"): {**NO_ERROR, "weight_wedge": 0.0, "weight_backward": 30.0},
+    ("leaving the tissue loaded", "creeping back"): {**NO_ERROR, "weight_backward": 10.0},
     ("force dither", "5 % about R B"): {"weight_jump": 3.0, "weight_uncontrolled": 3.0, "weight_backward": 0.0},
     ("pumping speed", "every decision"): {"weight_haste": 3.0, "weight_time": 0.0},
     ("leaving the measured speed range", "in and out"): {"weight_haste": 3.0, "weight_time": 0.0},

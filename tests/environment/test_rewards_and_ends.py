@@ -126,6 +126,15 @@ def test_each_end_is_reached_reported_once_and_terminates(end):
     assert not record.infos[-1]["is_success"] or end == "finished"
 
 
+def test_a_miss_costs_its_weight_at_every_end_and_a_success_nothing():
+    for keywords, policy in ENDINGS.values():
+        for seed in range(3):
+            record = cut(make(specimen_class="uniform", weight_missed=0.7, **keywords), policy, seed)
+            assert record.totals["missed"] == (0.0 if record.infos[-1]["is_success"] else -0.7)
+    successes = [cut(make(specimen_class="uniform"), ConstantFeed(speed=0.0127), n).totals["missed"] for n in range(5)]
+    assert {0.0, -0.3} == set(successes), "successes and misses"
+
+
 STOPS = {
     "unload": legs((2.0, -FASTEST, UPRIGHT), control_hz=100),
     "unload slowly": legs((9.0, -0.005, UPRIGHT), control_hz=100),

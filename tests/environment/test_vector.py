@@ -15,6 +15,7 @@ import cutenv  # noqa: F401  registers the environment
 from cutenv._engine import parallel
 from cutenv.cutting.row import LANES
 from cutenv.envs.vector import GentleCutVectorEnv
+from cutenv.task.observation import in_units, to_action
 from cutenv.tissue import Specimen, measured_liver
 
 ENVIRONMENT = "cutenv/GentleCut-v1"
@@ -83,6 +84,8 @@ KEYWORDS = [
     {"reward_from": "estimate"},
     {"force_drift": 0.02, "force_delay": 0.003, "weight_jump": 0.7, "depth_noise": 0.002},
     {"force_limit_per_depth": 300.0},
+    {"start_before_target": 0.02},
+    {"start_before_target": 0.005, "reward_from": "estimate", "drive": "hand", "specimen_class": "uniform"},
 ]
 
 
@@ -119,13 +122,56 @@ def test_it_is_so_for_rows_of_cuts_and_for_every_drive_and_sensor(keywords):
     assert ended >= count
 
 
+@pytest.mark.parametrize("keywords", [{}, {"reward_from": "estimate"}, {"drive": "hand", "target_length": 0.05}])
+def test_a_cut_that_starts_before_the_target_starts_unloaded_and_at_rest(keywords):
+    envs = gymnasium.make_vec(ENVIRONMENT, num_envs=3, start_before_target=0.015, **keywords)
+    seen, info = envs.reset(seed=5)
+    known = in_units(seen)
+    np.testing.assert_allclose(known["distance"], 0.015, atol=1e-8)
+    np.testing.assert_allclose(known["position"], info["truth"]["target_length_m"] - 0.015, atol=1e-7)
+    assert_array_equal(info["truth"]["tip_m"], info["truth"]["blade_m"])
+    assert not known["speed"].any()
+    assert not known["force"].any()
+    _, rewards, _, _, later = envs.step(np.zeros((3, 2), np.float32))
+    assert_array_equal(later["truth"]["blade_m"], info["truth"]["blade_m"])
+    assert not later["energy"]["stored"].any()
+    np.testing.assert_allclose(rewards, -0.15 * 0.02 / 30.0)  # time alone
+
+
+def test_progress_counts_what_is_gained_from_the_start():
+    env = gymnasium.make(ENVIRONMENT, start_before_target=0.01, target_length=0.08, specimen_class="uniform")
+    env.reset(seed=1)
+    ended, gained = False, 0.0
+    while not ended:
+        _, _, ended, _, info = env.step(to_action(0.02, 0.5 * np.pi))
+        gained += info["reward_terms"]["progress"]
+    assert gained == pytest.approx(0.01 / 0.08)
+
+
+def test_rest_far_from_the_target_ends_no_cut():
+    native, singles = both(num_envs=2)
+    for env in (native, singles):
+        env.reset(seed=3)
+    for step in range(400):
+        speed = 0.0127 if step < 100 else (-0.005 if step < 200 else 0.0)
+        action = np.tile(to_action(speed, 0.5 * np.pi), (2, 1))
+        seen, *_, ended, _, info = native.step(action)
+        np.testing.assert_array_equal(seen, singles.step(action)[0])
+        assert not ended.any(), info
+    known = in_units(seen)
+    assert np.all(known["position"] > 0.01)
+    assert np.all(known["distance"] > 0.02)
+    assert np.all(np.abs(known["speed"]) < 0.5e-3)
+    assert np.all(known["force"] < 0.1)
+
+
 def test_a_cut_that_has_finished_is_told_so():
-    native, singles = both(num_envs=2, deadline_s=20.0)
+    native, singles = both(num_envs=2, deadline_s=20.0, target_length=0.06)
     for env in (native, singles):
         env.reset(seed=3)
     for step in range(600):
-        speed = 0.5 if step < 200 else (-0.2 if step < 280 else 0.0)
-        action = np.tile(np.array([[speed, 1.0]], np.float32), (2, 1))
+        speed = 0.0127 if step < 210 else (-0.0127 if step < 290 else 0.0)
+        action = np.tile(to_action(speed, 0.5 * np.pi), (2, 1))
         ours, theirs = native.step(action), singles.step(action)
         check_same(ours[4], theirs[4])
         if "end" in ours[4]:

@@ -20,7 +20,6 @@ ABOUT = {
     "environment": "cutenv/GentleCut-v1",
     "environment_arguments": {"control_hz": 10, "angle_mode": "free"},
     "features": FEATURES,
-    "dead_zone": 0.25,
     "training": {"seed": 3, "decisions": 1_500_000, "versions": {"numpy": np.__version__}, "return": 0.1},
 }
 

@@ -26,8 +26,8 @@ from cutenv.policy import (
 from cutenv.task.weights import DRAFT, RewardWeights
 
 OTHER = RewardWeights(
-    uncontrolled=0.7, jump=0.4, force=0.3, lag=0.21, backward=0.9, haste=0.5, time=0.6, tip_error=0.11, wedge=0.4,
-    stored=0.3,
+    uncontrolled=0.7, jump=0.4, force=0.3, lag=0.21, backward=0.9, haste=0.5, time=0.6, missed=0.4, tip_error=0.11,
+    wedge=0.4, stored=0.3,
 )  # fmt: skip
 ENDINGS = {
     "finished": ({}, ProbeAndCreep()),

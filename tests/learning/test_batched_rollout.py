@@ -43,7 +43,6 @@ def policy(tmp_path_factory: pytest.TempPathFactory) -> TrainedPolicy:
         environment=ENVIRONMENT,
         environment_arguments={"control_hz": 10},
         features=FEATURES,
-        dead_zone=0.25,
         training={},
     )
     return TrainedPolicy.load(folder)

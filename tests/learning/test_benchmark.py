@@ -47,7 +47,6 @@ def pretend_trained(folder: Path, name: str, seed: int) -> None:
         environment=ENVIRONMENT,
         environment_arguments={"control_hz": 10},
         features=features,
-        dead_zone=0.25,
         training={"decisions": 1000},
     )
     (where / "learning_curve.csv").write_text("decisions,seconds\n1000,1.0\n2000,2.0\n")

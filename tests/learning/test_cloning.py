@@ -14,24 +14,17 @@ from cutenv.learning.cloning import (  # noqa: E402
     Demonstrations,
     demonstrations,
 )
-from cutenv.learning.demonstration import invert_dead_zone  # noqa: E402
-from cutenv.policy import ConstantFeed, apply_dead_zone  # noqa: E402
+from cutenv.policy import ConstantFeed  # noqa: E402
 from cutenv.sb3 import FeatureVecEnv  # noqa: E402
-
-
-def test_what_stands_before_the_dead_zone_comes_out_of_it_again():
-    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 2)).astype(np.float32)
-    actions[0, 0] = 0.0
-    assert apply_dead_zone(invert_dead_zone(actions, 0.25), 0.25) == pytest.approx(actions, abs=1e-6)
-    assert invert_dead_zone(actions, 0.25)[0, 0] == 0.0
+from cutenv.task.observation import commanded_speed  # noqa: E402
 
 
 def test_demonstrations_are_what_the_script_does_whatever_noise_is_added():
-    environments = FeatureVecEnv(range(4), history=0, dead_zone=0.25, control_hz=10)
+    environments = FeatureVecEnv(range(4), history=0, control_hz=10)
     taught = demonstrations(environments, lambda: ConstantFeed(speed=0.0127), decisions=40, noise=0.3, seed=1).actions
-    speed, angle = apply_dead_zone(taught.reshape(-1, 2), 0.25).T
+    speed, angle = taught.reshape(-1, 2).T
     assert taught.shape == (10, 4, 2)
-    assert speed == pytest.approx(0.5, abs=1e-6)
+    assert commanded_speed(speed) == pytest.approx(0.0127, abs=1e-8)
     assert angle == pytest.approx(1.0)
 
 

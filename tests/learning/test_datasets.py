@@ -25,9 +25,9 @@ from cutenv.learning.minari_datasets import (  # noqa: E402
     write,
 )
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace  # noqa: E402
-from cutenv.policy import Features, apply_dead_zone  # noqa: E402
+from cutenv.policy import Features  # noqa: E402
 from cutenv.recording import save  # noqa: E402
-from cutenv.task.observation import in_units  # noqa: E402
+from cutenv.task.observation import commanded_speed, in_units  # noqa: E402
 from cutenv.tissue import Specimen  # noqa: E402
 from cutenv.trace import Trace  # noqa: E402
 
@@ -120,7 +120,7 @@ def test_a_persons_record_becomes_observations_and_the_actions_that_move_a_blade
     last = np.arange(1, len(cut.actions) + 1) * ticks - 1
     assert (cut.infos["force_N"][1:-1] == trace.force[last[:-1]]).all()  # the task ends within the last decision
     assert (cut.infos["position_m"][1:-1] == trace.position[last[:-1]]).all()
-    moved = np.cumsum(cut.actions[:, 0].astype(float)) * 0.0254 / 20
+    moved = np.cumsum(commanded_speed(cut.actions[:, 0].astype(float))) / 20
     assert trace.position[0] + moved == pytest.approx(trace.position[last], abs=1e-5)
     assert cut.observations.shape == (len(cut.actions) + 1, 12)
     assert set(cut.infos) == set(FELT | ESTIMATED)
@@ -173,14 +173,12 @@ def test_a_target_that_the_record_does_not_tell_can_be_given(trace: Trace, tmp_p
     assert cut.about["target_length_m"] == pytest.approx(0.072)
 
 
-def test_lessons_are_the_features_that_an_agent_sees_and_the_actions_before_its_dead_zone(kept: Path) -> None:
+def test_lessons_are_the_features_that_an_agent_sees_and_the_actions(kept: Path) -> None:
     dataset = write(ID, "script", *cuts_of(Arguments(dataset=ID, policy="force feedback", **SHORT)))
-    shown, taught = cloning_data(dataset, history=2, dead_zone=0.25)
-    cuts = list(cloning_data_by_cut(dataset, history=2, dead_zone=0.25))
+    shown, taught = cloning_data(dataset, history=2)
+    cuts = list(cloning_data_by_cut(dataset, history=2))
     assert (np.concatenate([own for own, _ in cuts]) == shown).all()
-    assert apply_dead_zone(taught, 0.25) == pytest.approx(
-        np.concatenate([episode.actions for episode in dataset.iterate_episodes()]), abs=1e-6
-    )
+    assert (taught == np.concatenate([episode.actions for episode in dataset.iterate_episodes()])).all()
     features = Features(history=2)
     second = dataset[1]
     expected = [features(observation) for observation in second.observations[:-1]]
@@ -189,10 +187,10 @@ def test_lessons_are_the_features_that_an_agent_sees_and_the_actions_before_its_
 
 def test_lessons_for_an_agent_that_does_not_feel_hold_no_force(kept: Path) -> None:
     dataset = write(ID, "script", *cuts_of(Arguments(dataset=ID, policy="force feedback", cuts=1)))
-    shown, _ = cloning_data(dataset, history=2, dead_zone=0.25, force=False)
+    shown, _ = cloning_data(dataset, history=2, force=False)
     features = Features(history=2, force=False)
     assert (shown == [features(observation) for observation in dataset[0].observations[:-1]]).all()
-    felt, _ = cloning_data(dataset, history=2, dead_zone=0.25)
+    felt, _ = cloning_data(dataset, history=2)
     assert felt.shape[1] > shown.shape[1] or (felt != shown).any()
 
 
@@ -208,7 +206,7 @@ def test_what_the_actions_of_a_data_set_mean_is_told_or_it_is_refused(kept: Path
 def test_a_clone_learns_from_a_loaded_data_set_in_a_few_hundred_steps(kept: Path) -> None:
     torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
     write(ID, "script", *cuts_of(Arguments(dataset=ID, policy="probe and creep", **SHORT)))
-    shown, taught = map(torch.as_tensor, cloning_data(minari.load_dataset(ID), history=1, dead_zone=0.25))
+    shown, taught = map(torch.as_tensor, cloning_data(minari.load_dataset(ID), history=1))
     torch.manual_seed(0)
     network = torch.nn.Sequential(torch.nn.Linear(shown.shape[1], 32), torch.nn.Tanh(), torch.nn.Linear(32, 2))
     optimizer = torch.optim.Adam(network.parameters(), lr=1e-2)
@@ -236,7 +234,7 @@ def test_a_data_set_of_another_environment_teaches_nothing(kept: Path) -> None:
     with pytest.warns(UserWarning, match="is set to None"):
         other = minari.create_dataset_from_buffers("other/cart-v0", [buffer], env="CartPole-v1")
     with pytest.raises(ValueError, match=r"'other/cart-v0' has observations of shape \(4,\)"):
-        cloning_data(other, history=0, dead_zone=0.0)
+        cloning_data(other, history=0)
     with pytest.raises(ValueError, match="is of environment CartPole-v1; give one of cutenv/GentleCut-v1"):
         environment_of(other)
 

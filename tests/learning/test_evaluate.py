@@ -161,7 +161,6 @@ def folder(tmp_path: Path) -> Path:
         environment=ENVIRONMENT,
         environment_arguments={"control_hz": 10},
         features={"history": 2},
-        dead_zone=0.25,
         training={},
     )
     return tmp_path / "policy"

@@ -10,7 +10,7 @@ import pytest
 from kept_policy import ABOUT, FEATURES, SIZE, actions, observations
 
 from cutenv.policy.actor_network import ACTIVATIONS, Network
-from cutenv.policy.features import Features, apply_dead_zone
+from cutenv.policy.features import Features
 from cutenv.policy.trained import TrainedPolicy, save_policy
 from cutenv.task.observation import CLIP
 
@@ -92,10 +92,7 @@ def test_a_policy_from_its_folder_acts_as_the_learner_does_throughout_a_cut(lear
     for seed in (1, 2):  # two cuts: the second must know nothing of the first
         seen = observations(30, seed)
         features.reset()
-        expected = [
-            apply_dead_zone(model.predict(features(observation), deterministic=True)[0], ABOUT["dead_zone"])
-            for observation in seen
-        ]
+        expected = [model.predict(features(observation), deterministic=True)[0] for observation in seen]
         np.testing.assert_allclose(actions(policy, seen), expected, rtol=0.0, atol=2e-5)
 
 

@@ -13,7 +13,7 @@ import ppo_minimal  # noqa: E402
 
 FILE = Path(ppo_minimal.__file__)
 MARGIN = 0.2
-"""Rise of the mean return on 100 held-out specimens; in half the time five seeds rose by 0.28 to 0.46."""
+"""Rise of the mean return on 100 held-out specimens; seeds 0 to 2 rose by 0.44, 0.29 and 0.25."""
 
 
 def test_it_is_one_file_over_the_public_environment():
@@ -41,7 +41,7 @@ def untrained(args):
 
 
 def test_it_learns_and_does_not_without_a_learning_rate():
-    args = ppo_minimal.Args(total_decisions=260_000, seed=1)
+    args = ppo_minimal.Args(total_decisions=400_000, seed=1)
     before, _ = ppo_minimal.evaluate(untrained(args), 100)
     agent, curve = ppo_minimal.train(args, verbose=False)
     after, _ = ppo_minimal.evaluate(agent, 100)

@@ -23,7 +23,6 @@ ABOUT = {
     "environment": "cutenv/GentleCut-v1",
     "environment_arguments": {"control_hz": 10, "angle_mode": "free"},
     "features": FEATURES,
-    "dead_zone": 0.25,
     "training": {"seed": 3},
 }
 

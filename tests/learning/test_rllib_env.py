@@ -6,9 +6,9 @@ import gymnasium
 import numpy as np
 
 from cutenv.learning.rllib_env import RunnerEnv
-from cutenv.policy import Features, apply_dead_zone
+from cutenv.policy import Features
 
-SHORT = {"history": 2, "dead_zone": 0.25, "control_hz": 10, "deadline_s": 1.0, "specimen_class": "liver"}
+SHORT = {"history": 2, "control_hz": 10, "deadline_s": 1.0, "specimen_class": "liver"}
 
 
 def test_features_rewards_and_ends_are_those_of_single_environments_cut_after_cut():
@@ -32,8 +32,7 @@ def test_features_rewards_and_ends_are_those_of_single_environments_cut_after_cu
                 expected[n], begins[n] = features[n](env.reset()[0]), False
                 assert rewards[n] == 0.0
                 continue
-            command = apply_dead_zone(np.clip(actions[n], -1.0, 1.0), 0.25)
-            observation, reward, begins[n], _, info = env.step(command)
+            observation, reward, begins[n], _, info = env.step(actions[n])
             expected[n] = features[n](observation)
             assert (rewards[n], ended[n]) == (reward, begins[n])
             if begins[n]:

@@ -13,7 +13,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from cutenv.learning.seeds import ENVIRONMENT
-from cutenv.policy import Features, apply_dead_zone
+from cutenv.policy import Features
 from cutenv.sb3 import FeatureVecEnv, NativeVecEnv
 from cutenv.task.privileged import PRIVILEGED_FEATURES
 
@@ -28,7 +28,7 @@ def actions(decisions: int) -> np.ndarray:
 
 def many(decisions: int, **keywords) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Features, rewards and ends of all environments, each with axes (decision, environment, ...)."""
-    environments = FeatureVecEnv(SEEDS, history=2, dead_zone=0.25, hidden_state=True, **KEYWORDS, **keywords)
+    environments = FeatureVecEnv(SEEDS, history=2, hidden_state=True, **KEYWORDS, **keywords)
     seen, rewards, ends = [environments.reset()], [], []
     for chosen in actions(decisions):
         shown, reward, done, _ = environments.step(chosen)
@@ -43,7 +43,7 @@ def one(number: int, decisions: int, **keywords) -> tuple[np.ndarray, np.ndarray
     env, features = gymnasium.make(ENVIRONMENT, **KEYWORDS, **keywords), Features(history=2)
     seen, rewards, ends = [features(env.reset(seed=SEEDS[number])[0])], [], []
     for chosen in actions(decisions)[:, number]:
-        observation, reward, done, _, _ = env.step(apply_dead_zone(np.clip(chosen, -1.0, 1.0), 0.25))
+        observation, reward, done, _, _ = env.step(chosen)
         if done:
             observation = env.reset()[0]
             features.reset()
@@ -62,15 +62,6 @@ def test_they_cut_bit_for_bit_as_single_ones_do_over_episodes_with_resets(keywor
     assert (together[2].sum(axis=0) >= 3).all()
 
 
-def test_another_dead_zone_would_be_noticed():
-    seen, _, _ = many(5)
-    other = FeatureVecEnv(SEEDS, history=2, dead_zone=0.1, **KEYWORDS)
-    other.reset()
-    for chosen in actions(5):
-        shown = other.step(chosen)[0]
-    assert not np.array_equal(shown[:, : -len(PRIVILEGED_FEATURES)], seen[-1])
-
-
 def test_they_begin_with_the_episode_that_is_asked_for_and_go_on_from_it():
     environments = NativeVecEnv(SEEDS, **KEYWORDS)
     environments.first_episode = 7
@@ -85,7 +76,7 @@ def test_they_begin_with_the_episode_that_is_asked_for_and_go_on_from_it():
 
 
 def test_returns_lengths_and_ends_are_told():
-    environments = FeatureVecEnv(SEEDS, history=0, dead_zone=0.25, hidden_state=True, **KEYWORDS)
+    environments = FeatureVecEnv(SEEDS, history=0, hidden_state=True, **KEYWORDS)
     environments.reset()
     total = np.zeros(len(SEEDS))
     for k, chosen in enumerate(actions(40)):
@@ -101,7 +92,7 @@ def test_returns_lengths_and_ends_are_told():
 
 
 def test_the_hidden_state_is_the_tip_first_of_all():
-    environments = FeatureVecEnv(SEEDS, history=0, dead_zone=0.25, hidden_state=True, **KEYWORDS)
+    environments = FeatureVecEnv(SEEDS, history=0, hidden_state=True, **KEYWORDS)
     seen = environments.reset()
     for chosen in actions(15):
         seen = environments.step(chosen)[0]

@@ -47,7 +47,7 @@ def test_a_missing_file_is_named(folder, file):
     [
         ({"schema": "cutenv-policy/9"}, "schema 'cutenv-policy/1', found 'cutenv-policy/9'"),
         ({"activations": "tanh"}, "'activations'.*Did you mean 'activation'"),
-        ({"dead_zone": None}, r"missing field\(s\) dead_zone"),
+        ({"features": None}, r"missing field\(s\) features"),
         ({"activation": "gelu"}, "activation must be one of 'tanh', 'relu', got 'gelu'"),
         ({"activation": ["tanh"]}, "activation must be one of"),
         ({"layers": [SIZE, 9, 6, 2]}, f"layers is {SIZE}-9-6-2, but the network's are {SIZE}-8-6-2"),
@@ -56,7 +56,7 @@ def test_a_missing_file_is_named(folder, file):
         ({"features": {"histroy": 2}}, "features .*histroy"),
         ({"features": [2]}, "features must be a mapping"),
         ({"features": {"history": 3}}, "must begin with"),
-        ({"dead_zone": "a quarter"}, "dead_zone must be one real number.*'a quarter'"),
+        ({"dead_zone": 0.1}, r"dead_zone = 0\.1, but that of every action is 0\.25 now"),
         ({"sha256": "12"}, "sha256 must be 64 hexadecimal digits, got '12'"),
         ({"environment": 5}, "environment must be an id"),
         ({"scaling": [5]}, "scaling: component 'force' is 5 in the card"),

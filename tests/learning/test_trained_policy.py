@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from kept_policy import ABOUT, SIZE, actions, network, observations
+from kept_policy import ABOUT, SIZE, actions, change_card, network, observations
 
 from cutenv.policy import trained
 from cutenv.policy.actor_network import ACTIVATIONS, Network
@@ -37,13 +37,11 @@ def test_a_policy_read_back_acts_exactly_as_before(folder):
     assert policy.card.training == ABOUT["training"]
 
 
-def test_actions_fit_the_action_space_and_rest_within_the_dead_zone(folder):
+def test_actions_fit_the_action_space(folder):
     found = actions(TrainedPolicy.load(folder), observations(300))
     assert found.dtype == np.float32
     assert found.shape == (300, 2)
     assert np.abs(found).max() == 1.0
-    assert (found[:, 0] == 0.0).any()
-    assert not (found[:, 1] == 0.0).any()
 
 
 def test_a_policy_without_chance_repeats_itself_after_a_reset(folder):
@@ -93,7 +91,6 @@ CARDS = st.builds(
     layers=st.lists(st.integers(1, 10**6), min_size=2, max_size=5).map(tuple),
     activation=st.sampled_from(sorted(ACTIVATIONS)),
     features=MAPPINGS,
-    dead_zone=st.floats(0.0, 0.9),
     sha256=st.text("0123456789abcdef", min_size=64, max_size=64),
     training=MAPPINGS,
 )
@@ -104,6 +101,12 @@ def test_any_card_is_read_back_exactly(card):
     assert PolicyCard.from_json(card.to_json()) == card
 
 
+def test_a_card_of_a_network_with_this_dead_zone_of_its_own_is_read(folder):
+    card = TrainedPolicy.load(folder).card
+    change_card(folder, dead_zone=0.25)
+    assert TrainedPolicy.load(folder).card == card
+
+
 # Nothing is overwritten by accident, and nothing is left half.
 
 
@@ -112,9 +115,7 @@ def test_the_same_policy_is_saved_again_with_new_facts(folder):
     assert TrainedPolicy.load(folder).card.training == {"seed": 4}
 
 
-@pytest.mark.parametrize(
-    ("seed", "change"), [(1, {}), (0, {"dead_zone": 0.1}), (0, {"environment_arguments": {"control_hz": 20}})]
-)
+@pytest.mark.parametrize(("seed", "change"), [(1, {}), (0, {"environment_arguments": {"control_hz": 20}})])
 def test_a_different_policy_is_overwritten_only_when_told(folder, seed, change):
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     with pytest.raises(FileExistsError, match="replace=True"):
@@ -156,7 +157,6 @@ def test_an_interrupted_save_leaves_no_policy_and_can_be_repeated(folder, monkey
         ({"training": {"return": float("nan")}}, "training must hold what JSON can"),
         ({"training": {"return": np.float32(1.0)}}, "training must hold what JSON can"),
         ({"environment_arguments": {3: 4}}, "environment_arguments must be a mapping with text as keys"),
-        ({"dead_zone": 1.0}, "dead_zone = 1 is outside 0 to 0.9"),
         ({"environment": ""}, "environment must be an id"),
         ({"features": {"histroy": 2}}, "features .*histroy"),
         ({"features": {"history": 3}}, "must begin with"),

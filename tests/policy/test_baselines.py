@@ -20,7 +20,7 @@ from cutenv.policy import (
     TipEstimate,
     feed_name,
 )
-from cutenv.task.observation import SPEED_SCALE, in_units
+from cutenv.task.observation import commanded_speed, in_units
 
 
 def test_the_names_are_the_grid_the_scripts_the_bound_and_the_idle():
@@ -35,7 +35,7 @@ def first_command(name: str, policy) -> tuple[float, float]:
     observation, _ = make().reset(seed=0)
     policy.reset(np.random.default_rng(0))
     known = in_units(np.r_[observation[:10], policy(observation)])
-    return 100.0 * SPEED_SCALE * float(known["last_speed"]), 67.5 + 22.5 * float(known["last_angle"])
+    return 100.0 * float(commanded_speed(known["last_speed"])), 67.5 + 22.5 * float(known["last_angle"])
 
 
 @pytest.mark.parametrize("name", CONSTANT_FEEDS)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from observed import observed
 from whole_cut import CRUISE, INCLINED, UPRIGHT, cut, make
 
-from cutenv.policy import ConstantFeed, Features, ProbeAndCreep, RandomAction, apply_dead_zone, features
+from cutenv.policy import ConstantFeed, Features, ProbeAndCreep, RandomAction, features
 from cutenv.policy.features import feature_count
 from cutenv.policy.tip_estimate import CUT_ESTIMATE, CUT_MEMORY
 from cutenv.task.observation import CLIP, COMPONENTS, to_action
@@ -179,19 +179,6 @@ def test_nothing_hidden_reaches_them():
         "cutenv._base.validation",
     }
     assert not {"true_force", "elastic_force", "jump"} & {*CUT_MEMORY.names, *CUT_ESTIMATE.names}
-
-
-def test_a_dead_zone_maps_small_speeds_to_rest_and_keeps_the_ends_and_the_angle():
-    speeds = np.float32([-1.0, -0.625, -0.25, -0.1, 0.0, 0.2, 0.25, 0.625, 1.0])
-    actions = np.stack([speeds, np.linspace(-1.0, 1.0, len(speeds), dtype=np.float32)], axis=1)
-    before = actions.copy()
-    mapped = apply_dead_zone(actions, 0.25)
-    np.testing.assert_allclose(mapped[:, 0], [-1.0, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 1.0], atol=1e-6)
-    np.testing.assert_array_equal(mapped[:, 1], actions[:, 1])
-    np.testing.assert_array_equal(actions, before)
-    np.testing.assert_array_equal(apply_dead_zone(actions[3], 0.25), mapped[3])
-    np.testing.assert_array_equal(apply_dead_zone(actions, 0.0), actions)
-    assert mapped.dtype == np.float32
 
 
 def test_some_cuts_of_many_are_fed_by_their_numbers():

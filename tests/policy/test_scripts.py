@@ -8,7 +8,7 @@ from observed import observed
 from whole_cut import FASTEST, INCLINED, UPRIGHT, Cut, cut, make
 
 from cutenv.policy import ConstantFeed, FastThenSlow, ForceFeedback, InclineBetween, Script
-from cutenv.task.observation import in_units
+from cutenv.task.observation import commanded_speed, in_units
 
 SETTLED = 15  # decisions, after which the drive has followed a command
 
@@ -78,7 +78,7 @@ def test_force_feedback_commands_a_speed_that_rises_with_force_per_depth_between
 
     def commanded(force_per_depth: float, depth: float) -> float:
         seen = observed(force=force_per_depth * depth, depth=depth, distance=0.08)
-        return float(in_units(np.r_[np.zeros(10), policy(seen)])["last_speed"]) * FASTEST
+        return float(commanded_speed(in_units(np.r_[np.zeros(10), policy(seen)])["last_speed"]))
 
     for depth in (0.006, 0.02):
         for force_per_depth, speed in ((-50.0, 0.005), (0.0, 0.005), (150.0, 0.0125), (300.0, 0.02), (600.0, 0.02)):

@@ -51,7 +51,6 @@ def test_a_policy_is_taken_by_name_or_by_folder(tmp_path):
         environment="cutenv/GentleCut-v1",
         environment_arguments={},
         features={"history": 0},
-        dead_zone=0.0,
         training={},
     )
     assert named_policy(tmp_path / "mine").card == TrainedPolicy.load(tmp_path / "mine").card

@@ -81,7 +81,7 @@ def test_a_drive_that_stopped_by_itself_between_cuts_is_reset_once_the_operator_
         session.plant.supervisor.reset(agreed=False)
     env.reset(seed=2)
     assert any(f'the blade drive went to "{state.value}" by itself' in asked for asked in session.operator.asked)
-    assert not env.step([0.2, 1.0])[2]
+    assert not env.step([0.4, 1.0])[2]
     env.close()
 
 
@@ -115,7 +115,7 @@ def test_what_ends_the_program_stops_the_blade_before_the_disk_is_waited_for(
 
     monkeypatch.setattr(AppendingRecord, "close", closed)
     for _ in range(20):
-        env.step([0.5, 1.0])
+        env.step([0.625, 1.0])
     with pytest.raises(error):
         leave(env, error)
     assert supervisor.report is not None

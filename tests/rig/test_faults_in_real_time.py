@@ -126,7 +126,7 @@ def reset():
 reset()
 print("cutting", flush=True)
 while True:
-    if env.step([0.5, 1.0])[2]:
+    if env.step([0.625, 1.0])[2]:
         reset()
 """
 

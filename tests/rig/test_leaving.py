@@ -26,7 +26,7 @@ def made_env(**arguments: Any) -> RigCutEnv:
     env = RigCutEnv(rig="fake", specimen_class="uniform", target_length=0.06, **arguments)
     env.reset(seed=1)
     for _ in range(20):
-        env.step([0.5, 1.0])
+        env.step([0.625, 1.0])
     return env
 
 
@@ -68,13 +68,13 @@ def test_another_thread_closes_the_rig_while_a_step_runs(tmp_path):
     assert handlers is not signal.default_int_handler
     during(env, lambda: elsewhere(env.close))
     before = plant.clock.now()
-    _, _, ended, _, info = env.step([0.5, 1.0])
+    _, _, ended, _, info = env.step([0.625, 1.0])
     assert plant.clock.now() - before < 0.5, "it waits for a rig that is left"
     assert ended
     assert info["end"] == "stopped"
     assert info["stop"]["cause"] == Cause.OPERATOR
     with pytest.raises(Exception, match="no cut is going on"):
-        env.step([0.5, 1.0])
+        env.step([0.625, 1.0])
     assert load_one(env.records[-1]).metadata["stop"]["cause"] == Cause.OPERATOR
     env.close()
 
@@ -116,9 +116,9 @@ def test_a_signals_handler_closes_the_rig_while_a_step_runs(then, tmp_path):
     during(env, handle)
     if then == "exits":
         with pytest.raises(SystemExit):
-            env.step([0.5, 1.0])
+            env.step([0.625, 1.0])
     else:
-        _, _, ended, _, info = env.step([0.5, 1.0])
+        _, _, ended, _, info = env.step([0.625, 1.0])
         assert (ended, info["end"], info["stop"]["cause"]) == (True, "stopped", Cause.OPERATOR)
     assert env._session is None
     assert plant.supervisor.report.cause is Cause.OPERATOR
@@ -196,7 +196,7 @@ def test_a_forked_child_neither_moves_nor_closes_the_rig_nor_touches_its_record(
     plant, rows = env.session.plant, env._source._record.rows
     assert in_a_fork(env.close) == "done"
     for forbidden in (
-        lambda: env.step([0.5, 1.0]),
+        lambda: env.step([0.625, 1.0]),
         lambda: env.reset(seed=2),
         lambda: plant.advance(0.01, 1.5, 20),
         lambda: plant.travel(0.0, speed=0.005),
@@ -209,7 +209,7 @@ def test_a_forked_child_neither_moves_nor_closes_the_rig_nor_touches_its_record(
     (part,) = tmp_path.glob("*.csv")
     assert load_one(part).metadata["truncated"] is True
     assert len(load_one(part).time) == rows
-    assert not env.step([0.5, 1.0])[2]
+    assert not env.step([0.625, 1.0])[2]
     env.close()
     assert load_one(env.records[0]).metadata["end"] == "closed"
     assert released == [os.getpid()]

@@ -22,6 +22,7 @@ from cutenv.rig.operation.operator import ScriptedOperator
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import to_toml
 from cutenv.scoring import score
+from cutenv.task.observation import to_action
 
 
 def cut(env, name="probe and creep", seed=5, episode=0, until=math.inf):
@@ -80,8 +81,8 @@ def test_the_same_cut_scores_as_in_the_simulator(env, name):
     assert np.median(differences) < 0.05  # a run more or less costs as much
 
 
-def test_a_rig_whose_sensor_is_slow_and_noisy_does_not():
-    env = RigCutEnv(rig="fake", force_noise=0.3, force_delay=0.06)
+def test_a_rig_that_is_slow_and_noisy_does_not():
+    env = RigCutEnv(rig="fake", force_noise=0.3, force_delay=0.06, motor_lag=0.12)
     with pytest.raises(AssertionError):
         test_the_same_cut_scores_as_in_the_simulator(env, "probe and creep")
 
@@ -95,10 +96,22 @@ def test_everything_it_tells_is_an_estimate(env):
     assert info["rig"]["period_s"] == pytest.approx(0.02)
 
 
+def test_a_rig_is_commanded_the_speed_of_the_action_and_none_in_its_dead_zone(env, monkeypatch):
+    env.reset(seed=0)
+    plant, commanded = env.unwrapped.cutting.plant, []
+    advance = plant.advance
+    monkeypatch.setattr(
+        plant, "advance", lambda speed, angle, ticks: commanded.append(speed) or advance(speed, angle, ticks)
+    )
+    for action in (to_action(0.02, 1.5), to_action(-0.005, 1.5), np.float32([-0.25, 1.0]), np.float32([0.2, 1.0])):
+        env.step(action)
+    assert commanded == pytest.approx([0.02, -0.005, 0.0, 0.0], abs=1e-8)
+
+
 def test_a_stop_ends_the_cut_dearly_and_says_why(env):
     cut(env, until=50)
     fake_of(env).faults.extra_force = 30.0
-    _, reward, terminated, truncated, info = env.step(np.array([0.5, 1.0], np.float32))
+    _, reward, terminated, truncated, info = env.step(np.array([0.625, 1.0], np.float32))
     assert terminated
     assert not truncated
     assert info["end"] == "stopped"
@@ -364,8 +377,8 @@ def test_a_disk_that_takes_no_more_stops_the_blade(tmp_path, monkeypatch):
         raise RecordingFailed("no space left")
 
     monkeypatch.setattr(AppendingRecord, "append", full)
-    info = env.step(np.array([0.5, 1.0], np.float32))[4]
-    info = info if "stop" in info else env.step(np.array([0.5, 1.0], np.float32))[4]
+    info = env.step(np.array([0.625, 1.0], np.float32))[4]
+    info = info if "stop" in info else env.step(np.array([0.625, 1.0], np.float32))[4]
     assert "record cannot be kept" in info["stop"]["detail"]
     env.close()
 
