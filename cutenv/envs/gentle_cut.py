@@ -51,8 +51,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     1   target angle    45 to 90 (upright)     deg
     === =============== ====================== ======
 
-    A speed action has a dead zone, so that noise about 0 does not move the blade: -1 to -0.25: 2.54 to 0 cm/s back;
-    -0.25 to 0.25: rest; 0.25 to 1: 0 to 2.54 cm/s forward.  ``cutenv.task.observation.to_action`` gives the action for
+    A speed action has a dead zone, so that noise about 0 does not move the blade: -1 to -0.1: 2.54 to 0 cm/s back;
+    -0.1 to 0.1: rest; 0.1 to 1: 0 to 2.54 cm/s forward.  ``cutenv.task.observation.to_action`` gives the action for
     a speed.  The drive follows through its lag and limits.  With ``angle_mode="fixed"`` the second number is ignored.
 
     Observation

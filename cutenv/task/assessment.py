@@ -58,6 +58,7 @@ def count_dtype(lanes: int) -> np.dtype[Any]:
         ("furthest", "f8"),
         ("time", "f8"),
         ("quiet", "f8"),
+        ("loaded_at", "f8"),
         ("tip", "f8"),
         ("speed", "f8"),
         ("end", "i8"),
@@ -176,6 +177,7 @@ def begin_count(count: Struct, k: Integer, task: Struct, progress: Struct) -> No
     """Prepare the accumulators of lane ``k`` for a step."""
     count.position[k], count.touched[k], count.furthest[k] = progress.position, progress.touched, progress.furthest
     count.time[k], count.quiet[k], count.tip[k] = progress.time, progress.quiet, progress.tip
+    count.loaded_at[k] = progress.loaded_at
     count.end[k], count.updates[k] = 0, 0
     count.target[k], count.deadline[k] = task.target, task.deadline
     count.force_limit_per_depth[k], count.friction_per_depth[k] = task.force_limit_per_depth, task.friction_per_depth
@@ -214,15 +216,19 @@ def count_lane(
     depth = max(depth, SHALLOWEST)
     furthest = max(count.furthest[k], position)
     unloaded = felt < count.friction_per_depth[k] * depth + FORCE_UNLOADED
-    resting = speed < SPEED_AT_REST and unloaded and furthest >= count.target[k] - NEAR_TARGET
+    may_finish = unloaded and furthest >= count.target[k] - NEAR_TARGET
+    resting = may_finish and speed < SPEED_AT_REST
+    loaded_at = count.loaded_at[k] if may_finish else position
     time, quiet = count.time[k] + TICK, count.quiet[k] + TICK if resting else 0.0
     _add(
         count, k, felt, size, count.force_limit_per_depth[k] * depth, depth, position, moved, speed, tip, jump,
-        count.touched[k], time, quiet, count.target[k], count.deadline[k], count.speed_min[k], count.speed_max[k],
+        count.touched[k], time, quiet, loaded_at - position, count.target[k], count.deadline[k], count.speed_min[k],
+        count.speed_max[k],
     )  # fmt: skip
     count.touched[k] = 1 if position > tip else count.touched[k]
     count.position[k], count.speed[k], count.tip[k] = position, velocity, tip
     count.furthest[k], count.time[k], count.quiet[k] = furthest, time, quiet
+    count.loaded_at[k] = loaded_at
     count.updates[k] += 1
 
 
@@ -262,6 +268,7 @@ def conclude(
     tip_before, tip = progress.tip, count.tip[k]
     progress.position, progress.touched, progress.furthest = count.position[k], count.touched[k], count.furthest[k]
     progress.time, progress.quiet, progress.end = count.time[k], count.quiet[k], count.end[k]
+    progress.loaded_at = count.loaded_at[k]
     progress.tip, progress.angle, progress.updates = tip, angle, count.updates[k]
     time_left = max(task.deadline - progress.time, 0.0)
     _charge(count, k, task, progress.updates, task.target, tip, tip_before, time_left, info)
@@ -286,12 +293,12 @@ def succeeded(task: Struct, progress: Struct) -> bool:
 
 @njit
 def charge_end(task: Struct, progress: Struct, profile: Struct, info: Struct) -> None:
-    """Charge the terminal cost, the same for every end, and the additional cost of an end for safety."""
+    """Charge the terminal cost, the same for every end, and that of an end for safety; add what a success gains."""
     tip = progress.tip
     stored = 0.5 * stiffness_at(profile, tip)[0] * lag(progress.position, tip) ** 2
     _charge_end(
         task, progress, progress.updates, task.target, tip, tip, max(task.deadline - progress.time, 0.0),
-        progress.angle, stored, toughness_at(profile, tip), 0.0 if succeeded(task, progress) else 1.0, info,
+        progress.angle, stored, toughness_at(profile, tip), 1.0 if succeeded(task, progress) else 0.0, info,
     )  # fmt: skip
 
 

@@ -36,6 +36,7 @@ PROGRESS: np.dtype[Any] = np.dtype(
             ("window_position", "f8"),
             ("furthest", "f8"),  # of the blade so far [m]
             ("quiet", "f8"),  # time for which the blade has been at rest and unloaded [s]
+            ("loaded_at", "f8"),  # position of the blade when the tissue was last loaded [m]
             ("time", "f8"),  # since reset [s]
             ("bristle", "f8"),  # deflection of the friction bristles [m]
             ("settled", "i8"),  # updates for which it has not changed

@@ -18,7 +18,7 @@ T = TypeVar("T", float, Array)
 
 SPEED_SCALE = 0.0254
 """Speed of action 1 [m/s]: the fastest measured."""
-DEAD_ZONE = 0.25
+DEAD_ZONE = 0.1
 """Size of a speed action up to which the blade is to rest, so that noise about 0 does not move it."""
 ANGLE_CENTRE, ANGLE_SCALE = math.radians(67.5), math.radians(22.5)
 """Angle of action 0, and the half range to 45 and 90 degrees [rad]."""

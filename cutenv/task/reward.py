@@ -1,10 +1,13 @@
 """The reward's terms and the ends of a cut, each declared once.
 
-Reward of a step = progress / L - costs.  All costs are non-negative and additive: they are charged as they occur.
-Every end is charged the same terminal cost; an end for safety also pays the largest cost that stopping could still
-have had, so that it never pays to end early:
+Reward = what is gained - costs.  A cut gains up to 1: by progress, by a tip near the target, by a success.  All costs
+are non-negative and additive: they are charged as they occur.  Every end is charged the same terminal cost; an end for
+safety also pays the most that stopping could still have lost, so that it never pays to end early:
 
-    time left, a miss, tip error at its cap, a full wedge, and a tissue left loaded.
+    time left, the whole of accuracy and success, a full wedge, and a tissue left loaded.
+
+What a cut achieves is gained and not charged for when it is missed.  The sums differ by a constant, but to a learner
+that discounts, a charge at the end is a reason to put off the end.
 
 Costs that only time bounds (force, lag, jumps, backward travel) are not part of that largest cost: a policy that
 stops and unloads avoids them, so a breach costs more than stopping in every state.
@@ -22,7 +25,7 @@ from dataclasses import dataclass
 
 from cutenv._engine.fuse import Formula
 from cutenv.cutting.dtypes import TICK
-from cutenv.task_quantities import TIP_TOLERANCE, force_per_depth, lag, tip_error, wedge
+from cutenv.task_quantities import TIP_TOLERANCE, closeness, force_per_depth, lag, wedge
 
 FORCE_ALLOWED = 400.0
 """Force per depth of cut up to which no force cost is charged [N/m]."""
@@ -32,8 +35,8 @@ OVERSHOOT_ALLOWED = 0.005
 """Overshoot of the tip beyond the target above which the task ends [m]."""
 LAG_CHARGED = 0.010
 """Largest excess lag that is charged [m]: in a soft and tough specimen no blade can keep the tip nearer."""
-TIP_ERROR_CAP = 3.0
-"""Largest tip error that is charged, in multiples of the tolerance."""
+WITHDRAWN = 0.010
+"""Distance of drawing back unloaded after which the cut is finished [m]."""
 TIME_AT_REST = 0.3
 """Time at rest and unloaded after which the cut is finished [s]."""
 DECELERATION = 0.1
@@ -45,17 +48,17 @@ WORST_STORED = 2.0
 
 OF_MILLISECOND = (
     "felt", "force", "force_limit", "depth", "position", "moved", "speed", "tip", "jump", "touched", "time", "quiet",
-    "target", "deadline", "speed_min", "speed_max",
+    "withdrawn", "target", "deadline", "speed_min", "speed_max",
 )  # fmt: skip
 """Quantities of a millisecond, in SI units: measured force; force on the blade and its limit (true or measured, its
 size), depth of cut; position of the blade, its motion and the size of its speed; crack tip and its unstable growth
-(true or estimated); 1 if the blade has loaded the tissue before; time since reset, time at rest and unloaded; target
-length and deadline of the task, measured range of speed."""
+(true or estimated); 1 if the blade has loaded the tissue before; time since reset, time at rest and unloaded, distance
+drawn back unloaded; target length and deadline of the task, measured range of speed."""
 OF_STEP = ("updates", "target", "tip", "tip_before", "time_left")
 """Quantities of a step: number of milliseconds, target length [m], tip at its end and before [m], time left [s]."""
-OF_END = (*OF_STEP, "angle", "stored", "toughness", "missed")
-"""Quantities of an end: those of its step, angle of the blade [rad], stored energy [J], R B at the tip [N], 0 for a
-success and 1 for any other end."""
+OF_END = (*OF_STEP, "angle", "stored", "toughness", "success")
+"""Quantities of an end: those of its step, angle of the blade [rad], stored energy [J], R B at the tip [N], 1 for a
+success and 0 for any other end."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +80,7 @@ class Term:
     each: Formula | None = None
     """Summand of every millisecond."""
     gain: Formula | None = None
-    """Gain of a step."""
+    """Gain of a step; a loss where negative."""
     cost: Formula | None = None
     """Cost of a step."""
     end_cost: Formula | None = None
@@ -91,13 +94,33 @@ REWARD = (
         name="progress",
         title="progress",
         text="tip gained / L, up to the target",
-        gain=lambda tip, tip_before, target: (min(tip, target) - min(tip_before, target)) / target,
+        weight=0.6,
+        per="for the whole cut",
+        gain=lambda weight, tip, tip_before, target: weight * (min(tip, target) - min(tip_before, target)) / target,
+    ),
+    Term(
+        name="accuracy",
+        title="accuracy",
+        text="1 - tip error / 9 mm where positive: gained on the way to the target, lost beyond it",
+        weight=0.2,
+        per="for a tip at the target",
+        gain=lambda weight, tip, tip_before, target: weight * (closeness(tip, target) - closeness(tip_before, target)),
+        largest=lambda weight: weight,
+    ),
+    Term(
+        name="success",
+        title="success",
+        text="at the end, if it is a success",
+        weight=0.2,
+        per="for a success",
+        end_cost=lambda weight, success: 0.0 - weight * success,
+        largest=lambda weight: weight,
     ),
     Term(
         name="uncontrolled",
         title="uncontrolled advance",
         text="unstable growth / L",
-        weight=0.15,
+        weight=0.1,
         per="per target length of unstable growth",
         each=lambda jump: jump,
         cost=lambda weight, total, target: weight * total / target,
@@ -106,7 +129,7 @@ REWARD = (
         name="jump",
         title="large jumps",
         text="sum of (run / 10 mm)^2",
-        weight=0.05,
+        weight=0.03,
         per="per (run of 10 mm) squared",
         each=lambda jump: jump**2,
         cost=lambda weight, total: weight * total / (0.010 * 0.010),
@@ -115,7 +138,7 @@ REWARD = (
         name="force",
         title="force per depth",
         text="integral of force per depth above 400 N/m, / (100 N/m s)",
-        weight=0.02,
+        weight=0.012,
         per="per 100 N/m s of force per depth above 400 N/m",
         each=lambda force, depth: (
             force_per_depth(force, depth) - FORCE_ALLOWED if force > FORCE_ALLOWED * depth else 0.0
@@ -126,7 +149,7 @@ REWARD = (
         name="lag",
         title="lag",
         text="integral of the tip's lag above 10 mm, / (10 mm s)",
-        weight=0.03,
+        weight=0.02,
         per="per 10 mm s of lag above 10 mm, up to 20 mm",
         each=lambda position, tip: min(max(lag(position, tip) - LAG_ALLOWED, 0.0), LAG_CHARGED),
         cost=lambda weight, total: weight * total * TICK / 0.010,
@@ -135,7 +158,7 @@ REWARD = (
         name="backward",
         title="backing up",
         text="backward travel after first contact / L",
-        weight=0.15,
+        weight=0.1,
         per="per target length of backward travel",
         each=lambda moved, touched: max(-moved, 0.0) if touched == 1 else 0.0,
         cost=lambda weight, total, target: weight * total / target,
@@ -144,7 +167,7 @@ REWARD = (
         name="haste",
         title="too fast to stop",
         text="integral over travel of stopping distance / 3 mm, / L",
-        weight=0.1,
+        weight=0.06,
         per="per target length at a speed that takes 3 mm to stop from",
         each=lambda speed, moved: speed**2 * abs(moved),
         cost=lambda weight, total, target: weight * total / (2.0 * DECELERATION * TIP_TOLERANCE * target),
@@ -153,34 +176,16 @@ REWARD = (
         name="time",
         title="time",
         text="time / 30 s",
-        weight=0.15,
+        weight=0.1,
         per="per 30 s",
         cost=lambda weight, updates: weight * updates * TICK / TIME_SCALE,
         largest=lambda weight, time_left: weight * time_left / TIME_SCALE,
     ),
     Term(
-        name="missed",
-        title="missed",
-        text="at the end: 1 unless it is a success",
-        weight=0.3,
-        per="at an end that is not a success",
-        end_cost=lambda weight, missed: weight * missed,
-        largest=lambda weight: weight,
-    ),
-    Term(
-        name="tip_error",
-        title="tip error",
-        text="at the end: min(tip error / 3 mm, 3)",
-        weight=0.1,
-        per="at the end, per 3 mm, up to 9 mm",
-        end_cost=lambda weight, tip, target: weight * min(tip_error(tip, target) / TIP_TOLERANCE, TIP_ERROR_CAP),
-        largest=lambda weight: weight * TIP_ERROR_CAP,
-    ),
-    Term(
         name="wedge",
         title="wedge left",
         text="at the end: uncut wedge / B = cot(angle)",
-        weight=0.2,
+        weight=0.12,
         per="at the end, per wedge as wide as deep",
         end_cost=lambda weight, angle: wedge(angle, weight),
         largest=lambda weight: weight,
@@ -189,7 +194,7 @@ REWARD = (
         name="stored",
         title="left loaded",
         text="at the end: min(stored energy / (R B 3 mm), 2)",
-        weight=0.1,
+        weight=0.06,
         per="at the end, per fracture energy of 3 mm, up to 6 mm",
         end_cost=lambda weight, stored, toughness: weight * min(stored / (toughness * 0.003), WORST_STORED),
         largest=lambda weight: weight * WORST_STORED,
@@ -233,8 +238,8 @@ CUT_ENDS = (
     ),
     End(
         name="finished",
-        text="blade has been within 10 mm of the target, speed below 0.5 mm/s, force below friction + 0.1 N for 0.3 s",
-        when=lambda quiet: quiet >= TIME_AT_REST - 0.5 * TICK,
+        text="blade has been within 10 mm of the target; then unloaded at rest for 0.3 s, or unloaded and drawn back 10 mm",
+        when=lambda quiet, withdrawn: quiet >= TIME_AT_REST - 0.5 * TICK or withdrawn >= WITHDRAWN,
     ),
     End(
         name="deadline",

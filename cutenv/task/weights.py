@@ -1,10 +1,4 @@
-"""Weights of the reward and limits of the task.
-
-They were corrected once, before any agent was compared: with the weights first drafted (:data:`DRAFT`) the best
-constant feed was the greatest speed and inclination, held throughout, and slow cuts of tough tissue had a negative
-return.  A miss was given a price of its own, half of what the tip error cost at most: without it, the best return did
-not have the best success.  ``python scripts/baseline_table.py`` prints the baseline table for both.
-"""
+"""Weights of the reward and limits of the task."""
 
 from __future__ import annotations
 
@@ -24,7 +18,7 @@ if TYPE_CHECKING:
 
     @dataclass(frozen=True, kw_only=True)
     class RewardWeights:
-        """Weights of the costs; each cost is charged as it occurs, so that ending early saves nothing."""
+        """Weights of the reward's terms; each cost is charged as it occurs, so that ending early saves nothing."""
 
         def __init__(self, **weights: float) -> None: ...
 
@@ -46,28 +40,12 @@ else:
         ],
         namespace={
             "__module__": __name__,
-            "__doc__": "Weights of the costs; each cost is charged as it occurs, so that ending early saves nothing.",
+            "__doc__": "Weights of the reward's terms; each cost is charged as it occurs, so that ending early saves nothing.",
             "__post_init__": check_parameters,
         },
         frozen=True,
         kw_only=True,
     )
-
-
-DRAFT = RewardWeights(
-    uncontrolled=0.3,
-    jump=0.1,
-    force=0.2,
-    lag=0.1,
-    backward=0.3,
-    haste=0.0,
-    time=0.3,
-    missed=0.0,
-    tip_error=0.2,
-    wedge=0.2,
-    stored=0.1,
-)
-"""The weights before they were corrected; kept so that the comparison can be printed."""
 
 
 @dataclass(frozen=True, kw_only=True)
