@@ -17,7 +17,7 @@ TRAVEL = LENGTH - SPACING
 """Greatest distance of the hand from the clamp [m]."""
 NOTCH = math.radians(5.0)
 """Tilt for one notch of the wheel [rad]."""
-DEAD_ZONE = 0.12
+STICK_DEAD_ZONE = 0.12
 """Share of a stick's travel around its middle that is ignored."""
 
 
@@ -87,7 +87,7 @@ class GamepadDevice:
             Position of the trigger, 0 (released, upright) to 1 (pulled, 45 degrees).
         """
         stick = in_range("stick", stick, -1.01, 1.01, "1", "Axes of a gamepad reach from -1 to 1.")
-        slack = max(abs(stick) - DEAD_ZONE, 0.0) / (1.0 - DEAD_ZONE)
+        slack = max(abs(stick) - STICK_DEAD_ZONE, 0.0) / (1.0 - STICK_DEAD_ZONE)
         self._stick = math.copysign(min(slack, 1.0), stick)
         self._trigger = in_range("trigger", trigger, 0.0, 1.0, "1", "Put an axis of -1 to 1 to 0 to 1.")
 

@@ -46,7 +46,7 @@ def test_it_learns_and_does_not_without_a_learning_rate():
     agent, curve = ppo_minimal.train(args, verbose=False)
     after, _ = ppo_minimal.evaluate(agent, 100)
     assert after > before + MARGIN
-    assert max(curve) > curve[0]
+    assert max(curve[2:]) > curve[1]  # before, only short cuts have ended
     idle = ppo_minimal.Args(total_decisions=40_000, seed=1, learning_rate=0.0)
     same, _ = ppo_minimal.evaluate(ppo_minimal.train(idle, verbose=False)[0], 100)
     assert abs(same - before) < MARGIN / 4

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from cutenv.play.devices import DEAD_ZONE, NOTCH, GamepadDevice, Motion, MouseDevice, ScriptedDevice, simple_hand
+from cutenv.play.devices import NOTCH, STICK_DEAD_ZONE, GamepadDevice, Motion, MouseDevice, ScriptedDevice, simple_hand
 from cutenv.play.hand_model import FASTEST
 
 UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
@@ -41,7 +41,7 @@ def after_a_second(stick: float) -> float:
 
 def test_a_full_stick_is_the_fastest_speed_and_half_of_it_is_slow() -> None:
     assert after_a_second(1.0) == pytest.approx(FASTEST)
-    half = (0.5 - DEAD_ZONE) / (1.0 - DEAD_ZONE)
+    half = (0.5 - STICK_DEAD_ZONE) / (1.0 - STICK_DEAD_ZONE)
     assert after_a_second(0.5) == pytest.approx(FASTEST * half**2)
 
 
