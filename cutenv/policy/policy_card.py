@@ -95,7 +95,7 @@ class PolicyCard:
 
     @classmethod
     def from_json(cls, text: str) -> PolicyCard:
-        """Parse the text of :meth:`to_json`, or of an earlier version, whose networks had a dead zone of their own.
+        """Parse the text of :meth:`to_json`.
 
         Raises
         ------
@@ -104,11 +104,10 @@ class PolicyCard:
         """
         names = {field.name for field in dataclasses.fields(cls)}
         content = checked_fields(text, POLICY_SCHEMA, names | {"dead_zone"}, ("memory", "dead_zone"))
-        width = content.pop("dead_zone", DEAD_ZONE)
-        if width != DEAD_ZONE:
+        if "dead_zone" in content:
             raise ValueError(
-                f"dead_zone = {width!r}, but that of every action is {DEAD_ZONE} now: the network's actions would mean "
-                "other speeds. Train the policy again."
+                f"dead_zone = {content['dead_zone']!r}: the policy had a dead zone of its own, which is the action's "
+                f"now ({DEAD_ZONE:g}); its actions would mean other speeds. Train it again."
             )
         return cls(**content)
 

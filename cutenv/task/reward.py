@@ -35,7 +35,7 @@ OVERSHOOT_ALLOWED = 0.005
 """Overshoot of the tip beyond the target above which the task ends [m]."""
 LAG_CHARGED = 0.010
 """Largest excess lag that is charged [m]: in a soft and tough specimen no blade can keep the tip nearer."""
-WITHDRAWN = 0.010
+WITHDRAWN = 0.020
 """Distance of drawing back unloaded after which the cut is finished [m]."""
 TIME_AT_REST = 0.3
 """Time at rest and unloaded after which the cut is finished [s]."""
@@ -238,7 +238,7 @@ CUT_ENDS = (
     ),
     End(
         name="finished",
-        text="blade has been within 10 mm of the target; then unloaded at rest for 0.3 s, or unloaded and drawn back 10 mm",
+        text="blade has been within 10 mm of the target; then unloaded at rest for 0.3 s, or unloaded and drawn back 20 mm",
         when=lambda quiet, withdrawn: quiet >= TIME_AT_REST - 0.5 * TICK or withdrawn >= WITHDRAWN,
     ),
     End(
