@@ -61,7 +61,7 @@ class LearnerArguments:
     demonstrations: int = option(
         200_000, "number of decisions of a script that the actor first imitates; 0: none", (0, 10**9)
     )
-    script: str = option("probe and creep", "script to imitate", tuple(SCRIPTS))
+    script: str = option("return stroke", "script to imitate", tuple(SCRIPTS))
     demonstration_noise: float = option(
         0.15, "standard deviation of the noise added to half of the demonstrations", (0.0, 1.0)
     )

@@ -172,8 +172,8 @@ class Cloning:
         parameters: list[torch.nn.Parameter],
         dataset: DecisionDataset | CutDataset,
         *,
-        epochs: int = 30,
-        batch_size: int = 1024,
+        epochs: int = 15,
+        batch_size: int = 256,
         learning_rate: float = 2e-3,
         seed: int = 0,
     ) -> None:

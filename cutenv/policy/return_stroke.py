@@ -48,7 +48,7 @@ class ReturnStroke(Script):
         run_share: float = 0.7,
         unloading: StopAndUnload | None = None,
     ) -> None:
-        super().__init__(unloading or StopAndUnload(retreat_speed=0.012))
+        super().__init__(unloading or StopAndUnload(margin=-0.0005, retreat_speed=0.012))
         self._speed, self._angle = checked_motion(speed, angle)
         self._approach = checked_approach(approach)
         self._stroke = in_range("stroke", stroke, 0.001, 0.05, "m", "2.5 mm is 0.0025.")

@@ -1,0 +1,154 @@
+"""Ladder of information: what the same script earns with the mean tissue, with what it infers, and with the truth.
+
+    python scripts/ladder.py                        1000 held-out specimens, some five minutes on 2 cores
+    python scripts/ladder.py --specimens 200        a quick look
+    python scripts/ladder.py --print                prints what is in runs/ladder/
+
+Every rung is the script "return stroke" with other knowledge, but for probe and creep and the planner that knows the
+tissue (the oracle).  The steps between the rungs say how much of the gap between them is information: stiffness and
+friction, the resistance ahead of which a run is predicted, the hidden tip, and the tissue that lies ahead.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutenv._base.arrays import Array, StructArray
+from cutenv.envs.batch import CutBatch
+from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.learning.evaluation import Contestant, evaluate
+from cutenv.learning.result_tables import rows_of, write_csv
+from cutenv.learning.seeds import TEST_SEEDS
+from cutenv.learning.statistics import by_policy, mean_with_interval
+from cutenv.policy import BASELINES, ORACLE, ReturnStroke, StopAndUnload, TipEstimate
+from cutenv.task.info import INFO
+
+FOLDER = Path("runs") / "ladder"
+NEVER = 10.0  # multiples of the resistance: no tip counts as held
+START = "probe and creep"
+SCORES = ("return", "success", "tip_error_mm")
+
+
+class TrueTip(TipEstimate):
+    """An estimator that is told the hidden tip, beside what it infers of the rest."""
+
+    batch: CutBatch
+
+    def estimates(self, seen: Array) -> StructArray:
+        """Return the estimates with the tip as it is."""
+        estimates = super().estimates(seen)
+        estimates["tip"] = self.batch.cuts.states["tip"]
+        return estimates
+
+
+def told_the_tip(held: float) -> ReturnStroke:
+    """Return the script that knows the tip at every decision; it needs no return stroke."""
+    unloading = StopAndUnload(margin=-0.0005, retreat_speed=0.012, tip_estimate=TrueTip())
+    return ReturnStroke(approach=0.0, held=held, unloading=unloading)
+
+
+RUNGS = {
+    "mean tissue": lambda: ReturnStroke(approach=0.0, held=NEVER),
+    START: BASELINES[START],
+    "stiffness and friction by a return stroke": lambda: ReturnStroke(held=NEVER),
+    "and giving up before a predicted run": ReturnStroke,
+    "true tip": lambda: told_the_tip(NEVER),
+    "true tip, and giving up": lambda: told_the_tip(1.3),
+    ORACLE: BASELINES[ORACLE],
+}
+
+
+def rows_of_told(policy: ReturnStroke, name: str, seeds: Sequence[int], arguments: Mapping[str, Any]) -> list[dict]:
+    """Return the scores of a script that is told the tip, one row for each seed."""
+    environment = GentleCutEnv(**arguments)
+    count = len(seeds)
+    batch = CutBatch(count, environment)
+    batch.give_seeds(seeds, np.arange(count), np.random.default_rng())
+    batch.begin(np.arange(count))
+    policy.begin([np.random.default_rng(seed) for seed in seeds])
+    estimate = policy.unloading.tip_estimate
+    assert isinstance(estimate, TrueTip)
+    estimate.batch = batch
+    infos, returns, ends = np.zeros(count, INFO), np.zeros(count), np.zeros(count, np.int64)
+    while not ends.all():
+        rewards, ended = batch.decide(policy.act(batch.observations), ends != 0, infos)
+        returns[ends == 0] += rewards[ends == 0]
+        ends += ended
+    errors = 1e3 * np.abs(batch.cuts.states["tip"] - batch.cuts.tasks["target"])
+    scores = zip(seeds, returns.tolist(), batch.succeeded().tolist(), errors.tolist(), strict=True)
+    return [
+        {"policy": name, "seed": seed, "return": value, "success": float(success), "tip_error_mm": error}
+        for seed, value, success, error in scores
+    ]
+
+
+def measure(specimens: int, processes: int | None) -> list[dict[str, Any]]:
+    """Return one row for each rung and specimen."""
+    seeds, arguments = list(TEST_SEEDS[:specimens]), {"specimen_class": "mixed"}
+    inferring = {name: Contestant(make()) for name, make in RUNGS.items() if "true tip" not in name}
+    found = by_policy(evaluate(inferring, seeds, arguments, processes=processes, description="ladder"))
+    rows = []
+    for name, make in RUNGS.items():
+        own = rows_of_told(make(), name, seeds, arguments) if name not in found else found[name]
+        rows += [{"policy": name, "seed": row["seed"], **{score: row[score] for score in SCORES}} for row in own]
+    return rows
+
+
+def interquartile_mean(values: Sequence[float]) -> float:
+    """Return the mean of the middle half."""
+    ordered = np.sort(values)
+    quarter = len(ordered) // 4
+    return float(ordered[quarter : len(ordered) - quarter].mean())
+
+
+def report(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the ladder as a Markdown table."""
+    each = {name: {int(row["seed"]): row for row in own} for name, own in by_policy(rows).items()}
+    first, last = (np.mean([row["return"] for row in each[name].values()]) for name in (START, ORACLE))
+    lines = [
+        "| the script knows | return | IQM | success [%] | tip error [mm] | return minus probe and creep | share of the way "
+        "to the oracle |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for name, own in each.items():
+        values = mean_with_interval(row["return"] for row in own.values())
+        gain = mean_with_interval(row["return"] - each[START][seed]["return"] for seed, row in own.items())
+        difference = f"{gain['mean']:+.3f} [{gain['low_95']:+.3f}, {gain['high_95']:+.3f}]" if name != START else "–"
+        lines.append(
+            f"| {name} | {values['mean']:.3f} [{values['low_95']:.3f}, {values['high_95']:.3f}] "
+            f"| {interquartile_mean([row['return'] for row in own.values()]):.3f} "
+            f"| {100.0 * np.mean([row['success'] for row in own.values()]):.1f} "
+            f"| {np.median([row['tip_error_mm'] for row in own.values()]):.2f} | {difference} "
+            f"| {100.0 * (values['mean'] - first) / (last - first):.0f} % |"
+        )
+    count = len(each[START])
+    return "\n".join([f"Class mixed, {count} held-out specimens; mean [95 % interval], median tip error.", "", *lines])
+
+
+def main() -> None:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--specimens", type=int, default=1000, metavar="N", help="held-out specimens; default 1000")
+    parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=f"folder; default {FOLDER}")
+    parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
+    parser.add_argument("--print", action="store_true", help="print the kept table without measuring again")
+    arguments = parser.parse_args()
+    path = arguments.out / "ladder.csv"
+    if not arguments.print:
+        rows = measure(arguments.specimens, arguments.processes)
+        arguments.out.mkdir(parents=True, exist_ok=True)
+        write_csv(path, rows)
+    elif not path.is_file():
+        raise SystemExit(f"{path} is missing; run 'python scripts/ladder.py' first.")
+    texts = ("policy",)
+    kept = [{name: v if name in texts else float(v) for name, v in row.items()} for row in rows_of(path)]
+    print(report(kept), flush=True)
+
+
+if __name__ == "__main__":
+    main()
