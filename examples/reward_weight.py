@@ -22,9 +22,9 @@ def cut(**weights: float) -> tuple[float, float]:
 
 
 usual, usual_jumps = cut()
-strict, strict_jumps = cut(weight_jump=0.2)  # 0.05 by default
-print(f"weight_jump 0.05: return {usual:.3f}, of which {usual_jumps:.3f} for jumps")
-print(f"weight_jump 0.2:  return {strict:.3f}, of which {strict_jumps:.3f} for jumps")
+strict, strict_jumps = cut(weight_jump=0.12)  # 0.03 by default
+print(f"weight_jump 0.03: return {usual:.3f}, of which {usual_jumps:.3f} for jumps")
+print(f"weight_jump 0.12: return {strict:.3f}, of which {strict_jumps:.3f} for jumps")
 
 assert abs(strict_jumps - 4 * usual_jumps) < 1e-12
 assert abs((strict - usual) - (strict_jumps - usual_jumps)) < 1e-12

@@ -1,13 +1,12 @@
-"""Baseline table: every baseline on 500 specimens of each class, with the drafted and the present reward.
+"""Baseline table: every baseline on 500 specimens of each class, with the present and the earlier reward of v1.
 
-    python scripts/baseline_table.py               half an hour on 2 cores; writes runs/baselines/
+    python scripts/baseline_table.py               a quarter of an hour on 2 cores; writes runs/baselines/
     python scripts/baseline_table.py --print       prints what is in runs/baselines/
 
 It shows how much there is to learn: the gap between the best script and the planner that knows the truth.
 
-The draft is printed too because it was found to have defects, and corrected before any agent was trained: see
-:data:`cutenv.task.weights.DRAFT`.  Only the cuts of the planner that knows the truth depend on the reward.  In class
-mixed, on which the draft was judged, it plans for each reward; all other cuts are made once and rewarded twice.
+The earlier reward charged the tip error at the end, where the present one has gains for accuracy and success.  Every cut
+is made once and rewarded twice: those of the planner that knows the truth are planned for the present reward.
 """
 
 from __future__ import annotations
@@ -23,44 +22,41 @@ from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import differences, summarise
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, GRID_ANGLES, GRID_SPEEDS, NULL_POLICIES, ORACLE, SCRIPTS, feed_name
-from cutenv.task.reward import SAFETY_ENDS, TIME_SCALE, TIP_ERROR_CAP, WORST_STORED
-from cutenv.task.weights import DRAFT, RewardWeights
+from cutenv.task.reward import SAFETY_ENDS, TIME_SCALE, WORST_STORED
+from cutenv.task.weights import RewardWeights
 from cutenv.tissue.specimen import CLASSES
 
 FOLDER = Path("runs") / "baselines"
 DEADLINE = 30.0  # [s]
+EARLIER = {
+    "uncontrolled": 0.15, "jump": 0.05, "force": 0.02, "lag": 0.03, "backward": 0.15, "haste": 0.1, "time": 0.15,
+    "wedge": 0.2, "stored": 0.1,
+}  # fmt: skip
+"""Weights of the earlier reward's costs; progress had 1."""
+EARLIER_TIP_ERROR = 0.2
+"""Its cost of the tip error at the end, per 3 mm up to 9 mm."""
 
 
-def repaid(row: Mapping[str, Any], weights: RewardWeights) -> float:
-    """Return the return of a cut under other weights, from its terms under the present ones, all non-zero."""
-    present, total = dataclasses.asdict(RewardWeights()), float(row["reward_progress"])
-    for name, weight in dataclasses.asdict(weights).items():
+def earlier_return(row: Mapping[str, Any]) -> float:
+    """Return the return of a cut under the earlier reward, from its terms under the present one."""
+    present = dataclasses.asdict(RewardWeights())
+    total = float(row["reward_progress"]) / present["progress"]
+    for name, weight in EARLIER.items():
         total += float(row[f"reward_{name}"]) * weight / present[name]
+    total -= EARLIER_TIP_ERROR * min(float(row["tip_error_mm"]) / 3.0, 3.0)
     if row["end"] in SAFETY_ENDS:
         time_left = max(DEADLINE - float(row["time_s"]), 0.0)
-        total -= weights.time * time_left / TIME_SCALE
-        total -= weights.missed + weights.tip_error * TIP_ERROR_CAP + weights.wedge + weights.stored * WORST_STORED
+        total -= EARLIER["time"] * time_left / TIME_SCALE
+        total -= 3.0 * EARLIER_TIP_ERROR + EARLIER["wedge"] + EARLIER["stored"] * WORST_STORED
     return total
 
 
 def measure(specimen_class: str, specimens: int, processes: int | None) -> list[dict[str, Any]]:
-    """Return one row per cut: its scores, with ``return`` for the final and ``draft_return`` for the drafted reward."""
-    seeds, shared = TEST_SEEDS[:specimens], {"specimen_class": specimen_class}
+    """Return one row per cut: its scores, with ``return`` for the present and ``earlier_return`` for the earlier reward."""
     contestants = {name: Contestant(make()) for name, make in BASELINES.items()}
-    rows = evaluate(contestants, seeds, shared, processes=processes, description=specimen_class)
-    if specimen_class != "mixed":  # where the draft was judged
-        for row in rows:
-            row["draft_return"], row["draft_end"] = repaid(row, DRAFT), row["end"]
-        return rows
-    drafted = shared | {f"weight_{name}": weight for name, weight in dataclasses.asdict(DRAFT).items()}
-    bound = {ORACLE: contestants[ORACLE]}
-    planned = evaluate(bound, seeds, drafted, processes=processes, description=f"{specimen_class}, draft")
-    by_seed = {row["seed"]: row for row in planned}
-    for row in rows:
-        bounds = row["policy"] == ORACLE
-        row["draft_return"] = by_seed[row["seed"]]["return"] if bounds else repaid(row, DRAFT)
-        row["draft_end"] = by_seed[row["seed"]]["end"] if bounds else row["end"]
-    return rows
+    keywords = {"specimen_class": specimen_class}
+    rows = evaluate(contestants, TEST_SEEDS[:specimens], keywords, processes=processes, description=specimen_class)
+    return [row | {"earlier_return": earlier_return(row)} for row in rows]
 
 
 def table(rows: Sequence[Mapping[str, Any]], score: str) -> dict[str, Mapping[str, Any]]:
@@ -75,8 +71,10 @@ def best(values: Mapping[str, Mapping[str, Any]], names: Sequence[str]) -> str:
 
 def findings(rows: Sequence[Mapping[str, Any]], score: str) -> list[str]:
     """Return sentences about the properties that the task must have."""
-    values = table(rows, score)
-    constant, script = best(values, list(CONSTANT_FEEDS)), best(values, [*CONSTANT_FEEDS, *SCRIPTS])
+    values, success, scripts = table(rows, score), table(rows, "success"), [*CONSTANT_FEEDS, *SCRIPTS]
+    constant, script = best(values, list(CONSTANT_FEEDS)), best(values, scripts)
+    surest = best(success, scripts)
+    rank = 1 + sum(success[name]["mean"] > success[script]["mean"] for name in scripts)
     lead = next(
         row for row in differences(rows, ORACLE, (score,)) if row["baseline"] == script and row["score"] == score
     )
@@ -85,12 +83,14 @@ def findings(rows: Sequence[Mapping[str, Any]], score: str) -> list[str]:
     nothing = max(float(row[score]) for row in rows if row["policy"] == "nothing")
     below = sum(float(row[score]) <= nothing for row in finished)
     worst = min(float(row[score]) for row in finished)
-    ends = [row["end" if score == "return" else "draft_end"] for row in rows if row["policy"] == ORACLE]
+    ends = [row["end"] for row in rows if row["policy"] == ORACLE]
     corner = feed_name(max(GRID_SPEEDS), min(GRID_ANGLES))
     return [
         f"best constant feed: {constant}, {values[constant]['mean']:.3f}"
         + (" (the corner)" if constant == corner else f"; the corner {values[corner]['mean']:.3f}"),
         f"best script: {script}, {values[script]['mean']:.3f}",
+        f"best success of a script: {surest}, {success[surest]['mean']:.3f}; the best script's is "
+        f"{success[script]['mean']:.3f}, rank {rank} of {len(scripts)}",
         f"the planner with truth leads it by {lead['mean']:.3f} [{lead['low_95']:.3f}, {lead['high_95']:.3f}], "
         f"{lead['mean'] / width:.1f} widths of the script's interval",
         f"finished cuts that score no better than doing nothing ({nothing:.3f}): {below} of {len(finished)}; "
@@ -112,7 +112,7 @@ def report(rows: Sequence[Mapping[str, Any]], specimen_class: str) -> str:
     """Return the tables of one class as text."""
     cuts = len({row["seed"] for row in rows})
     lines = [f"class {specimen_class}, {cuts} specimens, mean [95 % interval]", ""]
-    columns = {"return": "return", "draft_return": "as drafted", "success": "success", "tip_error_mm": "tip error [mm]"}
+    columns = {"return": "return", "earlier_return": "as before", "success": "success", "tip_error_mm": "tip error [mm]"}
     values = {score: table(rows, score) for score in columns}
     chosen = [*SCRIPTS, best(values["return"], list(CONSTANT_FEEDS)), ORACLE, *NULL_POLICIES]
     lines.append("".ljust(28) + "".join(title.rjust(25) for title in columns.values()))
@@ -120,7 +120,7 @@ def report(rows: Sequence[Mapping[str, Any]], specimen_class: str) -> str:
         cells = [values[score][name] for score in columns]
         shown = [f"{cell['mean']:.3f} [{cell['low_95']:.3f}, {cell['high_95']:.3f}]" for cell in cells]
         lines.append(name.ljust(28) + "".join(text.rjust(25) for text in shown))
-    for score, title in (("draft_return", "as drafted"), ("return", "as it is")):
+    for score, title in (("earlier_return", "as before"), ("return", "as it is")):
         lines += ["", f"rewards {title}"] + [f"  {line}" for line in findings(rows, score)]
         lines += [f"  {line}" for line in grid_lines(values[score])]
     return "\n".join(lines)
@@ -131,7 +131,7 @@ def kept(folder: Path, specimen_class: str) -> list[dict[str, Any]]:
     path = folder / f"{specimen_class}.csv"
     if not path.is_file():
         raise SystemExit(f"{path} is missing; run 'python scripts/baseline_table.py' first.")
-    texts = ("policy", "specimen_class", "end", "draft_end")
+    texts = ("policy", "specimen_class", "end")
     return [{name: value if name in texts else float(value) for name, value in row.items()} for row in rows_of(path)]
 
 

@@ -78,45 +78,51 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Reward
     ------
-    Progress of the tip / L, less costs that add up at every millisecond, less a cost at the end.
+    What is gained, at most 1 in all (progress, accuracy, success), less costs that add up at every millisecond, less a
+    cost at the end.
 
-    ============ ====== ===================================================================
+    ============ ====== ====================================================================================
     Term         Weight Charged for
-    ============ ====== ===================================================================
-    progress     1      tip gained / L, up to the target
-    uncontrolled 0.15   unstable growth / L
-    jump         0.05   sum of (run / 10 mm)^2
-    force        0.02   integral of force per depth above 400 N/m, / (100 N/m s)
-    lag          0.03   integral of the tip's lag above 10 mm, / (10 mm s)
-    backward     0.15   backward travel after first contact / L
-    haste        0.1    integral over travel of stopping distance / 3 mm, / L
-    time         0.15   time / 30 s
-    missed       0.3    at the end: 1 unless it is a success
-    tip_error    0.1    at the end: min(tip error / 3 mm, 3)
-    wedge        0.2    at the end: uncut wedge / B = cot(angle)
-    stored       0.1    at the end: min(stored energy / (R B 3 mm), 2)
+    ============ ====== ====================================================================================
+    progress     0.6    tip gained / L, up to the target
+    accuracy     0.2    1 - tip error / 9 mm where positive: gained on the way to the target, lost beyond it
+    success      0.2    at the end, if it is a success
+    uncontrolled 0.1    unstable growth / L
+    jump         0.03   sum of (run / 10 mm)^2
+    force        0.012  integral of force per depth above 400 N/m, / (100 N/m s)
+    lag          0.02   integral of the tip's lag above 10 mm, / (10 mm s)
+    backward     0.1    backward travel after first contact / L
+    haste        0.06   integral over travel of stopping distance / 3 mm, / L
+    time         0.1    time / 30 s
+    wedge        0.12   at the end: uncut wedge / B = cot(angle)
+    stored       0.06   at the end: min(stored energy / (R B 3 mm), 2)
     safety       1      at an end for safety: the worst that stopping could still have cost
-    ============ ====== ===================================================================
+    ============ ====== ====================================================================================
 
     The stopping distance is v^2 / (2 x 0.1 m/s2): a blade that needs longer to stop than success allows for is not
     under control, whatever it meets.
 
-    Doing nothing returns -0.75.  No return exceeds 1.  An end for safety also pays the time left, a miss, tip error
-    and wedge at their largest, and a loaded tissue.  Weights can be replaced by keyword (``weight_jump=0.2``).
+    Doing nothing returns -0.1.  No return exceeds 1.  An end for safety also pays the time left, the whole weights of
+    accuracy and success, a full wedge, and twice the weight of stored energy.  Weights can be replaced by keyword
+    (``weight_jump=0.2``).  A miss gains nothing and is not charged: to a learner that discounts, a charge at the end is
+    a reason to put off the end.
 
     Ends
     ----
     All are ``terminated``; ``truncated`` is always False; ``info["end"]`` names which: of several in one millisecond,
     the first counts.
 
-    =========== =======================================================================================================
+    =========== ================================================================================================
     End         When
-    =========== =======================================================================================================
+    =========== ================================================================================================
     force_limit force per depth above ``force_limit_per_depth``; an end for safety
     overshoot   tip more than 5 mm beyond the target; an end for safety
-    finished    blade has been within 10 mm of the target, speed below 0.5 mm/s, force below friction + 0.1 N for 0.3 s
+    finished    blade has been within 10 mm of the target; then, unloaded, at rest for 0.3 s or drawn back 20 mm
     deadline    ``deadline_s`` have passed
-    =========== =======================================================================================================
+    =========== ================================================================================================
+
+    Unloaded is a force below friction + 0.1 N, at rest a speed below 0.5 mm/s.  Drawing back counts from where the
+    tissue was last loaded; so an agent whose actions are noisy can finish too.
 
     Success (``info["is_success"]``): finished, tip within 3 mm of the target, blade within 10 degrees of upright.
 
@@ -141,8 +147,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Besides, each constant of the parameter table (``acceleration``, ``motor_lag``, ``rotation_rate``, ``dead_time``,
     ``backlash``, ``force_noise``, ``force_resolution``, ``force_delay``, ``force_limit_per_depth``, ...; SI units) and
-    each weight (``weight_<term>``), but those of progress and safety, can be given by keyword, and wins over the rig's
-    file; an unknown name is an error that names the nearest.
+    each weight (``weight_<term>``), but that of safety, can be given by keyword, and wins over the rig's file; an
+    unknown name is an error that names the nearest.
 
     Reset options: ``specimen`` (a :class:`~cutenv.tissue.Specimen` or its JSON text), ``target_length`` [m],
     ``episode`` (number of the episode under the current seed).

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 
-from cutenv.task.reward import FORCE_ALLOWED, LAG_ALLOWED, REWARD, TIP_ERROR_CAP
+from cutenv.task.reward import FORCE_ALLOWED, LAG_ALLOWED, REWARD
 from cutenv.task.weights import RewardWeights
 from cutenv.task_quantities import ANGLE_TOLERANCE, TIP_TOLERANCE
 
-_WEIGHTS = RewardWeights()
-_IDLE_COST = _WEIGHTS.time + _WEIGHTS.missed + TIP_ERROR_CAP * _WEIGHTS.tip_error
-"""Cost of doing nothing: the whole time, a miss and the largest tip error."""
+_IDLE_COST = RewardWeights().time
+"""Cost of doing nothing: the whole time."""
 
 TERM_MEANINGS = {term.name: term.title for term in REWARD}
 """Title of each term of the reward."""
@@ -18,12 +17,12 @@ TERM_MEANINGS = {term.name: term.title for term in REWARD}
 MEANINGS = (
     (
         "Return",
-        "The rewards of one cut added up: progress toward the target, which comes to 1 for a whole cut, less what "
-        f"was not gentle or not exact. Doing nothing gets \u2212{_IDLE_COST:.2f}.",
+        "The rewards of one cut added up: what is gained by progress, accuracy and success, which comes to 1 for a "
+        f"perfect cut, less what was not gentle. Doing nothing gets \u2212{_IDLE_COST:.2f}.",
     ),
     (
         "Success",
-        "The share of cuts that ended at rest and unloaded, with the crack tip within "
+        "The share of cuts that ended unloaded, at rest or drawn back, with the crack tip within "
         f"{1e3 * TIP_TOLERANCE:g} mm of the target and the blade within {math.degrees(ANGLE_TOLERANCE):g} degrees of "
         "upright.",
     ),

@@ -19,6 +19,7 @@ from cutenv.report.training_result import (
     Score,
     TrainingResult,
 )
+from cutenv.task.reward import GAINS
 
 __all__ = ["CutPicture", "TrainingResult", "training_headline", "write_training_page"]
 
@@ -152,12 +153,12 @@ def _decision(result: TrainingResult, baseline: str) -> str:
 def _costs(result: TrainingResult) -> dict[str, Any]:
     """Return the terms of the reward that cost something, the largest first, their bars, and all terms as numbers."""
     policies = result.compared()
-    costs = [term for term in result.terms() if term != "progress"]
+    costs = [term for term in result.terms() if term not in GAINS]
     largest = {term: max(result.bar(policy, f"reward_{term}", -1.0).mean for policy in policies) for term in costs}
     shown = [term for term in sorted(costs, key=lambda term: -largest[term]) if largest[term] >= _SHOWN_COST]
     unpaid = [term for term in costs if term not in shown]
     bars = [[result.bar(policy, f"reward_{term}", -1.0) for term in shown] for policy in policies]
-    earned = [term for term in result.terms() if term == "progress"]
+    earned = [term for term in result.terms() if term in GAINS]
     terms = [(_title(term), Score(f"reward_{term}", "", "", 3)) for term in (*earned, *shown, *unpaid)]
     terms.append(("return", Score("return", "", "", 3)))
     return {

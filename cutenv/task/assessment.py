@@ -123,12 +123,14 @@ def _charge_lines() -> list[str]:
 
 
 def _charge_end_lines() -> list[str]:
-    """Charge every end its terminal costs, and an end for safety the largest that stopping could still have had."""
+    """Give an end its gains, charge every end its terminal costs, and an end for safety the largest that stopping could still have had."""
     lines: list[str] = []
     passing: list[str] = []
     final: list[str] = []
     for term in REWARD:
         words = {"weight": f"task.{term.name}"}
+        if term.end_gain is not None:
+            lines.append(f"info.reward_terms_{term.name} += {expression(term.end_gain, reward.OF_END, words)}")
         if term.end_cost is not None:
             lines.append(f"info.reward_terms_{term.name} -= {expression(term.end_cost, reward.OF_END, words)}")
         if term.largest is not None:

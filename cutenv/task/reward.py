@@ -81,6 +81,8 @@ class Term:
     """Summand of every millisecond."""
     gain: Formula | None = None
     """Gain of a step; a loss where negative."""
+    end_gain: Formula | None = None
+    """Gain of an end."""
     cost: Formula | None = None
     """Cost of a step."""
     end_cost: Formula | None = None
@@ -113,7 +115,7 @@ REWARD = (
         text="at the end, if it is a success",
         weight=0.2,
         per="for a success",
-        end_cost=lambda weight, success: 0.0 - weight * success,
+        end_gain=lambda weight, success: weight * success,
         largest=lambda weight: weight,
     ),
     Term(
@@ -208,6 +210,8 @@ REWARD = (
 """Terms of the reward, in order; the reward is their sum."""
 TERMS = tuple(term.name for term in REWARD)
 """Names of the terms."""
+GAINS = tuple(term.name for term in REWARD if term.gain is not None or term.end_gain is not None)
+"""Names of those that are gained; the others are costs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -238,7 +242,7 @@ CUT_ENDS = (
     ),
     End(
         name="finished",
-        text="blade has been within 10 mm of the target; then unloaded at rest for 0.3 s, or unloaded and drawn back 20 mm",
+        text="blade has been within 10 mm of the target; then, unloaded, at rest for 0.3 s or drawn back 20 mm",
         when=lambda quiet, withdrawn: quiet >= TIME_AT_REST - 0.5 * TICK or withdrawn >= WITHDRAWN,
     ),
     End(

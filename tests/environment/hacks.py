@@ -157,6 +157,17 @@ def finish_after(travel: float) -> Hack:
     return Hack(command, stops=False)
 
 
+def back_out(short: float) -> Hack:
+    """Cut until the blade is that far before the target, then draw back fast and without rest."""
+
+    def command(self: Hack, seen: dict[str, np.ndarray]) -> Command:
+        there = self.note("there", False)
+        there |= seen["distance"] < short
+        return np.where(there, -FASTEST, CRUISE), UPRIGHT
+
+    return Hack(command, stops=False)
+
+
 def stop_loaded(speed: float) -> Hack:
     """Cut to the target and stay there, or creep, without unloading."""
 
@@ -251,6 +262,7 @@ HACKS: dict[str, dict[str, Hack]] = {
         "10 mm and out": finish_after(0.0105),
         "half of it and out": finish_after(0.04),
         "all of it, but for the wedge": unload_inclined(),
+        "to 9 mm before the target and out": back_out(0.009),
     },
     "crossing the line with small force": {
         "at full speed": Hack(lambda self, seen: (FASTEST, UPRIGHT), stops=False),

@@ -12,17 +12,18 @@ from cutenv.tissue.specimen import N_POINTS, SPACING
 
 TICK = 0.001
 WEIGHTS = {
-    "uncontrolled": 0.15,
-    "jump": 0.05,
-    "force": 0.02,
-    "lag": 0.03,
-    "backward": 0.15,
-    "haste": 0.1,
-    "time": 0.15,
-    "missed": 0.3,
-    "tip_error": 0.1,
-    "wedge": 0.2,
-    "stored": 0.1,
+    "progress": 0.6,
+    "accuracy": 0.2,
+    "success": 0.2,
+    "uncontrolled": 0.1,
+    "jump": 0.03,
+    "force": 0.012,
+    "lag": 0.02,
+    "backward": 0.1,
+    "haste": 0.06,
+    "time": 0.1,
+    "wedge": 0.12,
+    "stored": 0.06,
 }
 
 
@@ -54,6 +55,7 @@ def assess_again(env: Any, cut: Cut, *, weights: dict[str, float] = WEIGHTS, for
     touched = np.concatenate(([False], np.maximum.accumulate(x > a)[: n - 1]))
     terms = {
         "progress": min(a[n - 1], L) / L,
+        "accuracy": max(1.0 - abs(a[n - 1] - L) / 0.009, 0.0),
         "uncontrolled": -readings["jump"][:n].sum() / L,
         "jump": -((readings["jump"][:n] / 0.010) ** 2).sum(),
         "force": -np.maximum(per_depth[:n] - 400.0, 0.0).sum() * TICK / 100.0,
@@ -64,27 +66,28 @@ def assess_again(env: Any, cut: Cut, *, weights: dict[str, float] = WEIGHTS, for
     }
     tip, lag = a[n - 1], max(x[n - 1] - a[n - 1], 0.0)
     stored = 0.5 * along(specimen.stiffness(), tip) * lag**2
-    tip_error = abs(tip - L) / 0.003
-    success = end == "finished" and tip_error <= 1.0 and theta[n - 1] >= math.radians(80.0)
-    terms["missed"] = 0.0 if success else -1.0
-    terms["tip_error"] = -min(tip_error, 3.0)
+    success = end == "finished" and abs(tip - L) <= 0.003 and theta[n - 1] >= math.radians(80.0)
+    terms["success"] = 1.0 if success else 0.0
     terms["wedge"] = -1.0 / math.tan(theta[n - 1])
     terms["stored"] = -min(stored / (along(specimen.fracture_force(), tip) * 0.003), 2.0)
     terms = {name: value * weights.get(name, 1.0) for name, value in terms.items()}
-    worst = weights["missed"] + 3.0 * weights["tip_error"] + weights["wedge"] + 2.0 * weights["stored"]
+    worst = weights["accuracy"] + weights["success"] + weights["wedge"] + 2.0 * weights["stored"]
     left = weights["time"] * (task.deadline - n * TICK) / 30.0
     terms["safety"] = -(worst + left) if end in ("force_limit", "overshoot") else 0.0
     return Assessment(terms, end, n, success)
 
 
 def _first_end(x, beyond, v, over_limit, over_friction, after_deadline, L) -> tuple[str, int]:
-    quiet = (np.abs(v) < 0.5e-3) & (over_friction < 0.1) & (np.maximum.accumulate(x) >= L - 0.010)
+    free = (over_friction < 0.1) & (np.maximum.accumulate(x) >= L - 0.010)
+    quiet = free & (np.abs(v) < 0.5e-3)
+    loaded_at = math.nan
     for i in range(len(x)):
+        loaded_at = loaded_at if free[i] else x[i]
         if over_limit[i] > 0.0:
             return "force_limit", i + 1
         if beyond[i] > 0.005:
             return "overshoot", i + 1
-        if i >= 299 and quiet[i - 299 : i + 1].all():
+        if (i >= 299 and quiet[i - 299 : i + 1].all()) or loaded_at - x[i] >= 0.020:
             return "finished", i + 1
         if after_deadline[i] > -0.5 * TICK:
             return "deadline", i + 1

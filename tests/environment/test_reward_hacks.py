@@ -78,7 +78,7 @@ def test_every_hack_asked_for_is_tried():
     assert set(HACKS) == set(ASKED_FOR)
 
 
-NO_ERROR = {"weight_missed": 0.0, "weight_tip_error": 0.0}
+NO_ERROR = {"weight_accuracy": 0.0, "weight_success": 0.0}
 WRONG_WEIGHTS = {
     ("hovering", "at the clamp"): {**NO_ERROR, "weight_time": 0.0, "weight_jump": 30.0},
     ("shallow or hardly cutting", "half of it and out"): {**NO_ERROR, "weight_time": 0.0, "weight_jump": 30.0},

@@ -9,17 +9,33 @@ import gymnasium
 import numpy as np
 import pytest
 from reference_assessment import WEIGHTS, check_assessment
-from whole_cut import FASTEST, INCLINED, UPRIGHT, Cut, Script, cut, go_on, legs, make, steady
+from whole_cut import ENVIRONMENT, FASTEST, INCLINED, UPRIGHT, Cut, Script, cut, go_on, legs, make, steady
 
 from cutenv.policy import ConstantFeed, FastThenSlow, NoAction, RandomAction
+from cutenv.task.observation import to_action
+from cutenv.task.reward import GAINS
 from cutenv.tissue import Specimen
-from cutenv.tissue.specimen import CLASSES
+from cutenv.tissue.specimen import CLASSES, N_POINTS, SPACING
 
 
 def wandering(control_hz: int = 50) -> Script:
     """Random commands, a new one every 0.1 s whatever the rate of decision: cuts, reverses, turns."""
     values = np.random.default_rng(8).uniform((-0.6, INCLINED), (1.0, UPRIGHT), size=(400, 2)) * (FASTEST, 1.0)
     return Script(lambda count, seen: tuple(values[count * 10 // control_hz]))
+
+
+def back_from(beyond: float) -> Script:
+    """Go to that far beyond the target [m], or before it; then draw back without rest."""
+    turned = []
+
+    def command(count: int, seen: dict[str, float]) -> tuple[float, float]:
+        if count == 0:
+            turned.clear()
+        if -seen["distance"] > beyond:
+            turned.append(count)
+        return (-0.01 if turned else 0.0127), UPRIGHT
+
+    return Script(command)
 
 
 ENDINGS = {
@@ -38,6 +54,7 @@ POLICIES = {
     "random": ({"drive": "hand", "deadline_s": 10.0}, RandomAction()),
     "by hand": ({"drive": "hand"}, FastThenSlow()),
     "nothing": ({"deadline_s": 2.0}, NoAction()),
+    "drawn back": ({}, back_from(0.006)),
     "at an angle": ({"angle_mode": "fixed", "fixed_angle_deg": 50.0}, ConstantFeed(speed=0.02)),
 }
 
@@ -53,17 +70,25 @@ def test_every_term_every_end_and_every_success_is_as_the_task_words_it(name, sp
 
 
 @pytest.fixture(scope="module")
-def every_term() -> tuple[gymnasium.Env, Cut]:
+def success() -> tuple[gymnasium.Env, Cut]:
+    """A cut that succeeds, and its environment."""
+    env = make(specimen_class="liver")
+    return env, next(c for seed in range(20) if (c := cut(env, ConstantFeed(speed=0.0127), seed)).infos[-1]["is_success"])
+
+
+@pytest.fixture(scope="module")
+def every_cost() -> tuple[gymnasium.Env, Cut]:
     """A cut that is charged for everything, and its environment."""
     env = make(specimen_class="liver", force_limit_per_depth=1e5)
     # Fast and reversing for the force, the lag and the backward travel, and ending while loaded and inclined.
     parts = legs((4.0, FASTEST, UPRIGHT), (0.5, -FASTEST, UPRIGHT), (9.0, 0.003, INCLINED))
-    return env, next(c for seed in range(80) if all((c := cut(env, parts, seed)).totals[n] < -1e-3 for n in WEIGHTS))
+    costs = [name for name in WEIGHTS if name not in GAINS]
+    return env, next(c for seed in range(80) if all((c := cut(env, parts, seed)).totals[n] < -1e-3 for n in costs))
 
 
 @pytest.mark.parametrize("name", WEIGHTS)
-def test_a_term_charged_at_another_rate_would_be_noticed(name, every_term):
-    env, record = every_term
+def test_a_term_charged_at_another_rate_would_be_noticed(name, every_cost, success):
+    env, record = success if name in GAINS else every_cost
     check_assessment(env, record)
     with pytest.raises(AssertionError, match=name):
         check_assessment(env, record, weights=WEIGHTS | {name: 1.01 * WEIGHTS[name]})
@@ -77,8 +102,8 @@ def test_the_terms_add_up_to_the_reward_and_no_cost_is_a_gain(reward_from, drive
         record = cut(env, wandering(), seed)
         for reward, terms in zip(record.rewards, record.terms, strict=True):
             assert sum(terms.values()) == pytest.approx(reward, abs=1e-12)
-            assert terms["progress"] >= 0.0
-            assert all(value <= 0.0 for name, value in terms.items() if name != "progress")
+            assert min(terms["progress"], terms["success"]) >= 0.0
+            assert all(value <= 0.0 for name, value in terms.items() if name not in GAINS)
         assert record.total <= 1.0
         assert env.unwrapped.cutting.reward_totals == pytest.approx(record.totals)
 
@@ -126,13 +151,66 @@ def test_each_end_is_reached_reported_once_and_terminates(end):
     assert not record.infos[-1]["is_success"] or end == "finished"
 
 
-def test_a_miss_costs_its_weight_at_every_end_and_a_success_nothing():
+def test_a_success_gains_its_weight_and_any_other_end_nothing():
     for keywords, policy in ENDINGS.values():
         for seed in range(3):
-            record = cut(make(specimen_class="uniform", weight_missed=0.7, **keywords), policy, seed)
-            assert record.totals["missed"] == (0.0 if record.infos[-1]["is_success"] else -0.7)
-    successes = [cut(make(specimen_class="uniform"), ConstantFeed(speed=0.0127), n).totals["missed"] for n in range(5)]
-    assert {0.0, -0.3} == set(successes), "successes and misses"
+            record = cut(make(specimen_class="uniform", weight_success=0.7, **keywords), policy, seed)
+            assert record.totals["success"] == (0.7 if record.infos[-1]["is_success"] else 0.0)
+    gained = [cut(make(specimen_class="uniform"), ConstantFeed(speed=0.0127), n).totals["success"] for n in range(5)]
+    assert {0.0, 0.2} == set(gained), "successes and misses"
+
+
+@pytest.mark.parametrize("beyond", [-0.008, 0.002, 0.006])
+def test_drawing_back_unloaded_finishes_a_cut_near_the_target(beyond):
+    for seed in range(3):
+        env = make(control_hz=1000)
+        record = cut(env, back_from(beyond), seed)
+        assert record.end == "finished"
+        readings, specimen = record.readings, env.unwrapped.specimen
+        friction = specimen.friction_per_depth * np.interp(readings["position"], np.arange(N_POINTS) * SPACING, specimen.depth)
+        last = np.flatnonzero(readings["force"] >= friction + 0.1)[-1]
+        way = readings["position"][last] - readings["position"][-2:]
+        assert way[0] < 0.020 <= way[1]
+        assert np.abs(readings["speed"][last + 1 :]).min() > 0.5e-3, "it has never rested"
+
+
+def test_drawing_back_far_from_the_target_does_not():
+    record = cut(make(deadline_s=12.0), back_from(-0.03))
+    assert record.readings["position"].max() - record.readings["position"][-1] > 0.03
+    assert record.end == "deadline"
+
+
+@pytest.mark.parametrize(("turn", "end"), [(0.003, "finished"), (-0.03, "deadline")])
+def test_a_batch_ends_by_drawing_back_where_a_single_cut_does(turn, end):
+    count, target = 3, 0.06
+    keywords = {"target_length": target, "deadline_s": 12.0, "specimen_class": "uniform"}
+    batch = gymnasium.make_vec(ENVIRONMENT, num_envs=count, **keywords)
+    batch.reset(seed=list(range(count)))
+    singles = [make(**keywords) for _ in range(count)]
+    for seed, env in enumerate(singles):
+        env.reset(seed=seed)
+    ends, step = [""] * count, 0
+    while not all(ends):
+        speed = 0.0127 if step < 50 * (target + turn) / 0.0127 else -0.01
+        action = to_action(speed, UPRIGHT)
+        _, rewards, ended, *_ = batch.step(np.tile(action, (count, 1)))
+        for k, env in enumerate(singles):
+            if not ends[k]:
+                _, reward, over, _, info = env.step(action)
+                ends[k] = info.get("end", "")
+                assert (rewards[k], ended[k]) == (reward, over)
+        step += 1
+    assert ends == [end] * count
+
+
+@pytest.mark.parametrize(("policy", "end"), [(ConstantFeed(speed=0.0127), "finished"), (NoAction(), "deadline")])
+def test_an_end_that_fails_charges_nothing_at_once_but_wedge_and_stored_energy(policy, end):
+    """Else a learner that discounts would gain by putting it off."""
+    records = (cut(make(), policy, seed) for seed in range(30))
+    record = next(record for record in records if record.end == end and not record.infos[-1]["is_success"])
+    last = record.terms[-1]
+    assert last["time"] >= -0.1 * 0.02 / 30.0 - 1e-12, "of one step"
+    assert record.rewards[-1] >= last["time"] + last["wedge"] + last["stored"] - 1e-9
 
 
 STOPS = {

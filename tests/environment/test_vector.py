@@ -135,7 +135,7 @@ def test_a_cut_that_starts_before_the_target_starts_unloaded_and_at_rest(keyword
     _, rewards, _, _, later = envs.step(np.zeros((3, 2), np.float32))
     assert_array_equal(later["truth"]["blade_m"], info["truth"]["blade_m"])
     assert not later["energy"]["stored"].any()
-    np.testing.assert_allclose(rewards, -0.15 * 0.02 / 30.0)  # time alone
+    np.testing.assert_allclose(rewards, -0.1 * 0.02 / 30.0)  # time alone
 
 
 def test_progress_counts_what_is_gained_from_the_start():
@@ -145,7 +145,7 @@ def test_progress_counts_what_is_gained_from_the_start():
     while not ended:
         _, _, ended, _, info = env.step(to_action(0.02, 0.5 * np.pi))
         gained += info["reward_terms"]["progress"]
-    assert gained == pytest.approx(0.01 / 0.08)
+    assert gained == pytest.approx(0.6 * 0.01 / 0.08)
 
 
 def test_rest_far_from_the_target_ends_no_cut():

@@ -1,14 +1,13 @@
-"""What there is to learn: cuts paid again by other weights, and findings that say what they find."""
+"""What there is to learn: cuts rewarded as they were earlier, and findings that say what they find."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import sys
 
 import baseline_table
 import pytest
-from baseline_table import findings, grid_lines, repaid, report, table
+from baseline_table import earlier_return, findings, grid_lines, report, table
 
 from cutenv.learning.batched_rollout import batched_rollout
 from cutenv.learning.result_tables import write_csv
@@ -23,12 +22,12 @@ from cutenv.policy import (
     RandomAction,
     feed_name,
 )
-from cutenv.task.weights import DRAFT, RewardWeights
 
-OTHER = RewardWeights(
-    uncontrolled=0.7, jump=0.4, force=0.3, lag=0.21, backward=0.9, haste=0.5, time=0.6, missed=0.4, tip_error=0.11,
-    wedge=0.4, stored=0.3,
-)  # fmt: skip
+EARLIER = {
+    "progress": 1.0, "accuracy": 0.0, "success": 0.0, "uncontrolled": 0.15, "jump": 0.05, "force": 0.02, "lag": 0.03,
+    "backward": 0.15, "haste": 0.1, "time": 0.15, "wedge": 0.2, "stored": 0.1,
+}  # fmt: skip
+"""Weights of the earlier reward, which charged 0.2 per 3 mm of tip error at the end besides."""
 ENDINGS = {
     "finished": ({}, ProbeAndCreep()),
     "overshoot": ({}, ConstantFeed(speed=0.0089)),
@@ -37,9 +36,9 @@ ENDINGS = {
 }
 
 
-def paid(policy, seed: int, weights: RewardWeights | None = None, **keywords: float) -> dict:
+def paid(policy, seed: int, weights: dict[str, float] | None = None, **keywords: float) -> dict:
     """The row of a cut in an environment with these weights."""
-    given = {} if weights is None else {f"weight_{name}": value for name, value in dataclasses.asdict(weights).items()}
+    given = {f"weight_{name}": value for name, value in (weights or {}).items()}
     (cut,) = batched_rollout(policy, [seed], {"specimen_class": "vascular", **given, **keywords})
     return cut.scores()
 
@@ -50,27 +49,30 @@ def row_that_ends(end: str) -> tuple[dict, int]:
 
 
 @pytest.mark.parametrize("end", ENDINGS)
-@pytest.mark.parametrize("weights", [DRAFT, OTHER, RewardWeights()], ids=["draft", "other", "present"])
-def test_a_cut_is_repaid_what_the_environment_pays_with_those_weights(end, weights):
+def test_the_earlier_return_is_what_the_environment_pays_with_its_weights_less_the_tip_error(end):
     row, seed = row_that_ends(end)
     keywords, policy = ENDINGS[end]
-    assert repaid(row, weights) == pytest.approx(paid(policy, seed, weights, **keywords)["return"], abs=1e-9)
+    expected = paid(policy, seed, EARLIER, **keywords)["return"] - 0.2 * min(row["tip_error_mm"] / 3.0, 3.0)
+    if end in ("overshoot", "force_limit"):
+        expected -= 0.6
+    assert earlier_return(row) == pytest.approx(expected, abs=1e-9)
 
 
-def test_the_weights_make_a_difference_so_the_check_can_fail():
+def test_the_rewards_differ_so_the_check_can_fail():
     for end in ENDINGS:
         row, _ = row_that_ends(end)
-        assert abs(repaid(row, OTHER) - row["return"]) > 0.05
+        assert abs(earlier_return(row) - row["return"]) > 0.05
 
 
-def test_a_row_from_a_file_is_repaid_alike(tmp_path):
+def test_a_row_from_a_file_is_rewarded_alike(tmp_path):
     row, _ = row_that_ends("overshoot")
-    rows = [{"policy": "feed", **row, "draft_return": repaid(row, DRAFT), "draft_end": row["end"]}]
-    write_csv(tmp_path / "vascular.csv", rows)
-    assert repaid(baseline_table.kept(tmp_path, "vascular")[0], DRAFT) == repaid(row, DRAFT)
+    write_csv(tmp_path / "vascular.csv", [{"policy": "feed", **row, "earlier_return": earlier_return(row)}])
+    (kept,) = baseline_table.kept(tmp_path, "vascular")
+    assert earlier_return(kept) == earlier_return(row) == kept["earlier_return"]
 
 
 CORNER, MIDDLE = feed_name(2.54, 45), feed_name(1.27, 45)
+SCRIPTED = len(CONSTANT_FEEDS) + len(SCRIPTS)
 
 
 def made_up(**means: float) -> list[dict]:
@@ -83,14 +85,14 @@ def made_up(**means: float) -> list[dict]:
             idle = policy in NULL_POLICIES
             value = given.get(policy, -1.0 if idle else 0.3) + (0.0 if idle else 0.1 * (seed % 2 - 0.5))
             end = "deadline" if idle else "finished"
-            row = {"policy": policy, "seed": seed, "end": end, "draft_end": end, "return": value}
-            rows.append(row | {"draft_return": value - 0.2, "success": 0.5, "tip_error_mm": 2.0})
+            row = {"policy": policy, "seed": seed, "end": end, "return": value, "earlier_return": value - 0.2}
+            rows.append(row | {"success": 0.5, "tip_error_mm": 2.0})
     return rows
 
 
 def test_a_best_feed_in_the_corner_is_called_so():
     assert findings(made_up(corner=0.6), "return")[0] == f"best constant feed: {CORNER}, 0.600 (the corner)"
-    assert findings(made_up(corner=0.6), "draft_return")[0] == f"best constant feed: {CORNER}, 0.400 (the corner)"
+    assert findings(made_up(corner=0.6), "earlier_return")[0] == f"best constant feed: {CORNER}, 0.400 (the corner)"
 
 
 def test_a_best_feed_elsewhere_is_told_beside_the_corner():
@@ -102,27 +104,37 @@ def test_the_lead_of_the_bound_is_told_in_widths_of_the_best_scripts_interval():
     found = findings(made_up(probing=0.7, bound=0.9), "return")
     assert found[1] == "best script: probe and creep, 0.700"
     width = 2.0 * 1.96 * math.sqrt(4 * 0.05**2 / 3.0) / 2.0
-    assert found[2].startswith("the planner with truth leads it by 0.200 [0.200, 0.200], ")
-    assert found[2].endswith(f" {0.2 / width:.1f} widths of the script's interval")
+    assert found[3].startswith("the planner with truth leads it by 0.200 [0.200, 0.200], ")
+    assert found[3].endswith(f" {0.2 / width:.1f} widths of the script's interval")
 
 
 def test_finished_cuts_that_score_no_better_than_doing_nothing_are_counted():
-    fine = findings(made_up(nothing=-0.75), "return")[3]
-    assert fine.startswith(f"finished cuts that score no better than doing nothing (-0.750): 0 of {4 * (28 + 5)};")
+    fine = findings(made_up(nothing=-0.75), "return")[4]
+    assert fine.startswith(f"finished cuts that score no better than doing nothing (-0.750): 0 of {4 * SCRIPTED};")
     rows = made_up(nothing=-0.75)
     bad = [row for row in rows if row["policy"] == CORNER]
     bad[0]["return"], bad[1]["return"] = -0.75, -3.0
     bad[2]["return"], bad[2]["end"] = -3.0, "overshoot"  # not finished: it counts neither way
-    found = findings(rows, "return")[3]
-    assert "(-0.750): 2 of 131; the worst scores -3.000" in found
+    found = findings(rows, "return")[4]
+    assert f"(-0.750): 2 of {4 * SCRIPTED - 1}; the worst scores -3.000" in found
 
 
-def test_force_limits_that_the_bound_meets_are_counted_for_either_reward():
+def test_force_limits_that_the_bound_meets_are_counted():
     rows = made_up()
-    bounds = [row for row in rows if row["policy"] == ORACLE]
-    bounds[0]["end"] = bounds[0]["draft_end"] = bounds[1]["draft_end"] = "force_limit"
-    assert findings(rows, "return")[4].endswith("in 1 of 4 cuts")
-    assert findings(rows, "draft_return")[4].endswith("in 2 of 4 cuts")
+    next(row for row in rows if row["policy"] == ORACLE)["end"] = "force_limit"
+    assert findings(rows, "return")[5].endswith("in 1 of 4 cuts")
+
+
+def test_the_best_return_is_ranked_by_success():
+    rows = made_up(probing=0.7)
+    said = "best success of a script: {}, {}; the best script's is {}, rank {} of " + str(SCRIPTED)
+    for row in rows:
+        row["success"] = {CORNER: 0.9, MIDDLE: 0.8, "probe and creep": 0.7}.get(row["policy"], 0.5)
+    for score in ("return", "earlier_return"):
+        assert findings(rows, score)[2] == said.format(CORNER, "0.900", "0.700", 3)
+    for row in rows:
+        row["success"] = 1.0 if row["policy"] in ("probe and creep", ORACLE) else 0.5
+    assert findings(rows, "return")[2] == said.format("probe and creep", "1.000", "1.000", 1)
 
 
 def test_the_grid_shows_each_feed_where_it_belongs():
@@ -136,7 +148,7 @@ def test_the_grid_shows_each_feed_where_it_belongs():
 def test_the_report_names_every_script_the_best_feed_the_bound_and_both_rewards():
     text = report(made_up(middle=0.6), "liver")
     assert "class liver, 4 specimens" in text
-    for name in (*SCRIPTS, MIDDLE, ORACLE, *NULL_POLICIES, "rewards as drafted", "rewards as it is"):
+    for name in (*SCRIPTS, MIDDLE, ORACLE, *NULL_POLICIES, "rewards as before", "rewards as it is"):
         assert name in text
     assert CORNER not in text.splitlines()[3:]
 
@@ -147,6 +159,5 @@ def test_printing_what_was_never_measured_says_what_to_run(tmp_path, monkeypatch
         baseline_table.main()
 
 
-def test_doing_nothing_is_repaid_by_any_weights():
-    row = paid(NoAction(), 0)
-    assert repaid(row, DRAFT) == pytest.approx(-0.3 - 0.6, abs=1e-9)
+def test_doing_nothing_returned_less_earlier():
+    assert earlier_return(paid(NoAction(), 0)) == pytest.approx(-0.15 - 0.6, abs=1e-9)

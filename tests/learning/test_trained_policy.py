@@ -101,12 +101,6 @@ def test_any_card_is_read_back_exactly(card):
     assert PolicyCard.from_json(card.to_json()) == card
 
 
-def test_a_card_of_a_network_with_this_dead_zone_of_its_own_is_read(folder):
-    card = TrainedPolicy.load(folder).card
-    change_card(folder, dead_zone=0.25)
-    assert TrainedPolicy.load(folder).card == card
-
-
 # Nothing is overwritten by accident, and nothing is left half.
 
 
