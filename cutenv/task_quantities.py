@@ -17,9 +17,9 @@ from cutenv._engine.jit import njit_internal
 T = TypeVar("T", float, Array)
 
 TIP_TOLERANCE = 0.003
-"""Tip error up to which a cut is a success, and scale of its cost [m]."""
+"""Tip error up to which a cut is a success [m]."""
 CLOSE = 0.009
-"""Tip error below which the tip is close to the target [m]."""
+"""Tip error from which on the tip is not close to the target at all [m]."""
 ANGLE_TOLERANCE = math.radians(10.0)
 """Deviation from upright up to which a cut is a success [rad]."""
 FORCE_LIMIT_PER_DEPTH = 1000.0
@@ -43,7 +43,7 @@ def tip_error(tip: T, target: float) -> T:
 @njit_internal
 def closeness(tip: T, target: float) -> T:
     """Return 1 for a crack tip at the target, less linearly with the tip error, down to 0."""
-    close: T = np.maximum(1.0 - abs(tip - target) / CLOSE, 0.0)
+    close: T = np.maximum(1.0 - tip_error(tip, target) / CLOSE, 0.0)
     return close
 
 

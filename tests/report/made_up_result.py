@@ -13,7 +13,8 @@ from cutenv.report.training_result import COLUMNS
 AGENT, SCRIPT, BOUND, OTHER = "PPO", "fast-then-slow, 60 deg", "planner that knows the truth", "constant 1.27 cm/s"
 RETURNS = {SCRIPT: 0.51, AGENT: 0.64, OTHER: 0.24, BOUND: 0.83}
 SPEEDS, ANGLES = (0.1, 0.38, 0.64, 1.27, 1.78, 2.16, 2.54), (45.0, 60.0, 75.0, 90.0)
-TERMS = ("progress", "uncontrolled", "jump", "time", "tip_error", "wedge")
+GAINED = {"progress": 0.59, "accuracy": 0.17, "success": 0.15}
+TERMS = (*GAINED, "uncontrolled", "jump", "time", "stored", "wedge")
 
 
 def row(mean: float, half: float, **words: Any) -> dict[str, Any]:
@@ -30,7 +31,7 @@ def summary() -> list[dict[str, Any]]:
             rows.append(row(mean, 0.021 + 0.011 * place, policy=policy, score=column.name))
         for number, term in enumerate(TERMS):
             cost = 0.0 if term == "wedge" else -0.01 * (1 + number) * (1 + place)
-            rows.append(row(0.98 if term == "progress" else cost, 0.004, policy=policy, score=f"reward_{term}"))
+            rows.append(row(GAINED.get(term, cost), 0.004, policy=policy, score=f"reward_{term}"))
     return rows
 
 

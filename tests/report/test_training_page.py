@@ -96,7 +96,8 @@ def test_terms_of_the_reward_stand_as_numbers_too(document: str) -> None:
     rows = Page(document).rows
     found = {row[0]: row[1:] for row in rows if len(row) == 4}
     shown = result()
-    for term, name in (("progress", "progress"), ("tip_error", "tip error"), ("wedge", "wedge left")):
+    names = {"progress": "progress", "accuracy": "accuracy", "stored": "left loaded", "wedge": "wedge left"}
+    for term, name in names.items():
         expected = [printed(shown.score(policy, f"reward_{term}"), 1.0, 3, share=False) for policy in shown.compared()]
         assert found[name] == expected
     assert "No cost was incurred for: wedge left" in document

@@ -103,7 +103,7 @@ def test_a_rig_is_commanded_the_speed_of_the_action_and_none_in_its_dead_zone(en
     monkeypatch.setattr(
         plant, "advance", lambda speed, angle, ticks: commanded.append(speed) or advance(speed, angle, ticks)
     )
-    for action in (to_action(0.02, 1.5), to_action(-0.005, 1.5), np.float32([-0.25, 1.0]), np.float32([0.2, 1.0])):
+    for action in (to_action(0.02, 1.5), to_action(-0.005, 1.5), np.float32([-0.1, 1.0]), np.float32([0.08, 1.0])):
         env.step(action)
     assert commanded == pytest.approx([0.02, -0.005, 0.0, 0.0], abs=1e-8)
 

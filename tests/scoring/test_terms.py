@@ -14,7 +14,7 @@ from cutenv._engine.jit import njit
 from cutenv.plant import to_trace
 from cutenv.policy import BASELINES
 from cutenv.scoring import ScoreCard, Truth, score
-from cutenv.scoring.technique import FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
+from cutenv.scoring.technique import FORCE_LIMIT_PER_DEPTH
 from cutenv.task.weights import Limits, RewardWeights
 from cutenv.trace import Trace
 
@@ -41,7 +41,7 @@ def charged_and_scored(seed: int) -> tuple[dict[str, float], ScoreCard, float]:
 def test_what_is_charged_is_what_is_scored(seed: int) -> None:
     charged, card, target = charged_and_scored(seed)
     weights = RewardWeights()
-    assert charged["tip_error"] == -weights.tip_error * min(card["tip_error"] / TIP_TOLERANCE, 3.0)
+    assert charged["accuracy"] == pytest.approx(weights.accuracy * max(1.0 - card["tip_error"] / 0.009, 0.0), abs=1e-12)
     assert charged["wedge"] == pytest.approx(-weights.wedge * card["wedge"], rel=1e-12)
     cut_length = card["uncontrolled_share"] * _advance(card, target)
     assert charged["uncontrolled"] == pytest.approx(-weights.uncontrolled * cut_length / target, rel=1e-9)
@@ -69,9 +69,10 @@ def test_limits_are_stated_once() -> None:
 
 
 @njit
-def _in_a_kernel(tip: float, target: float, blade: float, angle: float) -> tuple[float, float, float, float, float]:
+def _in_a_kernel(tip: float, target: float, blade: float, angle: float) -> tuple[float, ...]:
     return (
         task_quantities.tip_error(tip, target),
+        task_quantities.closeness(tip, target),
         task_quantities.overshoot(tip, target),
         task_quantities.lag(blade, tip),
         task_quantities.force_per_depth(tip, blade),
@@ -84,6 +85,7 @@ def test_a_term_is_the_same_in_a_kernel_and_for_arrays(tip: float) -> None:
     target, blade, angle = 0.06, 0.065, 0.9
     for_arrays = (
         task_quantities.tip_error(np.array([tip]), target),
+        task_quantities.closeness(np.array([tip]), target),
         task_quantities.overshoot(np.array([tip]), target),
         task_quantities.lag(np.array([blade]), np.array([tip])),
         task_quantities.force_per_depth(np.array([tip]), np.array([blade])),
