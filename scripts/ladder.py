@@ -111,8 +111,8 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
     each = {name: {int(row["seed"]): row for row in own} for name, own in by_policy(rows).items()}
     first, last = (np.mean([row["return"] for row in each[name].values()]) for name in (START, ORACLE))
     lines = [
-        "| the script knows | return | IQM | success [%] | tip error [mm] | return minus probe and creep | share of the way "
-        "to the oracle |",
+        "| the script knows | return | IQM | success [%] | tip error [mm] | return minus probe and creep "
+        "| share of the way to the oracle |",
         "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     for name, own in each.items():

@@ -144,24 +144,24 @@ class PPOArguments(LearnerArguments):
 
     timesteps: int = option(5_000_000, "number of decisions to train for", (1, 10**12), resumable=True)
     history: int = option(0, "number of past decisions among the features", (0, 100))
-    environments: int = option(256, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
-    rollout: int = option(32, "number of decisions of each environment between updates", (2, 10**6))
-    batch_size: int = option(2048, "number of decisions in a gradient step", (2, 10**9))  # divided by their deviation
-    epochs: int = option(6, "number of passes over a rollout", (1, 10**6))
-    learning_rate: float = option(5e-4, "learning rate at the start; falls linearly to a twentieth", (1e-9, 1.0))
+    environments: int = option(1000, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
+    rollout: int = option(64, "number of decisions of each environment between updates", (2, 10**6))
+    batch_size: int = option(16_000, "number of decisions in a gradient step", (2, 10**9))  # divided by their deviation
+    epochs: int = option(10, "number of passes over a rollout", (1, 10**6))
+    learning_rate: float = option(2.5e-4, "learning rate at the start; falls linearly to a twentieth", (1e-9, 1.0))
     gamma: float = option(1.0, "discount per decision", (0.0, 1.0))
     gae_lambda: float = option(0.95, "lambda of the generalised advantage estimate", (0.0, 1.0))
     averaging: float = option(
-        0.03, "share of the actor that its running average takes over at every update", (1e-6, 1.0)
+        0.15, "share of the actor that its running average takes over at every update", (1e-6, 1.0)
     )
     critic: str = option("truth", "input of the critic; truth: features and hidden state", ("truth", "features"))
     critic_first: float = option(
-        0.03, "share of training, after demonstrations, in which only the critic learns", (0.0, 1.0)
+        0.1, "share of training, after demonstrations, in which only the critic learns", (0.0, 1.0)
     )
     exploration: float = option(
-        0.15, "standard deviation of the actions at the start", (1e-6, 10.0)
+        0.08, "standard deviation of the actions at the start", (1e-6, 10.0)
     )  # not 0: its log is kept
-    last_exploration: float = option(0.05, "standard deviation of the actions at the end of training", (1e-6, 10.0))
+    last_exploration: float = option(0.04, "standard deviation of the actions at the end of training", (1e-6, 10.0))
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -181,6 +181,13 @@ class RecurrentPPOArguments(PPOArguments):
     batch_size: int = option(1024, "number of decisions in a gradient step", (2, 10**9))  # divided by their deviation
     epochs: int = option(4, "number of passes over a rollout", (1, 10**6))
     learning_rate: float = option(3e-4, "learning rate at the start; falls linearly to a twentieth", (1e-9, 1.0))
+    averaging: float = option(
+        0.03, "share of the actor that its running average takes over at every update", (1e-6, 1.0)
+    )
+    exploration: float = option(
+        0.15, "standard deviation of the actions at the start", (1e-6, 10.0)
+    )  # not 0: its log is kept
+    last_exploration: float = option(0.05, "standard deviation of the actions at the end of training", (1e-6, 10.0))
     critic_first: float = option(
         0.15, "share of training, after demonstrations, in which only the critic learns", (0.0, 1.0)
     )
