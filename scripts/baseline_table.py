@@ -112,7 +112,12 @@ def report(rows: Sequence[Mapping[str, Any]], specimen_class: str) -> str:
     """Return the tables of one class as text."""
     cuts = len({row["seed"] for row in rows})
     lines = [f"class {specimen_class}, {cuts} specimens, mean [95 % interval]", ""]
-    columns = {"return": "return", "earlier_return": "as before", "success": "success", "tip_error_mm": "tip error [mm]"}
+    columns = {
+        "return": "return",
+        "earlier_return": "as before",
+        "success": "success",
+        "tip_error_mm": "tip error [mm]",
+    }
     values = {score: table(rows, score) for score in columns}
     chosen = [*SCRIPTS, best(values["return"], list(CONSTANT_FEEDS)), ORACLE, *NULL_POLICIES]
     lines.append("".ljust(28) + "".join(title.rjust(25) for title in columns.values()))

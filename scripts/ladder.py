@@ -28,7 +28,7 @@ from cutenv.learning.statistics import by_policy, mean_with_interval
 from cutenv.policy import BASELINES, ORACLE, ReturnStroke, StopAndUnload, TipEstimate
 from cutenv.task.info import INFO
 
-FOLDER = Path("runs") / "ladder"
+FOLDER, FILE = Path("runs") / "ladder", "ladder.csv"
 NEVER = 10.0  # multiples of the resistance: no tip counts as held
 START = "probe and creep"
 SCORES = ("return", "success", "tip_error_mm")
@@ -130,6 +130,14 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join([f"Class mixed, {count} held-out specimens; mean [95 % interval], median tip error.", "", *lines])
 
 
+def kept(folder: Path) -> list[dict[str, Any]]:
+    """Return the rows of an earlier measurement; SystemExit if there is none."""
+    path = folder / FILE
+    if not path.is_file():
+        raise SystemExit(f"{path} is missing; run 'python scripts/ladder.py' first.")
+    return [{name: v if name == "policy" else float(v) for name, v in row.items()} for row in rows_of(path)]
+
+
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -138,16 +146,11 @@ def main() -> None:
     parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
     parser.add_argument("--print", action="store_true", help="print the kept table without measuring again")
     arguments = parser.parse_args()
-    path = arguments.out / "ladder.csv"
     if not arguments.print:
         rows = measure(arguments.specimens, arguments.processes)
         arguments.out.mkdir(parents=True, exist_ok=True)
-        write_csv(path, rows)
-    elif not path.is_file():
-        raise SystemExit(f"{path} is missing; run 'python scripts/ladder.py' first.")
-    texts = ("policy",)
-    kept = [{name: v if name in texts else float(v) for name, v in row.items()} for row in rows_of(path)]
-    print(report(kept), flush=True)
+        write_csv(arguments.out / FILE, rows)
+    print(report(kept(arguments.out)), flush=True)
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ FOLDER = Path("runs") / "stock"
 DECISIONS = {"PPO": 1_000_000, "SAC": 200_000, "TQC": 200_000, "CrossQ": 200_000}
 """Decisions of each learner's training."""
 KEYWORDS = {"specimen_class": "mixed", "control_hz": 10}
-MARK = feed_name(1.65, 45.0)
+MARK, MARK_FILE = feed_name(1.65, 45.0), "mark.txt"
 """Name of the best constant feed."""
 SPECIMENS, VALIDATIONS = 200, 30
 
@@ -125,6 +125,17 @@ def report(runs: Mapping[str, Sequence[Mapping[str, float]]], level: float) -> s
     return "\n".join(lines)
 
 
+def kept(folder: Path) -> tuple[dict[str, list[dict[str, float]]], float]:
+    """Return the curves of the finished runs, by name, and the mark; SystemExit if there is none."""
+    runs = {
+        path.stem: [{name: float(value) for name, value in row.items()} for row in rows_of(path)]
+        for path in sorted(folder.glob("*.csv"))
+    }
+    if not runs or not (folder / MARK_FILE).is_file():
+        raise SystemExit(f"{folder} holds no run; run 'python scripts/stock_learners.py' first.")
+    return runs, float((folder / MARK_FILE).read_text())
+
+
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -141,13 +152,9 @@ def main() -> None:
             if not path.is_file():
                 print(f"{learner}, seed {seed}", flush=True)
                 write_csv(path, train(learner, seed, arguments.decisions or DECISIONS[learner]))
-    kept = {
-        path.stem: [{name: float(value) for name, value in row.items()} for row in rows_of(path)]
-        for path in sorted(arguments.out.glob("*.csv"))
-    }
-    if not kept:
-        raise SystemExit(f"{arguments.out} holds no run; run 'python scripts/stock_learners.py' first.")
-    print(report(kept, mark()))
+    if not arguments.print:
+        (arguments.out / MARK_FILE).write_text(f"{mark()}\n")
+    print(report(*kept(arguments.out)))
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
     python scripts/update_docs.py parameters agreement specimens calibration speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
+    python scripts/update_docs.py ladder stock              what their scripts left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
     python scripts/update_docs.py errata tissue-file rig-file metrics weights ends
@@ -30,11 +31,13 @@ from typing import Any
 import baseline_table
 import declared_tables
 import gymnasium
+import ladder
 import leaderboard
 import measure_codebase
 import numpy as np
 import rig_faults
 import rig_soak
+import stock_learners
 from benchmark.table import markdown_table
 
 from cutenv._base.parameter import parameter_table
@@ -66,6 +69,8 @@ PAGES = {
     "benchmark": "docs/results/leaderboard.md",
     "measures": "docs/development/measures.md",
     "baselines": "docs/results/baselines.md",
+    "ladder": "docs/results/information.md",
+    "stock": "docs/results/stock-learners.md",
     "speed": "docs/results/speed.md",
     "agreement": "docs/validation/agreement.md",
     "specimens": "docs/validation/specimens.md",
@@ -328,6 +333,8 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "training": training,
     "results": results,
     "baselines": baselines,
+    "ladder": lambda _: ladder.report(ladder.kept(ROOT / ladder.FOLDER)),
+    "stock": lambda _: stock_learners.report(*stock_learners.kept(ROOT / stock_learners.FOLDER)),
     "benchmark": benchmark,
     "measures": lambda _: measure_codebase.comparison(),
     "errata": errata,

@@ -142,7 +142,7 @@ class PPOArguments(LearnerArguments):
         "specimens": 30,
     }
 
-    timesteps: int = option(5_000_000, "number of decisions to train for", (1, 10**12), resumable=True)
+    timesteps: int = option(4_000_000, "number of decisions to train for", (1, 10**12), resumable=True)
     history: int = option(0, "number of past decisions among the features", (0, 100))
     environments: int = option(1000, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
     rollout: int = option(64, "number of decisions of each environment between updates", (2, 10**6))
