@@ -43,7 +43,7 @@ def test_what_still_has_an_effect_is_taken_over_and_the_rest_is_kept(interrupted
 @pytest.mark.parametrize(
     ("option", "value"),
     [
-        ("--learning-rate", "1e-4"), ("--gamma", "1.0"), ("--rollout", "64"), ("--batch-size", "64"),
+        ("--learning-rate", "1e-4"), ("--gamma", "1.0"), ("--rollout", "16"), ("--batch-size", "64"),
         ("--epochs", "2"), ("--hidden", "32"), ("--history", "6"), ("--exploration", "0.3"), ("--environments", "8"),
         ("--seed", "1"), ("--name", "other"),
     ],
