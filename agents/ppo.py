@@ -2,7 +2,7 @@
 
     python agents/ppo.py                            some ten minutes; writes runs/<name>/policy/
     python agents/ppo.py --timesteps 400000 --name mine
-    cutenv evaluate runs/mine/policy "probe and creep"
+    cutenv evaluate runs/mine/policy "return stroke"
 
 ``cutenv train`` does the same, with --resume, --quick, an evaluation with every baseline and a report; with the same
 options both make the same policy, bit for bit.  The options are explained in ``cutenv/learning/arguments.py``.

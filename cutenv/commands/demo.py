@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from cutenv.plant.simulator import SimulatedPlant
     from cutenv.policy import Policy
 
-SCRIPT = "probe and creep"
+SCRIPT = "return stroke"
 """Name of the best script (docs/results/training.md)."""
 UNSEEN = 3_000_000
 """First seed beyond those on which agents are trained, chosen and tested."""
