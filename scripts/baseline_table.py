@@ -5,8 +5,8 @@
 
 It shows how much there is to learn: the gap between the best script and the planner that knows the truth.
 
-The earlier reward charged the tip error at the end, where the present one has gains for accuracy and success.  Every cut
-is made once and rewarded twice: those of the planner that knows the truth are planned for the present reward.
+The earlier reward charged the tip error at the end, where the present one has gains for accuracy and success.  Every
+cut is made once and rewarded twice: those of the planner that knows the truth are planned for the present reward.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def earlier_return(row: Mapping[str, Any]) -> float:
 
 
 def measure(specimen_class: str, specimens: int, processes: int | None) -> list[dict[str, Any]]:
-    """Return one row per cut: its scores, with ``return`` for the present and ``earlier_return`` for the earlier reward."""
+    """Return one row per cut: its scores, with ``earlier_return`` besides ``return``."""
     contestants = {name: Contestant(make()) for name, make in BASELINES.items()}
     keywords = {"specimen_class": specimen_class}
     rows = evaluate(contestants, TEST_SEEDS[:specimens], keywords, processes=processes, description=specimen_class)

@@ -123,7 +123,7 @@ def _charge_lines() -> list[str]:
 
 
 def _charge_end_lines() -> list[str]:
-    """Give an end its gains, charge every end its terminal costs, and an end for safety the largest that stopping could still have had."""
+    """Give an end its gain and its costs, and an end for safety the largest that stopping could still have had."""
     lines: list[str] = []
     passing: list[str] = []
     final: list[str] = []

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     @dataclass(frozen=True, kw_only=True)
     class RewardWeights:
-        """Weights of the reward's terms; each cost is charged as it occurs, so that ending early saves nothing."""
+        """Weights of the reward's terms; each cost is charged as it occurs: ending early saves nothing."""
 
         def __init__(self, **weights: float) -> None: ...
 
@@ -40,7 +40,7 @@ else:
         ],
         namespace={
             "__module__": __name__,
-            "__doc__": "Weights of the reward's terms; each cost is charged as it occurs, so that ending early saves nothing.",
+            "__doc__": "Weights of the reward's terms; each cost is charged as it occurs: ending early saves nothing.",
             "__post_init__": check_parameters,
         },
         frozen=True,

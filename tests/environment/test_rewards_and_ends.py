@@ -73,7 +73,8 @@ def test_every_term_every_end_and_every_success_is_as_the_task_words_it(name, sp
 def success() -> tuple[gymnasium.Env, Cut]:
     """A cut that succeeds, and its environment."""
     env = make(specimen_class="liver")
-    return env, next(c for seed in range(20) if (c := cut(env, ConstantFeed(speed=0.0127), seed)).infos[-1]["is_success"])
+    records = (cut(env, ConstantFeed(speed=0.0127), seed) for seed in range(20))
+    return env, next(record for record in records if record.infos[-1]["is_success"])
 
 
 @pytest.fixture(scope="module")
@@ -167,8 +168,8 @@ def test_drawing_back_unloaded_finishes_a_cut_near_the_target(beyond):
         record = cut(env, back_from(beyond), seed)
         assert record.end == "finished"
         readings, specimen = record.readings, env.unwrapped.specimen
-        friction = specimen.friction_per_depth * np.interp(readings["position"], np.arange(N_POINTS) * SPACING, specimen.depth)
-        last = np.flatnonzero(readings["force"] >= friction + 0.1)[-1]
+        depth = np.interp(readings["position"], np.arange(N_POINTS) * SPACING, specimen.depth)
+        last = np.flatnonzero(readings["force"] >= specimen.friction_per_depth * depth + 0.1)[-1]
         way = readings["position"][last] - readings["position"][-2:]
         assert way[0] < 0.020 <= way[1]
         assert np.abs(readings["speed"][last + 1 :]).min() > 0.5e-3, "it has never rested"

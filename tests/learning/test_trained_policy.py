@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from kept_policy import ABOUT, SIZE, actions, change_card, network, observations
+from kept_policy import ABOUT, SIZE, actions, network, observations
 
 from cutenv.policy import trained
 from cutenv.policy.actor_network import ACTIVATIONS, Network
