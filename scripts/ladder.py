@@ -25,7 +25,7 @@ from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import by_policy, mean_with_interval
-from cutenv.policy import BASELINES, ORACLE, ReturnStroke, StopAndUnload, TipEstimate
+from cutenv.policy import BASELINES, ORACLE, OneReturnStroke, StopAndUnload, TipEstimate
 from cutenv.task.info import INFO
 
 FOLDER, FILE = Path("runs") / "ladder", "ladder.csv"
@@ -46,24 +46,24 @@ class TrueTip(TipEstimate):
         return estimates
 
 
-def told_the_tip(held: float) -> ReturnStroke:
+def told_the_tip(held: float) -> OneReturnStroke:
     """Return the script that knows the tip at every decision; it needs no return stroke."""
     unloading = StopAndUnload(margin=-0.0005, retreat_speed=0.012, tip_estimate=TrueTip())
-    return ReturnStroke(approach=0.0, held=held, unloading=unloading)
+    return OneReturnStroke(approach=0.0, held=held, unloading=unloading)
 
 
 RUNGS = {
-    "mean tissue": lambda: ReturnStroke(approach=0.0, held=NEVER),
+    "mean tissue": lambda: OneReturnStroke(approach=0.0, held=NEVER),
     START: BASELINES[START],
-    "stiffness and friction by a return stroke": lambda: ReturnStroke(held=NEVER),
-    "and giving up before a predicted run": ReturnStroke,
+    "stiffness and friction by a return stroke": lambda: OneReturnStroke(held=NEVER),
+    "and giving up before a predicted run": OneReturnStroke,
     "true tip": lambda: told_the_tip(NEVER),
     "true tip, and giving up": lambda: told_the_tip(1.3),
     ORACLE: BASELINES[ORACLE],
 }
 
 
-def rows_of_told(policy: ReturnStroke, name: str, seeds: Sequence[int], arguments: Mapping[str, Any]) -> list[dict]:
+def rows_of_told(policy: OneReturnStroke, name: str, seeds: Sequence[int], arguments: Mapping[str, Any]) -> list[dict]:
     """Return the scores of a script that is told the tip, one row for each seed."""
     environment = GentleCutEnv(**arguments)
     count = len(seeds)

@@ -14,9 +14,9 @@ from cutenv.policy.baselines import (
 from cutenv.policy.features import Features
 from cutenv.policy.feedback import ForceFeedback, ProbeAndCreep
 from cutenv.policy.interface import ArrayPolicy, Policy, PrivilegedPolicy
+from cutenv.policy.one_return_stroke import OneReturnStroke
 from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
 from cutenv.policy.recurrent import RecurrentNetwork
-from cutenv.policy.return_stroke import ReturnStroke
 from cutenv.policy.scripted import ConstantFeed, FastThenSlow, InclineBetween, NoAction, RandomAction, Script
 from cutenv.policy.shipped import DEFAULT_SHIPPED, SHIPPED, named_policy, shipped
 from cutenv.policy.tip_estimate import TipEstimate
@@ -41,6 +41,7 @@ __all__ = [
     "InclineBetween",
     "Network",
     "NoAction",
+    "OneReturnStroke",
     "PlannerNominal",
     "PlannerWithTruth",
     "Policy",
@@ -49,7 +50,6 @@ __all__ = [
     "ProbeAndCreep",
     "RandomAction",
     "RecurrentNetwork",
-    "ReturnStroke",
     "Script",
     "StopAndUnload",
     "TipEstimate",

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from cutenv.policy.feedback import ForceFeedback, ProbeAndCreep
 from cutenv.policy.interface import Policy
+from cutenv.policy.one_return_stroke import OneReturnStroke
 from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
-from cutenv.policy.return_stroke import ReturnStroke
 from cutenv.policy.scripted import ConstantFeed, FastThenSlow, InclineBetween, NoAction, RandomAction
 
 GRID_SPEEDS = (0.10, 0.38, 0.89, 1.27, 1.65, 2.16, 2.54)
@@ -21,7 +21,7 @@ SCRIPTS: dict[str, Callable[[], Policy]] = {
     "90-45-90": InclineBetween,
     "force feedback": ForceFeedback,
     "probe and creep": ProbeAndCreep,
-    "return stroke": ReturnStroke,
+    "return stroke": OneReturnStroke,
     "planner (nominal)": PlannerNominal,
 }
 """Scripts that an engineer would program, besides the constant feeds."""

@@ -14,7 +14,7 @@ from cutenv.policy.unloading import StopAndUnload, coasting
 from cutenv.task_quantities import SHALLOWEST
 
 
-class ReturnStroke(Script):
+class OneReturnStroke(Script):
     """A constant feed with one short return stroke before the target, which measures stiffness and friction.
 
     It gives up where the force tells that the crack would run beyond the target, as from a vessel that holds it.
