@@ -26,7 +26,8 @@ from cutenv.task.observation import commanded_speed, in_units
 def test_the_names_are_the_grid_the_scripts_the_bound_and_the_idle():
     assert list(BASELINES) == [*CONSTANT_FEEDS, *SCRIPTS, ORACLE, *NULL_POLICIES]
     assert len(CONSTANT_FEEDS) == 7 * 4
-    assert set(SCRIPTS) == {"fast then slow", "90-45-90", "force feedback", "probe and creep", "planner (nominal)"}
+    planned = {"fast then slow", "90-45-90", "force feedback", "planner (nominal)"}
+    assert set(SCRIPTS) == planned | {"probe and creep", "return stroke"}
     assert set(NULL_POLICIES) == {"random", "nothing"}
 
 

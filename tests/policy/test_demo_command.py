@@ -31,7 +31,7 @@ def test_the_means_are_those_of_the_specimens_and_a_picture_is_written(
     assert cli.main(["demo", "--specimens", "2", "--out", str(out)]) == 0
     shown = rows(capsys.readouterr().out)
     first, second, mean = shown[:2], shown[2:4], shown[4:]
-    for k, name in enumerate(("ppo-free", "probe and creep")):
+    for k, name in enumerate(("ppo-free", "return stroke")):
         assert {first[k][0], second[k][0], mean[k][0]} == {name}
         halves = [(a + b) / 2.0 for a, b in zip(first[k][1], second[k][1], strict=True)]
         assert mean[k][1] == pytest.approx(halves, abs=0.011)

@@ -174,8 +174,8 @@ def test_nothing_hidden_reaches_them():
         "cutenv.policy.tip_estimate",
         "cutenv.task.observation",
         "cutenv.tissue.description",
+        "cutenv.task.reward",
         "cutenv.tissue.nominal",
-        "cutenv.tissue.specimen",
         "cutenv._base.validation",
     }
     assert not {"true_force", "elastic_force", "jump"} & {*CUT_MEMORY.names, *CUT_ESTIMATE.names}
