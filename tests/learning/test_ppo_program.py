@@ -83,7 +83,7 @@ def test_it_is_told_when_the_agent_was_level_with_its_teacher_or_that_it_never_w
     run, printed = finished
     told = json.loads((run / "run.json").read_text())["level_with_script_after_s"]
     assert told is None or told > 0.0
-    assert "as good as 'probe and creep' on the validation specimens: " in printed
+    assert "as good as 'return stroke' on the validation specimens: " in printed
 
 
 def test_it_can_be_asked_again_of_a_finished_run(finished):
@@ -92,7 +92,7 @@ def test_it_can_be_asked_again_of_a_finished_run(finished):
     done = run("scripts/time_to_threshold.py", folder, str(folder))
     assert done.returncode == 0, done.stderr
     after = "never" if told is None else f"after {told:.0f} s"
-    assert done.stdout.startswith(f"small: as good as 'probe and creep' {after}, of ")
+    assert done.stdout.startswith(f"small: as good as 'return stroke' {after}, of ")
 
 
 def test_level_is_when_validation_first_reaches_what_the_script_gets():

@@ -14,6 +14,9 @@ from benchmark.table import PUBLISHED, about, earlier, origin_of, read_table
 
 from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
 
+LATER = {"return stroke"}
+"""Scripts that are younger than the published comparison."""
+OLDER = [name for name in SCRIPTED if name not in LATER]
 TRAINED = {name: len(Protocol().training_seeds) for name in ENTRIES}
 
 
@@ -29,7 +32,7 @@ def test_it_follows_the_present_protocol():
     assert len(commit) == 40  # of one clean checkout: another would be marked
 
 
-@pytest.mark.parametrize("name", [*ENTRIES, *SCRIPTED])
+@pytest.mark.parametrize("name", [*ENTRIES, *OLDER])
 def test_everyone_has_cut_every_specimen_of_every_class(table, name):
     for kind in Protocol().classes:
         line = table.line(name, kind, "return")
@@ -39,13 +42,13 @@ def test_everyone_has_cut_every_specimen_of_every_class(table, name):
 
 def test_the_planner_that_is_shown_the_truth_is_above_all(table):
     bound = table.line(ORACLE, table.headline, "return")
-    others = [table.line(name, table.headline, "return") for name in (*ENTRIES, *SCRIPTED) if name != ORACLE]
+    others = [table.line(name, table.headline, "return") for name in (*ENTRIES, *OLDER) if name != ORACLE]
     assert bound.interval.low > max(line.interval.high for line in others)
 
 
 def test_scripts_and_agents_are_above_chance_and_idleness(table):
     idle = max(table.line(name, table.headline, "return").interval.high for name in NULL_POLICIES)
-    for name in (BEST_FEED, *SCRIPTS, *ENTRIES):
+    for name in (BEST_FEED, *(name for name in SCRIPTS if name not in LATER), *ENTRIES):
         assert table.line(name, table.headline, "return").interval.low > idle
 
 
