@@ -55,6 +55,8 @@ class NativeVecEnv(VecEnv):
         """Number of the episode with which :meth:`reset` begins every environment."""
         self.seconds = 0.0
         """Time spent in :meth:`reset` and :meth:`step_wait` so far [s]."""
+        self.cuts = 0
+        """Number of cuts begun so far."""
         self._batch = self.native.batch
         self._returns, self._lengths = np.zeros(count), np.zeros(count, int)
         self._begun = time.monotonic()
@@ -84,6 +86,7 @@ class NativeVecEnv(VecEnv):
         start = time.perf_counter()
         self.native.reset(seed=self.specimen_seeds, options={"episode": self.first_episode})
         self._returns[:] = self._lengths[:] = 0
+        self.cuts += self.num_envs
         shown = self._observe_start(np.arange(self.num_envs))
         self.seconds += time.perf_counter() - start
         return shown
@@ -111,6 +114,7 @@ class NativeVecEnv(VecEnv):
                     "terminal_observation": shown[n].copy(),
                 }
             self._batch.begin(finished)
+            self.cuts += len(finished)
             self._returns[finished] = self._lengths[finished] = 0
             shown[finished] = self._observe_start(finished)
         self.seconds += time.perf_counter() - start

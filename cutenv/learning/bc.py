@@ -106,8 +106,10 @@ def training_data(arguments: BCArguments) -> tuple[DecisionDataset, dict[str, An
     """
     if not arguments.dataset:
         # The same again after an interruption: they depend only on seeds.
-        shown = script_demonstrations(arguments.environments_at(arguments.training_seeds), arguments)
-        return shown.by_decision(), {"script": arguments.script, "decisions": arguments.demonstrations}
+        environments = arguments.environments_at(arguments.training_seeds)
+        shown = script_demonstrations(environments, arguments)
+        facts = {"script": arguments.script, "cuts": environments.cuts, "decisions": arguments.demonstrations}
+        return shown.by_decision(), facts
     try:
         dataset = opened(arguments.dataset)
         observations, actions = cloning_data(dataset, **arguments.features)
@@ -163,6 +165,7 @@ def train(arguments: BCArguments, run: Path, facts: dict[str, Any], resume: bool
             best = max((point["validation_return"] for point in curve), default=-np.inf)
             mean_return, success = validate(clone, arguments)
             point = {"decisions": float(cloning.epoch * arguments.demonstrations), "seconds": round(seconds, 1)}
+            point |= {"cuts": float(facts["taught_by"]["cuts"])}
             point |= {"return": mean_return, "success": success, "error": cloning.error()}
             curve.append(point | {"validation_return": mean_return, "validation_success": success})
             if mean_return > best:

@@ -92,6 +92,7 @@ def train(learner: OnPolicyLearner, arguments: PPOArguments, run: Path, resume: 
         curve = read_rows(run / "learning_curve.csv")
         curve = [point for point in curve if point["decisions"] <= model.num_timesteps]
         extras = CheckpointExtras.of(model)
+        environments.cuts = 0 if extras is None else extras.cuts
         print(f"resuming after {model.num_timesteps} decisions")
         if extras is None:
             print("the checkpoint contains no running average of the actor: the average starts again")

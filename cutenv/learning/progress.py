@@ -1,4 +1,7 @@
-"""Callback of a training: progress bar, learning curve, checkpoints, running average of the actor, validation."""
+"""Callback of a training: progress bar, learning curve, checkpoints, running average of the actor, validation.
+
+The learning curve counts the decisions of trial, and all cuts begun: those of demonstrations are consumed too.
+"""
 
 from __future__ import annotations
 
@@ -51,11 +54,14 @@ class CheckpointExtras:
         Time of work so far [s], that before an earlier interruption included.
     pretraining_seconds : float
         Part of that time that the demonstrations took [s].
+    cuts : int
+        Number of cuts begun so far, those of the demonstrations included.
     """
 
     averages: list[np.ndarray]
     seconds: float
     pretraining_seconds: float
+    cuts: int = 0
 
     @classmethod
     def of(cls, model: Any) -> CheckpointExtras | None:
@@ -173,7 +179,8 @@ class Progress(BaseCallback):
         if episodes:
             mean_return = float(np.mean([episode["r"] for episode in episodes]))
             success = float(np.mean(model.ep_success_buffer or [0.0]))
-            point = {"decisions": float(self.num_timesteps), "seconds": round(self.seconds, 1)}
+            point = {"decisions": float(self.num_timesteps), "cuts": float(model.get_env().cuts)}
+            point["seconds"] = round(self.seconds, 1)
             self.curve.append(point | {"return": mean_return, "success": success})
             self._bar.set_postfix_str(f"return {mean_return:.2f}, success {success:.2f}")
         due = int(self.share * self._arguments.validations)
@@ -194,8 +201,13 @@ class Progress(BaseCallback):
         if self.curve or path.is_file():
             write_csv(path, self.curve)
         averages = [values.numpy() for values in self.averages]
-        extras = CheckpointExtras(averages=averages, seconds=self.seconds, pretraining_seconds=self._pretraining)
         model: Any = self.model
+        extras = CheckpointExtras(
+            averages=averages,
+            seconds=self.seconds,
+            pretraining_seconds=self._pretraining,
+            cuts=model.get_env().cuts,
+        )
         model.checkpoint_extras = dataclasses.asdict(extras)  # plain, so that it loads anywhere
         save_model(self.model, self._run / "checkpoint.zip")
         self._saved = time.monotonic()

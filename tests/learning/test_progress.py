@@ -136,9 +136,9 @@ def trained(tmp_path, monkeypatch):
     monkeypatch.setattr(LearnerArguments, "environments_at", environments_at)
     monkeypatch.setattr(on_policy, "Progress", Watched)
 
-    def train(timesteps, resume):
+    def train(timesteps, resume, **changed):
         made.clear()
-        on_policy.train(LEARNER, dataclasses.replace(SMALL, timesteps=timesteps), tmp_path, resume)
+        on_policy.train(LEARNER, dataclasses.replace(SMALL, timesteps=timesteps, **changed), tmp_path, resume)
         environments, watched, *_ = made
         return environments, *watched
 
@@ -162,6 +162,19 @@ def test_a_resumed_training_cuts_no_specimen_again(trained):
     environments, *_ = trained(128, resume=True)
     assert environments.first_episode >= begun
     assert environments.native.batch.episodes.min() > begun
+
+
+def test_cuts_are_counted_from_the_first_demonstration_on_and_across_an_interruption(trained, tmp_path, monkeypatch):
+    monkeypatch.setattr(progress, "validate", lambda *_: (0.0, 0.0))
+    taught = {"demonstrations": 400, "demonstration_noise": 0.0}
+    environments, *_ = trained(1200, resume=False, **taught)
+    first = environments.cuts
+    assert first >= 2 + 2 + 2  # begun by the demonstrations, by an end among them, and by the trial
+    environments, watched, *_ = trained(2400, resume=True, **taught)
+    assert environments.cuts >= first + 2
+    counts = [point["cuts"] for point in watched.curve]
+    assert counts == sorted(counts)
+    assert first - 2 <= counts[-1] <= environments.cuts
 
 
 def test_its_clock_goes_on_from_the_checkpoint_even_where_no_cut_has_ended(trained, tmp_path):
