@@ -21,7 +21,7 @@ from cutenv.plant.simulator import ANGLE_RANGE, SimulatedPlant
 from cutenv.task.beginning import SHORTEST, drawn_length
 from cutenv.task.cuts import step_one
 from cutenv.task.gentle_cutting import SimulatedCutting
-from cutenv.task.info import GROUPS, OUT_OF_RANGE, PLACES
+from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE, PLACES
 from cutenv.task.observation import CLIP, COMPONENTS, within_reach
 from cutenv.tissue.sampling import sample_all_profiles
 from cutenv.tissue.specimen import CLASSES, Specimen
@@ -156,9 +156,11 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     Info
     ----
     ``truth`` (hidden state), ``energy`` (in joules since reset: work, stored, fracture, friction, loss, ledger and
-    residual, which is work minus all the others), ``reward_terms`` (of this step), ``cost`` (force above the limit,
-    overshoot), ``speed_out_of_range`` (blade outside 0.1 to 2.54 cm/s: the tissue answers as at the nearest measured
-    speed) and, at the end, ``end`` and ``is_success``.
+    residual, which is work minus all the others), ``reward_terms`` (of this step), ``cost_terms`` (of this
+    step, in millimetres: overshoot_mm, by how much the tip's overshoot beyond the target grew, and long_runs_mm, the
+    part of each run that is longer than 4 mm), ``cost`` (their sum; no part of the reward), ``speed_out_of_range``
+    (blade outside 0.1 to 2.54 cm/s: the tissue answers as at the nearest measured speed) and, at the end, ``end`` and
+    ``is_success``.
 
     Version history
     ---------------
@@ -338,7 +340,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         # With strict=True, the four zips would take a tenth of a step's time.
         info: dict[str, Any] = {group: dict(zip(names, numbers[place])) for group, names, place in _GROUPS}  # noqa: B905
         info["truth"]["specimen_class"] = self.specimen.specimen_class
-        info["speed_out_of_range"] = numbers[OUT_OF_RANGE] > 0
+        info["cost"], info["speed_out_of_range"] = numbers[COST], numbers[OUT_OF_RANGE] > 0
         return info
 
     @property

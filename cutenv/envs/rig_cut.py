@@ -102,9 +102,10 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Info
     ----
-    ``estimated``, ``reward_terms``, ``cost``, ``speed_out_of_range``, ``rig`` (``overruns``: commands so far that were
-    more than 2 ms late; ``period_s``: time from the last command to this one; ``limited``: commands so far that were
-    reduced to a limit) and, at the end, ``end``, ``is_success`` and, if it was stopped, ``stop``.
+    ``estimated``, ``reward_terms``, ``cost`` and ``cost_terms`` (by the estimated tip and its runs),
+    ``speed_out_of_range``, ``rig`` (``overruns``: commands so far that were more than 2 ms late; ``period_s``: time
+    from the last command to this one; ``limited``: commands so far that were reduced to a limit) and, at the end,
+    ``end``, ``is_success`` and, if it was stopped, ``stop``.
 
     Version history
     ---------------
@@ -337,6 +338,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "estimated": True,
             "reward_terms": self.cutting.reward_terms,
             "cost": self.cutting.cost,
+            "cost_terms": self.cutting.cost_terms,
             "speed_out_of_range": self.cutting.speed_out_of_range,
             "rig": {
                 "overruns": plant.timing.overruns,

@@ -194,6 +194,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         """Return ``info`` with the entries that are not fields: names and flags."""
         truth = info["truth"]
         truth["specimen_class"], truth["_specimen_class"] = _where(present, self.batch.classes), present
+        info["cost"], info["_cost"] = infos["cost"], present
         info["speed_out_of_range"], info["_speed_out_of_range"] = infos["out_of_range"] > 0, present
         return info
 

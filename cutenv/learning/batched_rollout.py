@@ -20,7 +20,7 @@ from cutenv.task.reward import ENDS, TERMS
 
 _SCORED = np.dtype([("true_force", "f8")])
 """Readings from which the scores follow: a ninth of the memory of all."""
-_TERMS = [column(field) for field in GROUPS["reward_terms"]]
+_TERMS, _COSTS = ([column(field) for field in GROUPS[group]] for group in ("reward_terms", "cost_terms"))
 
 
 def batched_rollout(
@@ -58,17 +58,17 @@ def batched_rollout(
     decisions = math.ceil(environment.deadline / (ticks * TICK))
     felt = np.zeros((count, ticks), READING)
     kept = np.empty((count, decisions * ticks), READING if readings else _SCORED)
-    infos, totals = np.zeros(count, INFO), np.zeros((count, len(TERMS)))
-    over_limit, jumps, ends = np.zeros(count), np.zeros(count), np.zeros(count, np.int64)
+    infos, totals, costs = np.zeros(count, INFO), np.zeros((count, len(_TERMS))), np.zeros((count, len(_COSTS)))
+    jumps, ends = np.zeros(count), np.zeros(count, np.int64)
     for first in range(0, decisions * ticks, ticks):
         going = ends == 0
         _, ended = batch.decide(many.act(batch.observations), ~going, infos, readings=felt)
         which = np.flatnonzero(going)
         for name in kept.dtype.names:
             kept[name][which, first : first + ticks] = felt[name][which]
-        totals[which] += np.stack([infos[name][which] for name in _TERMS], axis=1)
-        for largest, values in ((over_limit, infos["cost_force_N"]), (jumps, felt["jump"].max(axis=1))):
-            np.maximum(largest, values, out=largest)  # those of an ended cut stay as they are
+        for sums, names in ((totals, _TERMS), (costs, _COSTS)):
+            sums[which] += np.stack([infos[name][which] for name in names], axis=1)
+        np.maximum(jumps, felt["jump"].max(axis=1), out=jumps)  # readings of an ended cut stay as they are
         ends += ended
         if ended.any():
             finished(int(np.count_nonzero(ended)))
@@ -83,7 +83,7 @@ def batched_rollout(
             truth={field.name: infos[column(field)][n].item() for field in GROUPS["truth"]}
             | {"specimen_class": batch.classes[n]},
             reward_totals=dict(zip(TERMS, totals[n].tolist(), strict=True)),
-            over_limit_N=float(over_limit[n]),
+            cost_totals={field.name: cost for field, cost in zip(GROUPS["cost_terms"], costs[n].tolist(), strict=True)},
             largest_jump_m=float(jumps[n]),
             time_s=float(times[n]),
             readings=kept[n, : round(times[n] / TICK)],

@@ -33,8 +33,8 @@ class FinishedCut:
         ``info["truth"]`` at the end.
     reward_totals : mapping of str to float
         Sum of each term of the reward over the cut.
-    over_limit_N : float
-        Largest force above the limit [N].
+    cost_totals : mapping of str to float
+        Sum of each part of the cost over the cut: ``overshoot_mm``, ``long_runs_mm`` [mm].
     largest_jump_m : float
         Largest unstable growth in a millisecond [m].
     time_s : float
@@ -51,7 +51,7 @@ class FinishedCut:
     success: bool
     truth: Mapping[str, Any]
     reward_totals: Mapping[str, float]
-    over_limit_N: float
+    cost_totals: Mapping[str, float]
     largest_jump_m: float
     time_s: float
     readings: StructArray
@@ -71,8 +71,8 @@ class FinishedCut:
             "success": float(self.success),
             "end": self.end,
             "tip_error_mm": 1e3 * abs(beyond),
-            "overshoot_mm": 1e3 * max(beyond, 0.0),
-            "over_limit_N": self.over_limit_N,
+            "cost_mm": math.fsum(self.cost_totals.values()),
+            **self.cost_totals,
             "time_s": self.time_s,
             "peak_force_N": float(readings["true_force"].max()),
             "mean_force_N": float(readings["true_force"].mean()),

@@ -162,7 +162,7 @@ _add = _fused("_add", ("count", "k", *OF_MILLISECOND), [*_add_lines(), *_end_lin
 _charge = _fused("_charge", ("count", "k", "task", *reward.OF_STEP, "info"), _charge_lines())
 _charge_end = _fused("_charge_end", ("task", "progress", *reward.OF_END, "info"), _charge_end_lines())
 _fill = _fused("_fill", ("count", "k", *observation.QUANTITIES, "observation"), _observe_lines())
-_tell_cost = _fused("_tell_cost", ("count", "k", "task", "tip", "info"), _info_lines({"cost", ""}, ("task", "tip")))
+_tell_cost = _fused("_tell_cost", ("count", "k", *info.OF_COST), _info_lines({"cost_terms", ""}, info.OF_COST))
 _tell = _fused(
     "_tell",
     ("state", "law", "task", "energy", "modulus", "resistance", "info"),
@@ -276,7 +276,7 @@ def conclude(
     _charge(count, k, task, progress.updates, task.target, tip, tip_before, time_left, info)
     if progress.end != 0:
         charge_end(task, progress, profile, info)
-    _tell_cost(count, k, task, tip, info)
+    _tell_cost(count, k, task, tip, tip_before, info)
     _fill(
         count, k, felt, progress.updates, progress.position, count.speed[k], angle,
         depth_at(measured, progress.position), progress.time, task.target, task.deadline, action[0], action[1],

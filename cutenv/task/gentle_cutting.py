@@ -13,7 +13,7 @@ from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.assessment import assess_readings, charge_end, succeeded
 from cutenv.task.beginning import begin_at, expect
 from cutenv.task.cuts import EPISODE, Cuts, rest_one, step_one, tell_one
-from cutenv.task.info import GROUPS, OUT_OF_RANGE, PLACES, WHOLE
+from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE, PLACES, WHOLE
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, commanded_speed
 from cutenv.task.reward import ENDS, STOPPED, TERMS
 from cutenv.task.weights import Limits, RewardWeights, task_record
@@ -205,9 +205,14 @@ class GentleCutting:
         return float(self.progress["tip"][0])
 
     @property
-    def cost(self) -> dict[str, float]:
-        """Limit breaches: largest force above the limit in this step [N] and the tip's overshoot so far [m]."""
-        return info_group(self.info(), "cost")
+    def cost(self) -> float:
+        """Cost of the last step: by how much the tip's overshoot grew, and the parts of runs beyond 4 mm [mm]."""
+        return self.info()[COST]
+
+    @property
+    def cost_terms(self) -> dict[str, float]:
+        """The cost of the last step by part [mm]."""
+        return info_group(self.info(), "cost_terms")
 
     @property
     def reward_terms(self) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Fields of `info`: hidden state, energies, reward terms, limit breaches. For people and tests, never for policies."""
+"""Fields of `info`: hidden state, energies, reward terms, cost. For people and tests, never for policies."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from cutenv._engine.fuse import Formula
 from cutenv.cutting.law import initiation_excess  # used by a formula
 from cutenv.cutting.simulate import EnergyAccount
 from cutenv.task.reward import TERMS
-from cutenv.task_quantities import overshoot
+from cutenv.task_quantities import RUN_ALLOWED, overshoot
 
 
 @dataclass(frozen=True, kw_only=True)
 class InfoField:
-    """One number of `info`, in SI units.
+    """One number of `info`, in SI units unless its name ends in another.
 
     In its formulas ``total`` is what the milliseconds of the step add up to.
     """
@@ -30,12 +30,13 @@ class InfoField:
     """Its value, of quantities of :data:`OF_INFO`; None: a term of the reward."""
     each: Formula | None = None
     """Summand of every millisecond."""
-    fold: Formula | None = None
-    """Next ``total`` at every millisecond, for what is not a sum; from 0."""
 
 
-OF_INFO = ("state", "law", "task", "tip", "energy", "modulus", "resistance")
-"""Quantities of a field: records of the cut, tip as assessed [m], energy account, modulus and resistance at the tip."""
+OF_INFO = ("state", "law", "task", "energy", "modulus", "resistance")
+"""Quantities of a field of hidden state: records of the cut, energy account, modulus and resistance at the tip."""
+OF_COST = ("task", "tip", "tip_before", "info")
+"""Quantities of the other fields: record of the task, tip as assessed at the end of the step and before [m], the fields
+so far."""
 
 INFO_FIELDS = (
     InfoField(name="tip_m", group="truth", value=lambda state: state.tip),
@@ -55,12 +56,17 @@ INFO_FIELDS = (
     InfoField(name="residual", group="energy", value=lambda energy: energy.residual),
     *(InfoField(name=name, group="reward_terms") for name in TERMS),
     InfoField(
-        name="force_N",
-        group="cost",
-        fold=lambda total, force, force_limit: max(total, force - force_limit),
-        value=lambda total: total,
+        name="overshoot_mm",
+        group="cost_terms",
+        value=lambda tip, tip_before, task: 1e3 * (overshoot(tip, task.target) - overshoot(tip_before, task.target)),
     ),
-    InfoField(name="overshoot_m", group="cost", value=lambda tip, task: overshoot(tip, task.target)),
+    InfoField(
+        name="long_runs_mm",
+        group="cost_terms",
+        each=lambda jump: max(jump - RUN_ALLOWED, 0.0),
+        value=lambda total: 1e3 * total,
+    ),
+    InfoField(name="cost", value=lambda info: info.cost_terms_overshoot_mm + info.cost_terms_long_runs_mm),
     InfoField(
         name="out_of_range",
         whole=True,
@@ -68,8 +74,9 @@ INFO_FIELDS = (
         value=lambda total: total,
     ),
 )
-"""Fields in order: truth (hidden state), energy (account since reset), reward_terms and cost of the step (largest force
-above the limit, overshoot so far), and the updates of the step at a speed outside the measured range."""
+"""Fields in order: truth (hidden state), energy (account since reset), reward_terms of the step, its cost [mm] and the
+parts of it (growth of the overshoot, runs beyond 4 mm), and the updates of the step at a speed outside the measured
+range."""
 
 
 def column(field: InfoField) -> str:
@@ -90,7 +97,7 @@ PLACES = {
 """Place of each group in a record, counted in fields, each 8 bytes wide."""
 WHOLE = tuple(number for number, field in enumerate(INFO_FIELDS) if field.whole)
 """Places of the whole numbers."""
-OUT_OF_RANGE = [field.name for field in INFO_FIELDS].index("out_of_range")
-"""Place of the updates out of range."""
+COST, OUT_OF_RANGE = ([column(field) for field in INFO_FIELDS].index(name) for name in ("cost", "out_of_range"))
+"""Places of the cost and of the updates out of range."""
 
 assert tuple(field.name for field in GROUPS["energy"]) == EnergyAccount._fields

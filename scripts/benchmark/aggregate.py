@@ -17,7 +17,7 @@ from cutenv.learning.finished_cut import METRIC_PREFIX
 from cutenv.learning.result_tables import rows_of
 from cutenv.policy import SCRIPTS
 
-HEADLINE = ("return", "success", "tip_error_mm", "over_limit_N", "peak_force_N", "largest_jump_mm", "time_s")
+HEADLINE = ("return", "success", "tip_error_mm", "cost_mm", "peak_force_N", "largest_jump_mm", "time_s")
 """Scores with an interval for every class; the others have one for the class of the headline."""
 ALL = "all"
 """All pure classes together: one stratum each, in which a seed gives one specimen of each."""

@@ -27,7 +27,7 @@ COLUMNS = (
     Column("tip_error_mm", "tip error [mm]"),
     Column("peak_force_N", "peak force [N]"),
     Column("largest_jump_mm", "largest jump [mm]"),
-    Column("over_limit_N", "cost: force over limit [N]"),
+    Column("cost_mm", "cost [mm]"),
     Column("time_s", "time [s]", digits=1),
 )
 

@@ -1,4 +1,4 @@
-"""What an episode tells besides the reward: success, when a cut counts as finished, energy, truth, cost and flags."""
+"""What an episode tells besides the reward: success, when a cut counts as finished, energy, truth and flags."""
 
 from __future__ import annotations
 
@@ -139,22 +139,6 @@ def test_the_truth_is_the_hidden_state_where_the_readings_end():
         "specimen_class": "vascular",
         "target_length_m": 0.09,
     }
-
-
-def test_the_cost_is_the_force_above_the_limit_and_the_overshoot():
-    env = make(force_limit_per_depth=160.0, **QUIET)
-    record = cut(env, steady(0.01))
-    depth = env.unwrapped.specimen.depth[0]
-    excess = record.readings["true_force"] - 160.0 * depth
-    first = int(np.flatnonzero(excess > 0.0)[0])
-    assert all(info["cost"] == {"force_N": 0.0, "overshoot_m": 0.0} for info in record.infos[:-1])
-    assert record.infos[-1]["cost"] == {"force_N": pytest.approx(excess[first]), "overshoot_m": 0.0}
-
-    beyond = cut(make(**QUIET), steady(0.01))
-    for number, info in enumerate(beyond.infos[:-1]):
-        tip = beyond.readings["tip"][20 * number + 19]
-        assert info["cost"]["overshoot_m"] == pytest.approx(max(tip - info["truth"]["target_length_m"], 0.0))
-    assert beyond.infos[-1]["cost"]["overshoot_m"] > 0.005
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,9 @@ def test_they_are_bit_for_bit_those_one_after_the_other(policy, name, keywords):
         assert found.reward_totals == env.unwrapped.cutting.reward_totals
         assert np.array_equal(found.readings, alone.readings)
         assert found.time_s == alone.readings["time"][-1]
-        assert found.over_limit_N == max(info["cost"]["force_N"] for info in alone.infos)
+        assert found.cost_totals == {
+            name: sum(info["cost_terms"][name] for info in alone.infos) for name in ("overshoot_mm", "long_runs_mm")
+        }
         assert np.array_equal(found.depth, env.unwrapped.specimen.depth)
         assert np.array_equal(found.measured_depth, env.unwrapped.plant.depth)
         assert np.array_equal(found.resistance, env.unwrapped.specimen.fracture_resistance)
