@@ -14,10 +14,10 @@ from cutenv.learning.result_tables import SHOWN, print_differences, print_table,
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import best_script, differences, summarise
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE, SCRIPTS, RandomAction
-from cutenv.report import CutPicture, TrainingResult, draw_cut, write_training_page
+from cutenv.report import CutPicture, TrainingResult, draw_cut, training_headline, write_training_page
 
 _TEXTS = ("policy", "specimen_class", "end")
-_MORE = 5  # times as many specimens for agent and best script, so that chance does not hide their difference
+_MORE = 5  # times as many specimens for agent and best scripts, so that chance does not hide their differences
 
 
 def compare(
@@ -63,14 +63,19 @@ def compare(
     summary = summarise(rows)
     write_csv(run / "summary.csv", summary)
     script = best_script(summary, [*CONSTANT_FEEDS, *SCRIPTS])
+    teacher = arguments.get("script") if arguments.get("demonstrations") else None
+    others = [name for name in (*CONSTANT_FEEDS, *SCRIPTS) if name != teacher]
+    rival = best_script(summary, others) if script == teacher else None
     feed = best_script(summary, CONSTANT_FEEDS)
     shown = [*learned, feed, *SCRIPTS, ORACLE, *NULL_POLICIES]
     more = TEST_SEEDS[len(seeds) : _MORE * len(seeds)]
-    both = {name: contestants[name] for name in (agent, script)}
-    further = evaluate(both, more, shared, processes=processes, description="comparing")
+    closer = {name: contestants[name] for name in (agent, script, rival) if name is not None}
+    further = evaluate(closer, more, shared, processes=processes, description="comparing")
     write_csv(run / "comparison.csv", further)
-    paired = differences([row for row in rows if row["policy"] in shown and row["policy"] != script], agent)
-    paired += differences([row for row in rows + further if row["policy"] in both], agent)
+    paired = differences(
+        [row for row in rows if row["policy"] in shown and row["policy"] not in (script, rival)], agent
+    )
+    paired += differences([row for row in rows + further if row["policy"] in closer], agent)
     write_csv(run / "differences.csv", paired)
 
     seed = typical(rows, seeds, agent)
@@ -86,27 +91,27 @@ def compare(
     curve = read_rows(run / "learning_curve.csv")
     validated = [point for point in curve if "validation_return" in point]
     chosen = max(validated, key=lambda point: point["validation_return"], default=None)
-    write_training_page(
-        run / "report.html",
-        TrainingResult(
-            title=f"Learning to cut gently: {run.name}",
-            subtitle=f"{agent} on simulated slices of measured liver, class {arguments['specimen_class']}",
-            facts=shown_facts(facts),
-            summary=[row for row in summary if row["policy"] in shown],
-            differences=paired,
-            agent=agent,
-            best_script=script,
-            bound=ORACLE,
-            grid=grid_rows(summary),
-            cuts=cuts,
-            curve=curve,
-            chosen_at=None if chosen is None else int(chosen["decisions"]),
-        ),
+    result = TrainingResult(
+        title=f"Learning to cut gently: {run.name}",
+        subtitle=f"{agent} on simulated slices of measured liver, class {arguments['specimen_class']}",
+        facts=shown_facts(facts),
+        summary=[row for row in summary if row["policy"] in shown],
+        differences=paired,
+        agent=agent,
+        best_script=script,
+        rival_script=rival,
+        bound=ORACLE,
+        grid=grid_rows(summary),
+        cuts=cuts,
+        curve=curve,
+        chosen_at=None if chosen is None else int(chosen["decisions"]),
     )
+    write_training_page(run / "report.html", result)
+    print(f"\n{training_headline(result)[2]}")
     print(f"\n{len(seeds)} held-out specimens of class {arguments['specimen_class']}, mean [95 % interval]\n")
     print_table([row for row in summary if row["policy"] in shown], SHOWN[:4] + SHOWN[5:])
-    print_differences([row for row in paired if row["baseline"] in (script, feed, ORACLE)])
-    print(f"({script}: on {len(seeds) + len(more)} specimens)")
+    print_differences([row for row in paired if row["baseline"] in (script, rival, feed, ORACLE)])
+    print(f"({' and '.join(name for name in closer if name != agent)}: on {len(seeds) + len(more)} specimens)")
     print(f"\nWritten to {run}/: report.html (open it in a browser), policy/ (safetensors and card, needs no torch),")
     print(
         "scores.csv and comparison.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json, cut.png"

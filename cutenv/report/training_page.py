@@ -70,26 +70,50 @@ def write_training_page(path: Path, result: TrainingResult) -> None:
 
 
 def training_headline(result: TrainingResult) -> tuple[str, str, str]:
-    """Return whether the agent beats the best script: a class (good, bad, open), a few words, and sentences.
+    """Return whether the agent beats the scripts: a class (good, bad, open), a few words, and sentences.
 
-    The paired difference of return decides, and only if its 95 % interval excludes 0.
+    The paired difference of return decides, and only if its 95 % interval excludes 0.  An agent that does not beat the
+    script which taught it may still beat all others: then this comes first, and the comparison with its teacher second.
     """
-    difference = result.difference(result.best_script, "return")
+    best, rival = result.best_script, result.rival_script
+    tried = f"Over {_difference(result, best)['cuts']:.0f} held-out specimens of class {result.facts[SPECIMEN_CLASS]}, "
+    kind = _outcome(_difference(result, best))
+    if kind != "good" and rival is not None and _outcome(_difference(result, rival)) == "good":
+        word = "Better than every script but its teacher"
+        claim = f"{result.agent} beats {rival}, the best script that did not teach it"
+        against = {"bad": "It does not beat", "open": "It is level with"}[kind]
+        taught = f" {against} its teacher ({best}): there, {_compared(result, best)}."
+        return "good", word, f"{claim}. {tried}{_compared(result, rival)}.{taught}{_left(result)}"
+    script = f"the best script ({best})"
+    word, claim = {
+        "good": ("Better than the best script", f"{result.agent} beats {script}"),
+        "bad": ("Not better than the best script", f"{result.agent} does not beat {script}"),
+        "open": ("Undecided", f"Whether {result.agent} beats {script} is open"),
+    }[kind]
+    return kind, word, f"{claim}. {tried}{_compared(result, best)}.{_left(result)}"
+
+
+def _difference(result: TrainingResult, script: str) -> Mapping[str, Any]:
+    difference = result.difference(script, "return")
     assert difference is not None, "a TrainingResult refuses to be without"
+    return difference
+
+
+def _outcome(difference: Mapping[str, Any]) -> str:
+    """Return what a paired difference says: good, bad or open."""
+    return "good" if difference["low_95"] > 0.0 else "bad" if difference["high_95"] < 0.0 else "open"
+
+
+def _compared(result: TrainingResult, script: str) -> str:
+    """Return the paired differences of return and success from a script, in words."""
+    difference = _difference(result, script)
     mean, low, high = (float(difference[name]) for name in ("mean", "low_95", "high_95"))
-    script = f"the best script ({result.best_script})"
-    tried = f"Over {difference['cuts']:.0f} held-out specimens of class {result.facts[SPECIMEN_CLASS]}, "
-    if low > 0.0:
-        kind, word, claim = "good", "Better than the best script", f"{result.agent} beats {script}"
-        tried += f"its return is higher by {_interval(mean, low, high)}"
-    elif high < 0.0:
-        kind, word, claim = "bad", "Not better than the best script", f"{result.agent} does not beat {script}"
-        tried += f"its return is lower by {_interval(-mean, -high, -low)}"
-    else:
-        kind, word = "open", "Undecided"
-        claim = f"Whether {result.agent} beats {script} is open"
-        tried += f"its return differs by {_interval(mean, low, high)}, an interval that holds 0"
-    return kind, word, f"{claim}. {tried}{_succeeded(result)}.{_left(result)}"
+    words = {
+        "good": f"is higher by {_interval(mean, low, high)}",
+        "bad": f"is lower by {_interval(-mean, -high, -low)}",
+        "open": f"differs by {_interval(mean, low, high)}, an interval that holds 0",
+    }
+    return f"its return {words[_outcome(difference)]}{_succeeded(result, script)}"
 
 
 def _interval(mean: float, low: float, high: float) -> str:
@@ -98,9 +122,9 @@ def _interval(mean: float, low: float, high: float) -> str:
     return f"{number(mean, digits)} (95\u00a0% interval {number(low, digits)} to {number(high, digits)})"
 
 
-def _succeeded(result: TrainingResult) -> str:
-    """Return how much more or less often the agent succeeds than the best script, where that is known."""
-    difference = result.difference(result.best_script, "success")
+def _succeeded(result: TrainingResult, script: str) -> str:
+    """Return how much more or less often the agent succeeds than a script, where that is known."""
+    difference = result.difference(script, "success")
     if difference is None:
         return ""
     how, sign = ("more", 100.0) if difference["mean"] >= 0.0 else ("less", -100.0)
@@ -147,7 +171,7 @@ def _decision(result: TrainingResult, baseline: str) -> str:
     row = result.difference(baseline, "return")
     if row is None:
         return "not compared"
-    return "better" if row["low_95"] > 0.0 else "worse" if row["high_95"] < 0.0 else "undecided"
+    return {"good": "better", "bad": "worse", "open": "undecided"}[_outcome(row)]
 
 
 def _costs(result: TrainingResult) -> dict[str, Any]:

@@ -121,10 +121,12 @@ class TrainingResult:
         ``reward_...`` for agent, best script and bound.  All policies met the same held-out specimens.
     differences : sequence of mappings
         Rows ``policy, baseline, score, mean, low_95, high_95, cuts``: agent minus baseline, paired by specimen; score
-        ``return`` for the best script at least, ``success`` where known.  Those of the best script may be of more
-        specimens than the others.
+        ``return`` for the best script and the rival at least, ``success`` where known.  Those of these two may be of
+        more specimens than the others.
     agent, best_script : str
         Learned policy, and the script to compare it with.
+    rival_script : str or None
+        If the best script taught the agent, the best of the others.
     bound : str or None
         Planner that knows the hidden state: an upper bound, not a competitor.
     grid : sequence of mappings
@@ -156,6 +158,7 @@ class TrainingResult:
     cuts: Sequence[CutPicture]
     curve: Sequence[Mapping[str, float]]
     chosen_at: int | None
+    rival_script: str | None = None
 
     def __post_init__(self) -> None:
         if SPECIMEN_CLASS not in self.facts:
@@ -180,9 +183,9 @@ class TrainingResult:
 
     def _check_policies(self) -> None:
         known = list(dict.fromkeys(row["policy"] for row in self.summary))
-        for name in ("agent", "best_script", "bound"):
+        for name in ("agent", "best_script", "bound", "rival_script"):
             policy = getattr(self, name)
-            if name != "bound" or policy is not None:
+            if policy is not None or name in ("agent", "best_script"):
                 one_of(name, policy, known)
         if len(set(self.compared())) < len(self.compared()):
             raise ValueError(f"agent, best_script and bound must differ, got {', '.join(map(repr, self.compared()))}.")
@@ -200,14 +203,15 @@ class TrainingResult:
             one_of(f"differences[{place}].policy", row["policy"], [self.agent])
             one_of(f"differences[{place}].baseline", row["baseline"], self.policies)
             one_of(f"differences[{place}].score", row["score"], [column.name for column in DIFFERENCES])
-        if self.difference(self.best_script, "return") is None:
-            raise ValueError(
-                f"differences has no row of score 'return' with baseline {self.best_script!r}, the best_script; "
-                "the headline is made of it."
-            )
+        for name, script in (("best_script", self.best_script), ("rival_script", self.rival_script)):
+            if script is not None and self.difference(script, "return") is None:
+                raise ValueError(
+                    f"differences has no row of score 'return' with baseline {script!r}, the {name}; "
+                    "the headline is made of it."
+                )
 
     def _check_counts(self) -> None:
-        others = [row for row in self.differences if row["baseline"] != self.best_script]
+        others = [row for row in self.differences if row["baseline"] not in (self.best_script, self.rival_script)]
         counts = sorted({row["cuts"] for row in (*self.summary, *others)})
         if len(counts) > 1:
             raise ValueError(

@@ -175,6 +175,36 @@ def test_the_headline_is_what_the_paired_difference_says(
     assert "0.19: 0.64 against 0.83" in sentences
 
 
+@pytest.mark.parametrize(
+    ("mean", "against"),
+    [(-0.13, "does not beat its teacher"), (0.02, "is level with its teacher")],
+    ids=["behind its teacher", "level with it"],
+)
+def test_an_agent_may_beat_every_script_but_its_teacher(mean: float, against: str) -> None:
+    compared = made_up.differences(mean, 0.05)
+    kind, word, sentences = training_headline(result(differences=compared, rival_script=OTHER))
+    sentences = sentences.replace("\u00a0", " ")
+    assert (kind, word) == ("good", "Better than every script but its teacher")
+    assert sentences.startswith(f"PPO beats {OTHER}, the best script that did not teach it. Over 100 held-out")
+    assert f"It {against} ({SCRIPT}): there, its return" in sentences
+    assert sentences.index(f"higher by {made_up.RETURNS[AGENT] - made_up.RETURNS[OTHER]:.2f}") < sentences.index(
+        against
+    )
+
+
+def test_an_agent_that_beats_its_teacher_is_told_so_first_and_one_that_beats_none_is_not_praised() -> None:
+    wins = training_headline(result(rival_script=OTHER))
+    assert wins == training_headline(result())
+    worse = [row | {"mean": -0.3, "low_95": -0.4, "high_95": -0.2} for row in made_up.differences(-0.13)]
+    assert training_headline(result(differences=worse, rival_script=OTHER))[0] == "bad"
+
+
+def test_a_rival_needs_its_difference() -> None:
+    lacking = [row for row in made_up.differences() if row["baseline"] != OTHER]
+    with pytest.raises(ValueError, match=f"baseline {OTHER!r}, the rival_script"):
+        result(differences=lacking, rival_script=OTHER)
+
+
 def test_it_says_how_much_less_often_the_agent_succeeds() -> None:
     changed = [
         row | {"mean": -0.17, "low_95": -0.26, "high_95": -0.08} if row["score"] == "success" else row
