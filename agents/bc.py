@@ -26,7 +26,7 @@ def train(arguments: BCArguments, run: Path) -> None:
     torch.set_num_threads(1)
     facts = record_run(arguments, run, "behaviour cloning")
     clone = Clone(arguments)
-    shown = script_demonstrations(arguments.environments_at(arguments.training_seeds), arguments)
+    shown = script_demonstrations(arguments.training_environments(), arguments)
     cloning = Cloning(
         clone,
         list(clone.module.parameters()),

@@ -23,7 +23,6 @@ from cutenv.learning.on_policy import FallingRate
 from cutenv.learning.progress import Progress
 from cutenv.learning.run_folder import export, record_run
 from cutenv.policy import Network
-from cutenv.sb3 import FeatureVecEnv
 
 
 def train(arguments: PPOArguments, run: Path) -> None:
@@ -31,13 +30,9 @@ def train(arguments: PPOArguments, run: Path) -> None:
     torch.set_num_threads(1)
     facts = record_run(arguments, run, "PPO")
 
-    # Sixty-four cuts at once.  The actor sees features; the hidden state after them is for the critic alone.
-    environments = FeatureVecEnv(
-        arguments.training_seeds,
-        hidden_state=True,
-        **arguments.features,
-        **arguments.environment,
-    )
+    # A thousand cuts at once (a FeatureVecEnv of cutenv.sb3).  The actor sees features of the observations; the hidden
+    # state after them is for the critic alone.
+    environments = arguments.training_environments()
     model = PPO(
         AsymmetricActorCritic,
         environments,

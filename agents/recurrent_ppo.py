@@ -28,7 +28,7 @@ def train(arguments: RecurrentPPOArguments, run: Path) -> None:
     """Train an agent, and write its actor into ``run``/policy."""
     torch.set_num_threads(1)
     facts = record_run(arguments, run, "recurrent PPO")
-    environments = arguments.environments_at(arguments.training_seeds)
+    environments = arguments.training_environments()
     model = RecurrentPPO(RecurrentAsymmetricActorCritic, environments, **sb3_keywords(arguments))
 
     # A network with memory is cloned along whole cuts.

@@ -32,7 +32,7 @@ _NEXT_TO_NOTHING = 1e-9  # learning rate
 def speed(arguments: PPOArguments, updates: int) -> dict[str, float]:
     """Train for ``updates`` updates after the first one, which compiles and resets every environment."""
     torch.set_num_threads(1)  # as in training: two thread pools on two cores compete
-    model = LEARNER.new_model(arguments, arguments.environments_at(arguments.training_seeds))
+    model = LEARNER.new_model(arguments, arguments.training_environments())
     rollout = arguments.environments * arguments.rollout
     give_skill(model, arguments.last_exploration)
     model.learn(rollout)

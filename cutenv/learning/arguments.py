@@ -17,6 +17,7 @@ from cutenv.task.privileged import PRIVILEGED_FEATURES
 from cutenv.tissue.specimen import CLASSES
 
 if TYPE_CHECKING:
+    from cutenv.learning.randomised_rigs import RandomisedRigs
     from cutenv.sb3 import FeatureVecEnv
 
 MAX_ENVIRONMENTS = 1000
@@ -57,6 +58,9 @@ class LearnerArguments:
     history: int = option(6, "number of past decisions among the features", (0, 100))
     force: str = option("felt", "give the agent the force (felt), or hide it (unfelt)", ("felt", "unfelt"))
     environments: int = option(64, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
+    rigs: int = option(
+        1, "number of rigs to train on: one as it is, the others with constants drawn at random", (1, MAX_ENVIRONMENTS)
+    )
     hidden: int = option(64, "number of units in each layer", (1, 4096))
     demonstrations: int = option(
         200_000, "number of decisions of a script that the actor first imitates; 0: none", (0, 10**9)
@@ -82,6 +86,8 @@ class LearnerArguments:
         check_ranges(self, BadArguments)
         if self.angle_mode == "free" and self.fixed_angle_deg != 90.0:
             raise BadArguments(f"--fixed-angle-deg {self.fixed_angle_deg:g} has no effect without --angle-mode fixed")
+        if self.rigs > self.environments:
+            raise BadArguments(f"--rigs {self.rigs} needs as many --environments; {self.environments} are too few")
         if self.specimens == 1:
             raise BadArguments("--specimens 1 gives no interval; give 2 or more, or 0 for no evaluation")
 
@@ -129,6 +135,15 @@ class LearnerArguments:
         from cutenv.sb3 import FeatureVecEnv
 
         return FeatureVecEnv(seeds, hidden_state=True, **self.features, **self.environment)
+
+    def training_environments(self) -> FeatureVecEnv | RandomisedRigs:
+        """Make the environments to train in; see :meth:`environments_at`."""
+        if self.rigs == 1:
+            return self.environments_at(self.training_seeds)
+        from cutenv.learning.randomised_rigs import RandomisedRigs, random_rigs
+
+        shared = {"hidden_state": True, **self.features, **self.environment}
+        return RandomisedRigs(random_rigs(self.rigs, self.seed), self.training_seeds, **shared)
 
 
 @dataclass(frozen=True, kw_only=True)

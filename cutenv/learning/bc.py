@@ -106,7 +106,7 @@ def training_data(arguments: BCArguments) -> tuple[DecisionDataset, dict[str, An
     """
     if not arguments.dataset:
         # The same again after an interruption: they depend only on seeds.
-        environments = arguments.environments_at(arguments.training_seeds)
+        environments = arguments.training_environments()
         shown = script_demonstrations(environments, arguments)
         facts = {"script": arguments.script, "cuts": environments.cuts, "decisions": arguments.demonstrations}
         return shown.by_decision(), facts

@@ -16,6 +16,7 @@ from torch.nn.utils.rnn import pad_sequence
 from tqdm import tqdm
 
 from cutenv.learning.arguments import LearnerArguments
+from cutenv.learning.randomised_rigs import RandomisedRigs
 from cutenv.policy import BASELINES, Policy
 from cutenv.policy.interface import as_array_policy
 from cutenv.sb3 import FeatureVecEnv
@@ -100,13 +101,18 @@ class CutDataset(NamedTuple):
 
 
 def demonstrations(
-    environments: FeatureVecEnv, make_script: Callable[[], Policy], *, decisions: int, noise: float, seed: int
+    environments: FeatureVecEnv | RandomisedRigs,
+    make_script: Callable[[], Policy],
+    *,
+    decisions: int,
+    noise: float,
+    seed: int,
 ) -> Demonstrations:
     """Let a script cut in all environments.
 
     Parameters
     ----------
-    environments : FeatureVecEnv
+    environments : FeatureVecEnv or RandomisedRigs
         Environments to cut in; they are reset first.
     make_script : callable
         Function that makes a script.
@@ -137,7 +143,7 @@ def demonstrations(
     return Demonstrations(np.stack(all_shown), np.stack(all_actions), np.stack(all_starts))
 
 
-def script_demonstrations(environments: FeatureVecEnv, arguments: LearnerArguments) -> Demonstrations:
+def script_demonstrations(environments: FeatureVecEnv | RandomisedRigs, arguments: LearnerArguments) -> Demonstrations:
     """Let the script of the options cut in all environments, as often and with as much noise as they say."""
     return demonstrations(
         environments,

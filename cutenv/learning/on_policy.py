@@ -17,6 +17,7 @@ from cutenv.learning.cloning import Demonstrations, script_demonstrations
 from cutenv.learning.command_line import RunRequest
 from cutenv.learning.evaluation import contestant, evaluate
 from cutenv.learning.progress import CheckpointExtras, Progress, save_model
+from cutenv.learning.randomised_rigs import RandomisedRigs
 from cutenv.learning.result_tables import read_rows
 from cutenv.learning.run_folder import export, record_run
 from cutenv.learning.run_provenance import write_facts
@@ -51,7 +52,7 @@ class OnPolicyLearner:
     network: Callable[[Mapping[str, np.ndarray], str], Network | RecurrentNetwork]
     """Function that makes the actor in NumPy from the policy's parameters."""
 
-    def new_model(self, arguments: PPOArguments, environments: FeatureVecEnv) -> Any:
+    def new_model(self, arguments: PPOArguments, environments: FeatureVecEnv | RandomisedRigs) -> Any:
         """Make an untrained agent."""
         return self.algorithm(self.policy, environments, **sb3_keywords(arguments))
 
@@ -81,7 +82,7 @@ def train(learner: OnPolicyLearner, arguments: PPOArguments, run: Path, resume: 
     begun = time.monotonic()
     torch.set_num_threads(1)  # two thread pools on two cores compete
     checkpoint = run / "checkpoint.zip"
-    environments = arguments.environments_at(arguments.training_seeds)
+    environments = arguments.training_environments()
     events = str(run / "tensorboard") if arguments.tensorboard else None
     finished = True
     curve: list[dict[str, float]] = []

@@ -37,5 +37,5 @@ def test_every_learner_is_there():
 def test_the_named_policy_is_the_models(program):
     module = importlib.import_module(f"cutenv.learning.{program}")
     arguments = LEARNERS[program.replace("_", "-")][1](environments=2, rollout=8, batch_size=16)
-    model = module.LEARNER.new_model(arguments, arguments.environments_at(arguments.training_seeds))
+    model = module.LEARNER.new_model(arguments, arguments.training_environments())
     assert type(model.policy).__name__ == ALL[program][ENVIRONMENT]["policy"]

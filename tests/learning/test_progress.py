@@ -24,7 +24,7 @@ SMALL = PPOArguments(
 
 
 def untrained(arguments):
-    return LEARNER.new_model(arguments, arguments.environments_at(arguments.training_seeds))
+    return LEARNER.new_model(arguments, arguments.training_environments())
 
 
 @pytest.fixture
