@@ -159,6 +159,7 @@ class PPOArguments(LearnerArguments):
 
     quick: ClassVar[Mapping[str, Any]] = {
         "stops": 0,
+        "demonstrations": 100_000,
         "timesteps": 400_000,
         "validations": 4,
         "validation_specimens": 50,

@@ -17,7 +17,7 @@ from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE, SCRI
 from cutenv.report import CutPicture, TrainingResult, draw_cut, training_headline, write_training_page
 
 _TEXTS = ("policy", "specimen_class", "end")
-_MORE = 5  # times as many specimens for agent and best scripts, so that chance does not hide their differences
+_MORE = 20  # times as many specimens for agent and best scripts, so that chance does not hide their differences
 
 
 def compare(
