@@ -1,6 +1,6 @@
 """Memory gap on cutenv/GentleCutRaw-v1: the same PPO without memory, with memory, and with the hidden state shown.
 
-    python scripts/memory_gap.py                                one training seed each: some fifteen minutes on one core
+    python scripts/memory_gap.py                                one training seed each, on one core
     python scripts/memory_gap.py --learners recurrent --seeds 1 2
     python scripts/memory_gap.py --print                        prints what is in runs/memory/
 
