@@ -2,7 +2,7 @@
 
     python scripts/update_docs.py parameters agreement specimens calibration speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
-    python scripts/update_docs.py ladder stock safe-cut memory-gap  what their scripts left in runs/
+    python scripts/update_docs.py ladder stock safe-cut     what their scripts left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
     python scripts/update_docs.py errata tissue-file rig-file metrics weights ends
@@ -34,7 +34,6 @@ import gymnasium
 import ladder
 import leaderboard
 import measure_codebase
-import memory_gap
 import numpy as np
 import rig_faults
 import rig_soak
@@ -74,7 +73,6 @@ PAGES = {
     "ladder": "docs/results/information.md",
     "stock": "docs/results/stock-learners.md",
     "safe-cut": "docs/results/safe-cut.md",
-    "memory-gap": "docs/results/memory-gap.md",
     "speed": "docs/results/speed.md",
     "agreement": "docs/validation/agreement.md",
     "specimens": "docs/validation/specimens.md",
@@ -340,7 +338,6 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "ladder": lambda _: ladder.report(ladder.kept(ROOT / ladder.FOLDER)),
     "stock": lambda _: stock_learners.report(*stock_learners.kept(ROOT / stock_learners.FOLDER)),
     "safe-cut": lambda _: safe_cut.report(safe_cut.kept(ROOT / safe_cut.FOLDER)),
-    "memory-gap": lambda _: memory_gap.report(memory_gap.kept(ROOT / memory_gap.FOLDER)),
     "benchmark": benchmark,
     "measures": lambda _: measure_codebase.comparison(),
     "errata": errata,
