@@ -17,6 +17,12 @@ gymnasium.register(
     entry_point="cutenv.envs.gentle_cut:GentleCutEnv",
     vector_entry_point="cutenv.envs.vector:GentleCutVectorEnv",
 )
+for _track in ("SafeCut", "GentleCutRaw"):
+    gymnasium.register(
+        id=f"cutenv/{_track}-v1",
+        entry_point=f"cutenv.envs.tracks:{_track}Env",
+        vector_entry_point=f"cutenv.envs.tracks:{_track}VectorEnv",
+    )
 gymnasium.register(id="cutenv/RigCut-v1", entry_point="cutenv.envs.rig_cut:RigCutEnv", nondeterministic=True)
 
 _LAZY = (

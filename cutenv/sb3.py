@@ -26,6 +26,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.policy.features import Features
 from cutenv.task.episode_dtypes import ENDS
+from cutenv.task.info import INFO
 from cutenv.task.privileged import PRIVILEGED_FEATURES, append_privileged
 
 __all__ = ["FeatureVecEnv", "NativeVecEnv"]
@@ -35,18 +36,24 @@ class NativeVecEnv(VecEnv):
     """``cutenv/GentleCut-v1`` many times over, with its own observations and actions.
 
     A cut that has ended starts again within the same step; its return and length are in ``info["episode"]``, as from
-    Stable-Baselines3's ``Monitor``, beside ``is_success``, ``end`` and ``terminal_observation``.
+    Stable-Baselines3's ``Monitor``, with its ``cost``, beside ``is_success``, ``end`` and ``terminal_observation``.
+    Every info has the ``cost`` of the step [mm].
 
     Parameters
     ----------
     seeds : int or sequence of int
         Number of environments, whose seeds then are 0, 1, 2, ..., or the seed of each.  An environment draws its
         specimens, one for each episode, from its own seed; ``PPO(..., seed=...)`` has no influence on them.
+    hidden_state : bool
+        Whether the hidden state of the simulator follows the observation, for a critic such as that of
+        :mod:`cutenv.learning.asymmetric_actor_critic` or the fully observed twin of ``cutenv/GentleCutRaw-v1``.  A
+        policy that reads it cannot be used on a rig.
     **arguments
-        Keyword arguments of ``cutenv/GentleCut-v1``.
+        Keyword arguments of ``cutenv/GentleCut-v1``; :data:`cutenv.envs.tracks.PROTOCOL` are those of the tracks.
     """
 
-    def __init__(self, seeds: int | Sequence[int], **arguments: Any) -> None:
+    def __init__(self, seeds: int | Sequence[int], *, hidden_state: bool = False, **arguments: Any) -> None:
+        self._hidden_state = hidden_state
         self.specimen_seeds = list(range(seeds) if isinstance(seeds, int) else seeds)  # SB3 has a _seeds of its own
         """Seed of each environment."""
         count = len(self.specimen_seeds)
@@ -58,14 +65,20 @@ class NativeVecEnv(VecEnv):
         self.cuts = 0
         """Number of cuts begun so far."""
         self._batch = self.native.batch
-        self._returns, self._lengths = np.zeros(count), np.zeros(count, int)
+        self._returns, self._costs, self._lengths = np.zeros(count), np.zeros(count), np.zeros(count, int)
+        self._infos = np.empty(count, INFO)
         self._begun = time.monotonic()
         self._actions = np.zeros((count, 2), np.float32)
         super().__init__(count, self._make_observation_space(), self.native.single_action_space)
 
     def _make_observation_space(self) -> gymnasium.Space[Any]:
         """Return the space of one environment's observations."""
-        return self.native.single_observation_space
+        space = self.native.single_observation_space
+        if not self._hidden_state:
+            return space
+        assert isinstance(space, gymnasium.spaces.Box)
+        size = space.shape[0] + len(PRIVILEGED_FEATURES)
+        return gymnasium.spaces.Box(space.low[0], space.high[0], (size,), np.float32)
 
     @property
     def observations(self) -> np.ndarray:
@@ -74,18 +87,21 @@ class NativeVecEnv(VecEnv):
 
     def _observe(self) -> np.ndarray:
         """Return the observations after a step; called once for each decision."""
-        return self.observations.copy()
+        return self._with_hidden_state(self.observations, np.arange(self.num_envs))
 
     def _observe_start(self, started: np.ndarray) -> np.ndarray:
         """Return the observations of the environments with these indices at the start of their cut."""
-        shown: np.ndarray = self.observations[started]
-        return shown
+        return self._with_hidden_state(self.observations[started], started)
+
+    def _with_hidden_state(self, shown: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """Return a copy of what the environments with these numbers show, and their hidden state if it is asked for."""
+        return append_privileged(self._batch.cuts, shown, numbers) if self._hidden_state else shown.copy()
 
     def reset(self) -> np.ndarray:
         """Reset every environment to episode :attr:`first_episode` of its seed."""
         start = time.perf_counter()
         self.native.reset(seed=self.specimen_seeds, options={"episode": self.first_episode})
-        self._returns[:] = self._lengths[:] = 0
+        self._returns[:] = self._costs[:] = self._lengths[:] = 0
         self.cuts += self.num_envs
         shown = self._observe_start(np.arange(self.num_envs))
         self.seconds += time.perf_counter() - start
@@ -98,24 +114,26 @@ class NativeVecEnv(VecEnv):
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Return observations, rewards, ends and infos; a cut that has ended starts again at once."""
         start = time.perf_counter()
-        rewards, ends = self._batch.decide(self._actions)
+        rewards, ends = self._batch.decide(self._actions, infos=self._infos)
         self._returns += rewards
+        self._costs += self._infos["cost"]
         self._lengths += 1
         shown, ended = self._observe(), ends != 0
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        infos: list[dict[str, Any]] = [{"cost": cost} for cost in self._infos["cost"].tolist()]
         if ended.any():
             finished = np.flatnonzero(ended)
             success, now = self._batch.succeeded(), time.monotonic() - self._begun
             for n in finished:
-                infos[n] = {
-                    "episode": {"r": float(self._returns[n]), "l": int(self._lengths[n]), "t": now},
+                returned, cost, length = float(self._returns[n]), float(self._costs[n]), int(self._lengths[n])
+                infos[n] |= {
+                    "episode": {"r": returned, "l": length, "t": now, "cost": cost},
                     "is_success": bool(success[n]),
                     "end": ENDS[ends[n]],
                     "terminal_observation": shown[n].copy(),
                 }
             self._batch.begin(finished)
             self.cuts += len(finished)
-            self._returns[finished] = self._lengths[finished] = 0
+            self._returns[finished] = self._costs[finished] = self._lengths[finished] = 0
             shown[finished] = self._observe_start(finished)
         self.seconds += time.perf_counter() - start
         return shown, rewards.astype(np.float32), ended, infos
@@ -157,11 +175,8 @@ class FeatureVecEnv(NativeVecEnv):
         Number of past decisions among the features.
     force : bool
         Whether the features include the force.
-    hidden_state : bool
-        Whether the hidden state of the simulator follows the features, for a critic such as that of
-        :mod:`cutenv.learning.asymmetric_actor_critic`.  A policy that reads it cannot be used on a rig.
-    **arguments
-        Keyword arguments of ``cutenv/GentleCut-v1``.
+    hidden_state, **arguments
+        See :class:`NativeVecEnv`.
     """
 
     def __init__(
@@ -176,9 +191,8 @@ class FeatureVecEnv(NativeVecEnv):
         count = seeds if isinstance(seeds, int) else len(seeds)
         self._features = Features(count, history=history, force=force)
         self.features = self._features.size
-        self._hidden_state = hidden_state
         self._all = np.arange(count)
-        super().__init__(seeds, **arguments)
+        super().__init__(seeds, hidden_state=hidden_state, **arguments)
 
     def _make_observation_space(self) -> gymnasium.Space[Any]:
         size = self.features + (len(PRIVILEGED_FEATURES) if self._hidden_state else 0)
@@ -190,6 +204,3 @@ class FeatureVecEnv(NativeVecEnv):
     def _observe_start(self, started: np.ndarray) -> np.ndarray:
         self._features.forget(started)  # the features of the cut before
         return self._with_hidden_state(self._features(self.observations[started], started), started)
-
-    def _with_hidden_state(self, features: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-        return append_privileged(self._batch.cuts, features, numbers) if self._hidden_state else features.copy()

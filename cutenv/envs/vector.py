@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -59,6 +59,8 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
     True where it is present.
     """
 
+    single_class: ClassVar[type[GentleCutEnv]] = GentleCutEnv
+    """Class of the single environment."""
     metadata: dict[str, Any] = {  # noqa: RUF012  as in VectorEnv
         "render_modes": [],
         "render_fps": 50,
@@ -87,7 +89,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         self.render_mode = None
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         warn_before_first_compile(step_some, begin_some)
-        self.single = GentleCutEnv(**keywords)  # checks the keywords, and makes the start that all share
+        self.single = self.single_class(**keywords)  # checks the keywords, and makes the start that all share
         self.metadata = {
             **self.metadata,
             "render_fps": self.single.metadata["render_fps"],
@@ -128,7 +130,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             self.batch.give_seeds(self._seeds_of_all(seed), which, self.np_random)
         self.batch.begin(which, options)
         self._ended[which] = False
-        return self.batch.observations.copy(), self._info(self._infos_at_start(which), self._mask(which))
+        return self._shown(), self._info(self._infos_at_start(which), self._mask(which))
 
     def step(self, actions: Observations) -> tuple[Observations, Numbers, Flags, Flags, dict[str, Any]]:
         """Apply an action, shape (2,), to each environment, in all (num_envs, 2); see ``autoreset_mode`` for ends."""
@@ -155,7 +157,11 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         if len(finished) and self.autoreset_mode != AutoresetMode.SAME_STEP:
             self._add_ends(info, ended, ends)
         self._ended = self._none_waits if self.autoreset_mode == AutoresetMode.SAME_STEP else ended
-        return self.batch.observations.copy(), rewards, ended.copy(), np.zeros(self.num_envs, bool), info
+        return self._shown(), rewards, ended.copy(), np.zeros(self.num_envs, bool), info
+
+    def _shown(self) -> Observations:
+        """Return the present observations of all environments, a copy."""
+        return self.batch.observations.copy()
 
     def _masked(self, mask: Any) -> NDArray[np.int64]:
         """Return the environments that a reset mask selects; all without one."""
@@ -211,8 +217,9 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         final_info = self._info(last, ended)
         self._add_ends(final_info, ended, ends)
         final_obs = np.full(self.num_envs, None, dtype=object)
+        shown = self._shown()
         for n in finished:  # an array of arrays, by Gymnasium's convention
-            final_obs[n] = self.batch.observations[n].copy()
+            final_obs[n] = shown[n]
         return {"final_obs": final_obs, "_final_obs": ended, "final_info": final_info, "_final_info": ended}
 
     def close_extras(self, **kwargs: Any) -> None:

@@ -1,0 +1,106 @@
+"""PPO with a Lagrange multiplier: the highest return at a mean cost of a cut within the budget of SafeCut-v1.
+
+    python agents/ppo_lagrangian.py                 some ten minutes; writes runs/<name>/policy/
+    python agents/ppo_lagrangian.py --timesteps 1000000 --name careful
+    python scripts/safe_cut.py runs/careful/policy  its cost and return beside those of scripts
+
+It is ppo.py but for what concerns the cost.  The agent learns from (reward - lambda cost) / (1 + lambda).  After every
+rollout lambda rises in proportion to the mean cost of the cuts that ended in it, less the budget, and falls where that
+is negative (dual ascent); lambda is never below 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+
+from cutenv.envs.tracks import COST_BUDGET_MM
+from cutenv.learning.arguments import PPOArguments
+from cutenv.learning.asymmetric_actor_critic import AsymmetricActorCritic
+from cutenv.learning.cloning import Cloning, script_demonstrations
+from cutenv.learning.command_line import run_program
+from cutenv.learning.on_policy import sb3_keywords
+from cutenv.learning.options import option
+from cutenv.learning.progress import Progress
+from cutenv.learning.run_folder import export, record_run
+from cutenv.policy import Network
+from cutenv.sb3 import FeatureVecEnv
+
+
+@dataclass(frozen=True, kw_only=True)
+class LagrangianArguments(PPOArguments):
+    """Options of PPO with a Lagrange multiplier."""
+
+    budget: float = option(COST_BUDGET_MM, "budget for the mean cost of a cut [mm]", (0.0, 1e3))
+    multiplier_rate: float = option(
+        0.02, "rise of the multiplier after a rollout, per mm of mean cost above the budget", (0.0, 1e3)
+    )
+
+
+class PenalisedVecEnv(FeatureVecEnv):
+    """Environments whose reward is (reward - multiplier cost) / (1 + multiplier); the infos have both apart."""
+
+    multiplier = 0.0
+    """Price of a millimetre of cost, in units of return."""
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Return observations, penalised rewards, ends and infos."""
+        shown, rewards, ended, infos = super().step_wait()
+        costs = np.array([info["cost"] for info in infos], np.float32)
+        return shown, (rewards - self.multiplier * costs) / (1.0 + self.multiplier), ended, infos
+
+
+class DualAscent(BaseCallback):
+    """Callback that moves the multiplier after every rollout by the mean cost of the cuts that ended in it."""
+
+    def __init__(self, environments: PenalisedVecEnv, budget: float, rate: float) -> None:
+        super().__init__()
+        self._environments, self._budget, self._rate = environments, budget, rate
+        self._costs: list[float] = []
+
+    def _on_step(self) -> bool:
+        self._costs += [info["episode"]["cost"] for info in self.locals["infos"] if "episode" in info]
+        return True
+
+    def _on_rollout_end(self) -> None:
+        if self._costs:
+            excess = float(np.mean(self._costs)) - self._budget
+            self._environments.multiplier = max(self._environments.multiplier + self._rate * excess, 0.0)
+            self.logger.record("rollout/mean_cost", float(np.mean(self._costs)))
+            self.logger.record("rollout/multiplier", self._environments.multiplier)
+        self._costs.clear()
+
+
+def train(arguments: LagrangianArguments, run: Path) -> None:
+    """Train an agent, and write its actor into ``run``/policy."""
+    torch.set_num_threads(1)
+    facts = record_run(arguments, run, "PPO-Lagrangian")
+    environments = PenalisedVecEnv(
+        arguments.training_seeds, hidden_state=True, **arguments.features, **arguments.environment
+    )
+    model = PPO(AsymmetricActorCritic, environments, **sb3_keywords(arguments))
+    if arguments.demonstrations:
+        shown = script_demonstrations(environments, arguments)
+        actor: Any = model.policy
+        Cloning(actor.action_for, actor.actor_parameters(), shown.by_decision(), seed=arguments.seed).run()
+
+    # The multiplier's callback comes first: what Progress does at the end of a rollout may end the training.
+    progress = Progress(run, arguments, curve=[])
+    ascent = DualAscent(environments, arguments.budget, arguments.multiplier_rate)
+    model.learn(arguments.timesteps, callback=[ascent, progress])
+    print(f"multiplier at the end: {environments.multiplier:.4f} per mm")
+
+    # The running average of the end, not the best by validation: the best return alone would be the least careful.
+    with progress.averaged():
+        weights = {name: values.numpy().copy() for name, values in model.policy.state_dict().items()}
+    export(arguments, run / "policy", Network.from_state_dict(weights, "tanh"), facts)
+
+
+if __name__ == "__main__":
+    run_program(train, LagrangianArguments, "ppo-lagrangian", __doc__)

@@ -1,0 +1,104 @@
+"""Tracks: registered ids with a frozen protocol, which cut as GentleCut-v1 does with the same settings."""
+
+from __future__ import annotations
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+from whole_cut import ENVIRONMENT
+
+from cutenv.envs.tracks import PROTOCOL, GentleCutRawEnv, SafeCutEnv
+from cutenv.task.privileged import PRIVILEGED_FEATURES
+
+TRACKS = [("cutenv/SafeCut-v1", {}), ("cutenv/GentleCutRaw-v1", {}), ("cutenv/GentleCutRaw-v1", {"hidden_state": True})]
+HIDDEN = len(PRIVILEGED_FEATURES)
+
+
+def actions(decisions: int, count: int) -> np.ndarray:
+    """Return commands that mostly cut on, so that cuts end and others begin."""
+    return np.random.default_rng(5).uniform((-0.2, -1.0), (1.2, 1.0), (decisions, count, 2)).astype(np.float32)
+
+
+@pytest.mark.parametrize(("track", "keywords"), TRACKS)
+@pytest.mark.filterwarnings("error")
+def test_gymnasiums_checker_passes_without_a_warning(track, keywords):
+    check_env(gymnasium.make(track, **keywords).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize(("track", "keywords"), TRACKS)
+def test_it_cuts_as_the_task_does_with_the_settings_of_the_protocol(track, keywords):
+    env, plain = gymnasium.make(track, **keywords), gymnasium.make(ENVIRONMENT, **PROTOCOL)
+    seen, expected = env.reset(seed=4)[0], plain.reset(seed=4)[0]
+    ended = False
+    for action in actions(300, 1)[:, 0]:
+        assert np.array_equal(seen[:12], expected)
+        assert not ended
+        seen, reward, ended, _, info = env.step(action)
+        expected, *rest = plain.step(action)
+        assert [reward, ended, False, info] == rest
+        if ended:
+            break
+    assert ended
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+@pytest.mark.parametrize(("track", "keywords"), TRACKS)
+def test_a_batch_is_bit_for_bit_single_ones_over_episodes(track, keywords, mode):
+    count = 3
+    envs = gymnasium.make_vec(track, num_envs=count, autoreset_mode=mode, **keywords)
+    alone = [gymnasium.make(track, **keywords) for _ in range(count)]
+    seen, _ = envs.reset(seed=7)
+    assert seen.shape == envs.observation_space.shape
+    for number, env in enumerate(alone):
+        assert np.array_equal(seen[number], env.reset(seed=7 + number)[0])
+    ended, ends = np.zeros(count, bool), 0
+    for chosen in actions(200, count):
+        was_ended = ended
+        if mode == AutoresetMode.DISABLED and was_ended.any():
+            seen, _ = envs.reset(options={"reset_mask": was_ended})
+            for number in np.flatnonzero(was_ended):
+                assert np.array_equal(seen[number], alone[number].reset()[0])
+        seen, rewards, ended, _, infos = envs.step(chosen)
+        for number, env in enumerate(alone):
+            if mode == AutoresetMode.NEXT_STEP and was_ended[number]:
+                assert np.array_equal(seen[number], env.reset()[0])
+                continue
+            observation, reward, over, _, info = env.step(chosen[number])
+            shown = infos["final_info"] if over and mode == AutoresetMode.SAME_STEP else infos
+            assert (rewards[number], ended[number], shown["cost"][number]) == (reward, over, info["cost"])
+            if over and mode == AutoresetMode.SAME_STEP:
+                assert np.array_equal(infos["final_obs"][number], observation)
+                observation = env.reset()[0]
+            assert np.array_equal(seen[number], observation)
+            ends += over
+    assert ends >= count
+
+
+def test_the_fully_observed_twin_shows_the_way_from_the_tip_to_the_target():
+    env = gymnasium.make("cutenv/GentleCutRaw-v1", hidden_state=True)
+    env.reset(seed=0)
+    for action in actions(20, 1)[:, 0]:
+        seen, _, _, _, info = env.step(action)
+        truth = info["truth"]
+        assert seen[-HIDDEN] == pytest.approx(100.0 * (truth["target_length_m"] - truth["tip_m"]), abs=1e-5)
+
+
+@pytest.mark.parametrize(("track", "taken"), [("SafeCut", "render_mode"), ("GentleCutRaw", "hidden_state")])
+def test_settings_that_the_protocol_fixes_are_refused_with_the_way_out(track, taken):
+    said = rf"cutenv/{track}-v1 takes no keyword 'control_hz', only {taken}.*GentleCut-v1"
+    with pytest.raises(ValueError, match=said):
+        gymnasium.make(f"cutenv/{track}-v1", control_hz=50)
+    with pytest.raises(ValueError, match=said):
+        gymnasium.make_vec(f"cutenv/{track}-v1", num_envs=2, control_hz=50)
+
+
+def test_hidden_state_is_true_or_false():
+    with pytest.raises(ValueError, match="hidden_state must be one of False, True, got 'yes'"):
+        gymnasium.make("cutenv/GentleCutRaw-v1", hidden_state="yes")
+
+
+def test_the_constant_budget_is_that_of_the_class():
+    assert gymnasium.make("cutenv/SafeCut-v1").unwrapped.cost_budget_mm == SafeCutEnv.cost_budget_mm > 0.0
+    assert GentleCutRawEnv(hidden_state=True).observation_space.shape == (12 + HIDDEN,)
