@@ -16,20 +16,39 @@ from pathlib import Path
 from typing import Any
 
 from cutenv.commands.options import command_parser
-from cutenv.learning.arguments import BadArguments, BCArguments, LearnerArguments, PPOArguments, RecurrentPPOArguments
+from cutenv.learning.arguments import (
+    BadArguments,
+    BCArguments,
+    CrossQArguments,
+    IQLArguments,
+    LearnerArguments,
+    PPOArguments,
+    RecurrentPPOArguments,
+    SACArguments,
+    TQCArguments,
+)
 from cutenv.learning.command_line import RunRequest, add_run_options, run_request
 
 LEARNERS: dict[str, tuple[str, type[LearnerArguments]]] = {
     "ppo": ("PPO", PPOArguments),
     "recurrent-ppo": ("recurrent PPO", RecurrentPPOArguments),
+    "sac": ("SAC", SACArguments),
+    "tqc": ("TQC", TQCArguments),
+    "crossq": ("CrossQ", CrossQArguments),
     "bc": ("behaviour cloning", BCArguments),
+    "iql": ("IQL", IQLArguments),
 }
 """Name on the command line -> name in run.json, and class of the options."""
 
 _EXAMPLES = {
     "ppo": ("", "--quick", "--resume runs/NAME", "--learner recurrent-ppo", "--learner bc"),
     "recurrent-ppo": ("--learner recurrent-ppo", "--learner recurrent-ppo --quick", "--resume runs/NAME"),
+    **{
+        name: (f"--learner {name}", f"--learner {name} --quick", "--resume runs/NAME")
+        for name in ("sac", "tqc", "crossq")
+    },
     "bc": ("--learner bc", "--learner bc --quick", "--learner bc --dataset cutenv/probe-v0", "--resume runs/NAME"),
+    "iql": ("--learner iql", "--learner iql --quick", "--learner iql --dataset cutenv/probe-v0", "--resume runs/NAME"),
 }
 _NOTES = {"ppo": "Options worth trying: --angle-mode fixed, --force unfelt, --history 6, --critic features."}
 
@@ -73,14 +92,27 @@ def _run(learner: str, request: RunRequest[Any]) -> None:
         from cutenv.learning import bc
 
         bc.run_learner(request, resume_command)
+    elif learner == "iql":
+        from cutenv.learning import iql
+
+        iql.run_learner(request, resume_command)
     else:
         from cutenv.learning.on_policy import run_learner
 
-        if learner == "ppo":
-            from cutenv.learning.ppo import LEARNER
-        else:
-            from cutenv.learning.recurrent_ppo import LEARNER
-        run_learner(LEARNER, request, resume_command)
+        run_learner(_trial_learner(learner), request, resume_command)
+
+
+def _trial_learner(name: str) -> Any:
+    """Return a learner that learns by trial."""
+    if name == "ppo":
+        from cutenv.learning.ppo import LEARNER
+    elif name == "recurrent-ppo":
+        from cutenv.learning.recurrent_ppo import LEARNER
+    else:
+        from cutenv.learning.off_policy import LEARNERS as OFF_POLICY
+
+        return OFF_POLICY[name]
+    return LEARNER
 
 
 def _program() -> str:
