@@ -3,8 +3,8 @@
     python agents/crossq.py                           some four minutes; writes runs/<name>/policy/
     python agents/crossq.py --timesteps 30000 --name mine
 
-``cutenv train --learner crossq`` makes the same policy, with --resume, --quick, an evaluation and a report; the comments
-in sac.py apply here too.
+``cutenv train --learner crossq`` makes the same policy, with --resume, --quick, an evaluation and a report; the
+comments in sac.py apply here too.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
     python agents/sac.py                            some four minutes; writes runs/<name>/policy/
     python agents/sac.py --timesteps 30000 --name mine
 
-``cutenv train --learner sac`` makes the same policy, with --resume, --quick, an evaluation and a report; the comments in
-ppo.py apply here too.
+``cutenv train --learner sac`` makes the same policy, with --resume, --quick, an evaluation and a report; the comments
+in ppo.py apply here too.
 """
 
 from __future__ import annotations

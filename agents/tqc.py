@@ -3,8 +3,8 @@
     python agents/tqc.py                              some four minutes; writes runs/<name>/policy/
     python agents/tqc.py --timesteps 30000 --name mine
 
-``cutenv train --learner tqc`` makes the same policy, with --resume, --quick, an evaluation and a report; the comments
-in sac.py apply here too.
+``cutenv train --learner tqc`` makes the same policy, with --resume, --quick, an evaluation and a report; the
+comments in sac.py apply here too.
 """
 
 from __future__ import annotations

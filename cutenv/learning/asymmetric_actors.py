@@ -1,4 +1,4 @@
-"""Policies of SAC, TQC and CrossQ whose actor sees the features, and whose critic sees the hidden state as well."""
+"""Policies of SAC, TQC and CrossQ whose actor sees the features, and whose critics see the hidden state as well."""
 
 from __future__ import annotations
 
@@ -26,16 +26,18 @@ class FirstNumbers(BaseFeaturesExtractor):
 
 
 class _Asymmetric:
-    """Part of the three policies: what actor and critic see, and the actor's parameters.
+    """What the three policies have in common: what actor and critics see, and the actor's parameters.
 
     The actor sees the first ``features`` numbers, the critics the first ``critic``; the actor draws its actions with
-    the standard deviation ``exploration`` before it learns another.
+    the standard deviation ``exploration`` until it has learned another.
     """
+
+    actor: Any
+    observation_space: Any
 
     def __init__(self, *args: Any, features: int, critic: int, exploration: float, **kwargs: Any) -> None:
         self._features, self._critic_inputs = features, critic
         super().__init__(*args, **kwargs)
-        self: Any
         with torch.no_grad():
             self.actor.log_std.weight.mul_(0.01)
             self.actor.log_std.bias.fill_(math.log(exploration))

@@ -1,8 +1,8 @@
 """Implicit Q-learning: learn from the cuts of scripts, or of a Minari data set, to do better than they do on average.
 
-Kostrikov, Nair and Levine, "Offline reinforcement learning with implicit Q-learning", ICLR 2022 (arXiv:2110.06169).  The
-value of a state is an expectile of the values of the actions that the data contain, so that no action is ever valued
-that nobody took; the actor imitates every action with a weight that grows with its advantage.  The critics see the
+Kostrikov, Nair and Levine, "Offline reinforcement learning with implicit Q-learning", ICLR 2022 (arXiv:2110.06169).
+The value of a state is an expectile of the values of the actions that the data contain, so that no action is ever
+valued that nobody took; the actor imitates every action with a weight that grows with its advantage.  The critics see the
 hidden state where the data contain it, as cuts in the simulator do.
 """
 
