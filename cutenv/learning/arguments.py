@@ -176,7 +176,7 @@ class PPOArguments(LearnerArguments):
     @property
     def sizes(self) -> dict[str, int]:
         """Input sizes of actor and critic, and units of a layer: keyword arguments of the actor-critic networks."""
-        return actor_critic_inputs(self.history, self.critic) | {"hidden": self.hidden}
+        return {**actor_critic_inputs(self.history, self.critic), "hidden": self.hidden}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -262,7 +262,7 @@ class BCArguments(LearnerArguments):
 class IQLArguments(BCArguments):
     """Options of implicit Q-learning."""
 
-    quick: ClassVar[Mapping[str, Any]] = BCArguments.quick | {"epochs": 10}
+    quick: ClassVar[Mapping[str, Any]] = {**BCArguments.quick, "epochs": 10}
 
     other_script: str = option("probe and creep", "script that makes half of the demonstrations", tuple(SCRIPTS))
     history: int = option(0, "number of past decisions among the features", (0, 100))
@@ -306,22 +306,22 @@ class OffPolicyArguments(LearnerArguments):
     history: int = option(0, "number of past decisions among the features", (0, 100))
     environments: int = option(100, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
     train_freq: int = option(10, "number of decisions of each environment between updates", (1, 10**6))
-    gradient_steps: int = option(50, "number of gradient steps of an update", (1, 10**6))
-    batch_size: int = option(512, "number of decisions in a gradient step", (2, 10**9))
+    gradient_steps: int = option(100, "number of gradient steps of an update", (1, 10**6))
+    batch_size: int = option(256, "number of decisions in a gradient step", (2, 10**9))
     buffer_size: int = option(1_000_000, "number of decisions that are kept, demonstrations included", (1, 10**9))
-    learning_rate: float = option(1e-4, "learning rate at the start; falls linearly to a twentieth", (1e-9, 1.0))
+    learning_rate: float = option(3e-4, "learning rate at the start; falls linearly to a twentieth", (1e-9, 1.0))
     gamma: float = option(1.0, "discount per decision", (0.0, 1.0))
-    n_steps: int = option(20, "number of decisions whose rewards are summed before the critic's value", (1, 1000))
+    n_steps: int = option(10, "number of decisions whose rewards are summed before the critic's value", (1, 1000))
     critic_hidden: int = option(128, "number of units in each layer of the critics", (1, 4096))
     ent_coef: str = option("auto_0.001", "weight of the entropy: a number, or auto_ and the number to begin with")
-    target_entropy: float = option(-5.0, "entropy of the two actions that an automatic weight keeps", (-100.0, 2.0))
+    target_entropy: float = option(-4.0, "entropy of the two actions that an automatic weight keeps", (-100.0, 2.0))
     exploration: float = option(0.08, "standard deviation of the actions at the start", (1e-6, 10.0))
     averaging: float = option(
         0.05, "share of the actor that its running average takes over at every update", (1e-6, 1.0)
     )
     critic: str = option("truth", "input of the critic; truth: features and hidden state", ("truth", "features"))
     critic_first: float = option(
-        0.2, "share of training, after demonstrations, in which only the critic learns", (0.0, 1.0)
+        0.5, "share of training, after demonstrations, in which only the critic learns", (0.0, 1.0)
     )
 
     def __post_init__(self) -> None:

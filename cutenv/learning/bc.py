@@ -60,7 +60,7 @@ class Fitting(Protocol):
     """Fit of an agent to data, epoch by epoch, such as :class:`~cutenv.learning.cloning.Cloning`."""
 
     epoch: int
-    optimizer: torch.optim.Optimizer
+    optimizer: torch.optim.Adam
 
     def run_epoch(self) -> None:
         """Go through the data once."""

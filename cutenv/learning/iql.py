@@ -2,8 +2,8 @@
 
 Kostrikov, Nair and Levine, "Offline reinforcement learning with implicit Q-learning", ICLR 2022 (arXiv:2110.06169).
 The value of a state is an expectile of the values of the actions that the data contain, so that no action is ever
-valued that nobody took; the actor imitates every action with a weight that grows with its advantage.  The critics see the
-hidden state where the data contain it, as cuts in the simulator do.
+valued that nobody took; the actor imitates every action with a weight that grows with its advantage.  The critics see
+the hidden state where the data contain it, as cuts in the simulator do.
 """
 
 from __future__ import annotations
@@ -114,7 +114,8 @@ class ImplicitQLearning:
         critic_loss = sum(((critic(both)[:, 0] - wanted) ** 2).mean() for critic in agent.critics)  # equation 6
         liked = torch.exp(a.temperature * advantage.detach()).clamp(max=_HEAVIEST)
         actor_loss = (liked * ((agent.actor(seen) - actions) ** 2).mean(-1)).mean()  # equation 7
-        return value_loss + critic_loss + actor_loss
+        loss: torch.Tensor = value_loss + critic_loss + actor_loss
+        return loss
 
     def error(self) -> float:
         """Return the root mean square difference between the actor's actions and those of the data."""

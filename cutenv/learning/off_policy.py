@@ -88,7 +88,8 @@ def network(arrays: Mapping[str, np.ndarray], activation: str) -> Network:
     """
     parts = sorted({int(name.split(".")[2]) for name in arrays if name.startswith("actor.latent_pi.")})
     layers = []
-    scale, shift = np.float32(1.0), np.float32(0.0)
+    scale: np.ndarray = np.ones(1, np.float32)
+    shift: np.ndarray = np.zeros(1, np.float32)
     for prefix in (*(f"actor.latent_pi.{part}" for part in parts), "actor.mu"):
         if f"{prefix}.ra_var" in arrays:
             scale = arrays[f"{prefix}.scale"] / np.sqrt(arrays[f"{prefix}.ra_var"] + np.float32(_NORM_EPS))
@@ -96,7 +97,7 @@ def network(arrays: Mapping[str, np.ndarray], activation: str) -> Network:
         else:
             weight, bias = arrays[f"{prefix}.weight"], arrays[f"{prefix}.bias"]
             layers.append((weight * scale, bias + (weight * shift).sum(1)))
-            scale, shift = np.float32(1.0), np.float32(0.0)
+            scale, shift = np.ones(1, np.float32), np.zeros(1, np.float32)
     return Network(tuple(layers), activation, "tanh")
 
 
