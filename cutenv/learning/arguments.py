@@ -265,7 +265,6 @@ class IQLArguments(BCArguments):
     quick: ClassVar[Mapping[str, Any]] = {**BCArguments.quick, "epochs": 10}
 
     other_script: str = option("probe and creep", "script that makes half of the demonstrations", tuple(SCRIPTS))
-    history: int = option(0, "number of past decisions among the features", (0, 100))
     epochs: int = option(40, "number of passes over the demonstrations", (1, 10**6))
     learning_rate: float = option(1e-3, "learning rate at the start; falls along half a cosine to zero", (1e-9, 1.0))
     gamma: float = option(1.0, "discount per decision", (0.0, 1.0))

@@ -159,8 +159,9 @@ def training_data(arguments: IQLArguments) -> tuple[Transitions, dict[str, Any]]
         ).transitions()
         for script, own in ((arguments.script, seeds[:middle]), (arguments.other_script, seeds[middle:] or seeds))
     ]
-    facts = {"script": f"{arguments.script}, {arguments.other_script}", "decisions": arguments.demonstrations}
-    return Transitions(*map(np.concatenate, zip(*shown, strict=True))), facts
+    both = Transitions(*map(np.concatenate, zip(*shown, strict=True)))
+    facts = {"script": f"{arguments.script}, {arguments.other_script}", "cuts": int(both.ends.sum())}
+    return both, {**facts, "decisions": arguments.demonstrations}
 
 
 def train(arguments: IQLArguments, run: Path, facts: dict[str, Any], resume: bool) -> None:
