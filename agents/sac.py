@@ -13,6 +13,7 @@ from pathlib import Path
 
 import torch
 from stable_baselines3 import SAC
+from stable_baselines3.common.buffers import NStepReplayBuffer
 
 from cutenv.learning.arguments import SACArguments
 from cutenv.learning.asymmetric_actors import AsymmetricSACPolicy
@@ -40,7 +41,8 @@ def train(arguments: SACArguments, run: Path) -> None:
         batch_size=arguments.batch_size,
         buffer_size=arguments.buffer_size,
         gamma=arguments.gamma,
-        n_steps=arguments.n_steps,
+        replay_buffer_class=NStepReplayBuffer,
+        replay_buffer_kwargs={"n_steps": arguments.n_steps, "gamma": arguments.gamma},
         tau=arguments.tau,
         ent_coef=arguments.ent_coef,
         target_entropy=arguments.target_entropy,

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from sb3_contrib import TQC, CrossQ
 from stable_baselines3 import SAC
+from stable_baselines3.common.buffers import NStepReplayBuffer
 
 from cutenv.learning.arguments import CrossQArguments, OffPolicyArguments, SACArguments, TQCArguments
 from cutenv.learning.asymmetric_actors import AsymmetricCrossQPolicy, AsymmetricSACPolicy, AsymmetricTQCPolicy
@@ -29,7 +30,6 @@ _SAME = (
     "batch_size",
     "buffer_size",
     "gamma",
-    "n_steps",
     "ent_coef",
     "target_entropy",
     "seed",
@@ -52,6 +52,8 @@ def sb3_keywords(arguments: OffPolicyArguments) -> dict[str, Any]:
     return {
         "learning_rate": FallingRate(arguments.learning_rate),
         "learning_starts": 0,
+        "replay_buffer_class": NStepReplayBuffer,
+        "replay_buffer_kwargs": {"n_steps": arguments.n_steps, "gamma": arguments.gamma},
         "policy_kwargs": policy,
         "device": "cpu",  # a network this small is slower on a GPU
         **{name: getattr(arguments, name) for name in _SAME},

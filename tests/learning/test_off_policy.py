@@ -98,7 +98,8 @@ def test_the_actor_learns_what_is_demonstrated_and_explores_as_told(learner):
     model, arguments = untrained(learner, exploration=0.05)
     shown = script_demonstrations(model.get_env(), arguments)
     seen, wanted = shown.by_decision().observations, shown.by_decision().actions
-    before = float(((model.policy.action_for(seen) - wanted) ** 2).mean().sqrt())
+    with torch.no_grad():
+        before = float(((model.policy.action_for(seen) - wanted) ** 2).mean().sqrt())
     assert imitate(model.policy, shown, arguments) < 0.6 * before
     actor = model.policy.actor
     drawn = torch.atanh(actor(seen[:1].repeat(4000, 1)).clamp(-0.999999, 0.999999))
@@ -115,6 +116,21 @@ def test_a_normalisation_left_out_is_noticed():
     assert network(arrays, "relu")(features) == pytest.approx(expected, abs=1e-5)
     without = {name: values for name, values in arrays.items() if ".0." not in name or "latent_pi" not in name}
     assert abs(network(without, "relu")(features) - expected).max() > 0.05
+
+
+def test_rewards_are_summed_over_several_decisions_up_to_the_end_of_a_cut():
+    model, arguments = untrained("sac", n_steps=1000, demonstrations=1200)
+    shown = script_demonstrations(model.get_env(), arguments)
+    remember(model, shown)
+    begun = [(k, n) for k, n in zip(*np.nonzero(shown.starts), strict=True) if shown.starts[k + 1 :, n].any()]
+    returns = []
+    for k, n in begun:  # whole cuts
+        after = k + 1 + int(np.flatnonzero(shown.starts[k + 1 :, n])[0])
+        returns.append(shown.rewards[k:after, n].sum())
+    drawn = model.replay_buffer.sample(3000)
+    assert begun
+    for total in returns:
+        assert abs(drawn.rewards.numpy() - total).min() < 1e-4
 
 
 def test_the_critic_may_be_shown_the_features_alone():
