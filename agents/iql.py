@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from cutenv.learning.arguments import IQLArguments
 from cutenv.learning.command_line import run_program
-from cutenv.learning.iql import Agent, ImplicitQLearning, training_data
+from cutenv.learning.iql import Agent, ImplicitQLearning, transition_data
 from cutenv.learning.progress import validate
 from cutenv.learning.run_folder import export, record_run
 
@@ -25,7 +25,7 @@ def train(arguments: IQLArguments, run: Path) -> None:
     """Fit an agent to the scripts' cuts; write the best epoch on validation specimens to ``run``/policy."""
     torch.set_num_threads(1)
     facts = record_run(arguments, run, "IQL")
-    data, facts["taught_by"] = training_data(arguments)
+    data, facts["taught_by"] = transition_data(arguments)
     agent = Agent(arguments, data.observations.shape[1])
     learning = ImplicitQLearning(agent, data, arguments)
     every = max(arguments.epochs // arguments.validations, 1)

@@ -18,7 +18,7 @@ from cutenv.learning.arguments import TQCArguments
 from cutenv.learning.asymmetric_actors import AsymmetricTQCPolicy
 from cutenv.learning.cloning import script_demonstrations
 from cutenv.learning.command_line import run_program
-from cutenv.learning.off_policy import imitate, network, remember, sb3_keywords
+from cutenv.learning.off_policy import imitate, network, off_policy_keywords, remember
 from cutenv.learning.progress import Progress
 from cutenv.learning.run_folder import export, record_run
 
@@ -28,7 +28,7 @@ def train(arguments: TQCArguments, run: Path) -> None:
     torch.set_num_threads(1)
     facts = record_run(arguments, run, "TQC")
     environments = arguments.environments_at(arguments.training_seeds)
-    model = TQC(AsymmetricTQCPolicy, environments, **sb3_keywords(arguments))
+    model = TQC(AsymmetricTQCPolicy, environments, **off_policy_keywords(arguments))
     if arguments.demonstrations:
         shown = script_demonstrations(environments, arguments)
         remember(model, shown)

@@ -110,7 +110,7 @@ def _trial_learner(name: str) -> Any:
     elif name == "recurrent-ppo":
         from cutenv.learning.recurrent_ppo import LEARNER
     else:
-        from cutenv.learning.off_policy import LEARNERS as OFF_POLICY
+        from cutenv.learning.off_policy import OFF_POLICY
 
         return OFF_POLICY[name]
     return LEARNER

@@ -27,7 +27,6 @@ from cutenv.policy import BASELINES, Network
 if TYPE_CHECKING:
     from minari import MinariDataset
 
-NAME = "IQL"
 _HEAVIEST = 100.0  # largest weight of an action, as in the paper
 
 
@@ -133,7 +132,7 @@ def transitions(dataset: MinariDataset, features: Mapping[str, Any]) -> Transiti
     return Transitions(observations, actions, np.concatenate(rewards).astype(np.float32), following, ends)
 
 
-def training_data(arguments: IQLArguments) -> tuple[Transitions, dict[str, Any]]:
+def transition_data(arguments: IQLArguments) -> tuple[Transitions, dict[str, Any]]:
     """Return the decisions to learn from, and the facts about them for the policy's card.
 
     Raises
@@ -167,11 +166,11 @@ def training_data(arguments: IQLArguments) -> tuple[Transitions, dict[str, Any]]
 def train(arguments: IQLArguments, run: Path, facts: dict[str, Any], resume: bool) -> None:
     """Fit the agent; write the files that :func:`cutenv.learning.bc.train` writes."""
     begun = time.monotonic()
-    data, facts["taught_by"] = training_data(arguments)
+    data, facts["taught_by"] = transition_data(arguments)
     agent = Agent(arguments, data.observations.shape[1])
     bc.fit(agent, ImplicitQLearning(agent, data, arguments), arguments, run, facts, begun, resume)
 
 
 def run_learner(request: RunRequest[IQLArguments], resume_command: str) -> None:
     """Fit, evaluate and report into the folder of the run; see :func:`cutenv.learning.on_policy.run_learner`."""
-    bc.run_learner(request, resume_command, NAME, train)
+    bc.run_learner(request, resume_command, "IQL", train)

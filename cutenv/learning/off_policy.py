@@ -37,7 +37,7 @@ _SAME = (
 _NORM_EPS = 1e-3  # of sb3-contrib's BatchRenorm
 
 
-def sb3_keywords(arguments: OffPolicyArguments) -> dict[str, Any]:
+def off_policy_keywords(arguments: OffPolicyArguments) -> dict[str, Any]:
     """Return the keyword arguments of SAC, TQC or CrossQ."""
     own: dict[str, Any] = {}
     layers = {"pi": [arguments.hidden] * 2, "qf": [arguments.critic_hidden] * 2}
@@ -118,7 +118,7 @@ class OffPolicyLearner:
 
     def new_model(self, arguments: OffPolicyArguments, environments: FeatureVecEnv) -> Any:
         """Make an untrained agent."""
-        return self.algorithm(self.policy, environments, **sb3_keywords(arguments))
+        return self.algorithm(self.policy, environments, **off_policy_keywords(arguments))
 
     def pretrain(self, model: Any, arguments: OffPolicyArguments) -> None:
         """Clone the demonstrated script into a model's actor, and remember what was demonstrated."""
@@ -134,7 +134,7 @@ class OffPolicyLearner:
         print("the replay buffer begins again, with the demonstrations")
 
 
-LEARNERS = {
+OFF_POLICY = {
     "sac": OffPolicyLearner("SAC", SAC, AsymmetricSACPolicy),
     "tqc": OffPolicyLearner("TQC", TQC, AsymmetricTQCPolicy),
     "crossq": OffPolicyLearner("CrossQ", CrossQ, AsymmetricCrossQPolicy),

@@ -44,6 +44,6 @@ def test_the_named_policy_is_the_models(program):
 
 @pytest.mark.parametrize("program", ["sac", "tqc", "crossq"])
 def test_the_named_policy_is_that_of_the_off_policy_learner(program):
-    from cutenv.learning.off_policy import LEARNERS as OFF_POLICY
+    from cutenv.learning.off_policy import OFF_POLICY
 
     assert OFF_POLICY[program].policy.__name__ == ALL[program][ENVIRONMENT]["policy"]

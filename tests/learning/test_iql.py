@@ -14,7 +14,7 @@ pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip in
 
 from cutenv.learning.arguments import BadArguments, IQLArguments  # noqa: E402
 from cutenv.learning.cloning import Transitions  # noqa: E402
-from cutenv.learning.iql import Agent, ImplicitQLearning, training_data, transitions  # noqa: E402
+from cutenv.learning.iql import Agent, ImplicitQLearning, transition_data, transitions  # noqa: E402
 from cutenv.policy import TrainedPolicy  # noqa: E402
 from cutenv.policy.features import feature_count  # noqa: E402
 
@@ -103,9 +103,9 @@ def test_an_interrupted_run_goes_on_as_if_it_had_not_been(finished, tmp_path, mo
 
 def test_half_of_the_data_are_each_scripts():
     arguments = IQLArguments(environments=4, demonstrations=400, history=0, demonstration_noise=0.0)
-    mixed, _ = training_data(arguments)
+    mixed, _ = transition_data(arguments)
     first, second = (
-        training_data(
+        transition_data(
             IQLArguments(
                 environments=4, demonstrations=400, history=0, demonstration_noise=0.0, script=name, other_script=name
             )
