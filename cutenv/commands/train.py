@@ -1,8 +1,9 @@
 """Train an agent to cut gently, compare it with every baseline, report.
 
-PPO takes about 7 minutes on 2 cores, recurrent PPO, whose actor has a memory, about 20.  Behaviour cloning imitates a
-script, or a data set of 'cutenv datasets', in some three minutes, without any trial of its own.  Everything is written
-to the folder runs/NAME; an interrupted run continues from its checkpoint with --resume.
+PPO takes about 7 minutes on 2 cores, recurrent PPO, whose actor has a memory, about 20; SAC, TQC and CrossQ, which also
+learn from a script's decisions, some four.  Behaviour cloning imitates a script, or a data set of 'cutenv datasets', in
+some three minutes, without any trial of its own; IQL prefers the better decisions of two scripts or of a data set.
+Everything is written to the folder runs/NAME; an interrupted run continues from its checkpoint with --resume.
 """
 
 from __future__ import annotations
@@ -16,20 +17,39 @@ from pathlib import Path
 from typing import Any
 
 from cutenv.commands.options import command_parser
-from cutenv.learning.arguments import BadArguments, BCArguments, LearnerArguments, PPOArguments, RecurrentPPOArguments
+from cutenv.learning.arguments import (
+    BadArguments,
+    BCArguments,
+    CrossQArguments,
+    IQLArguments,
+    LearnerArguments,
+    PPOArguments,
+    RecurrentPPOArguments,
+    SACArguments,
+    TQCArguments,
+)
 from cutenv.learning.command_line import RunRequest, add_run_options, run_request
 
 LEARNERS: dict[str, tuple[str, type[LearnerArguments]]] = {
     "ppo": ("PPO", PPOArguments),
     "recurrent-ppo": ("recurrent PPO", RecurrentPPOArguments),
+    "sac": ("SAC", SACArguments),
+    "tqc": ("TQC", TQCArguments),
+    "crossq": ("CrossQ", CrossQArguments),
     "bc": ("behaviour cloning", BCArguments),
+    "iql": ("IQL", IQLArguments),
 }
 """Name on the command line -> name in run.json, and class of the options."""
 
 _EXAMPLES = {
     "ppo": ("", "--quick", "--resume runs/NAME", "--learner recurrent-ppo", "--learner bc"),
     "recurrent-ppo": ("--learner recurrent-ppo", "--learner recurrent-ppo --quick", "--resume runs/NAME"),
+    **{
+        name: (f"--learner {name}", f"--learner {name} --quick", "--resume runs/NAME")
+        for name in ("sac", "tqc", "crossq")
+    },
     "bc": ("--learner bc", "--learner bc --quick", "--learner bc --dataset cutenv/probe-v0", "--resume runs/NAME"),
+    "iql": ("--learner iql", "--learner iql --quick", "--learner iql --dataset cutenv/probe-v0", "--resume runs/NAME"),
 }
 _NOTES = {"ppo": "Options worth trying: --angle-mode fixed, --force unfelt, --history 6, --critic features."}
 
@@ -73,14 +93,27 @@ def _run(learner: str, request: RunRequest[Any]) -> None:
         from cutenv.learning import bc
 
         bc.run_learner(request, resume_command)
+    elif learner == "iql":
+        from cutenv.learning import iql
+
+        iql.run_learner(request, resume_command)
     else:
         from cutenv.learning.on_policy import run_learner
 
-        if learner == "ppo":
-            from cutenv.learning.ppo import LEARNER
-        else:
-            from cutenv.learning.recurrent_ppo import LEARNER
-        run_learner(LEARNER, request, resume_command)
+        run_learner(_trial_learner(learner), request, resume_command)
+
+
+def _trial_learner(name: str) -> Any:
+    """Return a learner that learns by trial."""
+    if name == "ppo":
+        from cutenv.learning.ppo import LEARNER
+    elif name == "recurrent-ppo":
+        from cutenv.learning.recurrent_ppo import LEARNER
+    else:
+        from cutenv.learning.off_policy import OFF_POLICY
+
+        return OFF_POLICY[name]
+    return LEARNER
 
 
 def _program() -> str:

@@ -9,8 +9,9 @@ mode; the specimens of validation and evaluation are drawn in the simulator as u
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import safetensors
@@ -37,6 +38,35 @@ if TYPE_CHECKING:
 
 NAME = "behaviour cloning"
 _MOMENTS = ("exp_avg", "exp_avg_sq", "step")  # Adam's state for each parameter
+
+
+class Fitted(Protocol):
+    """Agent that is fitted to data, with the ``predict`` of a model of Stable-Baselines3."""
+
+    @property
+    def module(self) -> torch.nn.Module:
+        """Everything that is fitted."""
+
+    def predict(
+        self, observations: np.ndarray, state: None, episode_start: Any, deterministic: bool
+    ) -> tuple[np.ndarray, None]:
+        """Return the actions, and None as the state."""
+
+    def network(self) -> Network:
+        """Return the actor in NumPy."""
+
+
+class Fitting(Protocol):
+    """Fit of an agent to data, epoch by epoch, such as :class:`~cutenv.learning.cloning.Cloning`."""
+
+    epoch: int
+    optimizer: torch.optim.Adam
+
+    def run_epoch(self) -> None:
+        """Go through the data once."""
+
+    def error(self) -> float:
+        """Return the root mean square difference between the agent's actions and those of the data."""
 
 
 class Clone:
@@ -71,7 +101,7 @@ class Clone:
         return Network(tuple((layer.weight.detach().numpy(), layer.bias.detach().numpy()) for layer in dense), "tanh")
 
 
-def save_checkpoint(path: Path, clone: Clone, cloning: Cloning, seconds: float) -> None:
+def save_checkpoint(path: Path, clone: Fitted, cloning: Fitting, seconds: float) -> None:
     """Write network, Adam's moments, the number of epochs and the time that they took, atomically."""
     content = {f"network.{name}": values for name, values in clone.module.state_dict().items()}
     for n, moments in cloning.optimizer.state_dict()["state"].items():
@@ -80,7 +110,7 @@ def save_checkpoint(path: Path, clone: Clone, cloning: Cloning, seconds: float) 
         safetensors.torch.save_file(content, part, {"epoch": str(cloning.epoch), "seconds": f"{seconds:.1f}"})
 
 
-def load_checkpoint(path: Path, clone: Clone, cloning: Cloning) -> float | None:
+def load_checkpoint(path: Path, clone: Fitted, cloning: Fitting) -> float | None:
     """Restore a checkpoint of :func:`save_checkpoint`; return its seconds, or None if it contains none."""
     content = safetensors.torch.load_file(path)
     clone.module.load_state_dict(
@@ -133,7 +163,6 @@ def source_of(dataset: MinariDataset) -> str:
 def train(arguments: BCArguments, run: Path, facts: dict[str, Any], resume: bool) -> None:
     """Fit the clone; write ``policy/``, ``learning_curve.csv`` and, meanwhile, ``checkpoint.safetensors``."""
     begun = time.monotonic()
-    torch.set_num_threads(1)  # as for PPO
     clone = Clone(arguments)
     data, facts["taught_by"] = training_data(arguments)
     cloning = Cloning(
@@ -145,6 +174,23 @@ def train(arguments: BCArguments, run: Path, facts: dict[str, Any], resume: bool
         learning_rate=arguments.learning_rate,
         seed=arguments.seed,
     )
+    fit(clone, cloning, arguments, run, facts, begun, resume)
+
+
+def fit(
+    clone: Fitted,
+    cloning: Fitting,
+    arguments: BCArguments,
+    run: Path,
+    facts: dict[str, Any],
+    begun: float,
+    resume: bool,
+) -> None:
+    """Fit epoch by epoch, from a checkpoint if ``resume``, and export the epoch that does best on validation specimens.
+
+    ``begun`` is the time at which the work began (``time.monotonic``); for the rest see :func:`train`.
+    """
+    torch.set_num_threads(1)  # as for PPO
     curve: list[dict[str, float]] = []
     if resume:
         seconds = load_checkpoint(run / "checkpoint.safetensors", clone, cloning)
@@ -157,7 +203,7 @@ def train(arguments: BCArguments, run: Path, facts: dict[str, Any], resume: bool
     every = max(arguments.epochs // arguments.validations, 1)
     events = event_writer(arguments, run)
     saved = time.monotonic()
-    for _ in tqdm(range(cloning.epoch, arguments.epochs), desc="cloning", unit="epoch"):
+    for _ in tqdm(range(cloning.epoch, arguments.epochs), desc="fitting", unit="epoch"):
         cloning.run_epoch()
         seconds = time.monotonic() - begun
         last = cloning.epoch == arguments.epochs or bool(arguments.minutes and seconds > 60.0 * arguments.minutes)
@@ -193,14 +239,22 @@ def event_writer(arguments: BCArguments, run: Path) -> Any:
     return SummaryWriter(str(run / "tensorboard"))
 
 
-def run_learner(request: RunRequest[BCArguments], resume_command: str) -> None:
-    """Clone, evaluate and report into the folder of the run; see :func:`cutenv.learning.on_policy.run_learner`."""
+def run_learner(
+    request: RunRequest[Any],
+    resume_command: str,
+    name: str = NAME,
+    train: Callable[[Any, Path, dict[str, Any], bool], None] = train,
+) -> None:
+    """Fit, evaluate and report into the folder of the run; see :func:`cutenv.learning.on_policy.run_learner`.
+
+    ``name`` is that of the agent in reports; ``train`` does what the function of this module does.
+    """
     arguments, run = request.arguments, request.run
-    facts = record_run(arguments, run, NAME)
+    facts = record_run(arguments, run, name)
     try:
         train(arguments, run, facts, request.resume)
         curve = read_rows(run / "learning_curve.csv")
-        print(f"the clone's actions differ from those of {arguments.teacher} by {curve[-1]['error']:.3f}")
+        print(f"the agent's actions differ from those of {arguments.teacher} by {curve[-1]['error']:.3f}")
         facts["training_minutes"] = round(curve[-1]["seconds"] / 60.0, 1)
         write_facts(run, facts)
         if arguments.specimens:

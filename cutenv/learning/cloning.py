@@ -26,6 +26,21 @@ Batch = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
 """Observations, shape (..., size), actions, shape (..., 2), and weights 1 or 0, shape (...)."""
 
 
+class Transitions(NamedTuple):
+    """Single decisions with what came of them, for learners that estimate values."""
+
+    observations: np.ndarray
+    """Features, shape (decisions, size)."""
+    actions: np.ndarray
+    """Actions as they were taken, shape (decisions, 2)."""
+    rewards: np.ndarray
+    """Rewards, shape (decisions,)."""
+    next_observations: np.ndarray
+    """Features at the next decision, shape (decisions, size); of the next cut where one ended."""
+    ends: np.ndarray
+    """True where the cut ended, shape (decisions,)."""
+
+
 class Demonstrations(NamedTuple):
     """Consecutive decisions of a script in n environments."""
 
@@ -35,6 +50,21 @@ class Demonstrations(NamedTuple):
     """Actions of the script without noise, shape (decisions, n, 2)."""
     starts: np.ndarray
     """True where a cut begins, shape (decisions, n)."""
+    taken: np.ndarray
+    """Actions as they were taken, with the noise, shape (decisions, n, 2)."""
+    rewards: np.ndarray
+    """Rewards, shape (decisions, n)."""
+
+    def transitions(self) -> Transitions:
+        """Return every decision but the last of each environment, whose successor is not known."""
+        size = self.observations.shape[-1]
+        return Transitions(
+            self.observations[:-1].reshape(-1, size),
+            self.taken[:-1].reshape(-1, self.taken.shape[-1]),
+            self.rewards[:-1].reshape(-1),
+            self.observations[1:].reshape(-1, size),
+            self.starts[1:].reshape(-1),
+        )
 
     def by_decision(self) -> DecisionDataset:
         """Return single decisions, for a network without memory."""
@@ -130,18 +160,17 @@ def demonstrations(
     script.begin([rng] * count)
     amount = np.where(np.arange(count) % 2, noise, 0.0)[:, None]
     shown, starts = environments.reset(), np.ones(count, bool)
-    all_shown, all_actions, all_starts = [], [], []
+    lessons: list[tuple[np.ndarray, ...]] = []
     for _ in tqdm(range(-(-decisions // count)), desc="demonstrating", unit="decision", unit_scale=count):
         actions = script.act(environments.observations)
-        all_shown.append(shown)
-        all_actions.append(actions)
-        all_starts.append(starts)
         noisy = actions + amount * rng.standard_normal(actions.shape).astype(np.float32)
+        taken = np.clip(noisy, -1.0, 1.0).astype(np.float32)  # what the environment makes of it
         environments.step_async(noisy)
-        shown, _, ended, _ = environments.step_wait()
-        starts = np.array(ended)
+        after, rewards, ended, _ = environments.step_wait()
+        lessons.append((shown, actions, starts, taken, rewards))
+        shown, starts = after, np.array(ended)
         script.forget(np.flatnonzero(starts))
-    return Demonstrations(np.stack(all_shown), np.stack(all_actions), np.stack(all_starts))
+    return Demonstrations(*map(np.stack, zip(*lessons, strict=True)))
 
 
 def script_demonstrations(environments: FeatureVecEnv | RandomisedRigs, arguments: LearnerArguments) -> Demonstrations:

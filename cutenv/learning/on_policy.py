@@ -1,4 +1,4 @@
-"""A run of PPO or recurrent PPO of Stable-Baselines3: train, resume after an interruption, export, compare, report."""
+"""A run of a learner of Stable-Baselines3: train, resume after an interruption, export, compare, report."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
 
-from cutenv.learning.arguments import LearnerArguments, PPOArguments
+from cutenv.learning.arguments import LearnerArguments, PPOArguments, TrialArguments
 from cutenv.learning.checkpoint import end_interrupted
 from cutenv.learning.cloning import Demonstrations, script_demonstrations
 from cutenv.learning.command_line import RunRequest
@@ -37,6 +37,35 @@ class FallingRate:
         return self.rate * (1.0 - 0.95 * self.share)
 
 
+class TrialLearner(Protocol):
+    """Learner that a run trains: :class:`OnPolicyLearner`, or that of :mod:`cutenv.learning.off_policy`."""
+
+    @property
+    def name(self) -> str:
+        """Name of the agent in reports."""
+
+    @property
+    def algorithm(self) -> Any:
+        """Class of Stable-Baselines3 or sb3-contrib."""
+
+    @property
+    def network(self) -> Callable[[Mapping[str, np.ndarray], str], Network | RecurrentNetwork]:
+        """Function that makes the actor in NumPy from the policy's parameters and their activation."""
+
+    @property
+    def activation(self) -> str:
+        """Activation of the actor's layers."""
+
+    def new_model(self, arguments: Any, environments: FeatureVecEnv) -> Any:
+        """Make an untrained agent."""
+
+    def pretrain(self, model: Any, arguments: Any) -> None:
+        """Teach a model what demonstrations show."""
+
+    def restore(self, model: Any, arguments: Any) -> None:
+        """Give a model loaded from its checkpoint what the checkpoint does not contain."""
+
+
 @dataclass(frozen=True)
 class OnPolicyLearner:
     """Parts in which one learner differs from another."""
@@ -51,6 +80,7 @@ class OnPolicyLearner:
     """Function that clones demonstrations into a policy's actor, given the options, and returns the error left."""
     network: Callable[[Mapping[str, np.ndarray], str], Network | RecurrentNetwork]
     """Function that makes the actor in NumPy from the policy's parameters."""
+    activation = "tanh"
 
     def new_model(self, arguments: PPOArguments, environments: FeatureVecEnv | RandomisedRigs) -> Any:
         """Make an untrained agent."""
@@ -60,6 +90,9 @@ class OnPolicyLearner:
         """Clone the demonstrated script into a model's actor."""
         error = self.imitate(model.policy, script_demonstrations(model.get_env(), arguments), arguments)
         print(f"the clone's actions differ from those of {arguments.script!r} by {error:.3f} (root mean square)")
+
+    def restore(self, model: Any, arguments: PPOArguments) -> None:
+        """Do nothing: the checkpoint contains all that is needed."""
 
 
 def sb3_keywords(arguments: PPOArguments) -> dict[str, Any]:
@@ -77,7 +110,7 @@ def sb3_keywords(arguments: PPOArguments) -> dict[str, Any]:
     }
 
 
-def train(learner: OnPolicyLearner, arguments: PPOArguments, run: Path, resume: bool) -> tuple[bool, float]:
+def train(learner: TrialLearner, arguments: TrialArguments, run: Path, resume: bool) -> tuple[bool, float]:
     """Train; return whether training is complete, and the share of its time that the environments took."""
     begun = time.monotonic()
     torch.set_num_threads(1)  # two thread pools on two cores compete
@@ -89,6 +122,7 @@ def train(learner: OnPolicyLearner, arguments: PPOArguments, run: Path, resume: 
     extras = None
     if resume:
         model = learner.algorithm.load(checkpoint, env=environments, device="cpu", tensorboard_log=events)
+        learner.restore(model, arguments)
         environments.first_episode = unseen_episode(model)
         curve = read_rows(run / "learning_curve.csv")
         curve = [point for point in curve if point["decisions"] <= model.num_timesteps]
@@ -128,11 +162,11 @@ def unseen_episode(model: Any) -> int:
     return 1 + int(model.num_timesteps) // int(model.n_envs)
 
 
-def exported(learner: OnPolicyLearner, arguments: PPOArguments, run: Path, name: str, facts: Mapping[str, Any]) -> None:
+def exported(learner: TrialLearner, arguments: TrialArguments, run: Path, name: str, facts: Mapping[str, Any]) -> None:
     """Export the actor of ``name``.zip, for use without torch: ``name``/policy.safetensors and card.json."""
     model = learner.algorithm.load(run / f"{name}.zip", device="cpu")
     arrays = {key: value.detach().cpu().numpy() for key, value in model.policy.state_dict().items()}
-    network = learner.network(arrays, "tanh")
+    network = learner.network(arrays, learner.activation)
     export(arguments, run / name, network, {**facts, "decisions": int(model.num_timesteps)})
 
 
@@ -146,13 +180,14 @@ def time_to_threshold(arguments: LearnerArguments, curve: Sequence[Mapping[str, 
     return next(reached, None)
 
 
-def run_learner(learner: OnPolicyLearner, request: RunRequest[PPOArguments], resume_command: str) -> None:
+def run_learner(learner: TrialLearner, request: RunRequest[Any], resume_command: str) -> None:
     """Train, export, evaluate and report into the folder of the run.
 
     Parameters
     ----------
-    learner : OnPolicyLearner
-        Learner of :mod:`cutenv.learning.ppo` or :mod:`cutenv.learning.recurrent_ppo`.
+    learner : TrialLearner
+        Learner of :mod:`cutenv.learning.ppo`, :mod:`~cutenv.learning.recurrent_ppo` or
+        :mod:`~cutenv.learning.off_policy`.
     request : RunRequest
         Options and folder of the run.
     resume_command : str

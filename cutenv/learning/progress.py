@@ -20,7 +20,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
 from cutenv._base.atomic_file import atomic_write
-from cutenv.learning.arguments import LearnerArguments, PPOArguments
+from cutenv.learning.arguments import LearnerArguments, PPOArguments, TrialArguments
 from cutenv.learning.result_tables import write_csv
 
 
@@ -77,7 +77,7 @@ class Progress(BaseCallback):
     ----------
     run : Path
         Folder of the run.
-    arguments : PPOArguments
+    arguments : PPOArguments or OffPolicyArguments
         Options of the run.
     curve : list of dict
         Learning curve of an interrupted run, or an empty list.
@@ -90,7 +90,7 @@ class Progress(BaseCallback):
     def __init__(
         self,
         run: Path,
-        arguments: PPOArguments,
+        arguments: TrialArguments,
         curve: list[dict[str, float]],
         begun: float | None = None,
         extras: CheckpointExtras | None = None,
@@ -158,15 +158,16 @@ class Progress(BaseCallback):
         self._validated = int(self.share * self._arguments.validations)
 
     def _on_rollout_start(self) -> None:
-        # Scheduled, not learned: a policy that may keep its noise comes to depend on it, and stalls without.
         self.average()
         a = self._arguments
         share = self.share
         for parameter in self._actor_parameters():  # a critic that knows nothing yet would spoil a clone
             parameter.requires_grad_(not a.demonstrations or share >= a.critic_first)
-        deviation = a.exploration * (a.last_exploration / a.exploration) ** share
-        policy: Any = self.model.policy
-        policy.log_std.data.fill_(math.log(deviation))
+        if isinstance(a, PPOArguments):
+            # Scheduled, not learned: a policy that may keep its noise comes to depend on it, and stalls without.
+            deviation = a.exploration * (a.last_exploration / a.exploration) ** share
+            policy: Any = self.model.policy
+            policy.log_std.data.fill_(math.log(deviation))
 
     def _on_step(self) -> bool:
         minutes = self._arguments.minutes

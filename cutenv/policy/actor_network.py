@@ -18,13 +18,14 @@ ACTIVATIONS: dict[str, Callable[[Array32], Array32]] = {
     "tanh": np.tanh,
     "relu": lambda values: np.maximum(values, np.float32(0.0)),
 }
+OUTPUTS = ("linear", "tanh")
 _PARTS = ("weight", "bias")
 _HIDDEN = re.compile(r"mlp_extractor\.policy_net\.(\d+)\.(?:weight|bias)")
 
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Dense layers, each followed by an activation except the last, which is linear.
+    """Dense layers, each followed by an activation; after the last comes none, or tanh.
 
     Parameters
     ----------
@@ -32,18 +33,22 @@ class Network:
         Weight and bias of each layer from input to output, float32, shapes (outputs, inputs) and (outputs,).
     activation : {"tanh", "relu"}
         Activation function after every layer but the last.
+    output : {"linear", "tanh"}
+        What follows the last layer: nothing, or tanh, as in the actors of SAC and its kin.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, a number is not float32 or not finite, or the activation is unknown.
+        If shapes do not fit, a number is not float32 or not finite, or activation or output is unknown.
     """
 
     layers: tuple[Layer, ...]
     activation: str = "tanh"
+    output: str = "linear"
 
     def __post_init__(self) -> None:
         one_of("activation", self.activation, ACTIVATIONS)
+        one_of("output", self.output, OUTPUTS)
         if not self.layers:
             raise ValueError("layers is empty; give at least one (weight, bias).")
         checked = tuple(
@@ -73,7 +78,8 @@ class Network:
         *hidden, (last_weight, last_bias) = self.layers
         for weight, bias in hidden:
             values = activate(row_by_row(values, weight) + bias)
-        return row_by_row(values, last_weight) + last_bias
+        values = row_by_row(values, last_weight) + last_bias
+        return np.tanh(values) if self.output == "tanh" else values
 
     def to_arrays(self) -> dict[str, Array32]:
         """Return weights and biases by name: ``layer_0.weight``, ``layer_0.bias``, ``layer_1.weight`` and so on."""
@@ -84,7 +90,7 @@ class Network:
         }
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, Array32], activation: str) -> Network:
+    def from_arrays(cls, arrays: Mapping[str, Array32], activation: str, output: str = "linear") -> Network:
         """Build the network from arrays named as by :meth:`to_arrays`.
 
         Raises
@@ -97,7 +103,7 @@ class Network:
         unknown = sorted(arrays.keys() - {f"{prefix}.{part}" for prefix in prefixes for part in _PARTS})
         if unknown:
             raise ValueError(f"array {unknown[0]!r} belongs to no layer of {prefixes[0]} to {prefixes[-1]}.")
-        return cls(layers, activation)
+        return cls(layers, activation, output)
 
     @classmethod
     def from_state_dict(cls, arrays: Mapping[str, Array32], activation: str) -> Network:

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from cutenv._base.validation import one_of
-from cutenv.policy.actor_network import ACTIVATIONS
+from cutenv.policy.actor_network import ACTIVATIONS, OUTPUTS
 from cutenv.task.observation import COMPONENTS, DEAD_ZONE
 from cutenv.tissue.description import checked_fields
 
 POLICY_SCHEMA = "cutenv-policy/1"
 MEMORIES = (None, "lstm")
+_LATER = {"memory": None, "output": "linear"}  # fields that the first cards did not have
 _SCALING = ("name", "unit", "scale", "offset")
 
 
@@ -39,6 +40,8 @@ class PolicyCard:
         Widths of the network from input to output.
     activation : {"tanh", "relu"}
         Activation function after every layer but the last.
+    output : {"linear", "tanh"}
+        What follows the last layer: nothing, or tanh.  A card without this field has nothing.
     features : dict
         Keyword arguments of :class:`cutenv.policy.features.Features`.
     sha256 : str
@@ -67,6 +70,7 @@ class PolicyCard:
     sha256: str
     training: dict[str, Any]
     memory: str | None = None
+    output: str = "linear"
     scaling: list[dict[str, Any]] = dataclasses.field(default_factory=observation_scaling)
 
     def __post_init__(self) -> None:
@@ -75,6 +79,7 @@ class PolicyCard:
         if not (isinstance(self.sha256, str) and re.fullmatch("[0-9a-f]{64}", self.sha256)):
             raise ValueError(f"sha256 must be 64 hexadecimal digits, got {self.sha256!r}.")
         one_of("activation", self.activation, ACTIVATIONS)
+        one_of("output", self.output, OUTPUTS)
         one_of("memory", self.memory, MEMORIES)
         kept: dict[str, Any] = {
             "environment_arguments": _mapping("environment_arguments", self.environment_arguments),
@@ -89,8 +94,9 @@ class PolicyCard:
     def to_json(self) -> str:
         """Return JSON text, which :meth:`from_json` reads back exactly."""
         content = {"schema": POLICY_SCHEMA, **dataclasses.asdict(self)}
-        if self.memory is None:
-            del content["memory"]  # the same text as before this field existed
+        for name, default in _LATER.items():
+            if content[name] == default:
+                del content[name]  # the same text as before this field existed
         return json.dumps(content, indent=1)
 
     @classmethod
@@ -103,7 +109,7 @@ class PolicyCard:
             For another schema, an unknown or missing field, or an invalid value.
         """
         names = {field.name for field in dataclasses.fields(cls)}
-        content = checked_fields(text, POLICY_SCHEMA, names | {"dead_zone"}, ("memory", "dead_zone"))
+        content = checked_fields(text, POLICY_SCHEMA, names | {"dead_zone"}, (*_LATER, "dead_zone"))
         if "dead_zone" in content:
             raise ValueError(
                 f"dead_zone = {content['dead_zone']!r}: the policy had a dead zone of its own, which is the action's "

@@ -127,8 +127,12 @@ class TrainedPolicy(ArrayPolicy):
                 raise ValueError(
                     f"its SHA-256 is {found}, but {CARD} has {card.sha256}: changed or damaged since it was saved."
                 )
-            kind = Network if card.memory is None else RecurrentNetwork
-            network = kind.from_arrays(_unpacked(content), card.activation)
+            arrays = _unpacked(content)
+            network: Network | RecurrentNetwork
+            if card.memory is None:
+                network = Network.from_arrays(arrays, card.activation, card.output)
+            else:
+                network = RecurrentNetwork.from_arrays(arrays, card.activation)
         with _named(folder / CARD):
             return cls(card, network)
 
@@ -182,6 +186,7 @@ def save_policy(
         sha256=hashlib.sha256(content).hexdigest(),
         training=dict(training),
         memory="lstm" if isinstance(network, RecurrentNetwork) else None,
+        output="linear" if isinstance(network, RecurrentNetwork) else network.output,
     )
     TrainedPolicy(card, network)  # raises now what loading would raise
     folder = Path(folder)

@@ -8,7 +8,16 @@ import json
 
 import pytest
 
-from cutenv.learning.arguments import BadArguments, BCArguments, PPOArguments, RecurrentPPOArguments
+from cutenv.learning.arguments import (
+    BadArguments,
+    BCArguments,
+    CrossQArguments,
+    IQLArguments,
+    PPOArguments,
+    RecurrentPPOArguments,
+    SACArguments,
+    TQCArguments,
+)
 from cutenv.learning.command_line import add_run_options, run_request
 
 
@@ -60,7 +69,7 @@ def test_what_is_given_as_it_was_may_be_given(interrupted):
     assert parsed("--resume", "runs/mine", "--gamma", "0.99")[0] == interrupted
 
 
-@pytest.mark.parametrize("kind", [BCArguments, RecurrentPPOArguments])
+@pytest.mark.parametrize("kind", [BCArguments, IQLArguments, RecurrentPPOArguments, SACArguments])
 def test_a_run_of_another_program_is_not_gone_on_with(interrupted, kind):
     with pytest.raises(BadArguments, match="runs/mine was made by another learner"):
         parsed("--resume", "runs/mine", kind=kind)
@@ -105,6 +114,10 @@ def test_an_unfinished_checkpoint_is_nothing_to_go_on_from(interrupted, tmp_path
         (RecurrentPPOArguments, "cloning_epochs", 0),
         (BCArguments, "batch_size", 0),
         (BCArguments, "learning_rate", -1e-3),
+        (IQLArguments, "expectile", 1.0),
+        (SACArguments, "tau", 0.0),
+        (TQCArguments, "top_quantiles_to_drop_per_net", 25),
+        (CrossQArguments, "policy_delay", 0),
     ],
 )
 def test_a_number_beyond_its_limits_is_refused(kind, name, value):
@@ -113,7 +126,7 @@ def test_a_number_beyond_its_limits_is_refused(kind, name, value):
 
 
 def test_the_least_of_every_number_is_taken():
-    for kind in (PPOArguments, RecurrentPPOArguments, BCArguments):
+    for kind in (PPOArguments, RecurrentPPOArguments, BCArguments, IQLArguments, TQCArguments, CrossQArguments):
         numbers = [field for field in dataclasses.fields(kind) if field.type in ("int", "float")]
         least = {
             field.name: type(field.default)(field.metadata["allowed"][0])

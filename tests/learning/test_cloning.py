@@ -28,6 +28,21 @@ def test_demonstrations_are_what_the_script_does_whatever_noise_is_added():
     assert angle == pytest.approx(1.0)
 
 
+def test_transitions_hold_what_was_done_and_what_came_of_it():
+    environments = FeatureVecEnv(range(4), history=0, control_hz=10)
+    shown = demonstrations(environments, lambda: ConstantFeed(speed=0.0254), decisions=1200, noise=0.3, seed=1)
+    assert (shown.taken[:, ::2] == shown.actions[:, ::2]).all()
+    assert abs(shown.taken[:, 1::2] - shown.actions[:, 1::2]).max() > 0.1
+    assert abs(shown.taken).max() <= 1.0
+    found = shown.transitions()
+    assert len(found.rewards) == 1200 - 4
+    n = 4 * int(np.flatnonzero(shown.starts[1:, 0])[0])  # the first cut's last decision in the first environment
+    assert found.ends[n]
+    assert not found.ends[:n:4].any()
+    assert found.rewards[: n + 1 : 4].sum() == pytest.approx(shown.rewards[: n // 4 + 1, 0].sum())
+    assert (found.next_observations[: n - 3 : 4] == found.observations[4 : n + 1 : 4]).all()
+
+
 def test_a_clone_comes_near_its_teacher_and_without_lessons_it_does_not():
     torch.manual_seed(0)
     rng = np.random.default_rng(0)
@@ -43,7 +58,7 @@ def test_demonstrations_are_parted_where_cuts_begin_and_none_is_lost():
     shown = np.arange(24, dtype=np.float32).reshape(6, 2, 2)
     begun = np.zeros((6, 2), bool)
     begun[0] = begun[2, 1] = begun[5, 0] = True
-    lessons = Demonstrations(shown, -shown, begun).by_cut()
+    lessons = Demonstrations(shown, -shown, begun, shown, shown[..., 0]).by_cut()
     assert [len(cut) for cut in lessons.observations] == [5, 1, 2, 4]
     assert lessons.observations[2].tolist() == shown[:2, 1].tolist()
     assert sorted(torch.cat(lessons.observations).flatten().tolist()) == list(range(24))

@@ -15,7 +15,7 @@ from cutenv.learning.seeds import ENVIRONMENT
 
 FILE = Path(__file__).parents[2] / "agents" / "hyperparameters.toml"
 ALL = tomllib.loads(FILE.read_text())
-OURS = {"n_timesteps": "timesteps", "n_envs": "environments", "n_steps": "rollout", "n_epochs": "epochs"}
+OURS = {"n_timesteps": "timesteps", "n_envs": "environments", "n_epochs": "epochs"}
 
 
 @pytest.mark.parametrize("program", ALL)
@@ -25,7 +25,8 @@ def test_every_number_is_the_programs_default(program):
     told = dict(ALL[program][ENVIRONMENT])
     told.pop("policy", None)
     groups = [told.pop(name) for name in ("env_kwargs", "policy_kwargs", "agent")]
-    flat = {OURS.get(name, name): value for group in (told, *groups) for name, value in group.items()}
+    ours = OURS | ({"n_steps": "rollout"} if hasattr(default, "rollout") else {})
+    flat = {ours.get(name, name): value for group in (told, *groups) for name, value in group.items()}
     assert flat == {name: getattr(default, name) for name in flat}
 
 
@@ -39,3 +40,10 @@ def test_the_named_policy_is_the_models(program):
     arguments = LEARNERS[program.replace("_", "-")][1](environments=2, rollout=8, batch_size=16)
     model = module.LEARNER.new_model(arguments, arguments.training_environments())
     assert type(model.policy).__name__ == ALL[program][ENVIRONMENT]["policy"]
+
+
+@pytest.mark.parametrize("program", ["sac", "tqc", "crossq"])
+def test_the_named_policy_is_that_of_the_off_policy_learner(program):
+    from cutenv.learning.off_policy import OFF_POLICY
+
+    assert OFF_POLICY[program].policy.__name__ == ALL[program][ENVIRONMENT]["policy"]

@@ -128,3 +128,17 @@ def test_a_state_that_is_not_an_actor_names_what_is_missing(places, without, mes
     arrays = {name: values for name, values in state(*places).items() if name != without}
     with pytest.raises(ValueError, match=message):
         Network.from_state_dict(arrays, "tanh")
+
+
+def test_a_card_tells_its_output_only_where_tanh_follows(tmp_path):
+    layers = Network.from_state_dict(state(0, 2), "relu").layers
+    features = np.random.default_rng(0).uniform(-1.0, 1.0, (5, SIZE)).astype(np.float32)
+    for output, told in (("linear", False), ("tanh", True)):
+        network = Network(layers, "relu", output)
+        save_policy(tmp_path / output, network, **ABOUT)
+        assert ('"output"' in (tmp_path / output / "card.json").read_text()) == told
+        kept = TrainedPolicy.load(tmp_path / output).network
+        assert (kept(features) == network(features)).all()
+    assert np.tanh(Network(layers, "relu")(features)) == pytest.approx(network(features))
+    with pytest.raises(ValueError, match="output"):
+        Network(layers, "relu", "sigmoid")

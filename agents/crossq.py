@@ -1,0 +1,48 @@
+"""CrossQ, written out with the parts of the package: SAC without target critics, with normalised layers.
+
+    python agents/crossq.py                           some four minutes; writes runs/<name>/policy/
+    python agents/crossq.py --timesteps 30000 --name mine
+
+``cutenv train --learner crossq`` makes the same policy, with --resume, --quick, an evaluation and a report; the
+comments in sac.py apply here too.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from sb3_contrib import CrossQ
+
+from cutenv.learning.arguments import CrossQArguments
+from cutenv.learning.asymmetric_actors import AsymmetricCrossQPolicy
+from cutenv.learning.cloning import script_demonstrations
+from cutenv.learning.command_line import run_program
+from cutenv.learning.off_policy import imitate, network, off_policy_keywords, remember
+from cutenv.learning.progress import Progress
+from cutenv.learning.run_folder import export, record_run
+
+
+def train(arguments: CrossQArguments, run: Path) -> None:
+    """Train an agent, and write its actor into ``run``/policy."""
+    torch.set_num_threads(1)
+    facts = record_run(arguments, run, "CrossQ")
+    environments = arguments.environments_at(arguments.training_seeds)
+    model = CrossQ(AsymmetricCrossQPolicy, environments, **off_policy_keywords(arguments))
+    if arguments.demonstrations:
+        shown = script_demonstrations(environments, arguments)
+        remember(model, shown)
+        imitate(model.policy, shown, arguments)
+
+    progress = Progress(run, arguments, curve=[])
+    model.learn(arguments.timesteps, callback=progress)
+    progress.validate()
+
+    # The normalisation before a layer becomes part of the layer.
+    best = CrossQ.load(run / "policy.zip", device="cpu").policy.state_dict()
+    weights = {name: values.numpy() for name, values in best.items()}
+    export(arguments, run / "policy", network(weights, "relu"), facts)
+
+
+if __name__ == "__main__":
+    run_program(train, CrossQArguments, "crossq", __doc__)
