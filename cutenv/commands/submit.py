@@ -55,7 +55,7 @@ def checked(path: Path) -> tuple[Submission, list[list[dict[str, Any]]]]:
 def _submit(given: argparse.Namespace) -> None:
     if not given.policies:
         raise ValueError("name a policy to submit, or a file to --check.")
-    if not (given.author or "").strip():
+    if given.author is None:
         raise ValueError("--author is missing; give the name that the leaderboard shows.")
     if not given.out.absolute().parent.is_dir() or given.out.is_dir():
         raise ValueError(f"--out {given.out}: give a file in a folder that exists.")
@@ -63,8 +63,11 @@ def _submit(given: argparse.Namespace) -> None:
     from cutenv.learning.evaluation import contestant
     from cutenv.learning.result_tables import read_rows
     from cutenv.learning.standing import returns_after
-    from cutenv.learning.submission import Submission, submitted_run, write_submission
+    from cutenv.learning.submission import Submission, check_text, submitted_run, write_submission
 
+    policy = given.name or Path(given.policies[0]).name
+    for option, text in (("--author", given.author), ("--code", given.code), ("--name", policy)):
+        check_text(option, text, empty=option == "--code")
     protocol = QUICK if given.quick else Protocol()
     names = [_policy_folder(name) for name in given.policies]
     if len(set(names)) < len(names):
@@ -76,7 +79,6 @@ def _submit(given: argparse.Namespace) -> None:
             after = returns_after(read_rows(Path(name).parent / "learning_curve.csv"))
             runs.append(submitted_run(one, after, protocol, update))
     today = datetime.date.fromtimestamp(time.time()).isoformat()
-    policy = given.name or Path(given.policies[0]).name
     write_submission(given.out, Submission(policy, given.author, given.code, today, protocol, tuple(runs)))
     print(f"{given.out}: {given.out.stat().st_size / 1e3:.0f} kB, to be attached as it is")
     checked(given.out)
@@ -132,8 +134,14 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--code", default="", metavar="LINK", help="link to the code that made the policy")
     parser.add_argument("--name", metavar="TEXT", help="name of the entry; default that of the first policy")
     parser.add_argument(
-        "--out", type=Path, default=Path("submission.json"), metavar="FILE", help="file to write; default submission.json"
+        "--out",
+        type=Path,
+        default=Path("submission.json"),
+        metavar="FILE",
+        help="file to write; default submission.json",
     )
     parser.add_argument("--quick", action="store_true", help="cut few specimens: a trial, and no entry")
-    parser.add_argument("--check", type=Path, metavar="FILE", help="repeat every cut of a submission, and print its row")
+    parser.add_argument(
+        "--check", type=Path, metavar="FILE", help="repeat every cut of a submission, and print its row"
+    )
     return parser

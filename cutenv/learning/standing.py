@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ Cuts = Sequence[Mapping[str, Any]]
 """Rows of one run, a cut each: ``seed``, ``specimen_class`` and scores, as numbers or as text."""
 
 IQM, MEAN = "interquartile mean", "mean"
-STATISTICS = {IQM: interquartile_mean, MEAN: mean}
+STATISTICS: dict[str, Callable[[np.ndarray], np.ndarray]] = {IQM: interquartile_mean, MEAN: mean}
 """Statistics by name."""
 
 

@@ -159,7 +159,9 @@ def replayed(entry: Submission, finished: Finished = lambda count: None) -> list
             for row, count, own, told in zip(found, decisions, actions, run.returns[part], strict=True):
                 cut = f"run {number}, specimen {row['seed']}"
                 if count != len(own):
-                    raise ValueError(f"{cut}: its replay takes {count} decisions, but the file holds {len(own)}. Refused.")
+                    raise ValueError(
+                        f"{cut}: its replay takes {count} decisions, but the file holds {len(own)}. Refused."
+                    )
                 if row["return"] != told:
                     raise ValueError(
                         f"{cut}: its replay returns {row['return']!r}, but the file says {told!r}. Refused. "
@@ -194,6 +196,7 @@ def write_submission(path: Path, entry: Submission) -> None:
 
 
 _TEXTS = ("policy", "author", "code", "date")
+_LONGEST = 200
 
 
 def read_submission(path: Path, protocols: Sequence[Protocol] = (Protocol(), QUICK)) -> Submission:
@@ -215,8 +218,7 @@ def read_submission(path: Path, protocols: Sequence[Protocol] = (Protocol(), QUI
         protocol = _protocol(content, protocols)
         texts = {name: content[name] for name in _TEXTS}
         for name, text in texts.items():
-            if not isinstance(text, str) or (name != "code" and not text.strip()):
-                raise ValueError(f"{name} is {text!r}, not a text")
+            check_text(name, text, empty=name == "code")
         datetime.date.fromisoformat(texts["date"])
         runs = tuple(_read_run(run, number, protocol) for number, run in enumerate(content["runs"], 1))
     except json.JSONDecodeError as error:
@@ -232,6 +234,14 @@ def read_submission(path: Path, protocols: Sequence[Protocol] = (Protocol(), QUI
             if run.returns == earlier.returns:
                 raise ValueError(f"{path}: runs {other} and {number} are the same; give each training run once.")
     return Submission(**texts, protocol=protocol, runs=runs)
+
+
+def check_text(name: str, text: Any, *, empty: bool = False) -> None:
+    """Raise ValueError unless a text can stand in a cell of the leaderboard."""
+    if not isinstance(text, str) or not (empty or text.strip()):
+        raise ValueError(f"{name} is {text!r}; give a text")
+    if len(text) > _LONGEST or not text.isprintable() or set("|<>") & set(text):
+        raise ValueError(f"{name} is {text[:_LONGEST]!r}; give one line of at most {_LONGEST} characters without | < >")
 
 
 def _protocol(content: Mapping[str, Any], protocols: Sequence[Protocol]) -> Protocol:
@@ -255,7 +265,9 @@ def _read_run(run: Mapping[str, Any], number: int, protocol: Protocol) -> Submit
     bad = np.flatnonzero(~(np.abs(whole) <= 1.0).all(axis=1))
     if len(bad):
         cut = int(np.searchsorted(np.cumsum(decisions), bad[0], side="right"))
-        raise ValueError(f"run {number}, specimen {protocol.test_seeds[cut]}: action {whole[bad[0]]} is outside [-1, 1]")
+        raise ValueError(
+            f"run {number}, specimen {protocol.test_seeds[cut]}: action {whole[bad[0]]} is outside [-1, 1]"
+        )
     actions = tuple(np.split(whole, np.cumsum(decisions)[:-1]))
     return SubmittedRun(arguments, tuple(map(float, returns)), actions, run["returns_after_cuts"])
 
