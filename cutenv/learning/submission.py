@@ -159,9 +159,7 @@ def replayed(entry: Submission, finished: Finished = lambda count: None) -> list
             for row, count, own, told in zip(found, decisions, actions, run.returns[part], strict=True):
                 cut = f"run {number}, specimen {row['seed']}"
                 if count != len(own):
-                    raise ValueError(
-                        f"{cut}: its replay takes {count} decisions, but the file holds {len(own)}. Refused."
-                    )
+                    raise ValueError(f"{cut}: its replay takes {count} decisions, not {len(own)}. Refused.")
                 if row["return"] != told:
                     raise ValueError(
                         f"{cut}: its replay returns {row['return']!r}, but the file says {told!r}. Refused. "
