@@ -12,7 +12,7 @@ import numpy as np
 from cutenv.learning.benchmark_protocol import Protocol
 from cutenv.learning.intervals import Interval, interquartile_mean, mean, stratified
 
-Cuts = Sequence[Mapping[str, Any]]
+RunRows = Sequence[Mapping[str, Any]]
 """Rows of one run, a cut each: ``seed``, ``specimen_class`` and scores, as numbers or as text."""
 
 IQM, MEAN = "interquartile mean", "mean"
@@ -21,7 +21,7 @@ STATISTICS: dict[str, Callable[[np.ndarray], np.ndarray]] = {IQM: interquartile_
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """One column of the table: score, heading, factor and digits, statistic, and whether it is a paired difference."""
 
     score: str
@@ -32,17 +32,17 @@ class Column:
     paired: bool = False
 
 
-COLUMNS = (
-    Column("return", "return (IQM)", digits=3),
-    Column("return", "return (mean)", digits=3, statistic=MEAN),
-    Column("return", "minus best script", digits=3, statistic=MEAN, paired=True),
-    Column("success", "success [%]", 100.0, 1, MEAN),
-    Column("tip_error_mm", "tip error [mm]"),
-    Column("peak_force_N", "peak force [N]"),
-    Column("largest_jump_mm", "largest run [mm]"),
-    Column("cost_mm", "cost [mm]", statistic=MEAN),
-    Column("overshoot_mm", "overshoot [mm]", statistic=MEAN),
-    Column("time_s", "time [s]", digits=1),
+TABLE_COLUMNS = (
+    TableColumn("return", "return (IQM)", digits=3),
+    TableColumn("return", "return (mean)", digits=3, statistic=MEAN),
+    TableColumn("return", "minus best script", digits=3, statistic=MEAN, paired=True),
+    TableColumn("success", "success [%]", 100.0, 1, MEAN),
+    TableColumn("tip_error_mm", "tip error [mm]"),
+    TableColumn("peak_force_N", "peak force [N]"),
+    TableColumn("largest_jump_mm", "largest run [mm]"),
+    TableColumn("cost_mm", "cost [mm]", statistic=MEAN),
+    TableColumn("overshoot_mm", "overshoot [mm]", statistic=MEAN),
+    TableColumn("time_s", "time [s]", digits=1),
 )
 """Columns of the table; one that the cuts lack is left out."""
 
@@ -50,7 +50,7 @@ CUT_MARKS = {100: "100", 1000: "1,000", 10_000: "10,000", math.inf: "all"}
 """Numbers of cuts consumed after which the return in training is told."""
 
 
-def strata(runs: Sequence[Cuts], score: str) -> list[np.ndarray]:
+def strata(runs: Sequence[RunRows], score: str) -> list[np.ndarray]:
     """Return an array of shape (runs, specimens) for each tissue, without the specimens that lack the score."""
     values = np.array([[float(row.get(score) or "nan") for row in rows] for rows in runs])
     tissue = np.array([row["specimen_class"] for row in runs[0]])
@@ -59,26 +59,26 @@ def strata(runs: Sequence[Cuts], score: str) -> list[np.ndarray]:
     return [part for part in parts if part.size]
 
 
-def paired_difference(runs: Sequence[Cuts], others: Sequence[Cuts], score: str, protocol: Protocol) -> Interval:
+def paired_difference(runs: Sequence[RunRows], others: Sequence[RunRows], score: str, protocol: Protocol) -> Interval:
     """Return the mean difference on the same specimens, by training run where both have as many; outliers count."""
     pairs = zip(strata(runs, score), strata(others, score), strict=True)
     return stratified([own - theirs for own, theirs in pairs], mean, resamples=protocol.resamples)
 
 
-def standing(runs: Sequence[Cuts], script: Cuts, protocol: Protocol) -> dict[Column, Interval]:
+def standing(runs: Sequence[RunRows], script: RunRows, protocol: Protocol) -> dict[TableColumn, Interval]:
     """Return the numbers of a policy's row.
 
     Parameters
     ----------
-    runs : sequence of Cuts
+    runs : sequence of RunRows
         Cuts of the headline's specimens, by training run; a script has one.
-    script : Cuts
+    script : RunRows
         Those of the protocol's script.
     protocol : Protocol
         Number of resamples.
     """
     found = {}
-    for column in COLUMNS:
+    for column in TABLE_COLUMNS:
         if column.paired:
             found[column] = paired_difference(runs, [script], column.score, protocol)
         elif own := strata(runs, column.score):

@@ -8,7 +8,7 @@ from typing import Any
 from benchmark.aggregate import AFTER, ALL, UNCHANGED, Line, verdict
 from benchmark.protocol import ENTRIES, FEWEST_SEEDS, REFERENCE, SCRIPTED
 from cutenv.learning.benchmark_protocol import Protocol
-from cutenv.learning.standing import COLUMNS, CUT_MARKS, IQM, MEAN, Column, shown
+from cutenv.learning.standing import CUT_MARKS, IQM, MEAN, TABLE_COLUMNS, TableColumn, shown
 from cutenv.policy import NULL_POLICIES, ORACLE
 
 Heading, Rows = list[str], list[list[str]]
@@ -47,13 +47,13 @@ class Table:
             {line.contestant for line in lines},
             key=lambda name: -self._by_key[name, self.headline, "return", IQM].interval.value,
         )
-        self.columns = [column for column in COLUMNS if any(self._of(name, column) for name in self.contestants)]
+        self.columns = [column for column in TABLE_COLUMNS if any(self._of(name, column) for name in self.contestants)]
 
     def line(self, name: str, kind: str, score: str, statistic: str = IQM) -> Line | None:
         """Return one number of the summary, or None."""
         return self._by_key.get((name, kind, score, statistic))
 
-    def _of(self, name: str, column: Column) -> Line | None:
+    def _of(self, name: str, column: TableColumn) -> Line | None:
         score = f"{column.score} minus {self.protocol.script}" if column.paired else column.score
         return self.line(name, self.headline, score, column.statistic)
 
@@ -105,11 +105,11 @@ class Table:
             rows.append([_NOTHING, name, f"{self.kind(name)}, not yet run", self.seeds(name), *empty])
         return heading, rows
 
-    def _heading(self, column: Column) -> str:
+    def _heading(self, column: TableColumn) -> str:
         return f"{column.score} minus {self.protocol.script}" if column.paired else column.heading
 
     def _cell(self, name: str) -> Any:
-        def cell(column: Column) -> str:
+        def cell(column: TableColumn) -> str:
             return self.shown(self._of(name, column), column.factor, column.digits, "+" if column.paired else "")
 
         return cell

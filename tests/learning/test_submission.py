@@ -16,7 +16,7 @@ from cutenv.commands import submit
 from cutenv.learning import submission
 from cutenv.learning.benchmark_protocol import QUICK, Protocol
 from cutenv.learning.evaluation import contestant, evaluate
-from cutenv.learning.standing import COLUMNS, returns_after, standing
+from cutenv.learning.standing import TABLE_COLUMNS, returns_after, standing
 from cutenv.learning.submission import Submission, read_submission, replayed, submitted_run, write_submission
 from cutenv.policy import ConstantFeed
 from cutenv.policy.actor_network import Network
@@ -142,7 +142,7 @@ def test_a_row_holds_return_difference_and_success_of_all_runs():
     assert found["return (mean)"].value == pytest.approx(0.45)
     assert found["minus best script"].value == pytest.approx(0.1)
     assert found["success [%]"].value == pytest.approx(0.5)
-    assert len(found) == 4 < len(COLUMNS)  # what these rows lack is left out
+    assert len(found) == 4 < len(TABLE_COLUMNS)  # what these rows lack is left out
 
 
 def test_the_return_after_a_number_of_cuts_is_the_best_by_then():
