@@ -29,7 +29,7 @@ def train(arguments: SACArguments, run: Path) -> None:
     """Train an agent, and write its actor into ``run``/policy."""
     torch.set_num_threads(1)
     facts = record_run(arguments, run, "SAC")
-    environments = arguments.environments_at(arguments.training_seeds)
+    environments = arguments.training_environments()
     layers = {"pi": [arguments.hidden] * 2, "qf": [arguments.critic_hidden] * 2}
     model = SAC(
         AsymmetricSACPolicy,

@@ -27,7 +27,7 @@ def train(arguments: TQCArguments, run: Path) -> None:
     """Train an agent, and write its actor into ``run``/policy."""
     torch.set_num_threads(1)
     facts = record_run(arguments, run, "TQC")
-    environments = arguments.environments_at(arguments.training_seeds)
+    environments = arguments.training_environments()
     model = TQC(AsymmetricTQCPolicy, environments, **off_policy_keywords(arguments))
     if arguments.demonstrations:
         shown = script_demonstrations(environments, arguments)

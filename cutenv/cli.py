@@ -76,6 +76,7 @@ COMMANDS = {
     "docs": Command("open the documentation in a browser, without a network"),
     "train": Command("train an agent and report how well it cuts", extra="rl"),
     "evaluate": Command("compare policies on the same held-out specimens", extra="rl"),
+    "submit": Command("enter a policy on the leaderboard, or check an entry", extra="rl"),
     "datasets": Command("record cuts as a Minari data set, force included", extra="data"),
     "calibrate": Command("fit a tissue to your own records of cuts"),
     "play": Command("cut by mouse or gamepad in a window"),

@@ -1,15 +1,18 @@
 """Benchmark: train every agent, evaluate every policy on held-out specimens, print the table.
 
-    python scripts/benchmark_agents.py              at most two hours on two cores; writes runs/benchmark/
+    python scripts/benchmark_agents.py              goes on where assets/benchmark/ ends; writes runs/benchmark/
     python scripts/benchmark_agents.py --plan       remaining work, and its duration
-    python scripts/benchmark_agents.py --only PPO "probe and creep"
+    python scripts/benchmark_agents.py --only PPO "return stroke"
+    python scripts/benchmark_agents.py --runs runs  with training runs that are there already: runs/ppo-seed0 ...
+    python scripts/benchmark_agents.py --afresh     everything again, whatever is published
     python scripts/benchmark_agents.py --quick      a test of the whole program in some ten minutes; no result
     python scripts/benchmark_agents.py --table      the table again from the CSV files
     python scripts/benchmark_agents.py --against    where it differs from the published one beyond both intervals
 
-Finished parts are not repeated: interrupt it at any time, and start it again.  scripts/benchmark/protocol.py defines
-the comparison; the folder contains runs/ (one for each agent and training seed), cuts/ (every score of
-every cut), sweeps/ (with other constants), summary.csv, leaderboard.md and leaderboard.html.
+Finished parts are not repeated: interrupt it at any time, publish what is done with scripts/leaderboard.py --publish,
+and start it again, there or on another machine.  cutenv/learning/benchmark_protocol.py defines the comparison, and
+scripts/benchmark/protocol.py who takes part; the folder contains runs/ (one for each agent and training seed), cuts/
+(one file for each of them), sweeps/ (with other constants), summary.csv, leaderboard.md and leaderboard.html.
 """
 
 from __future__ import annotations
@@ -18,10 +21,12 @@ import argparse
 import os
 from pathlib import Path
 
-from benchmark.protocol import ENTRIES, QUICK, SCRIPTED, Protocol, keep_protocol, kept_protocol
+from benchmark.kept_cuts import merge_cuts
+from benchmark.protocol import ENTRIES, SCRIPTED, keep_protocol, kept_protocol
 from benchmark.runs import Benchmark, differs
 from benchmark.table import PUBLISHED, write_tables
 
+from cutenv.learning.benchmark_protocol import QUICK, Protocol
 from cutenv.learning.evaluation import workers
 
 
@@ -32,6 +37,13 @@ def main() -> None:
     parser.add_argument(
         "--only", nargs="+", default=[], metavar="NAME", help=f"participants to run: {', '.join((*ENTRIES, *SCRIPTED))}"
     )
+    parser.add_argument(
+        "--runs",
+        type=Path,
+        metavar="FOLDER",
+        help="folder named runs that holds the training runs; default that in --out",
+    )
+    parser.add_argument("--afresh", action="store_true", help="do not go on from what is published")
     parser.add_argument("--quick", action="store_true", help="few specimens and half a minute of training each")
     parser.add_argument("--plan", action="store_true", help="print the remaining work, and stop")
     parser.add_argument("--table", action="store_true", help="write the table from the files on disk, and stop")
@@ -48,6 +60,8 @@ def main() -> None:
             parser.error(f"--only {name!r} takes no part; there are {', '.join((*ENTRIES, *SCRIPTED))}")
     if given.processes < 1:
         parser.error(f"--processes {given.processes} is less than 1")
+    if given.runs is not None and given.runs.resolve().name != "runs":
+        parser.error(f"--runs {given.runs} is not named runs, as cutenv train names the folder of its runs")
     folder = given.out or Path("runs") / ("benchmark-quick" if given.quick else "benchmark")
     if given.against is not None:
         raise SystemExit(differs(given.against, folder))
@@ -55,15 +69,20 @@ def main() -> None:
         write_tables(folder, kept_protocol(folder))
         return
     protocol = QUICK if given.quick else Protocol()
-    benchmark = Benchmark(folder, protocol, given.only, given.processes)
+    keep_protocol(folder, protocol)
+    published = (PUBLISHED / "protocol.json").is_file() and kept_protocol(PUBLISHED) == protocol
+    if published and not given.afresh:
+        merge_cuts(PUBLISHED, folder, replace=False)
+    benchmark = Benchmark(folder, protocol, given.only, given.processes, given.runs)
     benchmark.plan()
     if given.plan:
         return
-    keep_protocol(folder, protocol)
     try:
-        benchmark.train()
         with workers(given.processes) as pool:
-            benchmark.cut(pool)
+            untrained = benchmark.untrained()
+            benchmark.cut([part for part in benchmark.uncut() if part not in untrained], pool)
+            for part in benchmark.train():
+                benchmark.cut([part], pool)
             benchmark.sweep(pool)
     except KeyboardInterrupt:
         print("\ninterrupted; the same command continues.")

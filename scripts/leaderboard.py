@@ -1,8 +1,9 @@
-"""Print the table of the benchmark, from its summary.csv and sweeps.csv.
+"""Print the table of the benchmark, from its kept cuts.
 
 python scripts/leaderboard.py                     the published table, of assets/benchmark
 python scripts/leaderboard.py --page FILE         and as a page that opens without a network
-python scripts/leaderboard.py runs/benchmark --publish    publish another one
+python scripts/leaderboard.py runs/benchmark --publish    merge another one into it, finished or not
+python scripts/leaderboard.py --add submission.json       repeat every cut of an entry, and add it to it
 """
 
 from __future__ import annotations
@@ -10,21 +11,28 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from benchmark.table import PUBLISHED, markdown, publish, write_leaderboard
+from benchmark.table import PUBLISHED, add_submission, markdown, publish, write_leaderboard
 
 
 def main() -> None:
-    """Print the table, and write the requested files."""
+    """Change the published comparison as requested, print the table, and write its page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", nargs="?", type=Path, default=PUBLISHED, help="folder of the benchmark")
     parser.add_argument("--page", type=Path, metavar="FILE", help="write the page there")
-    parser.add_argument("--publish", action="store_true", help="make it the published one")
+    parser.add_argument("--publish", action="store_true", help="merge it into the published one")
+    parser.add_argument("--add", type=Path, metavar="FILE", help="file of cutenv submit to add to the published one")
     given = parser.parse_args()
-    print(markdown(given.folder))
-    if given.page is not None:
-        write_leaderboard(given.page, given.folder)
     if given.publish:
         publish(given.folder)
+    if given.add is not None:
+        try:
+            add_submission(given.add)
+        except (OSError, ValueError) as error:
+            raise SystemExit(str(error)) from None
+    shown = PUBLISHED if given.publish or given.add is not None else given.folder
+    print(markdown(shown))
+    if given.page is not None:
+        write_leaderboard(given.page, shown)
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ CHECKS: dict[str, list[str]] = {
     "measurement": ["scripts/measure_recovery.py"],
     "thesis": ["scripts/reproduce_thesis.py"],
     "same bits on other processors": ["scripts/same_bits.py"],
-    "benchmark": ["scripts/benchmark_agents.py"],
+    "benchmark": ["scripts/benchmark_agents.py", "--afresh"],
     "benchmark: against the published one": ["scripts/benchmark_agents.py", "--against"],
 }
 """Arguments of Python for each check; it passes if the program ends with 0."""

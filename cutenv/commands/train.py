@@ -67,6 +67,21 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
+def training_options(learner: str, argv: Sequence[str]) -> LearnerArguments:
+    """Return the options of a new run, without beginning it.
+
+    Raises
+    ------
+    BadArguments
+        For an option that is bad.
+    """
+    kind = LEARNERS[learner][1]
+    chosen = vars(_parser(learner).parse_args([*argv]))
+    for name in ("learner", "quick", "resume"):
+        del chosen[name]
+    return kind(**kind.completed(chosen))
+
+
 def _learner(argv: Sequence[str]) -> str:
     """Return the learner's name, read from run.json when resuming: it decides which options there are."""
     first = argparse.ArgumentParser(prog="cutenv train", add_help=False, allow_abbrev=False)

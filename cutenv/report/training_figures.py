@@ -38,7 +38,7 @@ class Bar:
         return f"{self.policy} {self.mean:.2f} [{self.low:.2f}, {self.high:.2f}]"
 
 
-def returns_figure(bars: Sequence[Bar], width: float) -> Figure:
+def returns_figure(bars: Sequence[Bar], width: float, quantity: str = "return") -> Figure:
     """Draw dot and interval of every policy's return, in the order given from above, for a width [in]."""
     phone = width < PHONE_WIDTH
     figure = new_figure(width, 0.75 + (0.5 if phone else 0.36) * len(bars))
@@ -59,7 +59,7 @@ def returns_figure(bars: Sequence[Bar], width: float) -> Figure:
     else:
         axes.set_yticks(places, [textwrap.fill(name, 36) for name in names])
     axes.set_ylim(-len(bars) + 0.5, 0.7 if phone else 0.5)
-    axes.set_xlabel("return")
+    axes.set_xlabel(quantity)
     _plain_from_zero(axes)
     return figure
 

@@ -2,32 +2,44 @@
 
 from __future__ import annotations
 
+import datetime
 import json
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from benchmark.aggregate import disagreements, read_summary
-from benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, Entry, Protocol, slug
+from benchmark.kept_cuts import file_of, write_run
+from benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, Entry, slug
 from benchmark.robustness import settings
+from cutenv.commands.train import LEARNERS, training_options
+from cutenv.learning.benchmark_protocol import Protocol
 from cutenv.learning.checkpoint import checkpoint_of
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
-from cutenv.learning.result_tables import rows_of, write_csv
+from cutenv.learning.result_tables import read_rows, rows_of, write_csv
+from cutenv.learning.run_provenance import git, marked
 from cutenv.learning.seeds import VALIDATION_SEEDS
+from cutenv.learning.standing import returns_after
 from cutenv.learning.statistics import best_script, summarise
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE
 
-SWEPT = ("PPO", "recurrent PPO", "behaviour cloning", "probe and creep", BEST_FEED)
+SWEPT = ("PPO", "recurrent PPO", "behaviour cloning", "return stroke", "probe and creep", BEST_FEED)
+AUTHOR = "cutenv"
+"""Author of all that is not submitted."""
 _CORE_SECONDS = {ORACLE: 0.15}
-"""Time of one cut with its score card, on the machine of docs/results/speed.md [core s]; for the others:"""
-_CORE_SECONDS_ELSE = 0.006
-_CLONING_S, _STARTING_S = 90.0, 20.0  # time of behaviour cloning; time of any run besides training: imports, export
+"""Time of one cut, on the machine of docs/results/speed.md [core s]; for the others:"""
+_CORE_SECONDS_ELSE = 0.004
+_TRAINING_S = {"ppo": 240.0, "recurrent-ppo": 900.0, "bc": 150.0}
+"""Time of a training with the defaults of its learner [core s]; for the others:"""
+_TRAINING_S_ELSE = 900.0
+_FREE = ("name", "specimens", "checkpoint_seconds", "tensorboard")  # options that do not change what is learned
 
 
 @dataclass(frozen=True)
@@ -61,37 +73,67 @@ class Benchmark:
         Names of the participants; empty: all.
     processes : int
         Number of processes for training and evaluation.
+    runs : Path, optional
+        Folder of the training runs, of the name ``runs``; default that in ``folder``.
     """
 
-    def __init__(self, folder: Path, protocol: Protocol, only: Sequence[str], processes: int) -> None:
+    def __init__(
+        self, folder: Path, protocol: Protocol, only: Sequence[str], processes: int, runs: Path | None = None
+    ) -> None:
         self.folder, self.protocol, self.processes = folder, protocol, processes
+        self.runs = folder / "runs" if runs is None else runs
         self.names = [name for name in (*ENTRIES, *SCRIPTED) if not only or name in only]
 
     def parts(self) -> list[Part]:
         """Return all participants."""
-        seeds = self.protocol.training_seeds
-        return [Part(name, seed) for name in self.names for seed in (seeds if name in ENTRIES else (None,))]
+        return [Part(name, seed) for name in self.names for seed in self._seeds(name)]
+
+    def _seeds(self, name: str) -> Sequence[int | None]:
+        return ENTRIES[name].training_seeds(self.protocol) if name in ENTRIES else (None,)
 
     def run_of(self, part: Part) -> Path:
         """Return the folder of a training run."""
-        return self.folder / "runs" / part.slug
+        return self.runs / part.slug
 
-    def cuts_of(self, part: Part, specimen_class: str) -> Path:
-        """Return the file of a participant's cuts."""
-        return self.folder / "cuts" / f"{part.slug}--{specimen_class}.csv"
+    def uncut(self) -> list[Part]:
+        """Return the participants that remain to be evaluated."""
+        return [part for part in self.parts() if not file_of(self.folder, part.contestant, part.seed).is_file()]
 
     def untrained(self) -> list[Part]:
-        """Return the runs that remain to be trained."""
-        return [part for part in self.parts() if part.seed is not None and not is_trained(self.run_of(part))]
+        """Return the runs that remain to be trained: those whose cuts are kept need no training.
 
-    def uncut(self) -> list[tuple[Part, str]]:
-        """Return the participants that remain to be evaluated, with the class of specimens."""
-        classes = self.protocol.classes
-        return [(part, name) for part in self.parts() for name in classes if not self.cuts_of(part, name).is_file()]
+        Raises
+        ------
+        SystemExit
+            If a folder holds a finished run with other options than the protocol's.
+        """
+        return [part for part in self.uncut() if part.seed is not None and not self.is_trained(part)]
+
+    def is_trained(self, part: Part) -> bool:
+        """Return True if a run is finished, with the options of the protocol; SystemExit if with others."""
+        facts = self.run_of(part) / "run.json"
+        if not facts.is_file():
+            return False
+        content = json.loads(facts.read_text())
+        if "training_minutes" not in content or not (facts.parent / "policy" / "card.json").is_file():
+            return False
+        assert part.seed is not None
+        entry = ENTRIES[part.contestant]
+        options = training_options(entry.learner, self.training_arguments(entry, part))
+        wanted = json.loads(json.dumps(asdict(options)))
+        for name, value in wanted.items():
+            if name not in _FREE and content["arguments"].get(name) != value:
+                raise SystemExit(
+                    f"{facts.parent} was trained with {name} {content['arguments'].get(name)!r}; the protocol wants "
+                    f"{value!r}. Move it elsewhere."
+                )
+        return bool(content["agent"] == LEARNERS[entry.learner][0])
 
     def swept(self) -> list[Part]:
-        """Return the participants that are evaluated with other constants."""
-        return [part for part in self.parts() if part.contestant in SWEPT]
+        """Return the participants that are evaluated with other constants, and whose policy is here."""
+        return [
+            part for part in self.parts() if part.contestant in SWEPT and (part.seed is None or self.is_trained(part))
+        ]
 
     def unswept(self) -> list[Any]:
         """Return the remaining settings, each with its file."""
@@ -102,21 +144,22 @@ class Benchmark:
     def plan(self) -> float:
         """Print the remaining work; return its estimated duration [s]."""
         p = self.protocol
+        untrained, uncut = self.untrained(), self.uncut()
+        quick = 20.0 if p.training else None  # short trainings, most of it to load and to compile
         training = sum(
-            _STARTING_S + (min(_CLONING_S, 60.0 * p.training_minutes) if part.contestant.startswith("behaviour")
-                           else 60.0 * p.training_minutes)
-            for part in self.untrained()
-        )  # fmt: skip
-        cutting = sum(_CORE_SECONDS.get(part.contestant, _CORE_SECONDS_ELSE) for part, _ in self.uncut()) * p.specimens
-        sweeping = len(self.unswept()) * len(self.swept()) * p.sweep_specimens * 0.6 * _CORE_SECONDS_ELSE
-        feeds = 0 if self.feeds.is_file() or not self.uncut() else len(CONSTANT_FEEDS) * p.feed_specimens
-        statistics = sum(20.0 if name in ENTRIES else 4.0 for name in self.names) * p.resamples / 2000
+            quick or _TRAINING_S.get(ENTRIES[part.contestant].learner, _TRAINING_S_ELSE) for part in untrained
+        )
+        cuts = p.specimens * len(p.classes)
+        cutting = sum(_CORE_SECONDS.get(part.contestant, _CORE_SECONDS_ELSE) for part in uncut) * cuts
+        to_sweep = [part for part in self.parts() if part.contestant in SWEPT]
+        sweeping = len(self.unswept()) * len(to_sweep) * p.sweep_specimens * _CORE_SECONDS_ELSE
+        feeds = 0 if self.feeds.is_file() or not uncut else len(CONSTANT_FEEDS) * p.feed_specimens
         stages = {
-            f"train {len(self.untrained())} agents": training / self.processes,
+            f"train {len(untrained)} agents": training / self.processes,
             f"choose the best of {len(CONSTANT_FEEDS)} constant feeds": feeds * _CORE_SECONDS_ELSE / self.processes,
-            f"cut {len(self.uncut()) * p.specimens} specimens": cutting / self.processes,
+            f"cut {len(uncut) * cuts} specimens": cutting / self.processes,
             f"sweep {len(self.unswept())} settings of constants": sweeping / self.processes,
-            "statistics": statistics,
+            "statistics": 6.0 * len(self.names) * p.resamples / 2000,
         }
         print(f"protocol {p.version}, {self.processes} processes; remaining work and its duration:")
         for name, seconds in stages.items():
@@ -125,35 +168,34 @@ class Benchmark:
         print(f"  {'together':45s} {total / 60.0:6.1f} min", flush=True)
         return total
 
-    def train(self) -> None:
-        """Train the remaining agents, on one core each."""
+    def train(self) -> Iterator[Part]:
+        """Train the remaining agents, on one core each; yield each when it is done."""
         left = self.untrained()
         with ThreadPoolExecutor(self.processes) as pool:
             for number, part in enumerate(pool.map(self._train, left), 1):
                 print(f"trained {part.label} ({number} of {len(left)})", flush=True)
+                yield part
 
     def _train(self, part: Part) -> Part:
         entry, run = ENTRIES[part.contestant], self.run_of(part)
-        (self.folder / "runs").mkdir(parents=True, exist_ok=True)
+        self.runs.mkdir(parents=True, exist_ok=True)
         if run.exists() and checkpoint_of(run) is None:
             shutil.rmtree(run)  # interrupted before the first checkpoint
         command = ["--resume", str(Path("runs") / part.slug)] if run.exists() else self.training_arguments(entry, part)
-        with (self.folder / "runs" / f"{part.slug}.log").open("a") as log:
+        with (self.runs / f"{part.slug}.log").open("a") as log:
             done = subprocess.run(
                 [sys.executable, "-m", "cutenv", "train", "--learner", entry.learner, *command],
-                cwd=self.folder, stdout=log, stderr=log, check=False,
+                cwd=self.runs.parent, stdout=log, stderr=log, check=False,
                 env=os.environ | {"CUTENV_CORES": "1", "OMP_NUM_THREADS": "1"},
             )  # fmt: skip
-        if done.returncode or not is_trained(run):
+        if done.returncode or not self.is_trained(part):
             raise SystemExit(f"training {part.label} failed; see {log.name}.")
         return part
 
     def training_arguments(self, entry: Entry, part: Part) -> list[str]:
         """Return the options of ``cutenv train`` for a new run."""
-        p = self.protocol
-        own = ["--name", part.slug, "--seed", str(part.seed), "--minutes", str(p.training_minutes), "--specimens", "0"]
-        shown = ["--demonstrations", str(p.demonstrations)]
-        return [*own, *shown, "--specimen-class", p.training_class, *entry.arguments]
+        own = ["--name", part.slug, "--seed", str(part.seed), "--specimens", "0"]
+        return [*own, "--specimen-class", self.protocol.training_class, *self.protocol.training, *entry.arguments]
 
     @property
     def feeds(self) -> Path:
@@ -178,15 +220,35 @@ class Benchmark:
         one = contestant(part.contestant)
         return Contestant(one.policy, {"control_hz": 10}) if part.contestant in NULL_POLICIES else one
 
-    def cut(self, pool: Executor) -> None:
-        """Evaluate the remaining participants."""
-        (self.folder / "cuts").mkdir(parents=True, exist_ok=True)
-        for part, specimen_class in self.uncut():
-            rows = evaluate(
-                {part.label: self.entrant(part, pool)}, self.protocol.test_seeds, {"specimen_class": specimen_class},
-                pool=pool, metrics=True, description=f"{part.label}, {specimen_class}",
-            )  # fmt: skip
-            write_csv(self.cuts_of(part, specimen_class), rows)
+    def cut(self, parts: Sequence[Part], pool: Executor) -> None:
+        """Evaluate participants on every class of specimens."""
+        p = self.protocol
+        for part in parts:
+            rows = {
+                kind: evaluate(
+                    {part.label: self.entrant(part, pool)}, p.test_seeds, {"specimen_class": kind}, pool=pool,
+                    description=f"{part.label}, {kind}",
+                )
+                for kind in p.classes
+            }  # fmt: skip
+            write_run(self.folder, self.facts(part), rows, p.training_class)
+
+    def facts(self, part: Part) -> dict[str, Any]:
+        """Return what is told of a participant beside its cuts."""
+        own: dict[str, Any] = {"contestant": part.contestant, "training_seed": part.seed, "author": AUTHOR}
+        own["date"] = datetime.date.fromtimestamp(time.time()).isoformat()
+        if part.seed is None:
+            changed = bool(git("status", "--porcelain", "--untracked-files=no"))
+            return own | {"code": _short({"commit": git("rev-parse", "HEAD"), "uncommitted_changes": changed})}
+        run = json.loads((self.run_of(part) / "run.json").read_text())
+        curve = read_rows(self.run_of(part) / "learning_curve.csv")
+        tried = 0.0 if run["agent"] == LEARNERS["bc"][0] or not curve else curve[-1]["decisions"]
+        return own | {
+            "code": _short(run),
+            "training_minutes": run["training_minutes"],
+            "training_decisions": run["arguments"]["demonstrations"] + tried,
+            "returns_after_cuts": returns_after(curve),
+        }
 
     def sweep(self, pool: Executor) -> None:
         """Evaluate the remaining participants with other constants."""
@@ -201,14 +263,10 @@ class Benchmark:
             write_csv(path, [*known, *rows])
 
 
-def is_trained(run: Path) -> bool:
-    """Return True if a run is finished: only then is its training time known."""
-    facts = run / "run.json"
-    return (
-        (run / "policy" / "card.json").is_file()
-        and facts.is_file()
-        and "training_minutes" in json.loads(facts.read_text())
-    )
+def _short(facts: dict[str, Any]) -> str:
+    """Return the commit of a run in few letters, with a mark if there were uncommitted changes."""
+    commit, mark, _ = marked(facts).partition("+")
+    return f"{commit[:9]}{mark and '+changes'}"
 
 
 def differs(published: Path, folder: Path) -> int:

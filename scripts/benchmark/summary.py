@@ -2,106 +2,144 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from typing import Any
 
-from benchmark.aggregate import ALL, UNCHANGED, Line, metric_scores, verdict
-from benchmark.protocol import ENTRIES, REFERENCE, Protocol
+from benchmark.aggregate import AFTER, ALL, UNCHANGED, Line, verdict
+from benchmark.protocol import ENTRIES, FEWEST_SEEDS, REFERENCE, SCRIPTED
+from cutenv.learning.benchmark_protocol import Protocol
+from cutenv.learning.standing import CUT_MARKS, IQM, MEAN, TABLE_COLUMNS, TableColumn, shown
 from cutenv.policy import NULL_POLICIES, ORACLE
 
-
-@dataclass(frozen=True)
-class Column:
-    """One column of the table: score in the summary, heading, factor and digits."""
-
-    score: str
-    heading: str
-    factor: float = 1.0
-    digits: int = 2
-    statistic: str = "interquartile mean"
-
-
-COLUMNS = (
-    Column("return", "return (IQM)", digits=3),
-    Column("success", "success [%]", 100.0, 0, "mean"),
-    Column("tip_error_mm", "tip error [mm]"),
-    Column("peak_force_N", "peak force [N]"),
-    Column("largest_jump_mm", "largest jump [mm]"),
-    Column("cost_mm", "cost [mm]"),
-    Column("time_s", "time [s]", digits=1),
-)
+Heading, Rows = list[str], list[list[str]]
+SUBMITTED = "submitted"
+BOUND, IDLE = "upper bound: sees hidden state", "idle"
+_OUT_OF_COMPETITION = (BOUND, IDLE)
+_NOTHING = "–"
 
 
 class Table:
-    """The summary, indexed by contestant, class, score and statistic."""
+    """The summary, indexed by contestant, class, score and statistic.
 
-    def __init__(self, lines: Sequence[Line], protocol: Protocol, sweeps: Sequence[dict[str, str]]) -> None:
-        self.lines, self.protocol, self.sweeps = lines, protocol, sweeps
+    Parameters
+    ----------
+    lines : sequence of Line
+        Numbers of the summary.
+    protocol : Protocol
+        Protocol of the comparison.
+    sweeps : sequence of dict
+        Rows of sweeps.csv.
+    facts : mapping
+        Facts of each contestant's runs.
+    """
+
+    def __init__(
+        self,
+        lines: Sequence[Line],
+        protocol: Protocol,
+        sweeps: Sequence[dict[str, str]],
+        facts: Mapping[str, Sequence[Mapping[str, Any]]],
+    ) -> None:
+        self.lines, self.protocol, self.sweeps, self.facts = lines, protocol, sweeps, facts
         self._by_key = {(line.contestant, line.specimen_class, line.score, line.statistic): line for line in lines}
         self.headline = protocol.training_class
         self.contestants = sorted(
             {line.contestant for line in lines},
-            key=lambda name: -self._by_key[name, self.headline, "return", "interquartile mean"].interval.value,
+            key=lambda name: -self._by_key[name, self.headline, "return", IQM].interval.value,
         )
+        self.columns = [column for column in TABLE_COLUMNS if any(self._of(name, column) for name in self.contestants)]
 
-    def line(self, name: str, kind: str, score: str, statistic: str = "interquartile mean") -> Line | None:
+    def line(self, name: str, kind: str, score: str, statistic: str = IQM) -> Line | None:
         """Return one number of the summary, or None."""
         return self._by_key.get((name, kind, score, statistic))
 
-    def shown(self, line: Line | None, factor: float = 1.0, digits: int = 2, sign: str = "") -> str:
-        """Format a number with its interval; a dash if there is none."""
-        if line is None:
-            return "–"
-        value, low, high = (factor * number for number in (line.interval.value, line.interval.low, line.interval.high))
-        return f"{value:{sign}.{digits}f} [{low:{sign}.{digits}f}, {high:{sign}.{digits}f}]"
+    def _of(self, name: str, column: TableColumn) -> Line | None:
+        score = f"{column.score} minus {self.protocol.script}" if column.paired else column.score
+        return self.line(name, self.headline, score, column.statistic)
 
-    @property
-    def script(self) -> str | None:
-        """Best script, from which all differences are taken except those of ablations."""
-        scores = [line.score for line in self.lines if line.score.startswith("return minus ")]
-        names = {score.removeprefix("return minus ") for score in scores} - {REFERENCE}
-        return next(iter(names), None)
+    @staticmethod
+    def shown(line: Line | None, factor: float = 1.0, digits: int = 2, sign: str = "") -> str:
+        """Format a number with its interval; a dash if there is none."""
+        return shown(None if line is None else line.interval, factor, digits, sign)
 
     def kind(self, name: str) -> str:
         """Return the kind of a contestant."""
         if name in ENTRIES:
             return "ablation" if ENTRIES[name].change else "learned"
-        if name == self.script:
+        if name == self.protocol.script:
             return "best script"
-        return "upper bound: sees hidden state" if name == ORACLE else "idle" if name in NULL_POLICIES else "script"
+        if name not in SCRIPTED:
+            return SUBMITTED
+        return BOUND if name == ORACLE else IDLE if name in NULL_POLICIES else "script"
 
     def difference(self, name: str, other: str, score: str = "return") -> Line | None:
         """Return a paired difference on the headline's specimens."""
-        return self.line(name, self.headline, f"{score} minus {other}", "mean")
+        return self.line(name, self.headline, f"{score} minus {other}", MEAN)
 
-    def main(self) -> tuple[list[str], list[list[str]]]:
+    def competitors(self) -> list[str]:
+        """Return those who have a rank, the best first."""
+        return [name for name in self.contestants if self.kind(name) not in _OUT_OF_COMPETITION]
+
+    def not_yet_run(self) -> list[str]:
+        """Return the agents that take part, but of which no seed is done."""
+        return [name for name in ENTRIES if name not in self.contestants]
+
+    def seeds(self, name: str) -> str:
+        """Return how many training runs there are, of how many; a star marks too few."""
+        if name in SCRIPTED:
+            return _NOTHING
+        done = len(self.facts.get(name, ()))
+        wanted = len(ENTRIES[name].training_seeds(self.protocol)) if name in ENTRIES else max(done, FEWEST_SEEDS)
+        return f"{done}" if done >= wanted else f"{done} of {wanted} *"
+
+    def main(self) -> tuple[Heading, Rows]:
         """Return heading and rows of the main table, the best return first."""
-        difference = f"return minus {self.script or 'best script'}"
-        columns = [column.heading for column in COLUMNS]
-        heading = ["policy", "kind", columns[0], difference, *columns[1:], "training decisions", "training [min]"]
+        ranks = {name: f"{rank}" for rank, name in enumerate(self.competitors(), 1)}
+        heading = ["rank", "policy", "kind", "seeds", *(self._heading(column) for column in self.columns)]
+        rows = [
+            [ranks.get(name, _NOTHING), name, self.kind(name), self.seeds(name), *map(self._cell(name), self.columns)]
+            for name in self.contestants
+        ]
+        empty = [_NOTHING] * len(self.columns)
+        for name in self.not_yet_run():
+            rows.append([_NOTHING, name, f"{self.kind(name)}, not yet run", self.seeds(name), *empty])
+        return heading, rows
+
+    def _heading(self, column: TableColumn) -> str:
+        return f"{column.score} minus {self.protocol.script}" if column.paired else column.heading
+
+    def _cell(self, name: str) -> Any:
+        def cell(column: TableColumn) -> str:
+            return self.shown(self._of(name, column), column.factor, column.digits, "+" if column.paired else "")
+
+        return cell
+
+    def origins(self) -> tuple[Heading, Rows]:
+        """Return a table of authors, dates and code, and of the return after numbers of cuts consumed."""
+        marks = [f"after {mark} cuts" for mark in CUT_MARKS.values()]
+        heading = ["policy", "author", "date", "code", "training decisions", "training [min]", *marks]
         rows = []
         for name in self.contestants:
-            cells = [
-                self.shown(self.line(name, self.headline, c.score, c.statistic), c.factor, c.digits) for c in COLUMNS
-            ]
-            cells.insert(1, self.shown(self.difference(name, self.script or ""), digits=3, sign="+"))
-            decisions, minutes = (self.line(name, "", f"training_{what}", "mean") for what in ("decisions", "minutes"))
-            cells.append("–" if decisions is None else f"{decisions.interval.value / 1e6:.2f} million")
-            cells.append("–" if minutes is None else f"{minutes.interval.value:.1f}")
-            rows.append([name, self.kind(name), *cells])
+            told = self.facts.get(name, ())
+            cells = [", ".join(sorted({str(own[key]) for own in told})) for key in ("author", "date", "code")]
+            decisions, minutes = (self.line(name, "", f"training_{what}", MEAN) for what in ("decisions", "minutes"))
+            cells.append(_NOTHING if decisions is None else f"{decisions.interval.value / 1e6:.2f} million")
+            cells.append(_NOTHING if minutes is None else f"{minutes.interval.value:.1f}")
+            after = [self.line(name, "", AFTER.format(mark), MEAN) for mark in CUT_MARKS.values()]
+            rows.append([name, *(cell or _NOTHING for cell in cells), *(self.shown(own, digits=3) for own in after)])
         return heading, rows
 
     def verdicts(self) -> list[str]:
-        """Return one sentence about every learned agent."""
+        """Return one sentence about every agent, learned here or submitted."""
         sentences = []
-        for name in self.contestants:
-            found = self.difference(name, self.script or "")
-            if name in ENTRIES and found is not None:
+        for name in self.competitors():
+            found = self.difference(name, self.protocol.script)
+            if name not in SCRIPTED and found is not None:
                 by = self.shown(found, digits=3, sign="+")
-                sentences.append(f"{name} against {self.script}: {verdict(found.interval)} ({by}).")
+                sentences.append(f"{name} against {self.protocol.script}: {verdict(found.interval)} ({by}).")
         return sentences
 
-    def classes(self) -> tuple[list[str], list[list[str]]]:
+    def classes(self) -> tuple[Heading, Rows]:
         """Return a table of the return on every class of specimens."""
         kinds = [*self.protocol.classes, ALL]
         rows = [
@@ -110,7 +148,7 @@ class Table:
         ]
         return ["policy", *kinds], rows
 
-    def ablations(self) -> tuple[list[str], list[list[str]]]:
+    def ablations(self) -> tuple[Heading, Rows]:
         """Return a table of the cost of each ablation, paired by specimen and training seed."""
         rows = []
         for name, entry in ENTRIES.items():
@@ -120,18 +158,7 @@ class Table:
                 rows.append([entry.change, name, *cells])
         return ["ablation", "agent", f"return minus {REFERENCE}", "success, percentage points"], rows
 
-    def metrics(self) -> tuple[list[str], list[list[str]]]:
-        """Return a table of every metric of the score card."""
-        names = metric_scores(self.lines)
-        rows = []
-        for score in names:
-            found = [self.line(name, self.headline, score) for name in self.contestants]
-            rows.append(
-                [score.removeprefix("metric_"), *("–" if f is None else f"{f.interval.value:.4g}" for f in found)]
-            )
-        return ["metric", *self.contestants], rows
-
-    def robustness(self) -> tuple[list[str], list[list[str]]]:
+    def robustness(self) -> tuple[Heading, Rows]:
         """Return a table of the return with other constants; the first row has those of training."""
         names = [name for name in self.contestants if any(row["contestant"] == name for row in self.sweeps)]
         settings: dict[tuple[str, ...], dict[str, str]] = {}
@@ -141,8 +168,8 @@ class Table:
             settings.setdefault(about, {})[row["contestant"]] = number
         rows = []
         for (constant, unit, default, value), own in settings.items():
-            about = ["as in training", "–", "–"]
+            told = ["as in training", _NOTHING, _NOTHING]
             if constant != UNCHANGED:
-                about = [f"{constant} [{unit}]", f"{float(default):.4g}", f"{float(value):.4g}"]
-            rows.append([*about, *(own.get(name, "–") for name in names)])
+                told = [f"{constant} [{unit}]", f"{float(default):.4g}", f"{float(value):.4g}"]
+            rows.append([*told, *(own.get(name, _NOTHING) for name in names)])
         return ["constant", "in training", "set to", *names], rows

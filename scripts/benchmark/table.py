@@ -1,28 +1,21 @@
-"""Table of a benchmark, as Markdown and as a page, made from summary.csv and sweeps.csv."""
+"""Table of a benchmark, as Markdown and as a page, made from its kept cuts."""
 
 from __future__ import annotations
 
-import json
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from benchmark.aggregate import ALL, read_summary, summary, sweep_lines
+from benchmark.kept_cuts import merge_cuts, read_facts, read_runs, write_run
 from benchmark.page import write_page_of
-from benchmark.protocol import Protocol, kept_protocol, slug
+from benchmark.protocol import ENTRIES, SCRIPTED, keep_protocol, kept_protocol, slug
 from benchmark.summary import Table
-from cutenv._base.atomic_file import atomic_write
+from cutenv.commands.submit import checked
+from cutenv.learning.benchmark_protocol import Protocol
 from cutenv.learning.result_tables import rows_of, write_csv
-from cutenv.learning.run_provenance import marked
-from cutenv.learning.seeds import ENVIRONMENT
-from cutenv.policy import SCRIPTS
 
 PUBLISHED = Path(__file__).parents[2] / "assets" / "benchmark"
 """Folder of the published comparison."""
-_ORIGIN = "origin.json"
-_TABLES = ("protocol.json", "summary.csv", "sweeps.csv", _ORIGIN)  # files from which text and page are generated
-_CUTS_KEPT = 10
 
 
 def markdown_table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -32,12 +25,13 @@ def markdown_table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str
 
 
 def markdown(folder: Path) -> str:
-    """Return the block of the documentation: main table, verdicts, ablations, robustness."""
+    """Return the block of the documentation: main table, verdicts, origins, classes, ablations, robustness."""
     table = read_table(folder)
     parts = [about(table), markdown_table(*table.main())]
     if table.verdicts():
         parts.append("\n".join(f"- {sentence}" for sentence in table.verdicts()))
     for title, content in (
+        ("Who made them, and what training cost", table.origins()),
         ("Return on every class of specimens", table.classes()),
         ("What each ablation costs", table.ablations()),
         ("Return where a constant is not what it was in training", table.robustness()),
@@ -47,57 +41,43 @@ def markdown(folder: Path) -> str:
     return "\n\n".join(parts)
 
 
-def earlier(environment: str) -> str:
-    """Return a sentence about a table measured on another version of the environment; empty for the present one."""
-    if environment == ENVIRONMENT:
-        return ""
-    name = environment.partition("/")[2]
-    return f"Measured on {name}, which has another tissue and cutting law; not comparable with {ENVIRONMENT}. "
-
-
 def about(table: Table) -> str:
     """Return one paragraph that explains the numbers."""
     p = table.protocol
-    n = len(p.training_seeds)
-    return (
-        f"{earlier(p.environment)}Protocol {p.version}: "
-        f"{p.specimens} held-out specimens of class {p.training_class}, "
-        f"{n} training runs of {p.training_minutes:g} minutes on one core each; interquartile mean (success: mean) "
-        "with 95 % stratified bootstrap interval over runs and specimens. Differences are means, paired by specimen. "
-        "Training decisions include demonstrations and discarded checkpoints. "
-        f"'{ALL}' averages the pure classes (uniform, liver, vascular). "
-        f"With {n} training seeds, intervals understate the variation between runs."
-    )
+    learned = [name for name in table.contestants if name not in SCRIPTED]
+    sentences = [
+        f"Protocol {p.version} of {p.environment}: {p.specimens} held-out specimens of class {p.training_class}. "
+        "Interquartile means (IQM) with 95 % stratified bootstrap intervals over training runs and specimens; success, "
+        "cost and overshoot are means. Differences are means, paired by specimen.",
+        f"'{ALL}' averages the pure classes (uniform, liver, vascular).",
+    ]
+    if learned:
+        sentences.append(
+            "The return after a number of cuts is the best one by then on validation specimens, with the least and the "
+            "greatest of the runs; demonstrations count as cuts, and a dash stands where nothing was learned by then."
+        )
+    if any(table.seeds(name).endswith("*") for name in learned):
+        sentences.append("A star marks rows with fewer training runs than the protocol wants.")
+    if table.not_yet_run():
+        sentences.append(f"Not yet run: {', '.join(table.not_yet_run())}.")
+    return " ".join(sentences)
 
 
 def read_table(folder: Path) -> Table:
-    """Read the table of a finished comparison."""
-    return Table(read_summary(folder / "summary.csv"), kept_protocol(folder), rows_of(folder / "sweeps.csv"))
+    """Read the table of a comparison, finished or not."""
+    sweeps = rows_of(folder / "sweeps.csv")
+    return Table(read_summary(folder / "summary.csv"), kept_protocol(folder), sweeps, read_facts(folder))
 
 
-def origin_of(folder: Path) -> dict[str, Any]:
-    """Return commits and versions of the training runs, and some single cuts: from the runs, or as published.
-
-    The cuts are the first ones of a script, by seed: repeating them shows whether the table belongs to the present
-    physics and reward.
-    """
-    if (folder / _ORIGIN).is_file():
-        kept: dict[str, Any] = json.loads((folder / _ORIGIN).read_text())
-        return kept
-    runs: list[dict[str, Any]] = [json.loads(path.read_text()) for path in sorted(folder.glob("runs/*/run.json"))]
-    kind = kept_protocol(folder).training_class
-    cuts = {name: rows_of(folder / "cuts" / f"{slug(name)}--{kind}.csv")[:_CUTS_KEPT] for name in SCRIPTS}
-    return {
-        "commits": sorted({commit for run in runs for commit in (marked(run), *run.get("resumed_at_commits", ()))}),
-        "versions": runs[-1]["versions"] if runs else {},
-        "returns": {name: {row["seed"]: float(row["return"]) for row in cuts[name]} for name in SCRIPTS if cuts[name]},
-    }
+def summarise_cuts(folder: Path, protocol: Protocol) -> None:
+    """Write summary.csv from the kept cuts."""
+    write_csv(folder / "summary.csv", [line.as_row() for line in summary(read_runs(folder, protocol), protocol)])
 
 
 def write_tables(folder: Path, protocol: Protocol) -> None:
     """Write summary.csv, sweeps.csv, leaderboard.md and leaderboard.html; print the table."""
-    write_csv(folder / "summary.csv", [line.as_row() for line in summary(folder, protocol)])
-    sweeps: list[dict[str, Any]] = sweep_lines(folder, protocol)
+    summarise_cuts(folder, protocol)
+    sweeps = sweep_lines(folder, protocol)
     if sweeps:
         write_csv(folder / "sweeps.csv", sweeps)
     text = markdown(folder)
@@ -110,15 +90,39 @@ def write_tables(folder: Path, protocol: Protocol) -> None:
 def write_leaderboard(path: Path, folder: Path) -> None:
     """Write the page of a comparison."""
     table = read_table(folder)
-    write_page_of(path, table, about(table), origin_of(folder))
+    write_page_of(path, table, about(table))
 
 
 def publish(folder: Path, to: Path = PUBLISHED) -> None:
-    """Copy the files of a comparison from which text and page are generated."""
-    found = {name: (folder / name).read_bytes() for name in _TABLES if (folder / name).is_file()}
-    found[_ORIGIN] = (json.dumps(origin_of(folder), indent=1) + "\n").encode()
-    shutil.rmtree(to, ignore_errors=True)
-    to.mkdir(parents=True)
-    for name, content in found.items():
-        with atomic_write(to / name) as part:
-            part.write_bytes(content)
+    """Merge a comparison, finished or not, into the published one: its cuts replace older ones of the same runs."""
+    protocol = kept_protocol(folder)
+    keep_protocol(to, protocol)
+    merge_cuts(folder, to, replace=True)
+    swept = rows_of(folder / "sweeps.csv")
+    again = {row["contestant"] for row in swept}
+    kept = [row for row in rows_of(to / "sweeps.csv") if row["contestant"] not in again]
+    if swept:
+        write_csv(to / "sweeps.csv", kept + swept)
+    summarise_cuts(to, protocol)
+
+
+def add_submission(path: Path, to: Path = PUBLISHED) -> None:
+    """Repeat every cut of a submission, and add it to the published comparison.
+
+    Raises
+    ------
+    OSError, ValueError
+        If it is damaged, a return differs, or it is no entry; names what is wrong.
+    """
+    protocol = kept_protocol(to)
+    entry, runs = checked(path)
+    if entry.protocol != protocol:
+        raise ValueError(f"{path} is of protocol {entry.protocol.version}, not {protocol.version}: it is no entry.")
+    taken = {slug(name) for name in (*ENTRIES, *SCRIPTED, *read_facts(to))}
+    if not slug(entry.policy) or slug(entry.policy) in taken:
+        raise ValueError(f"{path}: the name {entry.policy!r} is taken; submit it with another --name.")
+    for number, (rows, run) in enumerate(zip(runs, entry.runs, strict=True)):
+        facts = {"contestant": entry.policy, "training_seed": number, "author": entry.author, "date": entry.date}
+        facts |= {"code": entry.code or "–", "returns_after_cuts": dict(run.after)}
+        write_run(to, facts, {protocol.training_class: rows}, protocol.training_class)
+    summarise_cuts(to, protocol)

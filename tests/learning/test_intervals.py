@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmark.intervals import Interval, interquartile_mean, mean, stratified
+
+from cutenv.learning.intervals import Interval, interquartile_mean, mean, stratified
 
 
 def test_of_eight_numbers_the_middle_four_count():

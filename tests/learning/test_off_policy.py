@@ -77,7 +77,7 @@ def test_a_resumed_run_goes_on_from_its_checkpoint_with_the_demonstrations(finis
 def untrained(learner: str, **options: object) -> tuple[object, SACArguments]:
     small = {"environments": 4, "demonstrations": 2000, "hidden": 16, "critic_hidden": 16}
     arguments = LEARNERS[learner][1](**small | options)
-    return OFF_POLICY[learner].new_model(arguments, arguments.environments_at(arguments.training_seeds)), arguments
+    return OFF_POLICY[learner].new_model(arguments, arguments.training_environments()), arguments
 
 
 def test_the_replay_buffer_begins_with_what_was_done_and_never_joins_it_to_the_agents_cuts():

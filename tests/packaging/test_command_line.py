@@ -116,13 +116,18 @@ def test_another_broken_pipe_is_not_hidden() -> None:
     assert "the worker has gone" in ran.stderr
 
 
-COMMANDS_OF_EXTRAS = {"train": ("torch", "rl"), "evaluate": ("tqdm", "rl"), "datasets": ("tqdm", "data")}
+COMMANDS_OF_EXTRAS = {
+    "train": ("torch", "rl"), "evaluate": ("tqdm", "rl"), "submit": ("tqdm", "rl"), "datasets": ("tqdm", "data")
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", COMMANDS_OF_EXTRAS)
 def test_a_missing_extra_of_a_command_is_one_line(name: str, tmp_path: Path) -> None:
     module, extra = COMMANDS_OF_EXTRAS[name]
-    given = {"train": [], "evaluate": ["nothing"], "datasets": ["--dataset", "a-v0", "--policy", "nothing"]}[name]
+    given = {
+        "train": [], "evaluate": ["nothing"], "submit": ["nothing", "--author", "me"],
+        "datasets": ["--dataset", "a-v0", "--policy", "nothing"],
+    }[name]  # fmt: skip
     block = f"import sys; sys.modules[{module!r}] = None; "
     code = block + f"import cutenv.cli as cli; raise SystemExit(cli.main({[name, *given]!r}))"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)

@@ -11,7 +11,6 @@ shown.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -20,8 +19,11 @@ from scipy.stats import trim_mean
 
 _TOGETHER = 100  # resamples computed at a time, to limit memory
 
-interquartile_mean = functools.partial(trim_mean, proportiontocut=0.25, axis=-1)
-"""Mean of the middle half along the last axis; a quarter, rounded down, is removed at either end."""
+
+def interquartile_mean(values: np.ndarray) -> np.ndarray:
+    """Return the mean of the middle half along the last axis; a quarter, rounded down, is removed at either end."""
+    middle: np.ndarray = trim_mean(values, 0.25, axis=-1)
+    return middle
 
 
 @dataclass(frozen=True)
