@@ -45,7 +45,8 @@ class Interval:
 
 def mean(values: np.ndarray) -> np.ndarray:
     """Return the mean along the last axis: a statistic for shares, whose middle half means little."""
-    return values.mean(axis=-1)
+    found: np.ndarray = values.mean(axis=-1)
+    return found
 
 
 def stratified(

@@ -56,7 +56,7 @@ class TrialLearner(Protocol):
     def activation(self) -> str:
         """Activation of the actor's layers."""
 
-    def new_model(self, arguments: Any, environments: FeatureVecEnv) -> Any:
+    def new_model(self, arguments: Any, environments: FeatureVecEnv | RandomisedRigs) -> Any:
         """Make an untrained agent."""
 
     def pretrain(self, model: Any, arguments: Any) -> None:
