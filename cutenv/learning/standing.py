@@ -52,7 +52,8 @@ CUT_MARKS = {100: "100", 1000: "1,000", 10_000: "10,000", math.inf: "all"}
 
 def strata(runs: Sequence[RunRows], score: str) -> list[np.ndarray]:
     """Return an array of shape (runs, specimens) for each tissue, without the specimens that lack the score."""
-    values = np.array([[float(row.get(score) or "nan") for row in rows] for rows in runs])
+    cells = [[row.get(score, "") for row in rows] for rows in runs]
+    values = np.array([[math.nan if cell == "" else float(cell) for cell in own] for own in cells])
     tissue = np.array([row["specimen_class"] for row in runs[0]])
     known = np.isfinite(values).all(axis=0)
     parts = [values[:, known & (tissue == name)] for name in sorted(set(tissue))]

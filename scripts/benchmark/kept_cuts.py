@@ -60,7 +60,7 @@ def write_run(
     for kind, cuts in rows.items():
         scores = DIGITS if kind == headline else EVERY_CLASS
         for cut in cuts:
-            kept = {name: f"{float(cut[name]):.{DIGITS[name]}f}" for name in scores if name in cut}
+            kept = {name: f"{float(cut[name]):.{DIGITS[name]}f}" for name in scores if cut.get(name, "") != ""}
             writer.writerow({"class": kind, "seed": cut["seed"], "specimen_class": cut["specimen_class"], **kept})
     path = file_of(folder, facts["contestant"], facts["training_seed"])
     path.parent.mkdir(parents=True, exist_ok=True)

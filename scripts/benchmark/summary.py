@@ -90,7 +90,7 @@ class Table:
             return _NOTHING
         done = len(self.facts.get(name, ()))
         wanted = len(ENTRIES[name].training_seeds(self.protocol)) if name in ENTRIES else max(done, FEWEST_SEEDS)
-        return f"{done}" if done >= wanted else f"{done} of {wanted} *"
+        return f"{done}" if done >= wanted else f"{done} of {wanted}{' *' if done else ''}"
 
     def main(self) -> tuple[Heading, Rows]:
         """Return heading and rows of the main table, the best return first."""
