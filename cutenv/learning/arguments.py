@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from cutenv.learning.randomised_rigs import RandomisedRigs
     from cutenv.sb3 import FeatureVecEnv
 
-LEARNED_STOP_OF = "return stroke"
-"""Name of the script whose stop can be learned."""
 MAX_ENVIRONMENTS = 1000
 """Number of training seeds that belong to one run: that with seed k has those from 1000 k on."""
 
@@ -78,9 +76,6 @@ class LearnerArguments:
         200_000, "number of decisions of a script that the actor first imitates; 0: none", (0, 10**9)
     )
     script: str = option("return stroke", "script to imitate", tuple(SCRIPTS))
-    stops: int = option(
-        0, "number of specimens on which the script first learns where to stop; 0: it stops by its own rule", (0, 10**6)
-    )
     demonstration_noise: float = option(
         0.15, "standard deviation of the noise added to half of the demonstrations", (0.0, 1.0)
     )
@@ -101,8 +96,6 @@ class LearnerArguments:
         check_ranges(self, BadArguments)
         if self.angle_mode == "free" and self.fixed_angle_deg != 90.0:
             raise BadArguments(f"--fixed-angle-deg {self.fixed_angle_deg:g} has no effect without --angle-mode fixed")
-        if self.stops and self.script != LEARNED_STOP_OF:
-            raise BadArguments(f"--stops {self.stops} needs --script {LEARNED_STOP_OF!r}, not {self.script!r}; give 0")
         if self.rigs > self.environments:
             raise BadArguments(f"--rigs {self.rigs} needs as many --environments; {self.environments} are too few")
         if self.specimens == 1:
@@ -168,7 +161,6 @@ class PPOArguments(LearnerArguments):
     """Options of PPO."""
 
     quick: ClassVar[Mapping[str, Any]] = {
-        "stops": 0,
         "demonstrations": 100_000,
         "timesteps": 400_000,
         "validations": 4,
@@ -177,15 +169,6 @@ class PPOArguments(LearnerArguments):
     }
 
     timesteps: int = option(4_000_000, "number of decisions to train for", (1, 10**12), resumable=True)
-    control_hz: int = option(25, "decisions per second")
-    stops: int = option(
-        5000,
-        "number of specimens on which the script first learns where to stop; 0: it stops by its own rule",
-        (0, 10**6),
-    )
-    demonstrations: int = option(
-        400_000, "number of decisions of a script that the actor first imitates; 0: none", (0, 10**9)
-    )
     history: int = option(0, "number of past decisions among the features", (0, 100))
     environments: int = option(1000, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
     rollout: int = option(64, "number of decisions of each environment between updates", (2, 10**6))
@@ -216,13 +199,6 @@ class PPOArguments(LearnerArguments):
 class RecurrentPPOArguments(PPOArguments):
     """Options of recurrent PPO."""
 
-    control_hz: int = option(10, "decisions per second")
-    stops: int = option(
-        0, "number of specimens on which the script first learns where to stop; 0: it stops by its own rule", (0, 10**6)
-    )
-    demonstrations: int = option(
-        200_000, "number of decisions of a script that the actor first imitates; 0: none", (0, 10**9)
-    )
     timesteps: int = option(4_000_000, "number of decisions to train for", (1, 10**12), resumable=True)
     environments: int = option(64, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
     rollout: int = option(128, "number of decisions of each environment between updates", (2, 10**6))

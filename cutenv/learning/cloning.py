@@ -6,7 +6,6 @@ target is the action that the script would have taken without it.
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
@@ -174,18 +173,10 @@ def demonstrations(
 
 
 def script_demonstrations(environments: FeatureVecEnv | RandomisedRigs, arguments: LearnerArguments) -> Demonstrations:
-    """Let the script of the options cut in all environments, as often and with as much noise as they say.
-
-    With ``arguments.stops`` it first learns where to stop.
-    """
-    make: Callable[[], Policy] = BASELINES[arguments.script]
-    if arguments.stops:
-        from cutenv.learning.learned_stop import learn_stop
-
-        make = functools.partial(learn_stop, arguments)
+    """Let the script of the options cut in all environments, as often and with as much noise as they say."""
     return demonstrations(
         environments,
-        make,
+        BASELINES[arguments.script],
         decisions=arguments.demonstrations,
         noise=arguments.demonstration_noise,
         seed=arguments.seed,

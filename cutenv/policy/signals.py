@@ -20,8 +20,8 @@ _COLUMNS = {component.name: k for k, component in enumerate(COMPONENTS)}
 FORCE_COLUMN, FORCE_MEAN_COLUMN, FORCE_MIN_COLUMN, FORCE_MAX_COLUMN = (
     _COLUMNS[name] for name in ("force", "force_mean", "force_min", "force_max")
 )
-POSITION_COLUMN, SPEED_COLUMN, ANGLE_COLUMN, DEPTH_COLUMN, DISTANCE_COLUMN, LAST_SPEED_COLUMN = (
-    _COLUMNS[name] for name in ("position", "speed", "angle", "depth", "distance", "last_speed")
+POSITION_COLUMN, SPEED_COLUMN, ANGLE_COLUMN, DEPTH_COLUMN, DISTANCE_COLUMN = (
+    _COLUMNS[name] for name in ("position", "speed", "angle", "depth", "distance")
 )
 """Columns of an observation, for compiled code and arrays."""
 
