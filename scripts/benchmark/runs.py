@@ -11,7 +11,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -121,10 +121,11 @@ class Benchmark:
         entry = ENTRIES[part.contestant]
         options = training_options(entry.learner, self.training_arguments(entry, part))
         wanted = json.loads(json.dumps(asdict(options)))
+        used = {field.name: field.default for field in fields(options)} | content["arguments"]  # some came later
         for name, value in wanted.items():
-            if name not in _FREE and content["arguments"].get(name) != value:
+            if name not in _FREE and used[name] != value:
                 raise SystemExit(
-                    f"{facts.parent} was trained with {name} {content['arguments'].get(name)!r}; the protocol wants "
+                    f"{facts.parent} was trained with {name} {used[name]!r}; the protocol wants "
                     f"{value!r}. Move it elsewhere."
                 )
         return bool(content["agent"] == LEARNERS[entry.learner][0])
