@@ -2,7 +2,7 @@
 
     python scripts/update_docs.py parameters agreement specimens calibration speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
-    python scripts/update_docs.py ladder stock safe-cut     what their scripts left in runs/
+    python scripts/update_docs.py ladder learned-stop stock safe-cut     what their scripts left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
     python scripts/update_docs.py errata tissue-file rig-file metrics weights ends
@@ -33,6 +33,7 @@ import declared_tables
 import gymnasium
 import ladder
 import leaderboard
+import learned_stop
 import measure_codebase
 import numpy as np
 import rig_faults
@@ -71,6 +72,7 @@ PAGES = {
     "measures": "docs/development/measures.md",
     "baselines": "docs/results/baselines.md",
     "ladder": "docs/results/information.md",
+    "learned-stop": "docs/results/information.md",
     "stock": "docs/results/stock-learners.md",
     "safe-cut": "docs/results/safe-cut.md",
     "speed": "docs/results/speed.md",
@@ -336,6 +338,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "results": results,
     "baselines": baselines,
     "ladder": lambda _: ladder.report(ladder.kept(ROOT / ladder.FOLDER)),
+    "learned-stop": lambda _: learned_stop.report(learned_stop.kept(ROOT / ladder.FOLDER)),
     "stock": lambda _: stock_learners.report(*stock_learners.kept(ROOT / stock_learners.FOLDER)),
     "safe-cut": lambda _: safe_cut.report(safe_cut.kept(ROOT / safe_cut.FOLDER)),
     "benchmark": benchmark,
