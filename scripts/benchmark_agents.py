@@ -43,6 +43,7 @@ def main() -> None:
         metavar="FOLDER",
         help="folder named runs that holds the training runs; default that in --out",
     )
+    parser.add_argument("--seeds", type=int, metavar="N", help="training runs of each agent to make now; default all")
     parser.add_argument("--afresh", action="store_true", help="do not go on from what is published")
     parser.add_argument("--quick", action="store_true", help="few specimens and half a minute of training each")
     parser.add_argument("--plan", action="store_true", help="print the remaining work, and stop")
@@ -58,6 +59,8 @@ def main() -> None:
     for name in given.only:
         if name not in ENTRIES and name not in SCRIPTED:
             parser.error(f"--only {name!r} takes no part; there are {', '.join((*ENTRIES, *SCRIPTED))}")
+    if given.seeds is not None and given.seeds < 1:
+        parser.error(f"--seeds {given.seeds} is less than 1")
     if given.processes < 1:
         parser.error(f"--processes {given.processes} is less than 1")
     if given.runs is not None and given.runs.resolve().name != "runs":
@@ -73,7 +76,7 @@ def main() -> None:
     published = (PUBLISHED / "protocol.json").is_file() and kept_protocol(PUBLISHED) == protocol
     if published and not given.afresh:
         merge_cuts(PUBLISHED, folder, replace=False)
-    benchmark = Benchmark(folder, protocol, given.only, given.processes, given.runs)
+    benchmark = Benchmark(folder, protocol, given.only, given.processes, given.runs, given.seeds)
     benchmark.plan()
     if given.plan:
         return

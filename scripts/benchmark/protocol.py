@@ -49,6 +49,7 @@ _ENTRIES = (
     Entry("IQL", "iql"),
     Entry("PPO (fixed angle)", "ppo", ("--angle-mode", "fixed"), "the blade stays upright"),
     Entry("PPO without force", "ppo", ("--force", "unfelt"), "the force is not felt"),
+    Entry("PPO (random rigs)", "ppo", ("--rigs", "20"), "drive, sensor and error of depth are drawn at random"),
     Entry("PPO (critic without truth)", "ppo", ("--critic", "features"), "the critic does not see the truth"),
 )
 ENTRIES = {entry.name: entry for entry in _ENTRIES}

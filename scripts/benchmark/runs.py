@@ -30,7 +30,7 @@ from cutenv.learning.standing import returns_after
 from cutenv.learning.statistics import best_script, summarise
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE
 
-SWEPT = ("PPO", "recurrent PPO", "behaviour cloning", "return stroke", "probe and creep", BEST_FEED)
+SWEPT = ("PPO", "PPO (random rigs)", "recurrent PPO", "return stroke", "probe and creep", BEST_FEED)
 AUTHOR = "cutenv"
 """Author of all that is not submitted."""
 _CORE_SECONDS = {ORACLE: 0.15}
@@ -75,13 +75,22 @@ class Benchmark:
         Number of processes for training and evaluation.
     runs : Path, optional
         Folder of the training runs, of the name ``runs``; default that in ``folder``.
+    seeds : int, optional
+        Number of training runs of each agent to make now, the first ones; default all.
     """
 
     def __init__(
-        self, folder: Path, protocol: Protocol, only: Sequence[str], processes: int, runs: Path | None = None
+        self,
+        folder: Path,
+        protocol: Protocol,
+        only: Sequence[str],
+        processes: int,
+        runs: Path | None = None,
+        seeds: int | None = None,
     ) -> None:
         self.folder, self.protocol, self.processes = folder, protocol, processes
         self.runs = folder / "runs" if runs is None else runs
+        self._first = slice(seeds)
         self.names = [name for name in (*ENTRIES, *SCRIPTED) if not only or name in only]
 
     def parts(self) -> list[Part]:
@@ -89,7 +98,7 @@ class Benchmark:
         return [Part(name, seed) for name in self.names for seed in self._seeds(name)]
 
     def _seeds(self, name: str) -> Sequence[int | None]:
-        return ENTRIES[name].training_seeds(self.protocol) if name in ENTRIES else (None,)
+        return ENTRIES[name].training_seeds(self.protocol)[self._first] if name in ENTRIES else (None,)
 
     def run_of(self, part: Part) -> Path:
         """Return the folder of a training run."""
