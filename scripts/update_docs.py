@@ -2,7 +2,7 @@
 
     python scripts/update_docs.py parameters agreement specimens calibration speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
-    python scripts/update_docs.py ladder learned-stop stock safe-cut     what their scripts left in runs/
+    python scripts/update_docs.py ladder learned-stop stock safe-cut memory     what their scripts left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
     python scripts/update_docs.py errata tissue-file rig-file metrics weights ends
@@ -35,6 +35,7 @@ import ladder
 import leaderboard
 import learned_stop
 import measure_codebase
+import memory_gap
 import numpy as np
 import rig_faults
 import rig_soak
@@ -75,6 +76,7 @@ PAGES = {
     "learned-stop": "docs/results/information.md",
     "stock": "docs/results/stock-learners.md",
     "safe-cut": "docs/results/safe-cut.md",
+    "memory": "docs/results/memory-gap.md",
     "speed": "docs/results/speed.md",
     "agreement": "docs/validation/agreement.md",
     "specimens": "docs/validation/specimens.md",
@@ -341,6 +343,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "learned-stop": lambda _: learned_stop.report(learned_stop.kept(ROOT / ladder.FOLDER)),
     "stock": lambda _: stock_learners.report(*stock_learners.kept(ROOT / stock_learners.FOLDER)),
     "safe-cut": lambda _: safe_cut.report(safe_cut.kept(ROOT / safe_cut.FOLDER)),
+    "memory": lambda _: memory_gap.report(memory_gap.kept(ROOT / memory_gap.FOLDER)),
     "benchmark": benchmark,
     "measures": lambda _: measure_codebase.comparison(),
     "errata": errata,

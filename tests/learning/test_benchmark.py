@@ -299,6 +299,11 @@ def test_a_quick_comparison_is_planned_within_two_hours_on_two_cores(tmp_path, c
     assert "together" in capsys.readouterr().out
 
 
+def test_fewer_training_runs_may_be_made_at_a_time(tmp_path):
+    parts = Benchmark(tmp_path, Protocol(), ("PPO", "return stroke"), processes=1, seeds=3).parts()
+    assert [part.seed for part in parts] == [0, 1, 2, None]
+
+
 def test_everything_that_is_asked_for_takes_part():
     assert Protocol().specimens == 1000
     seeds = {name: len(entry.training_seeds(Protocol())) for name, entry in ENTRIES.items()}
@@ -308,6 +313,7 @@ def test_everything_that_is_asked_for_takes_part():
     assert {BEST_FEED, "return stroke", "probe and creep", "planner (nominal)", "planner with truth"} <= set(SCRIPTED)
     assert {entry.change for entry in ENTRIES.values()} - {""} == {
         "the blade stays upright", "the force is not felt", "the critic does not see the truth",
+        "drive, sensor and error of depth are drawn at random",
     }  # fmt: skip
 
 
