@@ -46,7 +46,7 @@ LEARNERS = {
     "recurrent": "recurrent PPO (LSTM, 64 units)",
     "observed": "PPO, the present observation and the hidden state",
 }
-"""What each learner is."""
+"""Description of each learner."""
 Row = Mapping[str, Any]
 
 
