@@ -21,7 +21,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 from cutenv.envs.tracks import COST_BUDGET_MM
-from cutenv.learning.arguments import PPOArguments
+from cutenv.learning.arguments import BadArguments, PPOArguments
 from cutenv.learning.asymmetric_actor_critic import AsymmetricActorCritic
 from cutenv.learning.cloning import Cloning, script_demonstrations
 from cutenv.learning.command_line import run_program
@@ -41,6 +41,11 @@ class LagrangianArguments(PPOArguments):
     multiplier_rate: float = option(
         0.02, "rise of the multiplier after a rollout, per mm of mean cost above the budget", (0.0, 1e3)
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.rigs != 1:
+            raise BadArguments(f"--rigs {self.rigs} has no effect here: SafeCut-v1 has one rig; leave it out")
 
 
 class PenalisedVecEnv(FeatureVecEnv):

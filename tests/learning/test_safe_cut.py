@@ -14,6 +14,7 @@ import safe_cut
 from ppo_lagrangian import LagrangianArguments, PenalisedVecEnv, train
 
 from cutenv.envs.tracks import COST_BUDGET_MM, PROTOCOL
+from cutenv.learning.arguments import BadArguments
 from cutenv.learning.statistics import by_policy, mean_with_interval
 from cutenv.policy import TrainedPolicy
 from cutenv.sb3 import FeatureVecEnv
@@ -47,6 +48,11 @@ def test_the_table_shows_paired_differences_from_the_first(rows):
     costs = {name: np.mean([row["cost_mm"] for row in own]) for name, own in by_policy(rows).items()}
     less = costs["return stroke"] - costs[safe_cut.BUDGET_OF]
     assert f"| {less:+.2f} [" in second
+
+
+def test_rigs_that_the_track_does_not_have_are_refused():
+    with pytest.raises(BadArguments, match="--rigs 2 has no effect here"):
+        LagrangianArguments(rigs=2)
 
 
 def test_a_penalised_reward_is_the_reward_less_the_price_of_the_cost():
