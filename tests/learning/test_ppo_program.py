@@ -151,14 +151,16 @@ def test_a_run_is_never_overwritten(finished):
     assert "--resume" in again.stderr
 
 
-@pytest.mark.parametrize("learner", ["ppo", "recurrent_ppo", "bc"])
+@pytest.mark.parametrize("learner", ["ppo", "recurrent_ppo", "sac", "tqc", "crossq", "bc", "iql"])
 def test_the_program_that_is_written_out_makes_the_same_policy(tmp_path, learner):
     small = [
         "--environments", "4", "--demonstrations", "1000", "--validations", "2", "--validation-specimens", "4",
         "--specimens", "0", "--seed", "5",
     ]  # fmt: skip
-    if learner == "bc":
+    if learner in ("bc", "iql"):
         small += ["--epochs", "4"]
+    elif learner in ("sac", "tqc", "crossq"):
+        small += ["--batch-size", "64", "--timesteps", "400", "--gradient-steps", "8", "--critic-first", "0"]
     else:
         small += ["--rollout", "64", "--batch-size", "64", "--timesteps", "1024", "--epochs", "2"]
     name = learner.replace("_", "-")
