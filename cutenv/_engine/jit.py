@@ -11,6 +11,7 @@ import gc
 import hashlib
 import os
 import shutil
+import signal
 import sys
 import threading
 from collections.abc import Callable
@@ -160,13 +161,18 @@ def njit_fused(function: Function) -> Function:
     return _compile_internal(function, forceinline=True, cache=False)
 
 
-class _WithoutCollecting(event.Listener):
-    """Listener that stops garbage collection while kernels of this package compile: saves some 5 % of the time."""
+class Undisturbed(event.Listener):
+    """Listener that keeps garbage collection and Ctrl-C away while functions of this package compile.
+
+    Without collection, compiling takes 5 % less.  A Ctrl-C waits until the function at hand is compiled, mostly under a
+    second: in a callback from LLVM the KeyboardInterrupt would be lost, and Numba would end in an error of its own.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._going_on = 0
-        self._collects = False
+        self._going_on = self._in_main_thread = 0
+        self._collects = self._interrupted = False
+        self._handler: Any = None
 
     def on_start(self, event: Any) -> None:
         if not self._concerns(event):
@@ -176,6 +182,10 @@ class _WithoutCollecting(event.Listener):
                 self._collects = gc.isenabled()
                 gc.disable()
             self._going_on += 1
+        if threading.current_thread() is threading.main_thread():  # the others receive no signals
+            if self._in_main_thread == 0:
+                self._handler = signal.signal(signal.SIGINT, self._remember)
+            self._in_main_thread += 1
 
     def on_end(self, event: Any) -> None:
         if not self._concerns(event):
@@ -184,13 +194,25 @@ class _WithoutCollecting(event.Listener):
             self._going_on -= 1
             if self._going_on == 0 and self._collects:
                 gc.enable()
+        if threading.current_thread() is not threading.main_thread():
+            return
+        self._in_main_thread -= 1
+        if self._in_main_thread == 0 and self._handler is not None:  # None: not set from Python
+            signal.signal(signal.SIGINT, self._handler)
+        if self._interrupted:
+            self._interrupted = False
+            if callable(self._handler):  # not SIG_IGN
+                self._handler(signal.SIGINT, None)
+
+    def _remember(self, number: int, frame: Any) -> None:
+        self._interrupted = True
 
     def _concerns(self, event: Any) -> bool:
         function = event.data["dispatcher"].py_func
         return bool(function.__module__.split(".")[0] == _PACKAGE.name)
 
 
-_events.register("numba:compile", _WithoutCollecting())
+_events.register("numba:compile", Undisturbed())
 
 
 def warn_before_first_compile(*kernels: Callable[..., Any]) -> None:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import cutenv._engine.jit
-from cutenv._engine.jit import kernel_folder, source_digest
+from cutenv._engine.jit import Undisturbed, kernel_folder, source_digest
 
 LAW = """
 from package._engine.jit import {door}
@@ -178,3 +181,31 @@ def test_where_nothing_can_be_written_nothing_is_kept(package, tmp_path):
     blocked.touch()  # a file where the folder should be
     assert answer(package, NUMBA_CACHE_DIR=str(blocked)) == 6.0
     assert not list(tmp_path.rglob("*.nbi"))
+
+
+def test_ctrl_c_while_a_kernel_compiles_waits_until_it_is_compiled():
+    compiling, nested = Undisturbed(), SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=kernel_folder)})
+    before = signal.getsignal(signal.SIGINT)
+    compiling.on_start(nested)
+    compiling.on_start(nested)
+    signal.raise_signal(signal.SIGINT)  # as in a callback from LLVM, where an exception would be lost
+    with pytest.raises(KeyboardInterrupt):
+        compiling.on_end(nested)
+    assert not gc.isenabled()
+    compiling.on_end(nested)  # as the exception passes
+    assert gc.isenabled()
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_ctrl_c_while_a_kernel_compiles_obeys_a_handler_of_ones_own():
+    compiling, event = Undisturbed(), SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=kernel_folder)})
+    told = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: told.append(number))
+    try:
+        compiling.on_start(event)
+        signal.raise_signal(signal.SIGINT)
+        assert not told
+        compiling.on_end(event)
+        assert told == [signal.SIGINT]
+    finally:
+        signal.signal(signal.SIGINT, before)
