@@ -17,9 +17,11 @@ PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text
 EXTRAS = {name: {Requirement(line).name for line in lines} for name, lines in PROJECT["optional-dependencies"].items()}
 CALLED = {
     "can": "python-can",
+    "cv2": "opencv-python-headless",
     "pygame": "pygame-ce",
     "sb3_contrib": "sb3-contrib",
     "serial": "pyserial",
+    "skimage": "scikit-image",
     "stable_baselines3": "stable-baselines3",
     "umsgpack": "meshcat",  # comes with it
 }
