@@ -8,7 +8,7 @@ from cutenv.measurement.measured_cut import MeasuredCut, measure_cut
 from cutenv.measurement.modulus import ModulusEstimate, estimate_local_effective_moduli, iterate_modulus
 from cutenv.measurement.prediction import LeftOutCut, leave_one_out
 from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
-from cutenv.measurement.segments import Segment, loading_segments
+from cutenv.measurement.segments import Segment, filtered, loading_segments
 from cutenv.measurement.signal_quality import QualityIssue, quality_issues
 from cutenv.measurement.speed_dependence import SpeedDependence, fit_speed_dependence
 from cutenv.measurement.unit_resistance import UnitResistances, estimate_unit_resistances
@@ -32,6 +32,7 @@ __all__ = [
     "estimate_initiation",
     "estimate_local_effective_moduli",
     "estimate_unit_resistances",
+    "filtered",
     "fit_return_stroke",
     "fit_speed_dependence",
     "initiation_excess",

@@ -194,11 +194,46 @@ def loading_segments(
     >>> [(round(s.rate, 3), round(s.drop, 3), s.slope) for s in loading_segments(trace)]
     [(2.0, 0.7, None), (2.0, 0.0, None)]
     """
+    drop, readings = _settings(trace, smallest_drop, smoothing_readings)
+    return [segment for way in _forward(trace) for segment in _segments_of(trace, way, drop, readings)]
+
+
+def filtered(trace: Trace, *, smallest_drop: float | None = None, smoothing_readings: int | None = None) -> Trace:
+    """Return the record with the force of each forward stroke reduced to its significant hilltops and valleys.
+
+    Between these the force is a straight line along the cut, without position in time: the sawtooth of Figure 3.4 of
+    the thesis. Before the first valley and after the last hilltop of a stroke, and in other strokes, it is as recorded.
+    Parameters and errors are those of :func:`loading_segments`.
+
+    Examples
+    --------
+    >>> saw = [0.0, 0.21, 0.4, 0.6, 0.8, 1.0, 0.3, 0.5, 0.7, 0.93, 1.1, 1.3]
+    >>> trace = Trace(time=[0.1 * i for i in range(12)], force=saw, force_unit="1")
+    >>> filtered(trace).force.round(2).tolist()
+    [0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 0.3, 0.5, 0.7, 0.9, 1.1, 1.3]
+    """
+    drop, readings = _settings(trace, smallest_drop, smoothing_readings)
+    force = trace.force.copy()
+    along = trace.time if trace.position is None else trace.position
+    for way in _forward(trace):
+        borders = bins_of_readings(way.stop - way.start, readings)
+        places, means = (bin_means(values[way.samples], borders) for values in (along, trace.force))
+        turns = [place for ramp in turning_points(means, drop) for place in ramp]
+        if turns:
+            between = slice(way.start + int(borders[turns[0]]), way.start + int(borders[turns[-1] + 1]))
+            force[between] = np.interp(along[between], np.maximum.accumulate(places[turns]), means[turns])
+    return dataclasses.replace(trace, force=force)
+
+
+def _settings(trace: Trace, smallest_drop: float | None, smoothing_readings: int | None) -> tuple[float, int]:
     drop = _smallest_drop(trace) if smallest_drop is None else _checked_drop(trace, smallest_drop)
     readings = smoothing_readings_of(trace) if smoothing_readings is None else smoothing_readings
-    in_range("smoothing_readings", readings, 1, 10_000, "1", "It is a number of readings.")
+    return drop, int(in_range("smoothing_readings", readings, 1, 10_000, "1", "It is a number of readings."))
+
+
+def _forward(trace: Trace) -> list[Stroke]:
     ways = [Stroke(start=0, stop=len(trace), forward=True)] if trace.position is None else strokes(trace)
-    return [segment for way in ways if way.forward for segment in _segments_of(trace, way, drop, int(readings))]
+    return [way for way in ways if way.forward]
 
 
 def _smallest_drop(trace: Trace) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 
@@ -11,10 +12,16 @@ from reproduction.drawn_livers import MODELS, measure_as_the_thesis
 from reproduction.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
 
 from cutenv._engine.randomness import generator
-from cutenv.measurement import ModulusEstimate, Segment, estimate_local_effective_moduli, loading_segments
+from cutenv.measurement import (
+    ModulusEstimate,
+    Segment,
+    estimate_local_effective_moduli,
+    filtered,
+    loading_segments,
+)
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import CutModel, Specimen, draw_liver
-from cutenv.trace import Trace
+from cutenv.trace import Trace, blade_speed
 from thesis_figures.style import (
     DISPLACEMENT_LABEL,
     DISTANCE_LABEL,
@@ -32,6 +39,81 @@ TRAVEL = 0.12  # [m]
 LIVER_SEED = 3
 CUTS = 4  # parallel ones in a liver
 SLOW = SPEEDS[0]
+
+
+def desired_and_actual_speed(path: Path, quick: bool) -> None:
+    """Draw Figure 3.2: the speed that was asked for, and that of the blade, at three speeds."""
+    title = "Figure 3.2 anew: desired and actual speed of the blade; virtual drive, one drawn liver, 90°"
+    figure, axes = panels(3, 1, (7.5, 6.0), title, sharex=True)
+    for ax, speed in zip(axes, SPEEDS, strict=True):
+        trace = virtual_cut(KIND, speed=speed, turns=(TRAVEL,)).trace
+        assert trace.position is not None
+        moving = (trace.position > 0.001) & (trace.position < TRAVEL - 0.001)
+        x, actual = 100 * trace.position[moving], 100 * blade_speed(trace.time, trace.position)[moving]
+        ax.axhline(100 * speed, color=STRAIN, linewidth=2.0, label="desired")
+        ax.plot(x, actual, color=FORCE, linewidth=0.6, label="actual: differences of the encoder over 50 ms")
+        ax.set_ylim(0, 130 * speed)
+        off = float(np.abs(actual - 100 * speed)[(x > 1.0) & (x < 11.0)].max())
+        named(ax, f"{cm_s(speed)}: from 1 to 11 cm the speed is off by {off:.4f} cm/s at most", y="speed [cm/s]")
+    axes[0].legend(loc="lower right", ncols=2)
+    axes[-1].set_xlabel(DISPLACEMENT_LABEL)
+    save(figure, path)
+
+
+def filtered_force(path: Path, quick: bool) -> None:
+    """Draw Figure 3.4: the record reduced to its significant hilltops and valleys."""
+    figure, axes = panels(2, 1, (7.5, 6.0), "Figure 3.4 anew: hilltops and valleys of the significant loadings")
+    for ax, speed, window in zip(axes, SPEEDS[:2], ((4.0, 8.0), (4.0, 12.0)), strict=True):
+        trace = virtual_cut(KIND, speed=speed, turns=(TRAVEL,)).trace
+        assert trace.position is not None
+        x = 100 * trace.position
+        ax.plot(x, trace.force, color="0.7", linewidth=0.6, label="as measured")
+        ax.plot(x, filtered(trace).force, color=STRESS, label="filtered")
+        inside = (x >= window[0]) & (x <= window[1])
+        ax.set_xlim(*window)
+        ax.set_ylim(0.0, 1.15 * float(trace.force[inside].max()))
+        named(ax, cm_s(speed), DISPLACEMENT_LABEL, "force [N]")
+        ax.legend(loc="upper left", ncols=2)
+    save(figure, path)
+
+
+def iteration_of_the_modulus(path: Path, quick: bool) -> None:
+    """Draw Figure 3.5: the iteration for the local effective modulus, with the numbers of one loading segment."""
+    trace = virtual_cut(KIND, speed=SLOW, turns=(TRAVEL,)).trace
+    steady = [s for s in loading_segments(trace) if s.is_steady and s.position is not None and s.position > 0.06]
+    chosen, model = max(steady, key=lambda s: s.force_rise), CutModel()
+    position, travel = chosen.require("position", "displacement", by="figure 3.5")
+    rise, tip = chosen.force_rise, position - chosen.force / float(chosen.slope or math.nan)
+    assert trace.depth is not None
+    stiffness = float(model.stiffness(tip)) * float(trace.depth[chosen.samples].mean())  # per modulus
+    first = 5e3  # [Pa], anything
+    last = first * rise / (first * stiffness * travel)
+    figure, (force, chart) = panels(
+        1, 2, (11.0, 5.0), "Figure 3.5 anew: from a loading segment to its local effective modulus (LEM)"
+    )
+    around = slice(max(chosen.start - 4000, 0), chosen.stop + 4000)
+    assert trace.position is not None
+    force.plot(100 * trace.position[around], filtered(trace).force[around], color=STRESS, label="filtered force")
+    mark_segments(force, trace, [chosen])
+    force.legend(loc="upper left")
+    named(force, "the segment: a ramp that a drop ends", DISPLACEMENT_LABEL, "force [N]")
+    boxes = [
+        f"Segment of the filtered force:\nΔF = {rise:.3f} N over ΔU = {1e3 * travel:.2f} mm, tip at {100 * tip:.1f} cm",
+        f"Assume a modulus:\nE = {first / 1e3:.1f} kPa",
+        f"Finite elements under ΔU:\nΔF = {first * stiffness * travel:.3f} N",
+        f"|ΔF(FEM) − ΔF(EXP)| / ΔF(EXP) = {abs(first * stiffness * travel / rise - 1.0):.2f} ≤ 0.01?",
+        f"No: E = {last / 1e3:.1f} kPa, by the ratio of the forces.\nThe model is linear: once is enough.",
+        f"Yes: LEM = {last / 1e3:.1f} kPa",
+    ]
+    places = np.linspace(0.92, 0.08, len(boxes))
+    for text, y in zip(boxes, places, strict=True):
+        chart.text(0.5, y, text, ha="center", va="center", bbox={"boxstyle": "round", "facecolor": "white"})
+    for above, below in itertools.pairwise(places):
+        arrow = {"arrowstyle": "->", "color": FORCE}
+        chart.annotate("", (0.5, below + 0.055), (0.5, above - 0.055), arrowprops=arrow)
+    chart.set_axis_off()
+    named(chart, "the iteration")
+    save(figure, path)
 
 
 def force_against_displacement(path: Path, quick: bool) -> None:

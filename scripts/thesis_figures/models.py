@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations, product
 from pathlib import Path
 
 import numpy as np
@@ -20,13 +21,61 @@ from cutenv._engine.randomness import generator
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import CutModel, Specimen, quasi_static_modulus
 from cutenv.tissue.tables import table
-from thesis_figures.style import DISTANCE_LABEL, LEM_LABEL, SOLID, STRAIN, STRESS, named, panels, save
+from thesis_figures.style import DISTANCE_LABEL, FORCE, LEM_LABEL, SOLID, STRAIN, STRESS, named, panels, save
 
 Array = NDArray[np.float64]
 CUT_LENGTH, TIP_DISPLACEMENT, DEPTH = 0.07, 0.010, 0.01  # [m]
+RUN, LEAD = 0.010, 0.015  # of a unit of cutting: growth, one element, and displacement of the tip before [m]
 COLOURS = "viridis"
 TRAVEL = 0.12  # [m]
 _FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))  # of a brick
+
+
+def element_types(path: Path, quick: bool) -> None:
+    """Draw Figure 4.1: the elements and their nodes, as the models have them."""
+    figure, axes = panels(1, 3, (10.0, 3.6), "Figure 4.1 anew: the elements and the places of their nodes")
+    named(axes[0], "a) 3-D quadratic: 20 nodes")
+    named(axes[1], "b) 2-D quadratic: 8 nodes")
+    named(axes[2], "c) 2-D linear: 4 nodes")
+    for ax, name in zip(axes, ("hex20", "quad8", "quad4"), strict=True):
+        of = CutModel(name, "solid" if name == "hex20" else "plane_stress")
+        spread = np.ptp(of.nodes[of.elements[0]], axis=0)
+        corner = of.nodes[of.elements[0]].min(axis=0)
+        inside = np.all((of.nodes >= corner - 1e-9) & (of.nodes <= corner + spread + 1e-9), axis=1)
+        places = (of.nodes[inside] - corner) / spread
+        edges = [
+            (p, q)
+            for p, q in combinations(np.array(list(product((0.0, 1.0), repeat=of.dim))), 2)
+            if abs(p - q).sum() == 1
+        ]
+        for edge in edges:
+            ax.plot(*_in_the_plane(np.array(edge)).T, color=STRESS)
+        ax.plot(*_in_the_plane(places).T, "o", color="black", markersize=5)
+        ax.set_aspect("equal")
+        ax.set_axis_off()
+        ax.text(0.5, -0.08, f"{len(places)} nodes", transform=ax.transAxes, ha="center")
+    save(figure, path)
+
+
+def _in_the_plane(x: Array) -> Array:
+    """Return points of a plane as they are, and those in space in parallel projection; shape (n, 2)."""
+    return x if x.shape[1] == 2 else x[:, :2] + x[:, 2:] * np.array([0.45, 0.35])
+
+
+def incompressible_models(path: Path, quick: bool) -> None:
+    """Draw Figure 4.6: plane stress and 3-D at Poisson's ratio 0.5, as printed and ours."""
+    data, a = table("4.5"), np.array(places("4.5"))
+    figure, (ax,) = panels(1, 1, (7.0, 4.4), "Figure 4.6 anew: plane stress and 3-D at Poisson's ratio 0.5")
+    plane, solid = model("quad8", poisson=0.499), model("hex20", "solid", poisson=0.499, integration="reduced")
+    base = data["lem_quad8_plane_stress_Pa"]
+    ours = np.array([plane.convert_modulus(e, solid, at) for e, at in zip(base, a, strict=True)])
+    ax.plot(100 * a, base / 1e3, "s", color=STRESS, label="2-D, 8 nodes, plane stress, printed")
+    ax.plot(100 * a, data["lem_hex20_Pa"] / 1e3, "o", color=SOLID, label="3-D, 20 nodes, reduced integration, printed")
+    ax.plot(100 * a, ours / 1e3, "-", color=SOLID, linewidth=0.9, label="3-D: ours at 0.499, from plane stress")
+    ax.set_ylim(bottom=0)
+    ax.legend(loc="upper left")
+    named(ax, "the cut of Table 4.5", DISTANCE_LABEL, LEM_LABEL)
+    save(figure, path)
 
 
 def displacement_at_the_tip(of: CutModel) -> Array:
@@ -57,11 +106,11 @@ def _draw_faces(ax: Axes, points: Array, faces: NDArray[np.int64], size: Array, 
     ax.add_collection(PolyCollection(list(points[faces]), facecolor="none", edgecolor="white", linewidth=0.5))
 
 
-def _corners_of_the_cut(of: CutModel) -> NDArray[np.int64]:
+def _corners_of_the_cut(of: CutModel, length: float = CUT_LENGTH) -> NDArray[np.int64]:
     """Return corner nodes of the cut's left face, from the clamp to the tip; for bricks those on top."""
     line = of.pairs[np.isin(of.pairs[:, 0], of.elements), 0]
     place = of.nodes[line]
-    return line[(place[:, 1] <= CUT_LENGTH + 1e-9) & (place[:, -1] >= of.nodes[line, -1].max() * (of.dim == 3) - 1e-9)]
+    return line[(place[:, 1] <= length + 1e-9) & (place[:, -1] >= of.nodes[line, -1].max() * (of.dim == 3) - 1e-9)]
 
 
 def _draw_cut(ax: Axes, points: Array) -> None:
@@ -95,6 +144,50 @@ def _draw_solid(ax: Axes, of: CutModel, norm: Normalize) -> None:
     ax.set_aspect("equal")
     ax.axis("off")
     named(ax, "a) 3-D, 20-node bricks of 1 x 1 x 0.25 cm, 1 cm deep")
+
+
+def stages_of_fracture(path: Path, quick: bool) -> None:
+    """Draw Figures 6.1 and 6.2: the specimen with its cutting path, and the stages of a unit of cutting."""
+    title = "Figures 6.1 and 6.2 anew: the cutting path, and the three stages of one unit of cutting (true to scale)"
+    figure, (plan, *stages) = panels(1, 4, (13.0, 5.2), title, sharey=True)
+    of, grown, modulus = model(), CUT_LENGTH + RUN, quasi_static_modulus()
+    force = LEAD * of.stiffness(CUT_LENGTH) * modulus * DEPTH
+    kept = (LEAD - RUN) / LEAD  # of the blade's lead, once the tip has run
+    after = kept * force * of.stiffness(grown) / of.stiffness(CUT_LENGTH)
+    edges = 100 * np.array(
+        [[-of.width / 2, 0], [-of.width / 2, of.length], [of.width / 2, of.length], [of.width / 2, 0]]
+    )
+    plan.plot(*edges.T, color=FORCE)
+    ends = 100 * np.array([0.0, 0.5 * CUT_LENGTH, CUT_LENGTH, grown])
+    plan.plot(0 * ends, ends, "o-", color="black", markersize=4)
+    for number, end in enumerate(ends):
+        plan.text(0.25, end, str(number), va="center")
+    plan.annotate("", (-1.2, ends[2]), (-1.2, 0.0), arrowprops={"arrowstyle": "<->"})
+    plan.text(-1.9, ends[1], "a", va="center")
+    plan.annotate("F, dU", (0.0, ends[3] + 2.2), (0.0, ends[3] + 0.3), arrowprops={"arrowstyle": "->"}, ha="center")
+    named(plan, "6.1: cut from point 0 to 1, 2, 3", "across [cm]", "along the cut [cm]")
+    states = (
+        ("1: undeformed", CUT_LENGTH, 0.0),
+        (f"2: deformed, F = {force:.2f} N", CUT_LENGTH, force),
+        (f"3: cut {1e3 * RUN:.0f} mm longer, F = {after:.2f} N", grown, after),
+    )
+    for ax, (name, length, pushed) in zip(stages, states, strict=True):
+        u = of.displacement(length, pushed, modulus, DEPTH)
+        x = 100 * (of.nodes + u)
+        ax.add_collection(
+            PolyCollection(list(x[of.elements[:, :4]]), facecolor="#f2d3c9", edgecolor="0.6", linewidth=0.5)
+        )
+        faces = _corners_of_the_cut(of, length)
+        ax.plot(*x[faces].T, color="black", linewidth=2.5)
+        ax.plot(*x[faces[-1]], "o", color="#c81e1e", markersize=6)
+        energy = 0.5 * pushed * float(np.linalg.norm(u[faces[-1]]))
+        named(ax, f"6.2, stage {name}\nstrain energy {1e3 * energy:.1f} mJ", "across [cm]")
+    for ax in (plan, *stages):
+        ax.plot([-4, 4], [0, 0], color="black", linewidth=5, solid_capstyle="butt")
+        ax.set_aspect("equal")
+        ax.set_xlim(-4.8, 4.8)
+        ax.set_ylim(-0.4, 16.0)
+    save(figure, path)
 
 
 def _seen_from_above(x: Array) -> Array:
