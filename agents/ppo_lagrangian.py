@@ -4,9 +4,10 @@
     python agents/ppo_lagrangian.py --timesteps 1000000 --name careful
     python scripts/safe_cut.py runs/careful/policy  its cost and return beside those of scripts
 
-It is ppo.py but for what concerns the cost.  The agent learns from (reward - lambda cost) / (1 + lambda).  After every
-rollout lambda rises in proportion to the mean cost of the cuts that ended in it, less the budget, and falls where that
-is negative (dual ascent); lambda is never below 0.
+It is ppo.py but for what concerns the cost.  It first imitates a careful return stroke, which gives up wherever the crack
+would run beyond the target, and begins with a price lambda of the cost.  It learns from (reward - lambda cost) /
+(1 + lambda).  After every rollout lambda rises in proportion to the mean cost of the cuts that ended in it, less the
+budget, and falls where that is negative (dual ascent); lambda is never below 0.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ from stable_baselines3.common.callbacks import BaseCallback
 from cutenv.envs.tracks import COST_BUDGET_MM
 from cutenv.learning.arguments import BadArguments, PPOArguments
 from cutenv.learning.asymmetric_actor_critic import AsymmetricActorCritic
-from cutenv.learning.cloning import Cloning, script_demonstrations
+from cutenv.learning.cloning import Cloning, demonstrations
 from cutenv.learning.command_line import run_program
 from cutenv.learning.on_policy import sb3_keywords
 from cutenv.learning.options import option
 from cutenv.learning.progress import Progress
 from cutenv.learning.run_folder import export, record_run
-from cutenv.policy import Network
+from cutenv.policy import Network, OneReturnStroke
 from cutenv.sb3 import FeatureVecEnv
 
 
@@ -38,8 +39,12 @@ class LagrangianArguments(PPOArguments):
     """Options of PPO with a Lagrange multiplier."""
 
     budget: float = option(COST_BUDGET_MM, "budget for the mean cost of a cut [mm]", (0.0, 1e3))
+    multiplier: float = option(0.05, "first multiplier: price of a mm of cost, in units of return", (0.0, 1e3))
     multiplier_rate: float = option(
-        0.02, "rise of the multiplier after a rollout, per mm of mean cost above the budget", (0.0, 1e3)
+        0.005, "rise of the multiplier after a rollout, per mm of mean cost above the budget", (0.0, 1e3)
+    )
+    beyond: float = option(
+        0.0, "run beyond the target at which the teacher, a return stroke, gives up [m]", (-0.05, 0.05)
     )
 
     def __post_init__(self) -> None:
@@ -91,10 +96,17 @@ def train(arguments: LagrangianArguments, run: Path) -> None:
     )
     model = PPO(AsymmetricActorCritic, environments, **sb3_keywords(arguments))
     if arguments.demonstrations:
-        shown = script_demonstrations(environments, arguments)
+        shown = demonstrations(
+            environments,
+            lambda: OneReturnStroke(beyond=arguments.beyond),
+            decisions=arguments.demonstrations,
+            noise=arguments.demonstration_noise,
+            seed=arguments.seed,
+        )
         actor: Any = model.policy
         Cloning(actor.action_for, actor.actor_parameters(), shown.by_decision(), seed=arguments.seed).run()
 
+    environments.multiplier = arguments.multiplier
     # The multiplier's callback comes first: what Progress does at the end of a rollout may end the training.
     progress = Progress(run, arguments, curve=[])
     ascent = DualAscent(environments, arguments.budget, arguments.multiplier_rate)

@@ -1,6 +1,6 @@
 """Print the cost of policies on cutenv/SafeCut-v1, and their differences from a policy on the same specimens.
 
-    python scripts/safe_cut.py                                    probe and creep: half its mean cost is the budget
+    python scripts/safe_cut.py                                    probe and creep: two thirds of its cost are the budget
     python scripts/safe_cut.py runs/ppo/policy runs/careful/policy "return stroke"
 
 Differences are from the first policy named, which is ``probe and creep`` without any, paired by specimen.
@@ -23,7 +23,7 @@ from cutenv.learning.statistics import by_policy, mean_with_interval
 
 FOLDER, FILE = Path("runs") / "safe-cut", "rows.csv"
 BUDGET_OF = "probe and creep"
-"""Script of whose mean cost the budget is half."""
+"""Script of whose mean cost the budget is two thirds."""
 SCORES = {"return": 3, "success": 3, "cost_mm": 2, "overshoot_mm": 2, "long_runs_mm": 2}
 """Columns of the table and their digits."""
 

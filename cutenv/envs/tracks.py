@@ -16,10 +16,10 @@ from cutenv.task.privileged import PRIVILEGED_FEATURES, append_privileged
 
 PROTOCOL: dict[str, Any] = {"specimen_class": "mixed", "control_hz": 10}
 """Keyword arguments of ``cutenv/GentleCut-v1`` that every track fixes."""
-COST_BUDGET_MM = 1.7
-"""Budget of ``cutenv/SafeCut-v1`` for the mean cost of a cut [mm]: half of what probe and creep costs.
+COST_BUDGET_MM = 2.3
+"""Budget of ``cutenv/SafeCut-v1`` for the mean cost of a cut [mm]: two thirds of what probe and creep costs.
 
-PPO without a constraint already costs less than that script, so that its whole cost would bind nobody.
+PPO without a constraint costs three quarters of it.
 """
 
 
