@@ -4,7 +4,7 @@
     python agents/ppo_lagrangian.py --timesteps 1000000 --name careful
     python scripts/safe_cut.py runs/careful/policy  its cost and return beside those of scripts
 
-It is ppo.py but for what concerns the cost.  It first imitates a careful return stroke, which gives up wherever the crack
+It is ppo.py but for the cost.  It first imitates a careful return stroke, which gives up wherever the crack
 would run beyond the target, and begins with a price lambda of the cost.  It learns from (reward - lambda cost) /
 (1 + lambda).  After every rollout lambda rises in proportion to the mean cost of the cuts that ended in it, less the
 budget, and falls where that is negative (dual ascent); lambda is never below 0.
