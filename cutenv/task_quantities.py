@@ -22,6 +22,8 @@ CLOSE = 0.009
 """Tip error from which on the tip is not close to the target at all [m]."""
 ANGLE_TOLERANCE = math.radians(10.0)
 """Deviation from upright up to which a cut is a success [rad]."""
+OVERSHOOT_ALLOWED = 0.005
+"""Overshoot of the tip beyond the target above which the task ends [m]."""
 FORCE_LIMIT_PER_DEPTH = 1000.0
 """Force per depth at which a task ends for safety by default, and which a score counts as too much [N/m]."""
 SHALLOWEST = 0.001

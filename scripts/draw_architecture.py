@@ -36,7 +36,10 @@ ROWS = (
         Wing("recordings", "files of cuts", ("recording",), "#8a6fb0"),
         Wing("drawing", "pictures, report pages", ("viewer", "report"), "#8a6fb0"),
     ),
-    (Wing("policies", "scripts, planners, trained agents run by NumPy", ("policy",), "#3f8f6b"),),
+    (
+        Wing("policies", "scripts, planners, trained agents", ("policy",), "#3f8f6b"),
+        Wing("vision", "what cameras and X-rays saw of a cut", ("vision",), "#8a6fb0"),
+    ),
     (Wing("task", "observation, reward, ends", ("task",), "#3f8f6b"),),
     (Wing("simulator", "cutting law, drive, sensor", ("plant", "cutting"), "#8f6a1f"),),
     (

@@ -2,7 +2,7 @@
 
     python scripts/update_docs.py parameters agreement specimens calibration speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
-    python scripts/update_docs.py ladder learned-stop stock safe-cut memory     what their scripts left in runs/
+    python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score   what their scripts left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
     python scripts/update_docs.py errata tissue-file rig-file metrics weights ends
@@ -29,6 +29,7 @@ from types import ModuleType
 from typing import Any
 
 import baseline_table
+import check_score
 import declared_tables
 import gymnasium
 import ladder
@@ -81,6 +82,7 @@ PAGES = {
     "agreement": "docs/validation/agreement.md",
     "specimens": "docs/validation/specimens.md",
     "calibration": "docs/validation/calibration.md",
+    "check-score": "docs/validation/score.md",
     "errata": "docs/validation/errata.md",
     "parameters": "docs/reference/constants.md",
     "metrics": "docs/reference/metrics.md",
@@ -346,6 +348,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "memory": lambda _: memory_gap.report(memory_gap.kept(ROOT / memory_gap.FOLDER)),
     "benchmark": benchmark,
     "measures": lambda _: measure_codebase.comparison(),
+    "check-score": lambda _: check_score.report(check_score.kept(ROOT / check_score.FOLDER)),
     "errata": errata,
     "metrics": metrics,
     "weights": weights,

@@ -108,10 +108,13 @@ def _draw_score(canvas: Canvas, card: ScoreCard, x: float, right: float) -> None
         return
     canvas.text(f"{card.overall_score:.0f}", (right - 62, _TOP + 60), size=76, anchor="midright")
     canvas.text("of 100", (right, _TOP + 72), size=19, colour=palette.QUIET, anchor="midright")
-    part = "" if card.completed > 0.95 else f"{100 * card.completed:.0f} % of the target length was cut; "
-    words = f"{part}score within {card.reference.partition(':')[0].replace('(', 'of ')} by scripts"
-    canvas.text(words, (x, _TOP + 72), size=17, colour=palette.QUIET)
-    canvas.text("from what a rig could measure, as: cutenv score RECORD", (x, _TOP + 92), size=15, colour=palette.QUIET)
+    start = x
+    for each in card.points:  # bars whose lengths add up to the score
+        length, most = 3.4 * each.points, 3.4 * each.most
+        canvas.bar(start, _TOP + 64, start + most, _TOP + 78, palette.PANEL)
+        canvas.bar(start, _TOP + 64, start + length, _TOP + 78, palette.GAIN)
+        canvas.text(each.part, (start, _TOP + 90), size=13, colour=palette.QUIET)
+        start += most + 6
 
 
 def _draw_metrics(canvas: Canvas, card: ScoreCard, x: float, right: float, top: float) -> None:

@@ -18,6 +18,7 @@ from cutenv.play.hand_model import PLAYED_HAND, speed_toward
 from cutenv.play.handle_body import Handle, HandlePose
 from cutenv.play.haptics import Stylus
 from cutenv.scoring import ReferenceSet, ScoreCard, score
+from cutenv.scoring.scored_cut import TIP_AT_END
 from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task.observation import to_action
 from cutenv.tissue.grid import depth_below
@@ -143,8 +144,9 @@ class PlayedCut:
         ValueError
             If there are fewer than two readings.
         """
-        return to_trace(self.plant, self.readings, target_length_m=self.target_length, **metadata)
+        noted = {"target_length_m": self.target_length, TIP_AT_END: round(float(self.readings["tip"][-1]), 6)}
+        return to_trace(self.plant, self.readings, **noted, **metadata)
 
     def card(self, trace: Trace) -> ScoreCard:
-        """Return the score of its record, as from ``cutenv score``: from quantities that a rig can measure."""
+        """Return the score of its record, as from ``cutenv score``: where the tip ended is noted in the record."""
         return score(trace, target_length=self.target_length, reference=ReferenceSet.shipped())

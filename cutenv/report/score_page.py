@@ -15,6 +15,27 @@ from cutenv.scoring import METRICS, ScoreCard
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.trace import Trace
 
+LEADING = {
+    "tip_error": "from tip to target",
+    "overshoot": "cut too far",
+    "largest_jump": "longest run",
+    "peak_force": "peak force",
+    "duration": "time",
+}
+"""Metrics on top of the page, in words."""
+GROUPS = {
+    "Target": ("tip_error", "overshoot", "wedge"),
+    "Tissue": (
+        "largest_jump", "uncontrolled_share", "mean_lag", "work_over_fracture", "peak_force", "peak_force_per_depth",
+        "mean_force_per_depth", "rms_force_per_depth", "force_time_integral",
+    ),
+    "Steadiness": (
+        "force_rate", "force_jerk", "force_drops", "mean_force_drop", "force_variation", "crest_factor", "sparc",
+        "log_dimensionless_jerk",
+    ),
+    "Time": ("duration", "idle_time", "reversals"),
+}  # fmt: skip
+"""All metrics by what they tell, in the order of the page."""
 _SPOILS = {"short", "overshoot", "force"}
 """Kinds of faults that no score compensates: a target missed, a force above the limit."""
 
@@ -53,10 +74,11 @@ def write_score_page(path: Path, scored: ScoredRecord) -> Path:
     if kind == "good" and _SPOILS & {fault.kind for fault in card.faults}:
         kind = "open"  # not shown in green, however gentle the rest was
     aimed = "" if scored.target_length is None else f", aimed at {1e3 * scored.target_length:.0f} mm"
+    length = f"{trace.duration:.1f} s at {trace.sample_rate:.0f} Hz"
     write_page(
         path,
         "score.html",
-        subtitle=f"{trace.duration:.1f} s at {trace.sample_rate:.0f} Hz{aimed}; tip: {card.tip_source}.",
+        subtitle=f"{_origin(trace)}{length}{aimed}; tip: {card.tip_source}.",
         kind=kind,
         score_figure=score_figure,
         directions={"lower": "lower", "higher": "higher", "none": "not rewarded"},
@@ -81,17 +103,43 @@ def write_summary(folder: Path, records: Sequence[tuple[ScoredRecord, str]]) -> 
     with atomic_write(data) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         units = [_column(name, records[0][0].card) for name in columns]
-        writer.writerow(["name", "overall_score", "tip_source", *units, "faults"])
+        writer.writerow(["name", "overall_score", "outcome", "tip_source", *units, "faults"])
         for record, _ in records:
             card = record.card
             values = [card.metrics[name].value for name in columns]
             overall = "" if card.overall_score is None else f"{card.overall_score:.1f}"
             cells = ["" if value is None else f"{value:.6g}" for value in values]
             faults = "; ".join(fault.says for fault in card.faults)
-            writer.writerow([card.name, overall, card.tip_source, *cells, faults])
+            writer.writerow([card.name, overall, card.outcome, card.tip_source, *cells, faults])
     target = folder / "summary.html"
-    write_page(target, "summary.html", subtitle=records[0][0].card.reference, records=records, **_SHARED)
+    cards = [record.card for record, _ in records]
+    scores = [card.overall_score for card in cards if card.overall_score is not None]
+    known = [card.outcome for card in cards if card.outcome]
+    successes = sum(outcome.startswith("success") for outcome in known)
+    write_page(
+        target,
+        "summary.html",
+        subtitle=cards[0].reference,
+        records=records,
+        mean_score=number(sum(scores) / len(scores), 0) if scores else "",
+        successes=f"{successes} of {len(known)} succeeded" if known else "",
+        means=[_mean(cards, name) for name in ("tip_error", "largest_jump", "peak_force", "duration")],
+        **_SHARED,
+    )
     return data, target
+
+
+def _mean(cards: Sequence[ScoreCard], name: str) -> str:
+    """Return the mean of a metric as shown, over the cuts that have it."""
+    values = [value for card in cards if (value := card.metrics[name].value) is not None]
+    return _digits(shown_unit(cards[0].unit(name)).from_si(sum(values) / len(values))) if values else ""
+
+
+def _origin(trace: Trace) -> str:
+    """Return who made a cut, when and in what, as far as the record tells."""
+    facts = trace.metadata
+    told = [str(facts[key]) for key in ("operator", "date", "specimen", "specimen_class") if facts.get(key)]
+    return ", ".join(dict.fromkeys(told)) + "; " if told else ""
 
 
 def _column(name: str, card: ScoreCard) -> str:
@@ -113,5 +161,5 @@ def _digits(value: float) -> str:
     return number(value, 0 if whole else 1 if abs(value) >= 10.0 else 2 if abs(value) >= 1.0 else 3)
 
 
-_SHARED = {"disclaimer": DISCLAIMER, "handy": _handy, "metrics": METRICS}
+_SHARED = {"disclaimer": DISCLAIMER, "groups": GROUPS, "handy": _handy, "leading": LEADING, "metrics": METRICS}
 """Context of both pages."""

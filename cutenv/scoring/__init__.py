@@ -2,7 +2,8 @@
 
 from cutenv.scoring import force, motion, outcome  # noqa: F401  they enter their metrics
 from cutenv.scoring.metric import INVARIANCES, METRICS, Metric
-from cutenv.scoring.metric_weights import ForceOnlyWeights, Weights
+from cutenv.scoring.metric_weights import ForceOnlyWeights
+from cutenv.scoring.points import Points
 from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.score_card import ScoreCard, Scored, score
 from cutenv.scoring.scored_cut import ScoredCut, Truth
@@ -14,6 +15,7 @@ __all__ = [
     "METRICS",
     "ForceOnlyWeights",
     "Metric",
+    "Points",
     "ReferenceSet",
     "ScoreCard",
     "Scored",
@@ -21,6 +23,5 @@ __all__ = [
     "TechniqueFault",
     "Truth",
     "Unavailable",
-    "Weights",
     "score",
 ]

@@ -1,4 +1,4 @@
-"""Weights of the leading metrics in the overall score."""
+"""Weights of the metrics by which a record without tip or target is scored: steadiness of the force alone."""
 
 from __future__ import annotations
 
@@ -18,30 +18,12 @@ def _weight(default: float, why: str) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Weights:
-    """Weights of the leading metrics' percentiles in the overall score; they sum to 1.
+class ForceOnlyWeights:
+    """Weights of the leading metrics' percentiles for a record without tip or target; they sum to 1.
 
     They follow research on force-based assessment: steadiness of the force leads, the peak force is only a safety
     limit, and smoothness of the motion is reported but not scored.
     """
-
-    force_rate: float = _weight(0.20, "steadiness leads")
-    force_jerk: float = _weight(0.10, "steadiness leads")
-    force_drops: float = _weight(0.10, "steadiness leads: tissue that tears lets go of the blade")
-    mean_force_drop: float = _weight(0.10, "steadiness leads: tissue that tears lets go of the blade")
-    tip_error: float = _weight(0.20, "the cut is to end where it was to end")
-    overshoot: float = _weight(0.05, "what is cut too far is not mended")
-    uncontrolled_share: float = _weight(0.10, "a crack that runs by itself is not led")
-    work_over_fracture: float = _weight(0.05, "work beyond fracture is friction and damage")
-    duration: float = _weight(0.10, "slowness is no gentleness")
-
-    def __post_init__(self) -> None:
-        _check(self)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ForceOnlyWeights:
-    """Weights of the leading metrics' percentiles for a record of force alone; they sum to 1."""
 
     force_rate: float = _weight(0.30, "steadiness leads")
     force_jerk: float = _weight(0.20, "steadiness leads")
@@ -53,12 +35,12 @@ class ForceOnlyWeights:
         _check(self)
 
 
-def weights_by_metric(weights: Weights | ForceOnlyWeights) -> Mapping[str, float]:
+def weights_by_metric(weights: ForceOnlyWeights) -> Mapping[str, float]:
     """Return the weights by the names of their metrics."""
     return dataclasses.asdict(weights)
 
 
-def _check(weights: Weights | ForceOnlyWeights) -> None:
+def _check(weights: ForceOnlyWeights) -> None:
     check_parameters(weights)
     values = dataclasses.asdict(weights)
     assert set(values) <= set(METRICS), "a weight is named after its metric"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import html
 import json
@@ -12,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutenv.scoring.metric import METRICS, Metric
-from cutenv.scoring.metric_weights import ForceOnlyWeights, Weights, weights_by_metric
+from cutenv.scoring.metric_weights import ForceOnlyWeights, weights_by_metric
+from cutenv.scoring.points import Points, outcome_of, task_points
 from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.scored_cut import ScoredCut, Truth
 from cutenv.scoring.technique import TechniqueFault, technique_faults
@@ -21,10 +23,9 @@ from cutenv.scoring.validity import validity_warnings
 from cutenv.tissue import TissueDescription, measured_liver
 from cutenv.trace import Trace
 
-SCORE_SCHEMA = "cutenv-score/1"
+SCORE_SCHEMA = "cutenv-score/2"
 _SAME_DEPTH = 1e-6  # [m]
 _ROUNDED_OFF = 1e-9  # rounding residue of a computed zero
-_WHOLE = 0.95  # fraction of the target length from which the headline does not mention it
 FEWEST_WEIGHT = 0.5
 """Weight of the leading metrics that must be known for an overall score: with less it would be another score."""
 DISCLAIMER = "Training feedback for research; not validated for assessment or credentialing of people."
@@ -54,13 +55,12 @@ class ScoreCard:
     tip_source : str
         Source of the tip: "truth", "return stroke", "estimated" or "unknown".
     overall_score : float or None
-        Weighted mean of the percentiles of the leading metrics, 0 to 100, times `completed`; None without a
-        reference set.
-    completed : float
-        Fraction of the target length that was cut, at most 1; 1 if target or tip is unknown. It keeps a blade that
-        hardly cuts from scoring well for being steady.
-    weights : mapping of str to float
-        Weights of that mean, over the metrics that were available; they sum to 1.
+        Sum of the points, 0 to 100. None if tip or target is unknown and there is no reference set either.
+    outcome : str
+        Outcome in a few words, as "success, 0.4 mm short"; "" if tip or target is unknown.
+    points : tuple of Points
+        Points, part by part: of the task if tip and target are known, see :func:`cutenv.scoring.points.task_points`;
+        else the percentiles of the leading metrics of force times their weights.
     no_score : str
         Reason why there is no overall score; "" if there is one.
     reference : str
@@ -76,9 +76,9 @@ class ScoreCard:
     metrics: Mapping[str, Scored]
     tip_source: str
     overall_score: float | None
-    completed: float
+    outcome: str
+    points: tuple[Points, ...]
     no_score: str
-    weights: Mapping[str, float]
     reference: str
     faults: tuple[TechniqueFault, ...]
     notes: tuple[str, ...]
@@ -117,9 +117,9 @@ class ScoreCard:
             "name": self.name,
             "force_unit": self.force_unit,
             "overall_score": self.overall_score,
-            "completed": self.completed,
+            "outcome": self.outcome,
+            "points": [dataclasses.asdict(each) for each in self.points],
             "no_score": self.no_score,
-            "weights": dict(self.weights),
             "reference": self.reference,
             "tip_source": self.tip_source,
             "metrics": {
@@ -134,14 +134,15 @@ class ScoreCard:
 
     def __str__(self) -> str:
         lines = [self.name, self.headline()]
+        lines += [f"  {p.part:24s} {p.points:6.1f} of {p.most:3.0f} points: {p.reason}" for p in self.points]
         for name, scored in self.metrics.items():
             if scored.value is None:
                 lines.append(f"  {name:24s} unavailable: {scored.unavailable}")
                 continue
             place = "" if scored.percentile is None else f"better than {scored.percentile:.0f} % of the reference"
-            weight = f"weight {self.weights[name]:.2f}" if name in self.weights else ""
             value, unit = self.readable(name)
-            lines.append(f"  {name:24s} {value:>11s} {unit:6s} {place:35s} {weight}".rstrip())
+            lines.append(f"  {name:24s} {value:>11s} {unit:6s} {place}".rstrip())
+            lines += [f'  "better than" compares with {self.reference}'] if self.reference else []
         lines += [f"  fault: {fault.says}; {fault.try_next}" for fault in self.faults]
         lines += [f"  note: {note}" for note in (*self.notes, DISCLAIMER)]
         return "\n".join(lines)
@@ -150,8 +151,8 @@ class ScoreCard:
         """Return the overall score as a line of text, or the reason why there is none."""
         if self.overall_score is None:
             return f"no overall score: {self.no_score}"
-        part = "" if self.completed > _WHOLE else f" with {100.0 * self.completed:.0f} % of the target length cut"
-        return f"overall score {self.overall_score:.0f} of 100{part}, compared with {self.reference}"
+        of = self.outcome or f"of the force alone, compared with {self.reference}"
+        return f"overall score {self.overall_score:.0f} of 100: {of}"
 
     def _repr_html_(self) -> str:
         rows = "".join(
@@ -159,10 +160,11 @@ class ScoreCard:
             f"<td>{'' if scored.percentile is None else f'{scored.percentile:.0f} %'}</td></tr>"
             for name, scored in self.metrics.items()
         )
+        among = f'<p>"Better than" compares with {html.escape(self.reference)}.</p>' if self.reference else ""
         faults = "".join(f"<li>{html.escape(f'{fault.says}: {fault.try_next}')}</li>" for fault in self.faults)
         return (
             f"<h3>{html.escape(self.name)}</h3><p>{html.escape(self.headline())}</p>"
-            f"<table><tr><th>metric</th><th>value</th><th>unit</th><th>better than</th></tr>{rows}</table>"
+            f"<table><tr><th>metric</th><th>value</th><th>unit</th><th>better than</th></tr>{rows}</table>{among}"
             f"<ul>{faults}</ul><p><small>{html.escape(DISCLAIMER)}</small></p>"
         )
 
@@ -173,7 +175,7 @@ def score(
     target_length: float | None = None,
     truth: Truth | None = None,
     reference: ReferenceSet | None = None,
-    weights: Weights | ForceOnlyWeights | None = None,
+    weights: ForceOnlyWeights | None = None,
     tissue: TissueDescription | None = None,
     name: str | None = None,
 ) -> ScoreCard:
@@ -188,9 +190,9 @@ def score(
     truth : Truth, optional
         Hidden state from a simulator; without it the tip is estimated, and a note on the card states it.
     reference : ReferenceSet, optional
-        Set within which percentiles are computed; without one there are metrics but no score.
-    weights : Weights or ForceOnlyWeights, optional
-        Weights of the score; the default depends on whether the record has positions.
+        Set within which percentiles are computed. A record without tip or target has no overall score without one.
+    weights : ForceOnlyWeights, optional
+        Weights of the overall score of a record without tip or target.
     tissue : TissueDescription, optional
         Tissue with which the tip is estimated; default pig liver.
     name : str, optional
@@ -212,34 +214,54 @@ def score(
     if target_length is None and trace.metadata.get("target_length_m") is not None:
         target_length = trace.metadata["target_length_m"]
     cut = ScoredCut(trace=trace, target_length=target_length, truth=truth, tissue=tissue or measured_liver())
-    chosen = weights_by_metric(weights or (Weights() if trace.position is not None else ForceOnlyWeights()))
     fits = reference is not None and reference.force_unit == trace.force_unit
     metrics = {each.name: _scored(each, cut, reference if fits else None) for each in METRICS.values()}
-    known = {metric: w for metric, w in chosen.items() if metrics[metric].percentile is not None and w > 0.0}
-    no_score = _no_score(trace, cut, reference, sum(known.values()))
-    known = {} if no_score else {metric: w / sum(known.values()) for metric, w in known.items()}
-    mean = sum(w * float(metrics[metric].percentile or 0.0) for metric, w in known.items())
+    points, outcome, no_score = _overall(cut, metrics, reference, weights or ForceOnlyWeights())
     faults = () if cut.twofold else tuple(technique_faults(cut))
     return ScoreCard(
         name=name or str(trace.metadata.get("name", "cut")),
         force_unit=trace.force_unit,
         metrics=metrics,
         tip_source=cut.tip_source,
-        overall_score=None if no_score else _completed(cut) * mean,
-        completed=_completed(cut),
+        overall_score=None if no_score else sum(each.points for each in points),
+        outcome=outcome,
+        points=points,
         no_score=no_score,
-        weights=known,
         reference="" if reference is None else f"{reference.name} ({len(reference)} cuts: {reference.about})",
         faults=faults,
-        notes=(*_notes(cut, chosen, known), *_doubted_depth(cut, faults)),
+        notes=(*_notes(cut, points, outcome), *_doubted_depth(cut, faults)),
     )
 
 
-def _completed(cut: ScoredCut) -> float:
-    try:
-        return min(max(float(cut.tip[-1]) / cut.length, 0.0), 1.0)
-    except Unavailable:
-        return 1.0
+def _overall(
+    cut: ScoredCut, metrics: Mapping[str, Scored], reference: ReferenceSet | None, weights: ForceOnlyWeights
+) -> tuple[tuple[Points, ...], str, str]:
+    """Return the points, the outcome if tip and target are known, and the reason if there is no overall score."""
+    doubt = cut.twofold or cut.spoiled or cut.unfinished
+    if doubt:
+        return (), "", doubt
+    known = {name: scored.value for name, scored in metrics.items() if scored.value is not None}
+    with contextlib.suppress(Unavailable):
+        return task_points(cut, known), outcome_of(cut, known), ""
+    if reference is None:
+        return (), "", "no reference set of such records"
+    if reference.force_unit != cut.trace.force_unit:
+        units = f"{reference.force_unit!r}, this record's in {cut.trace.force_unit!r}"
+        return (), "", f"the force of {reference.name} is in unit {units}"
+    ranked = {name: w for name, w in weights_by_metric(weights).items() if metrics[name].percentile is not None and w}
+    total = sum(ranked.values())
+    if total < FEWEST_WEIGHT:
+        return (), "", f"leading metrics of {total:.0%} of the weight are known, and {FEWEST_WEIGHT:.0%} are needed"
+    points = tuple(
+        Points(
+            part=name,
+            points=w / total * float(metrics[name].percentile or 0.0),
+            most=100.0 * w / total,
+            reason=f"better than {metrics[name].percentile:.0f} % of {reference.name}",
+        )
+        for name, w in ranked.items()
+    )
+    return points, "", ""
 
 
 def _scored(each: Metric, cut: ScoredCut, reference: ReferenceSet | None) -> Scored:
@@ -254,23 +276,7 @@ def _scored(each: Metric, cut: ScoredCut, reference: ReferenceSet | None) -> Sco
     return Scored(value=value, percentile=None if reference is None else reference.percentile(each.name, value))
 
 
-def _no_score(trace: Trace, cut: ScoredCut, reference: ReferenceSet | None, weight: float) -> str:
-    """Return the reason why there is no overall score; "" if leading metrics of enough weight are known."""
-    doubt = cut.twofold or cut.spoiled or cut.unfinished
-    if doubt:
-        return doubt
-    if reference is None:
-        return "no reference set of such records"
-    if reference.force_unit != trace.force_unit:
-        return (
-            f"the force of {reference.name} is in unit {reference.force_unit!r}, this record's in {trace.force_unit!r}"
-        )
-    if weight < FEWEST_WEIGHT:
-        return f"leading metrics of {weight:.0%} of the weight are known, and {FEWEST_WEIGHT:.0%} are needed"
-    return ""
-
-
-def _notes(cut: ScoredCut, chosen: Mapping[str, float], known: Mapping[str, float]) -> list[str]:
+def _notes(cut: ScoredCut, points: Sequence[Points], outcome: str) -> list[str]:
     notes = [
         {
             "truth": "tip: the simulator's own",
@@ -280,9 +286,12 @@ def _notes(cut: ScoredCut, chosen: Mapping[str, float], known: Mapping[str, floa
             "unknown": "tip: unknown; force alone is judged",
         }["guessed" if cut.tip_source == "estimated" and cut.own_modulus is None else cut.tip_source]
     ]
-    if not known:
+    if cut.truth is None and cut.noted_end is not None:
+        notes.append("where the tip ended is the simulator's own")
+    if not points:
         notes.append("metrics, and no claim of skill")
-    left = sorted(set(chosen) - set(known)) if known else []
+    counted = {each.part for each in points}
+    left = [] if outcome or not points else sorted(set(weights_by_metric(ForceOnlyWeights())) - counted)
     if left:
         notes.append(f"not counted, without a value or a reference: {', '.join(left)}")
     return notes + validity_warnings(cut.trace, cut.quality)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -33,6 +34,9 @@ RATE = 100.0
 """Rate at which force and motion are compared [Hz]: a hand moves below 10 Hz."""
 BANDWIDTH = 5.0
 """Low-pass cut-off of the force for its rate and jerk [Hz]: Butterworth of order 2, forward and backward, no delay."""
+TIP_AT_END = "tip_end_m"
+"""Metadata in which a simulator notes the true crack tip at the end of its record [m]."""
+_FARTHEST = 0.5  # [m]
 _UNDER_FORCE = 0.1  # fraction of the rise from the unloaded force to the peak at which a cut without position begins
 _AT_ENDS = 5  # samples at 100 Hz averaged at either end
 _FEWEST_HZ = 20.0  # readings a second, below which 5 Hz cannot be resolved
@@ -357,7 +361,20 @@ class ScoredCut:
             a = x - elastic / self.stiffness(self.modulus, a)
         a = np.where(moves & (elastic > 0.0), a, -np.inf)
         tip = np.maximum(np.maximum.accumulate(a), min(float(x[0]), 0.0))
-        return np.minimum(tip, back.tip) if back is not None else tip
+        return self._ending_where_it_did(np.minimum(tip, back.tip) if back is not None else tip)
+
+    @property
+    def noted_end(self) -> float | None:
+        """Crack tip at the end of the cut as the simulator noted it in the record [m]; None if it did not."""
+        noted = self.trace.metadata.get(TIP_AT_END)
+        if isinstance(noted, int | float) and math.isfinite(noted) and 0.0 <= noted <= _FARTHEST:
+            return float(noted)
+        return None
+
+    def _ending_where_it_did(self, tip: Array) -> Array:
+        """Return the estimated tip, stretched to its noted end."""
+        noted = self.noted_end
+        return tip if noted is None or tip[-1] <= 0.0 else tip * (noted / float(tip[-1]))
 
 
 def even_instants(time: Array, rate: float) -> Array:

@@ -25,14 +25,12 @@ from dataclasses import dataclass
 
 from cutenv._engine.fuse import Formula
 from cutenv.cutting.dtypes import TICK
-from cutenv.task_quantities import TIP_TOLERANCE, closeness, force_per_depth, lag, wedge
+from cutenv.task_quantities import OVERSHOOT_ALLOWED, TIP_TOLERANCE, closeness, force_per_depth, lag, wedge
 
 FORCE_ALLOWED = 400.0
 """Force per depth of cut up to which no force cost is charged [N/m]."""
 LAG_ALLOWED = 0.010
 """Lag of the tip behind the blade up to which no lag cost is charged [m]."""
-OVERSHOOT_ALLOWED = 0.005
-"""Overshoot of the tip beyond the target above which the task ends [m]."""
 LAG_CHARGED = 0.010
 """Largest excess lag that is charged [m]: in a soft and tough specimen no blade can keep the tip nearer."""
 WITHDRAWN = 0.020

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from scored_cuts import CUTS, TARGET, changed, cut
 
-from cutenv.scoring import METRICS, ForceOnlyWeights, ReferenceSet, ScoreCard, Truth, Weights, score
+from cutenv.scoring import METRICS, ForceOnlyWeights, ReferenceSet, ScoreCard, Truth, score
 from cutenv.scoring.metric_weights import weights_by_metric
+from cutenv.scoring.points import ACCURACY, MISSED, STEADINESS, SUCCESS, TIME, TISSUE, WAY
 from cutenv.scoring.reference import FEWEST_REFERENCE_CUTS
 from cutenv.scoring.score_card import FEWEST_WEIGHT
+from cutenv.scoring.scored_cut import TIP_AT_END
+from cutenv.task_quantities import CLOSE, TIP_TOLERANCE
 
 UPRIGHT = "upright, and back"
 ALONE = "force alone, 30 Hz"
-
-
-FAR = 0.149  # [m], nearly twice the target
 
 
 def reference(force_unit: str = "N", cuts: int = 40, **columns: object) -> ReferenceSet:
@@ -83,57 +83,100 @@ def test_a_lurch_that_rests_on_one_depth_for_the_whole_cut_is_doubted() -> None:
     assert not any(doubt in note for note in score(trace, target_length=TARGET).notes)
 
 
-def test_without_a_reference_there_are_metrics_and_no_claim() -> None:
-    card = score(cut(UPRIGHT), target_length=TARGET)
+def test_without_a_reference_force_alone_has_metrics_and_no_claim() -> None:
+    card = score(cut(ALONE))
     assert card.overall_score is None
-    assert not card.weights
+    assert not card.points
     assert all(scored.percentile is None for scored in card.metrics.values())
     assert "no reference set" in card.headline()
     assert card["force_rate"] > 0.0
 
 
 @pytest.mark.parametrize("kind", CUTS)
-def test_the_overall_score_is_the_weighted_mean_of_percentiles(kind: str) -> None:
+def test_the_points_add_up_to_the_overall_score(kind: str) -> None:
     card = cards()[kind]
-    assert card.overall_score is not None
-    assert sum(card.weights.values()) == pytest.approx(1.0)
-    by_hand = sum(weight * float(card.metrics[name].percentile or 0.0) for name, weight in card.weights.items())
-    assert card.overall_score == pytest.approx(card.completed * by_hand)
-    for name, weight in card.weights.items():
-        (line,) = (line for line in str(card).splitlines() if line.split()[0] == name)
-        assert line.endswith(f"weight {weight:.2f}")
+    assert card.overall_score == pytest.approx(sum(each.points for each in card.points))
+    assert all(0.0 <= each.points <= each.most for each in card.points)
+    for each in card.points:
+        (line,) = (line for line in str(card).splitlines() if re.match(rf"  {each.part} .* points: ", line))
+        assert f"{each.points:.1f} of" in line
 
 
-def test_a_blade_that_hardly_cuts_is_steady_and_scores_little() -> None:
-    whole = cards()[UPRIGHT]
-    half = score(cut(UPRIGHT), target_length=FAR, reference=reference())
-    assert whole.overall_score is not None
-    assert half.overall_score is not None
-    assert half.completed == pytest.approx(TARGET / FAR, abs=0.1)
-    assert half.overall_score < 0.75 * whole.overall_score
-    assert "% of the target length cut" in half.headline()
+def test_force_alone_is_the_weighted_mean_of_percentiles() -> None:
+    card = cards()[ALONE]
+    weights = weights_by_metric(ForceOnlyWeights())
+    by_hand = sum(weight * float(card.metrics[name].percentile or 0.0) for name, weight in weights.items())
+    assert card.overall_score == pytest.approx(by_hand)
 
 
-@pytest.mark.parametrize("weights", [Weights(), ForceOnlyWeights()])
-def test_weights_are_of_metrics_that_have_a_direction_and_sum_to_one(weights: Weights | ForceOnlyWeights) -> None:
-    named = weights_by_metric(weights)
+def told(tip_at_end: float, **metadata: object) -> ScoreCard:
+    """The upright cut, as if a simulator had noted that its tip ended there [m]."""
+    trace = cut(UPRIGHT)
+    return score(
+        changed(trace, metadata=dict(trace.metadata) | {TIP_AT_END: tip_at_end} | metadata), target_length=TARGET
+    )
+
+
+def test_every_success_has_more_than_any_failure() -> None:
+    near = [told(TARGET + off).overall_score for off in (-0.0029, 0.0, 0.0029)]
+    missed = [told(TARGET + off).overall_score for off in (-0.05, -0.0031, 0.0031, 0.0049)]
+    given_up = told(TARGET, end="given up")
+    assert min(near) > 100.0 * 0.5667  # the least that a success has
+    assert max(*missed, given_up.overall_score) < min(near)
+    assert "not finished: given up" in given_up.outcome
+    most_of_a_failure = WAY + ACCURACY + MISSED * (TISSUE + STEADINESS + TIME)
+    assert most_of_a_failure < WAY + ACCURACY * (1.0 - TIP_TOLERANCE / CLOSE) + SUCCESS
+
+
+def test_a_part_that_was_cut_counts_by_how_far() -> None:
+    scores = [told(share * TARGET).overall_score for share in (0.1, 0.4, 0.7, 0.95)]
+    assert scores == sorted(scores)
+    assert scores[0] < 12.0
+
+
+@pytest.mark.parametrize(
+    ("metadata", "end", "outcome"),
+    [
+        ({}, TARGET + 0.0061, "the cut is 6 mm too long"),
+        ({"end": "overshoot"}, TARGET, "the cut is 5 mm too long"),
+        ({"end": "force_limit"}, TARGET, "the force exceeded 1000 N per metre of depth"),
+    ],
+)
+def test_beyond_a_limit_little_counts(metadata, end, outcome) -> None:
+    card = told(end, **metadata)
+    assert card.outcome == outcome
+    assert card.overall_score < told(0.5 * TARGET).overall_score
+
+
+def test_runs_pressing_and_restlessness_cost_points() -> None:
+    trace, still = jumped(0.0, 0.03)
+    points = {each.part: each.points for each in score(trace, target_length=TARGET, truth=still).points}
+    trace, run = jumped(0.012, 0.03)
+    after = {each.part: each.points for each in score(trace, target_length=TARGET, truth=run).points}
+    assert after["tissue"] < points["tissue"] - 5.0
+    assert {name for name in points if after[name] != points[name]} == {"tissue"}
+    shaken = changed(trace, force=trace.force + 0.8 * np.sin(2.0 * math.pi * 3.0 * trace.time))
+    restless = {each.part: each.points for each in score(shaken, target_length=TARGET, truth=still).points}
+    assert restless["steadiness"] < points["steadiness"]
+
+
+def test_weights_are_of_metrics_that_have_a_direction_and_sum_to_one() -> None:
+    named = weights_by_metric(ForceOnlyWeights())
     assert sum(named.values()) == pytest.approx(1.0)
     assert all(METRICS[name].direction != "none" for name in named)
     assert not {"peak_force", "peak_force_per_depth"} & set(named)
-    steadiness = ("force_rate", "force_jerk", "force_drops", "mean_force_drop")
-    assert sum(named[name] for name in steadiness) >= 0.5
 
 
 def test_weights_that_do_not_sum_to_one_are_refused() -> None:
     with pytest.raises(ValueError, match=r"weights sum to 1\.1; they must sum to 1"):
-        Weights(force_rate=0.3)
+        ForceOnlyWeights(force_rate=0.4)
     with pytest.raises(TypeError, match="smoothness"):
-        Weights(smoothness=0.1)  # type: ignore[call-arg]
+        ForceOnlyWeights(smoothness=0.1)  # type: ignore[call-arg]
 
 
 def test_force_alone_is_scored_by_its_own_weights_and_says_so() -> None:
     card = cards()[ALONE]
-    assert set(card.weights) == set(weights_by_metric(ForceOnlyWeights()))
+    assert {each.part for each in card.points} == set(weights_by_metric(ForceOnlyWeights()))
     assert card.tip_source == "unknown"
     assert "tip: unknown; force alone is judged" in card.notes
     assert "position was not recorded" in card.metrics["idle_time"].unavailable
@@ -141,11 +184,10 @@ def test_force_alone_is_scored_by_its_own_weights_and_says_so() -> None:
     assert cards()[UPRIGHT].unit("force_rate") == "N/s"
 
 
-@pytest.mark.parametrize(("kind", "unit"), [(UPRIGHT, "1"), (ALONE, "N")])
-def test_a_reference_of_another_force_unit_gives_no_percentile(kind: str, unit: str) -> None:
-    card = score(cut(kind), target_length=TARGET, reference=reference(unit))
+def test_a_reference_of_another_force_unit_gives_no_percentile() -> None:
+    card = score(cut(ALONE), target_length=TARGET, reference=reference("N"))
     assert card.overall_score is None
-    assert f"in unit '{unit}'" in card.no_score
+    assert "in unit 'N'" in card.no_score
     assert all(scored.percentile is None for scored in card.metrics.values())
 
 
@@ -166,7 +208,7 @@ def test_a_percentile_within_few_cuts_says_nothing() -> None:
 def test_little_known_is_no_score_of_the_whole() -> None:
     """A reference set that knows only the time ranks nobody."""
     only_time = dataclasses.replace(reference(), values={"duration": np.arange(1.0, 41.0)})
-    card = score(cut(UPRIGHT), target_length=TARGET, reference=only_time)
+    card = score(cut(UPRIGHT), reference=only_time)
     assert card.overall_score is None
     assert f"{FEWEST_WEIGHT:.0%} are needed" in card.no_score
     assert card.metrics["duration"].percentile is not None

@@ -126,7 +126,7 @@ def test_a_folder_of_ones_own_people_is_a_reference(tmp_path: Path, capsys: pyte
         capsys, tmp_path / "mine.csv", "--target-length", "75mm", "--reference", people, "--out", tmp_path
     )
     assert status == 0, err
-    assert f"compared with people ({FEWEST_REFERENCE_CUTS} cuts" in out
+    assert f"compares with people ({FEWEST_REFERENCE_CUTS} cuts" in out
     percentile = json.loads((tmp_path / "mine_score.json").read_text())["metrics"]["peak_force"]["percentile"]
     assert 30.0 < percentile < 70.0  # the middle one of those forces
 

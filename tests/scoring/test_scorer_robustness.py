@@ -62,7 +62,7 @@ def joined(first: Trace, second: Trace) -> Trace:
 
 
 def test_a_good_record_is_scored() -> None:
-    assert scored(cut(GOOD)).overall_score == pytest.approx(50.0, abs=10.0)
+    assert scored(cut(GOOD)).overall_score > 70.0
     assert scored(force_alone(cut(GOOD))).overall_score == pytest.approx(50.0, abs=10.0)
 
 

@@ -11,13 +11,18 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
 from cutenv.scoring.metric import METRICS
-from cutenv.scoring.metric_weights import ForceOnlyWeights, Weights, weights_by_metric
+from cutenv.scoring.metric_weights import ForceOnlyWeights, weights_by_metric
 from cutenv.scoring.score_card import ScoreCard
 from cutenv.scoring.study.estimate import FEWEST_PEOPLE
 from cutenv.scoring.study.learning import Cusum, LearningCurve, cusum, learning_curve
 from cutenv.scoring.study.reliability import Intraclass, OneWay, intraclass_correlation, one_way_reliability
 from cutenv.scoring.study.separation import FEWEST_IN_A_GROUP, Separation, separation
 
+LEADING = (
+    "tip_error", "overshoot", "largest_jump", "uncontrolled_share", "force_rate", "force_jerk", "force_drops",
+    "mean_force_drop", "duration",
+)  # fmt: skip
+"""Metrics that are studied if none are named and the records have positions."""
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -194,7 +199,7 @@ class Study:
         if self.metrics:
             return tuple(dict.fromkeys(self.metrics))
         moved = any(cut.card.metrics["idle_time"].value is not None for cut in self.cuts)
-        return tuple(weights_by_metric(Weights() if moved else ForceOnlyWeights()))
+        return LEADING if moved else tuple(weights_by_metric(ForceOnlyWeights()))
 
     def _find(self, metric: str, notes: list[str]) -> Findings | None:
         scored = [(cut, cut.card.metrics[metric]) for cut in self.cuts]

@@ -1,0 +1,186 @@
+"""Points of a cut, part by part; the overall score is their sum, up to 100."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from cutenv.scoring.scored_cut import ScoredCut
+from cutenv.task_quantities import (
+    ANGLE_TOLERANCE,
+    CLOSE,
+    FORCE_LIMIT_PER_DEPTH,
+    OVERSHOOT_ALLOWED,
+    RUN_ALLOWED,
+    TIP_TOLERANCE,
+    closeness,
+    tip_error,
+    wedge,
+)
+
+WAY, ACCURACY, SUCCESS = 30.0, 10.0, 20.0
+"""Points for the tip's way to the target, for a tip near it, and for a success."""
+TISSUE, STEADINESS, TIME = 25.0, 10.0, 5.0
+"""Points for sparing the tissue, for a steady force, and for the time, of a success."""
+MISSED = 0.375
+"""Share of these that counts where the target was missed, so that every success has more than any failure."""
+BEYOND_LIMIT = 0.2
+"""Share of the points for the way that counts after a cut beyond a limit, which nothing else makes up for."""
+DEADLINE = 30.0
+"""Duration of a cut that has no points for the time [s]."""
+_RUNS, _LONG_RUN, _PRESSED, _LAG = 0.7, 0.020, 1000.0, 0.020  # per share, [m], [N/m], [m]: each takes all the points
+_LAG_ALLOWED, _PRESSED_ALLOWED = 0.008, 600.0  # [m], [N/m]
+_LEAST_ANGLE = 0.5 * math.pi - ANGLE_TOLERANCE  # [rad]
+_RESTLESS = 2.0  # [1/s]: RMS rate of the force over its peak that has no points
+
+
+@dataclass(frozen=True, kw_only=True)
+class Points:
+    """Points of one part of the overall score.
+
+    Attributes
+    ----------
+    part : str
+        Name of the part, or of the metric.
+    points, most : float
+        Points of this cut, and of the best.
+    reason : str
+        What they are given for, in words for people.
+    """
+
+    part: str
+    points: float
+    most: float
+    reason: str
+
+
+def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[Points, ...]:
+    """Return the points of a cut whose tip and target are known, in the order of the task.
+
+    Reaching the target and sparing the tissue dominate; a steady force and the time decide among successes. The
+    quantities are those that the task's reward charges.
+
+    Parameters
+    ----------
+    cut : ScoredCut
+        The cut.
+    metrics : mapping of str to float
+        Values of the metrics that are available.
+
+    Raises
+    ------
+    Unavailable
+        If the tip or the target is unknown.
+    """
+    end, length = float(cut.tip[cut.end]), cut.length
+    off = tip_error(end, length)
+    way = min(max(end / length, 0.0), 1.0)
+    fault = beyond_limit(cut, metrics)
+    if fault:
+        return (Points(part="way", points=BEYOND_LIMIT * WAY * way, most=WAY, reason=f"{fault}: little else counts"),)
+    success = succeeded(cut)
+    counts = way * (1.0 if success else MISSED)
+    less = "" if success else "; counts for less, because the target was missed"
+    side = "short of" if end < length else "beyond"
+    gained = (
+        Points(part="way", points=WAY * way, most=WAY, reason=f"{way:.0%} of the way to the target was cut"),
+        Points(
+            part="accuracy",
+            points=ACCURACY * float(closeness(end, length)),
+            most=ACCURACY,
+            reason=f"the cut ends {1e3 * off:.1f} mm {side} the target; from {1e3 * CLOSE:.0f} mm on there is nothing",
+        ),
+        Points(part="success", points=SUCCESS * success, most=SUCCESS, reason=_success(cut, success=success)),
+    )
+    qualities = (
+        ("tissue", TISSUE, _tissue(metrics), "few and short runs, little pressing and dragging"),
+        ("steadiness", STEADINESS, _steadiness(metrics), "a force that changes slowly"),
+        (
+            "time",
+            TIME,
+            1.0 - metrics.get("duration", DEADLINE) / DEADLINE,
+            f"from {DEADLINE:.0f} s on there is nothing",
+        ),
+    )
+    return gained + tuple(
+        Points(part=name, points=most * counts * _share(quality), most=most, reason=why + less)
+        for name, most, quality, why in qualities
+    )
+
+
+def succeeded(cut: ScoredCut) -> bool:
+    """Return True for a tip near the target, under an upright blade, in a cut that ended as it should.
+
+    Raises
+    ------
+    Unavailable
+        If the tip or the target is unknown.
+    """
+    near = tip_error(float(cut.tip[cut.end]), cut.length) <= TIP_TOLERANCE
+    upright = cut.trace.angle is None or abs(wedge(float(cut.angle[cut.end]), 1.0)) <= wedge(_LEAST_ANGLE, 1.0)
+    return near and upright and cut.trace.metadata.get("end", "finished") == "finished"
+
+
+def outcome_of(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
+    """Return the outcome of a cut in a few words.
+
+    Raises
+    ------
+    Unavailable
+        If the tip or the target is unknown.
+    """
+    off = 1e3 * (float(cut.tip[cut.end]) - cut.length)
+    place = f"{abs(off):.1f} mm {'short of' if off < 0.0 else 'beyond'} the target"
+    if fault := beyond_limit(cut, metrics):
+        return fault
+    if succeeded(cut):
+        return f"success, {place}"
+    return place if abs(off) > 1e3 * TIP_TOLERANCE else f"{place}, but {_success(cut, success=False)}"
+
+
+def beyond_limit(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
+    """Return which limit of the task was exceeded, in words; "" if none was.
+
+    Raises
+    ------
+    Unavailable
+        If the tip or the target is unknown.
+    """
+    too_far = float(cut.tip[: cut.end + 1].max()) - cut.length
+    told = cut.trace.metadata.get("end")
+    if too_far > OVERSHOOT_ALLOWED or told == "overshoot":
+        return f"the cut is {1e3 * max(too_far, OVERSHOOT_ALLOWED):.0f} mm too long"
+    if metrics.get("peak_force_per_depth", 0.0) > FORCE_LIMIT_PER_DEPTH or told == "force_limit":
+        return f"the force exceeded {FORCE_LIMIT_PER_DEPTH:.0f} N per metre of depth"
+    return ""
+
+
+def _success(cut: ScoredCut, *, success: bool) -> str:
+    if success:
+        return "the target was reached"
+    if tip_error(float(cut.tip[cut.end]), cut.length) > TIP_TOLERANCE:
+        return f"the tip must end within {1e3 * TIP_TOLERANCE:.0f} mm of the target"
+    ended = cut.trace.metadata.get("end", "finished")
+    return "the blade must end upright" if ended == "finished" else f"the cut was not finished: {ended}"
+
+
+def _tissue(metrics: Mapping[str, float]) -> float:
+    """Return 1 for tissue that was spared, less for runs, pressing and dragging."""
+    return (
+        1.0
+        - _RUNS * metrics.get("uncontrolled_share", 0.0)
+        - max(metrics.get("largest_jump", 0.0) - RUN_ALLOWED, 0.0) / _LONG_RUN
+        - max(metrics.get("peak_force_per_depth", 0.0) - _PRESSED_ALLOWED, 0.0) / _PRESSED
+        - max(metrics.get("mean_lag", 0.0) - _LAG_ALLOWED, 0.0) / _LAG
+    )
+
+
+def _steadiness(metrics: Mapping[str, float]) -> float:
+    """Return 1 for a force that does not change, less for its rate over its peak."""
+    peak = metrics.get("peak_force", 0.0)
+    return 1.0 - metrics.get("force_rate", 0.0) / peak / _RESTLESS if peak > 0.0 else 0.0
+
+
+def _share(value: float) -> float:
+    return min(max(value, 0.0), 1.0)
