@@ -40,7 +40,7 @@ DIFFERENT = 0.1  # in return
 
 
 class Agreement(NamedTuple):
-    """How far the score agrees with the task, over pairs of cuts of the same specimen."""
+    """Agreement of the score with the task, over pairs of cuts of the same specimen."""
 
     success_pairs: int
     success_wrong: int

@@ -15,7 +15,7 @@ from cutenv.scoring import METRICS, ScoreCard
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.trace import Trace
 
-LEADING = {
+ON_TOP = {
     "tip_error": "from tip to target",
     "overshoot": "cut too far",
     "largest_jump": "longest run",
@@ -23,7 +23,7 @@ LEADING = {
     "duration": "time",
 }
 """Metrics on top of the page, in words."""
-GROUPS = {
+METRIC_GROUPS = {
     "Target": ("tip_error", "overshoot", "wedge"),
     "Tissue": (
         "largest_jump", "uncontrolled_share", "mean_lag", "work_over_fracture", "peak_force", "peak_force_per_depth",
@@ -161,5 +161,5 @@ def _digits(value: float) -> str:
     return number(value, 0 if whole else 1 if abs(value) >= 10.0 else 2 if abs(value) >= 1.0 else 3)
 
 
-_SHARED = {"disclaimer": DISCLAIMER, "groups": GROUPS, "handy": _handy, "leading": LEADING, "metrics": METRICS}
+_SHARED = {"disclaimer": DISCLAIMER, "groups": METRIC_GROUPS, "handy": _handy, "leading": ON_TOP, "metrics": METRICS}
 """Context of both pages."""

@@ -3,7 +3,7 @@
 from cutenv.scoring import force, motion, outcome  # noqa: F401  they enter their metrics
 from cutenv.scoring.metric import INVARIANCES, METRICS, Metric
 from cutenv.scoring.metric_weights import ForceOnlyWeights
-from cutenv.scoring.points import Points
+from cutenv.scoring.points import ScorePoints
 from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.score_card import ScoreCard, Scored, score
 from cutenv.scoring.scored_cut import ScoredCut, Truth
@@ -15,9 +15,9 @@ __all__ = [
     "METRICS",
     "ForceOnlyWeights",
     "Metric",
-    "Points",
     "ReferenceSet",
     "ScoreCard",
+    "ScorePoints",
     "Scored",
     "ScoredCut",
     "TechniqueFault",

@@ -1,4 +1,4 @@
-"""Points of a cut, part by part; the overall score is their sum, up to 100."""
+"""ScorePoints of a cut, part by part; the overall score is their sum, up to 100."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from cutenv.task_quantities import (
     wedge,
 )
 
-WAY, ACCURACY, SUCCESS = 30.0, 10.0, 20.0
-"""Points for the tip's way to the target, for a tip near it, and for a success."""
-TISSUE, STEADINESS, TIME = 25.0, 10.0, 5.0
-"""Points for sparing the tissue, for a steady force, and for the time, of a success."""
+WAY_POINTS, ACCURACY_POINTS, SUCCESS_POINTS = 30.0, 10.0, 20.0
+"""ScorePoints for the tip's way to the target, for a tip near it, and for a success."""
+TISSUE_POINTS, STEADINESS_POINTS, TIME_POINTS = 25.0, 10.0, 5.0
+"""ScorePoints for sparing the tissue, for a steady force, and for the time, of a success."""
 MISSED = 0.375
 """Share of these that counts where the target was missed, so that every success has more than any failure."""
 BEYOND_LIMIT = 0.2
@@ -36,15 +36,15 @@ _RESTLESS = 2.0  # [1/s]: RMS rate of the force over its peak that has no points
 
 
 @dataclass(frozen=True, kw_only=True)
-class Points:
-    """Points of one part of the overall score.
+class ScorePoints:
+    """ScorePoints of one part of the overall score.
 
     Attributes
     ----------
     part : str
         Name of the part, or of the metric.
     points, most : float
-        Points of this cut, and of the best.
+        ScorePoints of this cut, and of the best.
     reason : str
         What they are given for, in words for people.
     """
@@ -55,7 +55,7 @@ class Points:
     reason: str
 
 
-def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[Points, ...]:
+def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[ScorePoints, ...]:
     """Return the points of a cut whose tip and target are known, in the order of the task.
 
     Reaching the target and sparing the tissue dominate; a steady force and the time decide among successes. The
@@ -78,38 +78,49 @@ def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[Points, .
     way = min(max(end / length, 0.0), 1.0)
     fault = beyond_limit(cut, metrics)
     if fault:
-        return (Points(part="way", points=BEYOND_LIMIT * WAY * way, most=WAY, reason=f"{fault}: little else counts"),)
-    success = succeeded(cut)
+        return (
+            ScorePoints(
+                part="way",
+                points=BEYOND_LIMIT * WAY_POINTS * way,
+                most=WAY_POINTS,
+                reason=f"{fault}: little else counts",
+            ),
+        )
+    success = is_success(cut)
     counts = way * (1.0 if success else MISSED)
     less = "" if success else "; counts for less, because the target was missed"
     side = "short of" if end < length else "beyond"
     gained = (
-        Points(part="way", points=WAY * way, most=WAY, reason=f"{way:.0%} of the way to the target was cut"),
-        Points(
+        ScorePoints(
+            part="way", points=WAY_POINTS * way, most=WAY_POINTS, reason=f"{way:.0%} of the way to the target was cut"
+        ),
+        ScorePoints(
             part="accuracy",
-            points=ACCURACY * float(closeness(end, length)),
-            most=ACCURACY,
+            points=ACCURACY_POINTS * float(closeness(end, length)),
+            most=ACCURACY_POINTS,
             reason=f"the cut ends {1e3 * off:.1f} mm {side} the target; from {1e3 * CLOSE:.0f} mm on there is nothing",
         ),
-        Points(part="success", points=SUCCESS * success, most=SUCCESS, reason=_success(cut, success=success)),
+        ScorePoints(
+            part="success", points=SUCCESS_POINTS * success, most=SUCCESS_POINTS, reason=_success(cut, success=success)
+        ),
     )
     qualities = (
-        ("tissue", TISSUE, _tissue(metrics), "few and short runs, little pressing and dragging"),
-        ("steadiness", STEADINESS, _steadiness(metrics), "a force that changes slowly"),
+        ("tissue", TISSUE_POINTS, _tissue(metrics), "few and short runs, little pressing and dragging"),
+        ("steadiness", STEADINESS_POINTS, _steadiness(metrics), "a force that changes slowly"),
         (
             "time",
-            TIME,
+            TIME_POINTS,
             1.0 - metrics.get("duration", DEADLINE) / DEADLINE,
             f"from {DEADLINE:.0f} s on there is nothing",
         ),
     )
     return gained + tuple(
-        Points(part=name, points=most * counts * _share(quality), most=most, reason=why + less)
+        ScorePoints(part=name, points=most * counts * _share(quality), most=most, reason=why + less)
         for name, most, quality, why in qualities
     )
 
 
-def succeeded(cut: ScoredCut) -> bool:
+def is_success(cut: ScoredCut) -> bool:
     """Return True for a tip near the target, under an upright blade, in a cut that ended as it should.
 
     Raises
@@ -134,7 +145,7 @@ def outcome_of(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
     place = f"{abs(off):.1f} mm {'short of' if off < 0.0 else 'beyond'} the target"
     if fault := beyond_limit(cut, metrics):
         return fault
-    if succeeded(cut):
+    if is_success(cut):
         return f"success, {place}"
     return place if abs(off) > 1e3 * TIP_TOLERANCE else f"{place}, but {_success(cut, success=False)}"
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from cutenv.scoring.metric import METRICS, Metric
 from cutenv.scoring.metric_weights import ForceOnlyWeights, weights_by_metric
-from cutenv.scoring.points import Points, outcome_of, task_points
+from cutenv.scoring.points import ScorePoints, outcome_of, task_points
 from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.scored_cut import ScoredCut, Truth
 from cutenv.scoring.technique import TechniqueFault, technique_faults
@@ -58,8 +58,8 @@ class ScoreCard:
         Sum of the points, 0 to 100. None if tip or target is unknown and there is no reference set either.
     outcome : str
         Outcome in a few words, as "success, 0.4 mm short"; "" if tip or target is unknown.
-    points : tuple of Points
-        Points, part by part: of the task if tip and target are known, see :func:`cutenv.scoring.points.task_points`;
+    points : tuple of ScorePoints
+        ScorePoints, part by part: of the task if tip and target are known, see :func:`cutenv.scoring.points.task_points`;
         else the percentiles of the leading metrics of force times their weights.
     no_score : str
         Reason why there is no overall score; "" if there is one.
@@ -77,7 +77,7 @@ class ScoreCard:
     tip_source: str
     overall_score: float | None
     outcome: str
-    points: tuple[Points, ...]
+    points: tuple[ScorePoints, ...]
     no_score: str
     reference: str
     faults: tuple[TechniqueFault, ...]
@@ -235,7 +235,7 @@ def score(
 
 def _overall(
     cut: ScoredCut, metrics: Mapping[str, Scored], reference: ReferenceSet | None, weights: ForceOnlyWeights
-) -> tuple[tuple[Points, ...], str, str]:
+) -> tuple[tuple[ScorePoints, ...], str, str]:
     """Return the points, the outcome if tip and target are known, and the reason if there is no overall score."""
     doubt = cut.twofold or cut.spoiled or cut.unfinished
     if doubt:
@@ -253,7 +253,7 @@ def _overall(
     if total < FEWEST_WEIGHT:
         return (), "", f"leading metrics of {total:.0%} of the weight are known, and {FEWEST_WEIGHT:.0%} are needed"
     points = tuple(
-        Points(
+        ScorePoints(
             part=name,
             points=w / total * float(metrics[name].percentile or 0.0),
             most=100.0 * w / total,
@@ -276,7 +276,7 @@ def _scored(each: Metric, cut: ScoredCut, reference: ReferenceSet | None) -> Sco
     return Scored(value=value, percentile=None if reference is None else reference.percentile(each.name, value))
 
 
-def _notes(cut: ScoredCut, points: Sequence[Points], outcome: str) -> list[str]:
+def _notes(cut: ScoredCut, points: Sequence[ScorePoints], outcome: str) -> list[str]:
     notes = [
         {
             "truth": "tip: the simulator's own",

@@ -13,7 +13,15 @@ from scored_cuts import CUTS, TARGET, changed, cut
 
 from cutenv.scoring import METRICS, ForceOnlyWeights, ReferenceSet, ScoreCard, Truth, score
 from cutenv.scoring.metric_weights import weights_by_metric
-from cutenv.scoring.points import ACCURACY, MISSED, STEADINESS, SUCCESS, TIME, TISSUE, WAY
+from cutenv.scoring.points import (
+    ACCURACY_POINTS,
+    MISSED,
+    STEADINESS_POINTS,
+    SUCCESS_POINTS,
+    TIME_POINTS,
+    TISSUE_POINTS,
+    WAY_POINTS,
+)
 from cutenv.scoring.reference import FEWEST_REFERENCE_CUTS
 from cutenv.scoring.score_card import FEWEST_WEIGHT
 from cutenv.scoring.scored_cut import TIP_AT_END
@@ -124,8 +132,8 @@ def test_every_success_has_more_than_any_failure() -> None:
     assert min(near) > 100.0 * 0.5667  # the least that a success has
     assert max(*missed, given_up.overall_score) < min(near)
     assert "not finished: given up" in given_up.outcome
-    most_of_a_failure = WAY + ACCURACY + MISSED * (TISSUE + STEADINESS + TIME)
-    assert most_of_a_failure < WAY + ACCURACY * (1.0 - TIP_TOLERANCE / CLOSE) + SUCCESS
+    most_of_a_failure = WAY_POINTS + ACCURACY_POINTS + MISSED * (TISSUE_POINTS + STEADINESS_POINTS + TIME_POINTS)
+    assert most_of_a_failure < WAY_POINTS + ACCURACY_POINTS * (1.0 - TIP_TOLERANCE / CLOSE) + SUCCESS_POINTS
 
 
 def test_a_part_that_was_cut_counts_by_how_far() -> None:

@@ -18,7 +18,7 @@ from cutenv.scoring.study.learning import Cusum, LearningCurve, cusum, learning_
 from cutenv.scoring.study.reliability import Intraclass, OneWay, intraclass_correlation, one_way_reliability
 from cutenv.scoring.study.separation import FEWEST_IN_A_GROUP, Separation, separation
 
-LEADING = (
+STUDIED = (
     "tip_error", "overshoot", "largest_jump", "uncontrolled_share", "force_rate", "force_jerk", "force_drops",
     "mean_force_drop", "duration",
 )  # fmt: skip
@@ -199,7 +199,7 @@ class Study:
         if self.metrics:
             return tuple(dict.fromkeys(self.metrics))
         moved = any(cut.card.metrics["idle_time"].value is not None for cut in self.cuts)
-        return LEADING if moved else tuple(weights_by_metric(ForceOnlyWeights()))
+        return STUDIED if moved else tuple(weights_by_metric(ForceOnlyWeights()))
 
     def _find(self, metric: str, notes: list[str]) -> Findings | None:
         scored = [(cut, cut.card.metrics[metric]) for cut in self.cuts]
