@@ -59,7 +59,7 @@ class ScoreCard:
     outcome : str
         Outcome in a few words, as "success, 0.4 mm short"; "" if tip or target is unknown.
     points : tuple of ScorePoints
-        ScorePoints, part by part: of the task if tip and target are known, see :func:`cutenv.scoring.points.task_points`;
+        Part by part: of the task if tip and target are known, see :func:`cutenv.scoring.points.task_points`;
         else the percentiles of the leading metrics of force times their weights.
     no_score : str
         Reason why there is no overall score; "" if there is one.
