@@ -31,6 +31,8 @@ from cutenv.learning.statistics import best_script, summarise
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE
 
 SWEPT = ("PPO", "PPO (random rigs)", "recurrent PPO", "return stroke", "probe and creep", BEST_FEED)
+OFFLINE = tuple(LEARNERS[name][0] for name in ("bc", "iql"))
+"""Names of agents that learn from demonstrations alone."""
 AUTHOR = "cutenv"
 """Author of all that is not submitted."""
 _CORE_SECONDS = {ORACLE: 0.15}
@@ -252,7 +254,7 @@ class Benchmark:
             return own | {"code": _short({"commit": git("rev-parse", "HEAD"), "uncommitted_changes": changed})}
         run = json.loads((self.run_of(part) / "run.json").read_text())
         curve = read_rows(self.run_of(part) / "learning_curve.csv")
-        tried = 0.0 if run["agent"] == LEARNERS["bc"][0] or not curve else curve[-1]["decisions"]
+        tried = 0.0 if run["agent"] in OFFLINE or not curve else curve[-1]["decisions"]
         return own | {
             "code": _short(run),
             "training_minutes": run["training_minutes"],
