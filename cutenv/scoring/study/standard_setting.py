@@ -215,7 +215,7 @@ class StandardSetting:
         return np.array([[cut.marks.get(rater, np.nan) for rater in self.raters] for cut in self.cuts], np.float64)
 
     def _standard(self, metric: str, notes: list[str], rng: np.random.Generator) -> Standard | None:
-        scored = [_value(cut.card, metric) for cut in self.cuts]
+        scored = [value_of(cut.card, metric) for cut in self.cuts]
         values = np.array([np.nan if value is None else value for value, _ in scored])
         silent = [why for value, why in scored if value is None]
         if silent:
@@ -293,7 +293,7 @@ class StandardSetting:
         }
 
 
-def _value(card: ScoreCard, metric: str) -> tuple[float | None, str]:
+def value_of(card: ScoreCard, metric: str) -> tuple[float | None, str]:
     """Return the value of a metric or of the overall score, and the reason if there is none."""
     if metric == OVERALL:
         return card.overall_score, card.no_score
