@@ -33,6 +33,7 @@ METHOD_NAMES: Mapping[str, Method] = {
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the records, the table or the options are bad."""
     arguments = _parser().parse_args(argv)
+    from cutenv._base.validation import in_range
     from cutenv.commands.inputs import read_records, without_target
     from cutenv.commands.score import fitting_reference, reference_set
     from cutenv.commands.study import assigned, check_page, record_files
@@ -41,10 +42,16 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.report.pass_mark_table import pass_mark_lines
     from cutenv.scoring import score
     from cutenv.scoring.study import StandardSetting, StudiedCut
+    from cutenv.scoring.study.standard_setting import check_metrics, other_group
 
     check_page(arguments.out)
     given = _given(arguments.mark or ())
+    check_metrics(arguments.metric or ())
+    in_range("--sd", arguments.sd, 0.1, 4.0, "1", "In standard deviations; 1 or 2 is usual.")
+    in_range("--in-a-row", arguments.in_a_row, 1, 100, "1")
     rows = load_operators(arguments.operators, raters=arguments.raters or ())
+    if arguments.passing is not None or not given:
+        other_group([row.group for row in rows], arguments.passing, arguments.failing)
     reference = reference_set(arguments.reference)
     length = target_length(arguments)
     arguments.records = record_files(arguments)

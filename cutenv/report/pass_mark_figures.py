@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _FAILING, _PASSING, _OTHERS = "#d55e00", "#0072b2", "#6b6b6b"
+_FEW_ROWS = 20  # people whose rows have room
 _LINES = ("-", "--", "-.", ":")
 
 
@@ -82,18 +83,19 @@ def proficiency_figure(setting: StandardSetting, standard: Standard, width: floa
     assert isinstance(standard.chosen, PassMark)
     mark = standard.chosen.mark.value
     people = [*standard.series]
-    figure = new_figure(width, 1.1 + 0.2 * len(people))
+    tall = 0.2 if len(people) <= _FEW_ROWS else 0.15
+    figure = new_figure(width, 1.1 + tall * len(people))
     axes = _clear(figure)
     colours = {setting.failing: _FAILING, setting.passing: _PASSING}
     for row, (operator, values) in enumerate(standard.series.items()):
         colour = colours.get(setting.group_of[operator] or None, _OTHERS)
         number, passed = np.arange(1, len(values) + 1), passes(values, mark, standard.better)
-        axes.plot(number[passed], np.full(passed.sum(), -row), "o", color=colour, markersize=6)
-        axes.plot(number[~passed], np.full((~passed).sum(), -row), "o", color=colour, markersize=6, fillstyle="none")
+        axes.plot(number[passed], np.full(passed.sum(), -row), "o", color=colour, markersize=5)
+        axes.plot(number[~passed], np.full((~passed).sum(), -row), "o", color=colour, markersize=5, fillstyle="none")
         at = standard.proficiency[operator].reached_at
         if at is not None:
-            axes.plot(at, -row, "o", color="black", markersize=12, fillstyle="none", markeredgewidth=1.3)
-    axes.set_yticks(-np.arange(len(people)), [label(each) for each in people], fontsize=8)
+            axes.plot(at, -row, "o", color="black", markersize=9, fillstyle="none", markeredgewidth=1.3)
+    axes.set_yticks(-np.arange(len(people)), [label(each) for each in people], fontsize=8 if tall > 0.15 else 7)
     axes.set_ylim(-len(people) + 0.3, 0.7)
     axes.set_xlim(0.4, max(map(len, standard.series.values())) + 0.6)
     axes.locator_params(axis="x", integer=True)

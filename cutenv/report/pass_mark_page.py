@@ -26,7 +26,6 @@ from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import (
     PassMark,
     RaterAgreement,
-    RaterCorrelation,
     Separation,
     Standard,
     StandardSetting,
@@ -72,7 +71,7 @@ def write_pass_mark_page(path: Path, setting: StandardSetting) -> tuple[Path, Pa
         warnings=_warnings,
         people=partial(_people, setting),
         who_reaches=partial(_who_reaches, setting),
-        rated=partial(_rated, setting),
+        rated=_rated,
         agreement=_agreement(setting),
         curves_figure=curves_figure,
         proficiency_figure=proficiency_figure,
@@ -99,8 +98,8 @@ def pass_mark_headline(setting: StandardSetting) -> str:
     said = [f"{name}: {wanted(first, found.mark.value)} passes, by {found.method}{interval}."]
     if found.false_passes.people and found.false_fails.people:
         said.append(
-            f"{observed_text(found.false_passes)} {setting.failing} would pass it, and "
-            f"{observed_text(found.false_fails)} {setting.passing} would fail."
+            f"{observed_text(found.false_passes)} people of group {setting.failing} would pass, and "
+            f"{observed_text(found.false_fails)} of group {setting.passing} would fail."
         )
     reached, people = proficient(first)
     said.append(f"{reached} of {people} people reach it in {setting.in_a_row} cuts in a row.")
@@ -110,7 +109,7 @@ def pass_mark_headline(setting: StandardSetting) -> str:
 def _groups(setting: StandardSetting) -> str:
     if setting.passing is None:
         return ""
-    return f": {setting.passing} is to pass" + (f", {setting.failing} is not" if setting.failing else "")
+    return f": group {setting.passing} is to pass" + (f", group {setting.failing} is not" if setting.failing else "")
 
 
 def _named(standard: Standard) -> tuple[str, str]:
@@ -143,7 +142,7 @@ def _marks(setting: StandardSetting, standard: Standard) -> list[tuple[str, list
 def _warnings(standard: Standard) -> list[str]:
     """Return what a reader of the marks has to know: missing intervals, groups that may not differ."""
     found = [each for each in standard.marks.values() if isinstance(each, PassMark)]
-    said = list(dict.fromkeys(f"{each.method}: {each.mark.note}" for each in found if each.mark.note))
+    said = list(dict.fromkeys(each.mark.note for each in found if each.mark.note))
     if isinstance(standard.separation, Separation):
         P = standard.separation.superiority
         if P.low <= 0.5 <= P.high:
@@ -168,19 +167,16 @@ def _who_reaches(setting: StandardSetting, standard: Standard) -> str:
     for group in groups:
         own = [each for who, each in standard.proficiency.items() if setting.group_of[who] == group]
         reached = sum(each.reached_at is not None for each in own)
-        parts.append(f"{reached} of {len(own)} {group or 'people'}")
+        parts.append(f"{reached} of {len(own)} people" + (f" of group {group}" if group else ""))
     return ", ".join(parts)
 
 
-def _rated(setting: StandardSetting, standard: Standard) -> list[list[str]]:
-    """Return a row of rank and linear correlation for each rater, or the reason why there is none."""
-    rows = []
-    for rater, found in standard.raters.items():
-        if isinstance(found, RaterCorrelation):
-            rows.append([rater, correlation_of(found.rank), correlation_of(found.linear), str(found.cuts)])
-        else:
-            rows.append([rater, f"no evidence: {found.reason}", "", ""])
-    return rows
+def _rated(standard: Standard, rater: str) -> list[str]:
+    """Return rank and linear correlation with a rater's marks and the number of cuts, or why there is none."""
+    found = standard.raters[rater]
+    if isinstance(found, NotEstimable):
+        return [f"no evidence: {found.reason}", "", ""]
+    return [correlation_of(found.rank), correlation_of(found.linear), str(found.cuts)]
 
 
 def _agreement(setting: StandardSetting) -> list[list[str]] | str:

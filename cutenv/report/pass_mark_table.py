@@ -48,7 +48,7 @@ def method_name(setting: StandardSetting, standard: Standard, method: Method) ->
     """Return a method's name for people, with the name of the group that is to pass."""
     if method not in ("expert mean", "expert mean and SD"):
         return method
-    name = f"mean of {setting.passing or 'experts'}"
+    name = f"mean of group {setting.passing}" if setting.passing else "mean of the experts"
     way = "less" if standard.better == "higher" else "plus"
     return name if method == "expert mean" else f"{name} {way} {setting.spread:g} SD"
 
@@ -98,21 +98,21 @@ def proficient(standard: Standard) -> tuple[int, int]:
 def pass_mark_lines(setting: StandardSetting) -> list[str]:
     """Return the main numbers as lines of text: the first metric in full, the others by their mark."""
     first, *others = setting.standards
-    groups = f"; {setting.passing} is to pass" + (f", {setting.failing} is not" if setting.failing else "")
+    groups = f"; group {setting.passing} is to pass" + (f", group {setting.failing} is not" if setting.failing else "")
     lines = [
         f"{setting.name}: {len(setting.cuts)} cuts of {len(setting.operators)} people{groups * bool(setting.passing)}",
         "",
         f"{spoken(first.metric)}, {first.better} is better; each person is the mean of the cuts",
-        f"  {'method':26s} {'mark, 95 % interval':24s} {'false passes, in theory':35s} false fails, in theory",
+        f"  {'method':31s} {'mark, 95 % interval':24s} {'false passes, in theory':35s} false fails, in theory",
     ]
     for method, found in first.marks.items():
         name = method_name(setting, first, method)
         if isinstance(found, NotEstimable):
-            lines.append(f"  {name:26s} no evidence: {found.reason}")
+            lines.append(f"  {name:31s} no evidence: {found.reason}")
             continue
         rates = (found.false_passes, found.false_fails)
         cells = [f"{observed_text(rate):12s} {theory_text(rate):22s}" for rate in rates]
-        lines.append(f"  {name:26s} {mark_text(first, found.mark):24s} {' '.join(cells)}".rstrip())
+        lines.append(f"  {name:31s} {mark_text(first, found.mark):24s} {' '.join(cells)}".rstrip())
     lines += [f"  {_proficiency_line(setting, each)}" for each in (first, *others)]
     lines += _rater_lines(setting)
     notes = {found.mark.note for found in first.marks.values() if isinstance(found, PassMark) and found.mark.note}

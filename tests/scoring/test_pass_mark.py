@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import norm
 
 from cutenv.scoring.study import PassMark, pass_mark, proficiency
-from cutenv.scoring.study.bootstrap import RESAMPLES, over_people
+from cutenv.scoring.study.bootstrap import BOOTSTRAP_SIZE, over_people
 from cutenv.scoring.study.pass_mark import METHODS, Method, NormalCurve, crossing
 
 
@@ -141,7 +141,7 @@ def test_the_interval_of_a_mean_is_students() -> None:
 
 
 def test_resamples_without_a_mark_are_told() -> None:
-    replicates = np.where(np.arange(RESAMPLES) % 5 == 0, np.nan, np.linspace(0.0, 1.0, RESAMPLES))
+    replicates = np.where(np.arange(BOOTSTRAP_SIZE) % 5 == 0, np.nan, np.linspace(0.0, 1.0, BOOTSTRAP_SIZE))
     assert over_people(0.5, replicates, 10).note == "20 % of the resamples have no such value"
     assert over_people(0.5, np.where(replicates > 0.4, np.nan, replicates), 10).low is None
 

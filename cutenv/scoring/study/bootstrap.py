@@ -14,7 +14,7 @@ from cutenv.scoring.study.estimate import CONFIDENCE
 
 FEWEST_FOR_AN_INTERVAL = 5
 """Smallest number of people with an interval; with fewer that of the experts' mean held the truth too rarely."""
-RESAMPLES = 4000
+BOOTSTRAP_SIZE = 4000
 """Number of times that the people are drawn again."""
 _MENTIONED = 0.05  # share of resamples without a value from which it is mentioned
 _TOO_MANY = 0.5  # share of resamples without a value from which there is no interval
@@ -38,9 +38,6 @@ class BootstrapEstimate:
     low: float | None = None
     high: float | None = None
     note: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.value:.3g}" + ("" if self.low is None else f" [{self.low:.3g}, {self.high:.3g}]")
 
 
 def over_people(value: float, replicates: Array, people: int) -> BootstrapEstimate:

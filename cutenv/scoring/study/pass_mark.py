@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
-from cutenv.scoring.study.bootstrap import RESAMPLES, BootstrapEstimate, over_people
+from cutenv.scoring.study.bootstrap import BOOTSTRAP_SIZE, BootstrapEstimate, over_people
 from cutenv.scoring.study.estimate import FEWEST_PEOPLE, values_of, vanishes
 
 Better = Literal["higher", "lower"]
@@ -233,8 +233,8 @@ def _curves(values: Array, rng: np.random.Generator) -> NormalCurve:
     n = len(values)
     if n < FEWEST_PEOPLE:
         mean = float(values.mean()) if n else np.nan
-        return NormalCurve(np.full(RESAMPLES + 1, mean), np.full(RESAMPLES + 1, np.nan))
-    drawn = np.vstack([values, values[rng.integers(n, size=(RESAMPLES, n))]])
+        return NormalCurve(np.full(BOOTSTRAP_SIZE + 1, mean), np.full(BOOTSTRAP_SIZE + 1, np.nan))
+    drawn = np.vstack([values, values[rng.integers(n, size=(BOOTSTRAP_SIZE, n))]])
     sd = drawn.std(axis=1, ddof=1)
     return NormalCurve(drawn.mean(axis=1), np.where(sd > 0.0, sd, np.nan))
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import one_of
-from cutenv.scoring.study.bootstrap import RESAMPLES, BootstrapEstimate, over_people
+from cutenv.scoring.study.bootstrap import BOOTSTRAP_SIZE, BootstrapEstimate, over_people
 from cutenv.scoring.study.estimate import Estimate, vanishes
 from cutenv.scoring.study.reliability import intraclass_correlation
 
@@ -195,7 +195,7 @@ def rater_agreement(marks: ArrayLike, people: Sequence[str], *, rng: np.random.G
 def _weights(people: Array, rng: np.random.Generator) -> Array:
     """Return how often each cut counts: once in the first row, and in the others as often as its person is drawn."""
     names, person = np.unique(people, return_inverse=True)
-    count = max(200, min(RESAMPLES, _LARGEST_TABLE // len(people)))
+    count = max(200, min(BOOTSTRAP_SIZE, _LARGEST_TABLE // len(people)))
     drawn = rng.multinomial(len(names), np.full(len(names), 1.0 / len(names)), size=count)
     return np.vstack([np.ones(len(people)), drawn[:, person]])
 

@@ -178,11 +178,7 @@ class StandardSetting:
         one_of("best_mark", self.best_mark, ("highest", "lowest"))
         in_range("in_a_row", self.in_a_row, 1, 100, "1")
         in_range("spread", self.spread, 0.1, 4.0, "1", "In standard deviations; 1 or 2 is usual.")
-        rewarded = (OVERALL, *(name for name, metric in METRICS.items() if metric.direction != "none"))
-        for name in (*self.metrics, *self.given):
-            if name in METRICS and name not in rewarded:
-                raise ValueError(f"{name} cannot have a pass mark: neither way is better.")
-            one_of("metric", name, rewarded)
+        check_metrics((*self.metrics, *self.given))
         groups = self.group_of
         for cut in self.cuts:
             if cut.group != groups[cut.operator]:
@@ -190,18 +186,9 @@ class StandardSetting:
                     f"operator {cut.operator} is in groups {cut.group!r} and {groups[cut.operator]!r}; give one. "
                     "What changes from cut to cut is a session."
                 )
-        known = tuple(dict.fromkeys(cut.group for cut in self.cuts if cut.group))
-        if known and self.passing is None and not self.given:
-            raise ValueError(f"which group is to pass, of {', '.join(known)}? Name it with passing, or give a mark.")
-        if self.passing is not None:
-            one_of("passing", self.passing, known)
-            others = [group for group in known if group != self.passing]
-            if self.failing is None and len(others) > 1:
-                raise ValueError(f"which group is not to pass, of {', '.join(others)}? Name it with failing.")
-            if self.failing is None and others:
-                object.__setattr__(self, "failing", others[0])
-        if self.failing is not None:
-            one_of("failing", self.failing, [group for group in known if group != self.passing])
+        if not self.given or self.passing is not None:
+            failing = other_group([*groups.values()], self.passing, self.failing)
+            object.__setattr__(self, "failing", failing)
 
     def _chosen_metrics(self) -> Sequence[str]:
         if self.metrics:
@@ -299,3 +286,36 @@ def value_of(card: ScoreCard, metric: str) -> tuple[float | None, str]:
         return card.overall_score, card.no_score
     scored = card.metrics[metric]
     return scored.value, scored.unavailable
+
+
+def check_metrics(names: Sequence[str]) -> None:
+    """Raise ValueError if one of the names is no metric, or one of which neither way is better."""
+    rewarded = (OVERALL, *(name for name, metric in METRICS.items() if metric.direction != "none"))
+    for name in names:
+        if name in METRICS and name not in rewarded:
+            raise ValueError(f"{name} cannot have a pass mark: neither way is better.")
+        one_of("metric", name, rewarded)
+
+
+def other_group(groups: Sequence[str], passing: str | None, failing: str | None) -> str | None:
+    """Return the group that is not to pass: the one named, or of two groups the other; None if there is one group.
+
+    Raises
+    ------
+    ValueError
+        If a name is not among the groups, or it is not clear which group is meant.
+    """
+    known = tuple(dict.fromkeys(group for group in groups if group))
+    if not known and passing is None and failing is None:
+        return None
+    if passing is None:
+        raise ValueError(f"which group is to pass, of {', '.join(known)}? Name it with passing, or give a mark.")
+    if not known:
+        raise ValueError(f"group {passing!r} is to pass, but the operators have no groups; add a column group.")
+    one_of("passing", passing, known)
+    others = [group for group in known if group != passing]
+    if failing is not None:
+        return one_of("failing", failing, others)
+    if len(others) > 1:
+        raise ValueError(f"which group is not to pass, of {', '.join(others)}? Name it with failing.")
+    return others[0] if others else None

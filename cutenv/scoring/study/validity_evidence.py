@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 
+from cutenv.scoring.study.bootstrap import BootstrapEstimate
+from cutenv.scoring.study.estimate import Estimate
 from cutenv.scoring.study.pass_mark import PassMark
 from cutenv.scoring.study.raters import RaterAgreement, RaterCorrelation
 from cutenv.scoring.study.reliability import OneWay
@@ -77,9 +79,10 @@ def _same(setting: StandardSetting, standard: Standard) -> tuple[str, ...]:
     found = []
     if isinstance(standard.reliability, OneWay):
         one, mean = standard.reliability.single, standard.reliability.mean
-        found += [f"reliability of one cut: {one}", f"reliability of a person's mean: {mean}"]
+        found += [f"reliability of one cut: {_shown(one)}", f"reliability of a person's mean: {_shown(mean)}"]
     if isinstance(setting.agreement, RaterAgreement):
-        found.append(f"agreement of {setting.agreement.raters} raters, ICC(A,1): {setting.agreement.agreement}")
+        raters = setting.agreement.raters
+        found.append(f"agreement of {raters} raters, rank correlation: {_shown(setting.agreement.rank)}")
     return tuple(found) or (_without(standard.reliability),)
 
 
@@ -87,12 +90,13 @@ def _relations(setting: StandardSetting, standard: Standard) -> tuple[str, ...]:
     found = []
     if isinstance(standard.separation, Separation):
         P = standard.separation.superiority
-        shown = P if standard.better == "higher" else type(P)(value=1 - P.value, low=1 - P.high, high=1 - P.low)
-        found.append(f"probability that one of {setting.passing} is better than one of {setting.failing}: {shown}")
+        better = P if standard.better == "higher" else Estimate(value=1 - P.value, low=1 - P.high, high=1 - P.low)
+        pair = f"one of group {setting.passing} is better than one of group {setting.failing}"
+        found.append(f"probability that {pair}: {_shown(better)}")
     rater = ALL_RATERS if ALL_RATERS in standard.raters else next(iter(standard.raters), "")
     correlation = standard.raters.get(rater)
     if isinstance(correlation, RaterCorrelation):
-        found.append(f"rank correlation with the marks of {rater}: {correlation.rank}")
+        found.append(f"rank correlation with the marks of {rater}: {_shown(correlation.rank)}")
     return tuple(found) or (_without(standard.separation),)
 
 
@@ -107,6 +111,11 @@ def _consequences(standard: Standard) -> tuple[str, ...]:
         if rate.people
     ]
     return tuple(found) or (f"{NO_EVIDENCE}: the mark was held against no group",)
+
+
+def _shown(each: Estimate | BootstrapEstimate) -> str:
+    interval = "" if each.low is None or each.high is None else f" [{each.low:.2f}, {each.high:.2f}]"
+    return f"{each.value:.2f}{interval}".replace("-", "\u2212")
 
 
 def _without(told: object) -> str:
