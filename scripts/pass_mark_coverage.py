@@ -18,7 +18,7 @@ from scipy.stats import norm
 from tqdm import tqdm
 
 from cutenv.scoring.study import BootstrapEstimate, pass_mark, rater_correlation
-from cutenv.scoring.study.pass_mark import NormalCurve, crossing
+from cutenv.scoring.study.pass_mark import METHODS, NormalCurve, crossing
 
 PEOPLE = (5, 6, 8, 10, 15, 20, 30, 60)
 DESIGNS = ((2.0, 1.0), (3.0, 0.5))  # mean and standard deviation of the passing group; the others have 0 and 1
@@ -76,7 +76,7 @@ def coverage(trials: int) -> str:
 
 
 def _shares(people: int, trials: int, rng: np.random.Generator) -> list[float]:
-    methods = ("contrasting groups", "expert mean", "expert mean and SD")
+    methods = METHODS[:3]
     held: dict[str, list[bool]] = {name: [] for name in (*methods, "rater")}
     for trial in range(trials):
         mean, sd = DESIGNS[trial % len(DESIGNS)]

@@ -86,9 +86,9 @@ def proficiency_figure(setting: StandardSetting, standard: Standard, width: floa
     tall = 0.2 if len(people) <= _FEW_ROWS else 0.15
     figure = new_figure(width, 1.1 + tall * len(people))
     axes = _clear(figure)
-    colours = {setting.failing: _FAILING, setting.passing: _PASSING}
+    colours = _colours(setting)
     for row, (operator, values) in enumerate(standard.series.items()):
-        colour = colours.get(setting.group_of[operator] or None, _OTHERS)
+        colour = colours.get(setting.group_of[operator], _OTHERS)
         number, passed = np.arange(1, len(values) + 1), passes(values, mark, standard.better)
         axes.plot(number[passed], np.full(passed.sum(), -row), "o", color=colour, markersize=5)
         axes.plot(number[~passed], np.full((~passed).sum(), -row), "o", color=colour, markersize=5, fillstyle="none")
@@ -113,11 +113,11 @@ def raters_figure(setting: StandardSetting, standard: Standard, width: float) ->
     value = np.array(
         [np.nan if v is None else v for v, _ in (value_of(cut.card, standard.metric) for cut in setting.cuts)]
     )
-    colours = {setting.failing: _FAILING, setting.passing: _PASSING}
+    colours = _colours(setting)
     for group in dict.fromkeys(setting.group_of.values()):
         own = np.array([cut.group == group for cut in setting.cuts])
         axes.plot(
-            mark[own], factor * value[own], "o", color=colours.get(group or None, _OTHERS), markersize=4.5, alpha=0.7,
+            mark[own], factor * value[own], "o", color=colours.get(group, _OTHERS), markersize=4.5, alpha=0.7,
             markeredgewidth=0, label=label(group or "each cut"),
         )  # fmt: skip
     one = f"mark by {setting.raters[0]}" if len(setting.raters) == 1 else "mean mark of the raters [SD of each rater]"
@@ -126,6 +126,11 @@ def raters_figure(setting: StandardSetting, standard: Standard, width: float) ->
     plain_axes(axes)
     figure.legend(loc="outside upper left", ncols=3, frameon=False, fontsize=9)
     return figure
+
+
+def _colours(setting: StandardSetting) -> dict[str, str]:
+    groups = ((setting.failing, _FAILING), (setting.passing, _PASSING))
+    return {group: colour for group, colour in groups if group is not None}
 
 
 def _clear(figure: Figure) -> Axes:

@@ -95,7 +95,8 @@ def pass_mark_headline(setting: StandardSetting) -> str:
         interval = f" (95 % interval {amount(first, found.mark.low)} to {amount(first, found.mark.high)})"
     elif found.method != "set by the teacher":
         interval = " (too few people for an interval)"
-    said = [f"{name}: {wanted(first, found.mark.value)} passes, by {found.method}{interval}."]
+    way = found.method if found.method == "set by the teacher" else f"by {method_name(setting, first, found.method)}"
+    said = [f"{name}: {wanted(first, found.mark.value)} passes, {way}{interval}."]
     if found.false_passes.people and found.false_fails.people:
         said.append(
             f"{observed_text(found.false_passes)} people of group {setting.failing} would pass, and "

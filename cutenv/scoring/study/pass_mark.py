@@ -26,7 +26,7 @@ IN_A_ROW = 2
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorRate:
-    """How many people of a group a mark judges wrongly.
+    """Number of people of a group whom a mark judges wrongly.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class PassMark:
 
 @dataclass(frozen=True, kw_only=True)
 class Proficiency:
-    """How a person's cuts meet a mark.
+    """Passes of a person's cuts.
 
     Attributes
     ----------
