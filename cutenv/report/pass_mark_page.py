@@ -24,7 +24,6 @@ from cutenv.report.study_table import correlation_text
 from cutenv.scoring import METRICS
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import (
-    PassMark,
     RaterAgreement,
     Separation,
     Standard,
@@ -125,13 +124,13 @@ def _meaning(standard: Standard) -> str:
     return f"{METRICS[standard.metric].meaning} ({way})."
 
 
-def _marks(setting: StandardSetting, standard: Standard) -> list[tuple[str, list[str] | str, bool]]:
-    """Return every method's name, its row or the reason why there is no mark, and whether proficiency goes by it."""
-    rows: list[tuple[str, list[str] | str, bool]] = []
+def _marks(setting: StandardSetting, standard: Standard) -> list[tuple[str, list[str], bool]]:
+    """Return every method's name, its row, and whether proficiency goes by it."""
+    rows = []
     for method, found in standard.marks.items():
         name = method_name(setting, standard, method)
         if isinstance(found, NotEstimable):
-            rows.append((name, f"no evidence: {found.reason}", False))
+            rows.append((name, ["no evidence", "", "", "", ""], False))
             continue
         cells = [mark_text(standard, found.mark)]
         for rate in (found.false_passes, found.false_fails):
@@ -141,9 +140,12 @@ def _marks(setting: StandardSetting, standard: Standard) -> list[tuple[str, list
 
 
 def _warnings(standard: Standard) -> list[str]:
-    """Return what a reader of the marks has to know: missing intervals, groups that may not differ."""
-    found = [each for each in standard.marks.values() if isinstance(each, PassMark)]
-    said = list(dict.fromkeys(each.mark.note for each in found if each.mark.note))
+    """Return what a reader of the marks has to know: why one has no value or no interval, and whether groups differ."""
+    notes = (
+        f"no evidence: {each.reason}" if isinstance(each, NotEstimable) else each.mark.note
+        for each in standard.marks.values()
+    )
+    said = list(dict.fromkeys(note for note in notes if note))
     if isinstance(standard.separation, Separation):
         P = standard.separation.superiority
         if P.low <= 0.5 <= P.high:
