@@ -10,7 +10,6 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
 from cutenv.scoring.metric import METRICS
-from cutenv.scoring.metric_weights import ForceOnlyWeights, Weights, weights_by_metric
 from cutenv.scoring.score_card import ScoreCard
 from cutenv.scoring.study.estimate import FEWEST_PEOPLE
 from cutenv.scoring.study.pass_mark import (
@@ -27,7 +26,7 @@ from cutenv.scoring.study.pass_mark import (
 from cutenv.scoring.study.raters import RaterAgreement, RaterCorrelation, mean_mark, rater_agreement, rater_correlation
 from cutenv.scoring.study.reliability import OneWay, one_way_reliability
 from cutenv.scoring.study.separation import FEWEST_IN_A_GROUP, Separation, separation
-from cutenv.scoring.study.study import NotEstimable, StudiedCut, told
+from cutenv.scoring.study.study import NotEstimable, StudiedCut, leading_metrics, told
 
 OVERALL = "overall_score"
 """Name of the overall score among the metrics."""
@@ -193,10 +192,7 @@ class StandardSetting:
     def _chosen_metrics(self) -> Sequence[str]:
         if self.metrics:
             return tuple(dict.fromkeys((*self.metrics, *self.given)))
-        moved = any(cut.card.metrics["idle_time"].value is not None for cut in self.cuts)
-        return tuple(
-            dict.fromkeys((OVERALL, *weights_by_metric(Weights() if moved else ForceOnlyWeights()), *self.given))
-        )
+        return tuple(dict.fromkeys((OVERALL, *leading_metrics(self.cuts), *self.given)))
 
     def _marks(self) -> Array:
         return np.array([[cut.marks.get(rater, np.nan) for rater in self.raters] for cut in self.cuts], np.float64)

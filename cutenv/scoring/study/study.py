@@ -194,10 +194,7 @@ class Study:
         return groups
 
     def _chosen(self) -> Sequence[str]:
-        if self.metrics:
-            return tuple(dict.fromkeys(self.metrics))
-        moved = any(cut.card.metrics["idle_time"].value is not None for cut in self.cuts)
-        return tuple(weights_by_metric(Weights() if moved else ForceOnlyWeights()))
+        return tuple(dict.fromkeys(self.metrics)) or leading_metrics(self.cuts)
 
     def _find(self, metric: str, notes: list[str]) -> Findings | None:
         scored = [(cut, cut.card.metrics[metric]) for cut in self.cuts]
@@ -292,6 +289,12 @@ class Study:
         if len(rows) < FEWEST_PEOPLE:
             return NotEstimable(f"fewer than {FEWEST_PEOPLE} {self.who}s were at every session")
         return told(intraclass_correlation, rows)
+
+
+def leading_metrics(cuts: Sequence[StudiedCut]) -> tuple[str, ...]:
+    """Return the metrics that are studied if none are named."""
+    moved = any(cut.card.metrics["idle_time"].value is not None for cut in cuts)
+    return tuple(weights_by_metric(Weights() if moved else ForceOnlyWeights()))
 
 
 def numbered(cuts: Sequence[StudiedCut]) -> list[tuple[int, StudiedCut]]:
