@@ -85,6 +85,7 @@ COMMANDS = {
     "submit": Command("enter a policy on the leaderboard, or check an entry", extra="rl"),
     "datasets": Command("record cuts as a Minari data set, force included", extra="data"),
     "calibrate": Command("fit a tissue to your own records of cuts"),
+    "pass-mark": Command("find a pass mark, how often it errs, and whether raters agree with the score"),
     "play": Command("cut by mouse or gamepad in a window"),
     "rig": Command(
         "run a real rig, a motor and a force sensor, or its emulator",
@@ -142,8 +143,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def module_of(name: str) -> str:
-    """Return the module of a command, such as that of "cutenv rig run"."""
-    return name.replace("cutenv", "cutenv.commands", 1).replace(" ", ".")
+    """Return the module of a command, such as that of "cutenv rig run" or "cutenv pass-mark"."""
+    return name.replace("cutenv", "cutenv.commands", 1).replace(" ", ".").replace("-", "_")
 
 
 def missing_extra(error: ModuleNotFoundError, preferred: str = "") -> str | None:

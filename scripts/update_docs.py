@@ -1,6 +1,6 @@
 """Print every generated number of the documentation: rewrite the blocks of its pages, or check them.
 
-    python scripts/update_docs.py parameters agreement specimens calibration speed baselines
+    python scripts/update_docs.py parameters agreement specimens calibration pass-marks speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score  what scripts left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
@@ -83,6 +83,7 @@ PAGES = {
     "specimens": "docs/validation/specimens.md",
     "calibration": "docs/validation/calibration.md",
     "check-score": "docs/validation/score.md",
+    "pass-marks": "docs/validation/pass-marks.md",
     "errata": "docs/validation/errata.md",
     "parameters": "docs/reference/constants.md",
     "metrics": "docs/reference/metrics.md",
@@ -135,6 +136,12 @@ def calibration(_: argparse.Namespace) -> str:
     program = [sys.executable, str(ROOT / "scripts" / "calibrate_virtual_rig.py")]
     done = subprocess.run(program, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     return "```\n" + done.stdout.partition("4. Compared with the true values:\n")[2].strip("\n") + "\n```"
+
+
+def pass_marks(_: argparse.Namespace) -> str:
+    """Return the output of ``scripts/pass_mark_coverage.py``: pass marks beside published ones, and their intervals."""
+    program = [sys.executable, str(ROOT / "scripts" / "pass_mark_coverage.py")]
+    return subprocess.run(program, check=True, stdout=subprocess.PIPE, text=True, cwd=ROOT).stdout.strip()
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
@@ -337,6 +344,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "agreement": agreement,
     "specimens": specimens,
     "calibration": calibration,
+    "pass-marks": pass_marks,
     "speed": speed,
     "training": training,
     "results": results,

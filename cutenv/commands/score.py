@@ -44,7 +44,7 @@ def main(argv: Sequence[str]) -> int:
     written = []
     for trace in records.traces:
         aimed = target if target is not None else trace.metadata.get("target_length_m")
-        card = score(trace, target_length=aimed, reference=_fitting(reference, trace))
+        card = score(trace, target_length=aimed, reference=fitting_reference(reference, trace))
         name = re.sub(r"[^\w.-]+", "_", card.name) + "_score.html"
         scored = ScoredRecord(trace=trace, card=card, target_length=aimed)
         write_score_page(arguments.out / name, scored)
@@ -96,7 +96,7 @@ def reference_set(given: str) -> ReferenceSet | None:
     return ReferenceSet.of(rows, name=path.name, about=f"records in {path.name}", force_unit=units.pop())
 
 
-def _fitting(reference: ReferenceSet | None, trace: Trace) -> ReferenceSet | None:
+def fitting_reference(reference: ReferenceSet | None, trace: Trace) -> ReferenceSet | None:
     """Return the reference set for a record; None if its force is in another unit and cannot be compared.
 
     A record of force alone is compared with the set for such records.

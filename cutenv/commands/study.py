@@ -33,9 +33,9 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.report.study_page import write_study
     from cutenv.report.study_table import table_lines
 
-    _check_out(arguments.out)
+    check_page(arguments.out)
     rows = load_operators(arguments.operators)
-    arguments.records = _files(arguments)
+    arguments.records = record_files(arguments)
     records = read_records(arguments)
     length = target_length(arguments)
     for note in [*records.notes, *without_target(records.traces, length)]:
@@ -109,7 +109,7 @@ def _names(source: Source) -> list[str]:
     return names
 
 
-def _files(arguments: argparse.Namespace) -> list[Path]:
+def record_files(arguments: argparse.Namespace) -> list[Path]:
     """Return the records: folders stand for the record files in them, except the table and our own output."""
     ours = {arguments.operators.resolve()}
     if arguments.out is not None:
@@ -127,12 +127,12 @@ def _files(arguments: argparse.Namespace) -> list[Path]:
     return files
 
 
-def _check_out(out: Path | None) -> None:
+def check_page(out: Path | None) -> None:
     """Raise an error for a path that cannot be written, before any work."""
     if out is None:
         return
     if out.suffix != ".html":
-        raise ValueError(f"--out {out} must end in .html; the cards go beside it as .csv.")
+        raise ValueError(f"--out {out} must end in .html; the numbers go beside it as .csv.")
     made_folder("--out", out.parent)
 
 

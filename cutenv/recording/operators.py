@@ -5,7 +5,8 @@ from __future__ import annotations
 import csv
 import math
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from cutenv.recording.provenance import check_operator
@@ -34,6 +35,8 @@ class OperatorRow:
         column.
     line : int
         Line in the file, from 1.
+    marks : mapping of str to float
+        Mark of the record by each rater who gave one.
     """
 
     record: str
@@ -42,9 +45,10 @@ class OperatorRow:
     session: str
     order: float
     line: int
+    marks: Mapping[str, float] = field(default_factory=dict)
 
 
-def load_operators(path: str | os.PathLike[str]) -> list[OperatorRow]:
+def load_operators(path: str | os.PathLike[str], *, raters: Sequence[str] = ()) -> list[OperatorRow]:
     """Read a table of operators: CSV with a row of headers, in UTF-8.
 
     Parameters
@@ -52,6 +56,8 @@ def load_operators(path: str | os.PathLike[str]) -> list[OperatorRow]:
     path : path
         File with the columns ``record`` and ``operator``, and if the study has them ``group``, ``session``, ``order``
         (a number).
+    raters : sequence of str
+        Columns with the marks of one rater each: a number, or nothing where the rater gave none.
 
     Returns
     -------
@@ -75,9 +81,10 @@ def load_operators(path: str | os.PathLike[str]) -> list[OperatorRow]:
             file.seek(0)
             reader = csv.reader(file, delimiter=separator)
             headers = [cell.strip().lower() for cell in next(reader, [])]
-            _check_headers(path, headers)
+            marked = tuple(rater.strip().lower() for rater in raters)
+            _check_headers(path, headers, marked)
             rows = [
-                _row(path, reader.line_num, headers, [cell.strip() for cell in cells])
+                _row(path, reader.line_num, headers, [cell.strip() for cell in cells], marked)
                 for cells in reader
                 if any(cell.strip() for cell in cells)
             ]
@@ -108,9 +115,9 @@ def _check_unique(path: Path, rows: list[OperatorRow]) -> None:
             )
 
 
-def _check_headers(path: Path, headers: list[str]) -> None:
-    missing = [name for name in NEEDED if name not in headers]
-    unknown = [name for name in headers if name not in (*NEEDED, *OPTIONAL)]
+def _check_headers(path: Path, headers: list[str], raters: tuple[str, ...]) -> None:
+    missing = [name for name in (*NEEDED, *raters) if name not in headers]
+    unknown = [name for name in headers if name not in (*NEEDED, *OPTIONAL, *raters)]
     if missing or unknown or len(set(headers)) < len(headers):
         wrong = [f"lacks {', '.join(missing)}"] * bool(missing)
         wrong += [f"has unknown columns {', '.join(map(repr, unknown))}"] * bool(unknown)
@@ -118,12 +125,12 @@ def _check_headers(path: Path, headers: list[str]) -> None:
         raise RecordError(path, f"its header {','.join(headers)!r} {' and '.join(wrong)}. {_CURE}")
 
 
-def _row(path: Path, line: int, headers: list[str], cells: list[str]) -> OperatorRow:
+def _row(path: Path, line: int, headers: list[str], cells: list[str], raters: tuple[str, ...]) -> OperatorRow:
     if len(cells) != len(headers):
         raise RecordError(path, f"line {line} has {len(cells)} cells for {len(headers)} columns.")
     cell = dict(zip(headers, cells, strict=True))
     for name, text in cell.items():
-        if not text:
+        if not text and name not in raters:
             raise RecordError(path, f"line {line} has no {name}. Fill it in, or leave the column out for all.")
     try:
         check_operator(cell["operator"])
@@ -134,16 +141,21 @@ def _row(path: Path, line: int, headers: list[str], cells: list[str]) -> Operato
         operator=cell["operator"],
         group=cell.get("group", ""),
         session=cell.get("session", ""),
-        order=_order(path, line, cell.get("order", str(line))),
+        order=_number(path, line, "order", cell.get("order", str(line)), "Give the cut's place: 1, 2, 3, ..."),
         line=line,
+        marks={
+            rater: _number(path, line, rater, cell[rater].replace(",", "."), "Give a mark, or nothing.")
+            for rater in raters
+            if cell[rater]
+        },
     )
 
 
-def _order(path: Path, line: int, text: str) -> float:
+def _number(path: Path, line: int, name: str, text: str, cure: str) -> float:
     try:
-        order = float(text)
+        number = float(text)
     except ValueError:
-        order = math.nan
-    if not math.isfinite(order):
-        raise RecordError(path, f"line {line}: order {text!r} is no number. Give the cut's place: 1, 2, 3, ...")
-    return order
+        number = math.nan
+    if not math.isfinite(number):
+        raise RecordError(path, f"line {line}: {name} {text!r} is no number. {cure}")
+    return number

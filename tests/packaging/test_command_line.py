@@ -140,8 +140,10 @@ def test_every_extra_that_is_named_brings_the_module() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     packages = {
         "can": "python-can",
+        "cv2": "opencv-python-headless",
         "pygame": "pygame-ce",
         "serial": "pyserial",
+        "skimage": "scikit-image",
         "umsgpack": "meshcat",
         "sb3_contrib": "sb3-contrib",
     }

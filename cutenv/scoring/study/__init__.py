@@ -1,26 +1,45 @@
 """Studies of people by the metrics of their cuts: learning, reliability, separation. No claim of skill is made."""
 
+from cutenv.scoring.study.bootstrap import BootstrapEstimate
 from cutenv.scoring.study.estimate import Estimate
 from cutenv.scoring.study.learning import Cusum, LearningCurve, cusum, learning_curve
+from cutenv.scoring.study.pass_mark import ErrorRate, PassMark, Proficiency, pass_mark, proficiency
+from cutenv.scoring.study.raters import RaterAgreement, RaterCorrelation, rater_agreement, rater_correlation
 from cutenv.scoring.study.reliability import Intraclass, OneWay, intraclass_correlation, one_way_reliability
 from cutenv.scoring.study.separation import Separation, separation
+from cutenv.scoring.study.standard_setting import Standard, StandardSetting
 from cutenv.scoring.study.study import Findings, NotEstimable, StudiedCut, Study, numbered
+from cutenv.scoring.study.validity_evidence import ValidityEvidence, validity_evidence
 
 __all__ = [
+    "BootstrapEstimate",
     "Cusum",
+    "ErrorRate",
     "Estimate",
     "Findings",
     "Intraclass",
     "LearningCurve",
     "NotEstimable",
     "OneWay",
+    "PassMark",
+    "Proficiency",
+    "RaterAgreement",
+    "RaterCorrelation",
     "Separation",
+    "Standard",
+    "StandardSetting",
     "StudiedCut",
     "Study",
+    "ValidityEvidence",
     "cusum",
     "intraclass_correlation",
     "learning_curve",
     "numbered",
     "one_way_reliability",
+    "pass_mark",
+    "proficiency",
+    "rater_agreement",
+    "rater_correlation",
     "separation",
+    "validity_evidence",
 ]

@@ -41,12 +41,15 @@ class StudiedCut:
         Group of the operator; "" if the study has none.
     session : str
         Session of the cut; "" if the study has none.
+    marks : mapping of str to float
+        Mark by each rater who gave one, on any scale.
     """
 
     card: ScoreCard
     operator: str
     group: str = ""
     session: str = ""
+    marks: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -196,10 +199,7 @@ class Study:
         return groups
 
     def _chosen(self) -> Sequence[str]:
-        if self.metrics:
-            return tuple(dict.fromkeys(self.metrics))
-        moved = any(cut.card.metrics["idle_time"].value is not None for cut in self.cuts)
-        return STUDIED if moved else tuple(weights_by_metric(ForceOnlyWeights()))
+        return tuple(dict.fromkeys(self.metrics)) or leading_metrics(self.cuts)
 
     def _find(self, metric: str, notes: list[str]) -> Findings | None:
         scored = [(cut, cut.card.metrics[metric]) for cut in self.cuts]
@@ -220,7 +220,7 @@ class Study:
         several = {operator: values for operator, values in series.items() if len(values) >= 2}
         few = NotEstimable(f"fewer than {FEWEST_PEOPLE} {self.who}s with two cuts or more")
         enough = len(several) >= FEWEST_PEOPLE
-        reliability = _told(one_way_reliability, list(several.values())) if enough else few
+        reliability = told(one_way_reliability, list(several.values())) if enough else few
         target, target_is = self._target(series)
         within = _pooled(several)
         return Findings(
@@ -264,7 +264,7 @@ class Study:
         for group in dict.fromkeys(group_of.values()):
             own = [values for operator, values in several.items() if group_of[operator] == group]
             few = NotEstimable(f"fewer than {FEWEST_PEOPLE} {self.who}s with two cuts or more")
-            curves[group] = few if len(own) < FEWEST_PEOPLE else _told(learning_curve, own)
+            curves[group] = few if len(own) < FEWEST_PEOPLE else told(learning_curve, own)
         return curves
 
     def _separation(self, series: Mapping[str, Array]) -> Separation | NotEstimable:
@@ -278,7 +278,7 @@ class Study:
             return NotEstimable(
                 f"fewer than {FEWEST_IN_A_GROUP} {self.who}s in a group ({len(first)} and {len(second)})"
             )
-        return _told(separation, first, second)
+        return told(separation, first, second)
 
     def _retest(self, kept: Iterable[tuple[StudiedCut, float]]) -> Intraclass | NotEstimable:
         if len(self.sessions) < 2:
@@ -293,7 +293,13 @@ class Study:
         ]
         if len(rows) < FEWEST_PEOPLE:
             return NotEstimable(f"fewer than {FEWEST_PEOPLE} {self.who}s were at every session")
-        return _told(intraclass_correlation, rows)
+        return told(intraclass_correlation, rows)
+
+
+def leading_metrics(cuts: Sequence[StudiedCut]) -> tuple[str, ...]:
+    """Return the metrics that are studied if none are named."""
+    moved = any(cut.card.metrics["idle_time"].value is not None for cut in cuts)
+    return STUDIED if moved else tuple(weights_by_metric(ForceOnlyWeights()))
 
 
 def numbered(cuts: Sequence[StudiedCut]) -> list[tuple[int, StudiedCut]]:
@@ -306,7 +312,8 @@ def numbered(cuts: Sequence[StudiedCut]) -> list[tuple[int, StudiedCut]]:
     return rows
 
 
-def _told(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | NotEstimable:
+def told(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | NotEstimable:
+    """Return what a statistic returns, or the reason why these people do not allow it."""
     try:
         return function(*args, **kwargs)
     except ValueError as error:

@@ -1,0 +1,202 @@
+"""Find pass marks from records of several people, tell how often they err, and hold the score against raters."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cutenv.commands.options import (
+    add_record_options,
+    add_target_length,
+    command_parser,
+    reports_errors,
+    target_length,
+    watched,
+)
+
+if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
+    from cutenv.scoring.study.pass_mark import Method
+
+METHOD_NAMES: Mapping[str, Method] = {
+    "contrasting-groups": "contrasting groups",
+    "expert-mean": "expert mean",
+    "expert-sd": "expert mean and SD",
+}
+"""Spelling of the methods on the command line."""
+
+
+@reports_errors("pass-mark")
+def main(argv: Sequence[str]) -> int:
+    """Run the command; return 0, or 2 if the records, the table or the options are bad."""
+    arguments = _parser().parse_args(argv)
+    from cutenv._base.validation import in_range
+    from cutenv.commands.inputs import read_records, without_target
+    from cutenv.commands.score import fitting_reference, reference_set
+    from cutenv.commands.study import assigned, check_page, record_files
+    from cutenv.recording import load_operators
+    from cutenv.report.pass_mark_page import write_pass_mark_page
+    from cutenv.report.pass_mark_table import pass_mark_lines
+    from cutenv.scoring import score
+    from cutenv.scoring.study import StandardSetting, StudiedCut
+    from cutenv.scoring.study.standard_setting import check_metrics, other_group
+
+    check_page(arguments.out)
+    given = _given(arguments.mark or ())
+    check_metrics(arguments.metric or ())
+    in_range("--sd", arguments.sd, 0.1, 4.0, "1", "In standard deviations; 1 or 2 is usual.")
+    in_range("--in-a-row", arguments.in_a_row, 1, 100, "1")
+    rows = load_operators(arguments.operators, raters=arguments.raters or ())
+    if arguments.passing is not None or not given:
+        other_group([row.group for row in rows], arguments.passing, arguments.failing)
+    reference = reference_set(arguments.reference)
+    length = target_length(arguments)
+    arguments.records = record_files(arguments)
+    records = read_records(arguments)
+    for note in [*records.notes, *without_target(records.traces, length)]:
+        print(f"note: {note}", file=sys.stderr)
+    cuts = [
+        StudiedCut(
+            card=score(
+                records.traces[i],
+                target_length=length,
+                reference=fitting_reference(reference, records.traces[i]),
+            ),
+            operator=row.operator,
+            group=row.group,
+            session=row.session,
+            marks=row.marks,
+        )
+        for row, i in watched(assigned(rows, records, arguments.operators), "scoring", "cut")
+    ]
+    print("working out marks and their intervals ...", file=sys.stderr, flush=True)
+    setting = StandardSetting(
+        name=arguments.name or arguments.operators.stem,
+        cuts=cuts,
+        passing=arguments.passing,
+        failing=arguments.failing,
+        metrics=tuple(arguments.metric or ()),
+        given=given,
+        method=METHOD_NAMES[arguments.method],
+        spread=arguments.sd,
+        in_a_row=arguments.in_a_row,
+        best_mark=arguments.best_mark,
+    )
+    print("\n".join(pass_mark_lines(setting)))
+    for each in records.refused:
+        print(f"note: left out: {each.name}: {each.reason}")
+    if arguments.out is not None:
+        print("drawing the page ...", file=sys.stderr, flush=True)
+        people, everything = write_pass_mark_page(arguments.out, setting)
+        print(f"\npage: {arguments.out}\npeople: {people}\neverything: {everything}")
+    return 0
+
+
+def _given(marks: Sequence[str]) -> dict[str, float]:
+    """Return a teacher's marks by metric, in the metric's unit; raise ValueError for what is none."""
+    from cutenv._base.validation import one_of
+    from cutenv.scoring import METRICS
+    from cutenv.scoring.study.standard_setting import OVERALL
+
+    given: dict[str, float] = {}
+    for text in marks:
+        head, separator, tail = text.partition("=")
+        name, value = (head.strip(), tail.strip()) if separator else (OVERALL, head.strip())
+        one_of("--mark", name, (OVERALL, *METRICS))
+        length = name != OVERALL and METRICS[name].unit == "m"
+        try:
+            amount = float(value.removesuffix("mm")) * (1e-3 if length else 1.0)
+        except ValueError:
+            amount = float("nan")
+        if not abs(amount) < float("inf") or length != value.endswith("mm"):
+            unit = "mm" if length else ""
+            raise ValueError(f"--mark {text!r} is no mark; write {'' if name == OVERALL else f'{name}='}NUMBER{unit}.")
+        if name in given:
+            raise ValueError(f"--mark gives {name} twice; give one mark.")
+        given[name] = amount
+    return given
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command_parser(
+        "pass-mark",
+        __doc__,
+        examples=(
+            "records/ --operators class.csv --passing expert --out marks.html",
+            "records/ --operators class.csv --mark 60 --mark tip_error=3mm",
+            "records/ --operators class.csv --passing expert --raters rater_a rater_b",
+        ),
+        note=textwrap.fill(
+            "Training feedback for research; not validated for assessment or credentialing of people. What a mark may "
+            "decide is for the people who use it to judge.",
+            100,
+        ),
+    )
+    add_record_options(
+        parser, metavar="FOLDER", about="folder of records (CSV, Parquet or HDF5), or the records themselves"
+    )
+    parser.add_argument(
+        "--operators",
+        type=Path,
+        required=True,
+        metavar="TABLE.csv",
+        help="table with columns record, operator (an anonymous code, P07), and where known group, session, order, and "
+        "a column of marks for each rater",
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.html", help="page to write; people as .csv and everything as .json beside it"
+    )
+    parser.add_argument("--passing", metavar="GROUP", help="group that is to pass, such as expert")
+    parser.add_argument(
+        "--failing", metavar="GROUP", help="group that is not to pass; of two groups the other one by default"
+    )
+    parser.add_argument(
+        "--metric",
+        action="append",
+        metavar="NAME",
+        help="overall_score or the name of a metric; give it again for more; default the score and its leading metrics",
+    )
+    parser.add_argument(
+        "--mark",
+        action="append",
+        metavar="[METRIC=]NUMBER",
+        help="mark that you set: 60 for the overall score, tip_error=3mm for a metric; give it again for more",
+    )
+    parser.add_argument(
+        "--method",
+        choices=tuple(METHOD_NAMES),
+        default="contrasting-groups",
+        help="method whose mark proficiency is counted by, where you set none; default contrasting-groups. All methods "
+        "are shown side by side",
+    )
+    parser.add_argument(
+        "--sd",
+        type=float,
+        default=1.0,
+        metavar="NUMBER",
+        help="distance of expert-sd from the mean of the passing group, in standard deviations; default 1",
+    )
+    parser.add_argument(
+        "--in-a-row", type=int, default=2, metavar="CUTS", help="consecutive passes that are proficiency; default 2"
+    )
+    parser.add_argument(
+        "--raters", nargs="+", metavar="COLUMN", help="columns of the table with raters' marks, on any scale"
+    )
+    parser.add_argument(
+        "--best-mark",
+        choices=("highest", "lowest"),
+        default="highest",
+        help="end of the raters' scale that is best; default highest",
+    )
+    parser.add_argument(
+        "--reference",
+        default="baselines",
+        metavar="SET",
+        help="cuts that the overall score compares with, as for cutenv score; default baselines",
+    )
+    add_target_length(parser, "the records' own")
+    parser.add_argument("--name", metavar="NAME", help="title of the page; default the table's name")
+    return parser

@@ -1,0 +1,317 @@
+"""A class of people held against pass marks and raters: the overall score and each metric, and what supports them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cutenv._base.arrays import Array
+from cutenv._base.validation import in_range, one_of
+from cutenv.scoring.metric import METRICS
+from cutenv.scoring.score_card import ScoreCard
+from cutenv.scoring.study.estimate import FEWEST_PEOPLE
+from cutenv.scoring.study.pass_mark import (
+    IN_A_ROW,
+    METHODS,
+    SPREAD,
+    Better,
+    Method,
+    PassMark,
+    Proficiency,
+    pass_mark,
+    proficiency,
+)
+from cutenv.scoring.study.raters import RaterAgreement, RaterCorrelation, mean_mark, rater_agreement, rater_correlation
+from cutenv.scoring.study.reliability import OneWay, one_way_reliability
+from cutenv.scoring.study.separation import FEWEST_IN_A_GROUP, Separation, separation
+from cutenv.scoring.study.study import NotEstimable, StudiedCut, leading_metrics, told
+
+OVERALL = "overall_score"
+"""Name of the overall score among the metrics."""
+ALL_RATERS = "all raters"
+"""Name under which the mean of the raters' marks is held."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Standard:
+    """Pass marks of one metric, and what supports it.
+
+    Attributes
+    ----------
+    metric, unit : str
+        Name of the metric, or "overall_score", and its unit on the cards.
+    better : {"higher", "lower"}
+        Which values are better.
+    series : mapping of str to ndarray
+        Values of each operator's cuts, in order; cuts without a value are left out.
+    missing : int
+        Number of cuts without a value.
+    marks : mapping of str to PassMark or NotEstimable
+        Pass mark by each method, or the reason why the people give none.
+    chosen : PassMark or NotEstimable
+        The mark that proficiency is counted by.
+    proficiency : mapping of str to Proficiency
+        How each operator's cuts meet it; empty without a mark.
+    separation : Separation or NotEstimable
+        Separation of the groups, the passing one above the other.
+    reliability : OneWay or NotEstimable
+        Reliability of a single cut and of a person's mean.
+    raters : mapping of str to RaterCorrelation or NotEstimable
+        Correlation with each rater's marks, and with the mean of all if there are two or more.
+    """
+
+    metric: str
+    unit: str
+    better: Better
+    series: Mapping[str, Array]
+    missing: int
+    marks: Mapping[Method, PassMark | NotEstimable]
+    chosen: PassMark | NotEstimable
+    proficiency: Mapping[str, Proficiency]
+    separation: Separation | NotEstimable
+    reliability: OneWay | NotEstimable
+    raters: Mapping[str, RaterCorrelation | NotEstimable]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StandardSetting:
+    """Pass marks for a class of people.
+
+    Parameters
+    ----------
+    name : str
+        Name of the class, for pages.
+    cuts : sequence of StudiedCut
+        The cuts, each operator's in the order in which they were made; with the raters' marks, if there are any.
+    passing, failing : str, optional
+        Group that is to pass, and group that is not; of two groups the other one. Without groups only a teacher's mark
+        can be held against the cuts.
+    metrics : sequence of str, optional
+        "overall_score" and names in :data:`~cutenv.scoring.METRICS` of which one way is better; by default the score
+        and the metrics that lead it.
+    given : mapping of str to float, optional
+        Marks set by a teacher, by metric; in the metric's unit on the card.
+    method : str
+        Method whose mark proficiency is counted by; a teacher's mark goes before it.
+    spread : float
+        Distance of the mark from the experts' mean, in their standard deviations.
+    in_a_row : int
+        Number of consecutive passes that count as proficiency.
+    best_mark : {"highest", "lowest"}
+        Which end of the raters' scale is best.
+    seed : int
+        Seed of the bootstrap.
+
+    Attributes
+    ----------
+    standards : tuple of Standard
+        One for each metric that any cut has.
+    agreement : RaterAgreement or NotEstimable
+        Agreement of the raters with each other.
+    notes : tuple of str
+        Notes for the reader.
+
+    Raises
+    ------
+    ValueError
+        If there are no cuts, an operator is in two groups, force is in two units, or a name is not known.
+    """
+
+    name: str
+    cuts: Sequence[StudiedCut]
+    passing: str | None = None
+    failing: str | None = None
+    metrics: Sequence[str] = ()
+    given: Mapping[str, float] = field(default_factory=dict)
+    method: Method = "contrasting groups"
+    spread: float = SPREAD
+    in_a_row: int = IN_A_ROW
+    best_mark: str = "highest"
+    seed: int = 1
+    standards: tuple[Standard, ...] = field(init=False)
+    agreement: RaterAgreement | NotEstimable = field(init=False)
+    notes: tuple[str, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._check()
+        rng = np.random.default_rng(self.seed)
+        notes: list[str] = []
+        standards = [
+            found
+            for metric in self._chosen_metrics()
+            if (found := self._standard(metric, notes, np.random.default_rng(rng.integers(2**63)))) is not None
+        ]
+        if not standards:
+            raise ValueError(f"no metric could be computed from these cuts: {'; '.join(notes)}.")
+        agreement: RaterAgreement | NotEstimable = NotEstimable("nobody rated the cuts")
+        if self.raters:
+            agreement = told(rater_agreement, self._marks(), [cut.operator for cut in self.cuts], rng=rng)
+        object.__setattr__(self, "standards", tuple(standards))
+        object.__setattr__(self, "agreement", agreement)
+        object.__setattr__(self, "notes", tuple(notes))
+
+    @property
+    def operators(self) -> tuple[str, ...]:
+        """Codes of the operators, in order of appearance."""
+        return tuple(dict.fromkeys(cut.operator for cut in self.cuts))
+
+    @property
+    def group_of(self) -> dict[str, str]:
+        """Group of each operator."""
+        return {cut.operator: cut.group for cut in self.cuts}
+
+    @property
+    def raters(self) -> tuple[str, ...]:
+        """Names of the raters, in order of appearance."""
+        return tuple(dict.fromkeys(rater for cut in self.cuts for rater in cut.marks))
+
+    def _check(self) -> None:
+        if not self.cuts:
+            raise ValueError("pass marks need cuts; there is none.")
+        units = sorted({cut.card.force_unit for cut in self.cuts})
+        if len(units) > 1:
+            raise ValueError(f"force is in {' and in '.join(units)}; give cuts of one unit at a time.")
+        one_of("method", self.method, METHODS[:3])
+        one_of("best_mark", self.best_mark, ("highest", "lowest"))
+        in_range("in_a_row", self.in_a_row, 1, 100, "1")
+        in_range("spread", self.spread, 0.1, 4.0, "1", "In standard deviations; 1 or 2 is usual.")
+        check_metrics((*self.metrics, *self.given))
+        groups = self.group_of
+        for cut in self.cuts:
+            if cut.group != groups[cut.operator]:
+                raise ValueError(
+                    f"operator {cut.operator} is in groups {cut.group!r} and {groups[cut.operator]!r}; give one. "
+                    "What changes from cut to cut is a session."
+                )
+        if not self.given or self.passing is not None:
+            failing = other_group([*groups.values()], self.passing, self.failing)
+            object.__setattr__(self, "failing", failing)
+
+    def _chosen_metrics(self) -> Sequence[str]:
+        if self.metrics:
+            return tuple(dict.fromkeys((*self.metrics, *self.given)))
+        return tuple(dict.fromkeys((OVERALL, *leading_metrics(self.cuts), *self.given)))
+
+    def _marks(self) -> Array:
+        return np.array([[cut.marks.get(rater, np.nan) for rater in self.raters] for cut in self.cuts], np.float64)
+
+    def _standard(self, metric: str, notes: list[str], rng: np.random.Generator) -> Standard | None:
+        scored = [value_of(cut.card, metric) for cut in self.cuts]
+        values = np.array([np.nan if value is None else value for value, _ in scored])
+        silent = [why for value, why in scored if value is None]
+        if silent:
+            reason = f"{metric} is missing in {len(silent)} of {len(scored)} cuts: {silent[0]}"
+            if len(silent) == len(scored) and metric in (*self.metrics, *self.given):
+                raise ValueError(f"{reason}.")
+            notes.append(reason)
+        if len(silent) == len(scored):
+            return None
+        made_by = np.array([cut.operator for cut in self.cuts])
+        series = {each: own for each in self.operators if len(own := values[(made_by == each) & np.isfinite(values)])}
+        better: Better = "higher" if metric == OVERALL or METRICS[metric].direction == "higher" else "lower"
+        groups = [
+            [own for operator, own in series.items() if group is not None and self.group_of[operator] == group]
+            for group in (self.failing, self.passing)
+        ]
+        marks = {
+            method: self._mark(metric, method, better, groups, rng)
+            for method in METHODS
+            if method != "set by the teacher" or metric in self.given
+        }
+        chosen = marks["set by the teacher" if metric in self.given else self.method]
+        several = [own for own in series.values() if len(own) >= 2]
+        few = min(map(len, groups))
+        return Standard(
+            metric=metric,
+            unit="1" if metric == OVERALL else self.cuts[0].card.unit(metric),
+            better=better,
+            series=series,
+            missing=len(silent),
+            marks=marks,
+            chosen=chosen,
+            proficiency={}
+            if isinstance(chosen, NotEstimable)
+            else {
+                operator: proficiency(own, chosen.mark.value, better=better, in_a_row=self.in_a_row)
+                for operator, own in series.items()
+            },
+            separation=NotEstimable(f"fewer than {FEWEST_IN_A_GROUP} people in a group")
+            if few < FEWEST_IN_A_GROUP
+            else told(separation, groups[1], groups[0]),
+            reliability=NotEstimable(f"fewer than {FEWEST_PEOPLE} people with two cuts or more")
+            if len(several) < FEWEST_PEOPLE
+            else told(one_way_reliability, several),
+            raters=self._correlations(values, better, rng),
+        )
+
+    def _mark(
+        self, metric: str, method: Method, better: Better, groups: Sequence[Sequence[Array]], rng: np.random.Generator
+    ) -> PassMark | NotEstimable:
+        if self.passing is None and method != "set by the teacher":
+            return NotEstimable("the table names no group that is to pass")
+        failing, passing = (np.array([own.mean() for own in group]) for group in groups)
+        given = self.given[metric] if method == "set by the teacher" else None
+        return told(pass_mark, failing, passing, method=method, better=better, spread=self.spread, given=given, rng=rng)
+
+    def _correlations(
+        self, values: Array, better: Better, rng: np.random.Generator
+    ) -> dict[str, RaterCorrelation | NotEstimable]:
+        people, table = [cut.operator for cut in self.cuts], self._marks()
+        columns = dict(zip(self.raters, table.T, strict=True)) if self.raters else {}
+        if len(columns) > 1:
+            columns[ALL_RATERS] = mean_mark(table)
+        return {
+            rater: told(
+                rater_correlation,
+                values,
+                marks,
+                people,
+                better=better,
+                best_mark="highest" if self.best_mark == "highest" else "lowest",
+                rng=rng,
+            )
+            for rater, marks in columns.items()
+        }
+
+
+def value_of(card: ScoreCard, metric: str) -> tuple[float | None, str]:
+    """Return the value of a metric or of the overall score, and the reason if there is none."""
+    if metric == OVERALL:
+        return card.overall_score, card.no_score
+    scored = card.metrics[metric]
+    return scored.value, scored.unavailable
+
+
+def check_metrics(names: Sequence[str]) -> None:
+    """Raise ValueError if one of the names is no metric, or one of which neither way is better."""
+    rewarded = (OVERALL, *(name for name, metric in METRICS.items() if metric.direction != "none"))
+    for name in names:
+        if name in METRICS and name not in rewarded:
+            raise ValueError(f"{name} cannot have a pass mark: neither way is better.")
+        one_of("metric", name, rewarded)
+
+
+def other_group(groups: Sequence[str], passing: str | None, failing: str | None) -> str | None:
+    """Return the group that is not to pass: the one named, or of two groups the other; None if there is one group.
+
+    Raises
+    ------
+    ValueError
+        If a name is not among the groups, or it is not clear which group is meant.
+    """
+    known = tuple(dict.fromkeys(group for group in groups if group))
+    if not known and passing is None and failing is None:
+        return None
+    if passing is None:
+        raise ValueError(f"which group is to pass, of {', '.join(known)}? Name it with passing, or give a mark.")
+    if not known:
+        raise ValueError(f"group {passing!r} is to pass, but the operators have no groups; add a column group.")
+    one_of("passing", passing, known)
+    others = [group for group in known if group != passing]
+    if failing is not None:
+        return one_of("failing", failing, others)
+    if len(others) > 1:
+        raise ValueError(f"which group is not to pass, of {', '.join(others)}? Name it with failing.")
+    return others[0] if others else None
