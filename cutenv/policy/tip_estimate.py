@@ -1,5 +1,4 @@
-"""The crack tip estimated from observations (:mod:`cutenv.tissue.crack_tip`), and the run that its resistance predicts.
-"""
+"""The crack tip estimated from observations (:mod:`cutenv.tissue.crack_tip`), and the run that it would make now."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ from cutenv.task_quantities import SHALLOWEST, SMALLEST_RUN
 from cutenv.tissue import CutModel, TissueDescription, measured_liver
 from cutenv.tissue.crack_tip import ASSESSED_TIP, ESTIMATED_EVERY, assess_tips, believe_mean
 from cutenv.tissue.grid import N_POINTS, SPACING
-from cutenv.tissue.slab import effective_depth
+from cutenv.tissue.slab import THICKNESS, effective_depth
 from cutenv.trace import Trace
 
 RATE = 100.0
@@ -327,7 +327,7 @@ class ScoredCut:
 
     @cached_property
     def _followed(self) -> tuple[Array, StructArray]:
-        """Estimated tip at every instant [m], and :attr:`_learned`, shape (1,), which holds for the cut before it, too."""
+        """Estimated tip at every instant [m], and :attr:`_learned`, shape (1,), which is used from the beginning on."""
         known = np.zeros(1, ASSESSED_TIP)
         believe_mean(known, self.tissue.nominal_friction_per_depth)
         taught = self._follow(known.copy())[1]
@@ -338,11 +338,14 @@ class ScoredCut:
         return tips, known
 
     def _follow(self, memory: StructArray) -> tuple[Array, StructArray]:
-        """Return the tip at every instant [m], estimated with what ``memory`` knows, and what a return stroke taught."""
+        """Return the tip at every instant [m] for one who knows ``memory``, and what the first return stroke taught."""
+        # Forces are compared with thresholds, which are for a slab as thick as usual.
+        force, scale = self.newtons, THICKNESS / self.tissue.thickness
+        readings = (self.position, self.trace.blade_speed, scale * self.profile.at(self.position), scale * force)
         instants = even_instants(self.time, 1.0 / ESTIMATED_EVERY)
-        readings = (self.position, self.trace.blade_speed, self.profile.at(self.position), self.newtons)
         position, speed, depth, force = (np.interp(instants, self.time, values) for values in readings)
-        stiffness, tips = self.stiffness(self._believed, np.arange(N_POINTS) * SPACING), np.zeros(len(instants))
+        stiffness = scale * self.stiffness(self._believed, np.arange(N_POINTS) * SPACING)
+        tips = np.zeros(len(instants))
         memory["position"], memory["tip"] = position[0], min(float(position[0]), 0.0)
         friction = self.tissue.nominal_friction_per_depth
         taught = assess_tips(memory, stiffness, friction, position, speed, depth, force, tips)
@@ -354,8 +357,7 @@ class ScoredCut:
     def own_modulus(self) -> float | None:
         """Modulus of the material from the cut's own loading ramps [Pa]; None if fewer than three are steady.
 
-        Livers differ by a third: with the mean liver's modulus the tip is known half as well. Calibrated tissue is used
-        with its calibrated modulus.
+        Livers differ by a third. Calibrated tissue is used with its calibrated modulus.
         """
         known = self.trace.angle is not None and self.trace.depth is not None and self.tissue.calibration is None
         if not known:

@@ -4,6 +4,8 @@ While the blade advances, the force locates the tip only for a known stiffness a
 tissue.  While the blade draws back, nothing is cut, and the force falls along a straight line.  Its slope is K at the
 tip; friction is half of the drop by which the line lies below the force before the blade turned; where only friction
 is left, there is the tip.  So a return stroke of two millimetres measures stiffness and friction of this tissue.
+
+Scripts and agents estimate it at every decision (:func:`follow_tip`), rigs and scores every 20 ms (:func:`assess_tip`).
 """
 
 from __future__ import annotations
@@ -54,7 +56,7 @@ TIP_FIELDS: list[tuple[str, str]] = [
     ("probed", "i8"),  # 1 once the tip has been located by drawing back
     ("located", "f8"),  # located tip [m]
 ]
-"""Fields of a structured dtype that remembers what is known of a tip; 0 before the cut, but see :func:`believe_mean`."""
+"""Fields of a structured dtype that remembers what is known of a tip; begin with 0 and :func:`believe_mean`."""
 
 ASSESSED_TIP: np.dtype[Any] = np.dtype(
     (
@@ -138,7 +140,7 @@ def assess_tip(
         See :func:`follow_tip`; the stiffness is known at all grid points.
     """
     bristle, located, before = memory.bristle, memory.located, memory.tip
-    if memory.probed == 1 and position < located - _OPEN:
+    if memory.probed == 1 and position < located - _OPEN:  # and the depth is no longer that of the tip
         memory.bristle, memory.position = dragged(bristle, position - memory.position), position
         return 0.0
     tip, elastic = follow_tip(memory, stiffness, len(stiffness), believed, position, speed, depth, force)
