@@ -150,7 +150,7 @@ def assess_tip(
         return 0.0
     if elastic > 0.0 and memory.settled >= _SETTLE:
         memory.tip = max(before, tip)
-    return memory.tip - before
+    return float(memory.tip - before)
 
 
 @njit
