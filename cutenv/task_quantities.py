@@ -34,8 +34,6 @@ SMALLEST_RUN = 0.3e-3
 """Advance of the estimated tip beyond the blade's own below which it is noise, not an unstable run [m]."""
 RUN_ALLOWED = 0.004
 """Length of a run up to which it is no cost [m]."""
-RUN_WINDOW = 0.020
-"""Time window in which such a run is searched for, longer than the sensor's noise [s]."""
 
 
 @njit_internal

@@ -42,6 +42,7 @@ import rig_faults
 import rig_soak
 import safe_cut
 import stock_learners
+import tip_errors
 from benchmark.table import markdown_table
 
 from cutenv._base.parameter import parameter_table
@@ -89,6 +90,7 @@ PAGES = {
     "metrics": "docs/reference/metrics.md",
     "weights": "docs/how-to/train.md",
     "ends": "docs/concepts/task.md",
+    "tip-errors": "docs/concepts/task.md",
     "tissue-file": "docs/reference/files/tissue.md",
     "rig-file": "docs/reference/files/rig.md",
     "rig-faults": "docs/rig/what-stops-it.md",
@@ -361,6 +363,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "metrics": metrics,
     "weights": weights,
     "ends": ends,
+    "tip-errors": lambda _: tip_errors.report(),
     "tissue-file": tissue_file,
     "rig-file": rig_file,
     "rig-faults": rig_faults_block,

@@ -10,6 +10,7 @@ import numpy as np
 from cutenv._base.arrays import StructArray
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv.cutting.dtypes import LAW, PROFILE
+from cutenv.tissue.crack_tip import PRESLIDING
 from cutenv.tissue.fall import end_of_fall
 from cutenv.tissue.specimen import Specimen
 
@@ -30,7 +31,7 @@ class LawParameters:
     )
 
     presliding_length: float = parameter(
-        50e-6, unit="m", low=1e-6, high=1e-3, provenance="assumed",
+        PRESLIDING, unit="m", low=1e-6, high=1e-3, provenance="assumed",
         source="well below strokes and lags of millimetres, above the 25 um of a millisecond at full speed",
         sensitivity=(20e-6, 100e-6),
     )  # fmt: skip

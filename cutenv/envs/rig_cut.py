@@ -49,8 +49,8 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """Cut from the clamp to a target length, gently, on a rig that a policy from simulation can use unchanged.
 
     Action, observation and reward are those of :class:`cutenv.envs.gentle_cut.GentleCutEnv`. Where that one uses hidden
-    state, this one uses estimates: the tip from the measured force and the mean tissue's stiffness. Reward, cost and
-    end come from that estimate, and ``info["estimated"]`` is True.
+    state, this one uses estimates: the tip from the measured force, with the mean tissue's stiffness and friction until
+    a return stroke has measured them. Reward, cost and end come from that estimate, and ``info["estimated"]`` is True.
 
     Safety is below the environment (:mod:`cutenv.rig.safety.supervisor`) and independent of it. If it stops the blade,
     the cut ends with ``info["end"] == "stopped"`` and the cause in ``info["stop"]``; the rig stays stopped until the

@@ -1,10 +1,4 @@
-"""The crack tip estimated from observations: blade position less elastic force over stiffness, K.
-
-While the blade advances, the force locates the tip only for a known stiffness and friction: at first those of the mean
-tissue.  While the blade draws back, nothing is cut, and the force falls along a straight line.  Its slope is K at the
-tip; friction is half of the drop by which the line lies below the force before the blade turned; where only friction
-is left, there is the tip.  So a return stroke of two millimetres measures stiffness and friction of this tissue.
-"""
+"""The crack tip estimated from observations (:mod:`cutenv.tissue.crack_tip`), and the run that it would make now."""
 
 from __future__ import annotations
 
@@ -24,22 +18,19 @@ from cutenv.policy.signals import (
     SPEED_COLUMN,
     in_si,
 )
-from cutenv.task.tip_estimation import PRESLIDING, dragged
 from cutenv.task_quantities import SHALLOWEST
+from cutenv.tissue.crack_tip import (
+    PRESLIDING,
+    TIP_FIELDS,
+    believe_mean,
+    follow_tip,
+    stiffness_behind,
+    tip_behind,
+)
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
 
-_ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
-_STEADY = -0.002  # [m/s], speed below which a blade draws back steadily
-_FORWARD = 0.0005  # [m/s], speed above which friction opposes an advance
-_SETTLED = 0.0006  # [m] of retreat after which the delayed force no longer contains the earlier friction
-_FLAT, _FLAT_OVER = 0.10, 0.0004  # [N], [m]: pure friction changes by less than this over this distance
-_STEEP = 0.15  # [N] above friction: still elastic
-_SPAN = 0.0006  # [m], shortest distance over which a slope is fitted
-_SOFTEST, _STIFFEST = 0.25, 4.0  # multiples of the mean tissue's stiffness that are believed
-_SMOOTHEST, _ROUGHEST = 0.2, 4.0  # and of its friction
-_BACK = 0.003  # [m] by which a located tip may be behind an earlier one
 _CUTTING_FROM = 0.015  # [m], position of the blade from which the force shows the resistance to cutting
 _BELIEVED_FOR = 0.005  # [m] of cut that count as much as the mean tissue's resistance
 
@@ -47,30 +38,13 @@ CUT_MEMORY: np.dtype[Any] = np.dtype(
     (
         np.record,
         [
-            ("depths", "f8", (N_POINTS,)),  # depth of cut as far as the blade has been [m]
+            *TIP_FIELDS,
+            ("stiffness", "f8", (N_POINTS,)),  # K of the mean tissue as far as the blade has been [N/m]
             ("passed", "i8"),  # number of these that are known
-            ("bristle", "f8"),  # deflection of the friction bristles [m]
-            ("position", "f8"),  # of the blade at the last observation [m]
+            ("depth", "f8"),  # at the last of them [m]
             ("furthest", "f8"),  # of the blade so far [m]
-            ("pushed", "f8"),  # force at the last observation of an advance [N]
-            ("pushed_at", "f8"),  # position there [m]
-            ("steady", "i8"),  # number of observations for which the blade has drawn back
-            ("back_from", "f8"),  # position at which the retreat began [m]
-            ("flat_at", "f8"),  # position at the last observation, or the last one at least _FLAT_OVER away [m]
-            ("flat_force", "f8"),  # force there [N]
-            ("count", "i8"),  # number of readings during elastic retreat; then their moments about back_from
-            ("x", "f8"),
-            ("F", "f8"),
-            ("xx", "f8"),
-            ("xF", "f8"),
-            ("nearest", "f8"),  # shortest distance of those readings from back_from [m]
             ("resisted", "f8"),  # integral of elastic force per depth over new ground [N]
             ("ground", "f8"),  # length of that ground [m]
-            ("friction_known", "i8"),  # 1 once the blade has moved against nothing but friction
-            ("friction_per_depth", "f8"),  # measured, or of the mean tissue [N/m]
-            ("stiffness_ratio", "f8"),  # measured K over that of the mean tissue, at the tip [1]
-            ("probed", "i8"),  # 1 once the tip has been located by drawing back
-            ("located", "f8"),  # located tip [m]
         ],
     )
 )
@@ -146,8 +120,7 @@ class TipEstimate:
 def nothing_yet(tissue: TissueDescription) -> StructArray:
     """Return the :data:`CUT_MEMORY` of a cut that has not begun, shape (1,), read-only."""
     memory = np.zeros(1, CUT_MEMORY)
-    memory["friction_per_depth"] = nominal_tissue(tissue)["friction_per_depth"]
-    memory["stiffness_ratio"] = 1.0
+    believe_mean(memory, float(nominal_tissue(tissue)["friction_per_depth"][0]))
     memory.setflags(write=False)
     return memory
 
@@ -185,21 +158,17 @@ def estimate_cut(
     estimate : Record
         :data:`CUT_ESTIMATE`, filled.
     """
-    memory.passed = remember_depth(memory.depths, memory.passed, position, depth)
-    memory.bristle = dragged(memory.bristle, position - memory.position)
-    memory.position = position
-    _learn_from_retreat(memory, nominal, position, speed, force, depth)
+    remember_stiffness(memory, nominal, position, depth)
+    stiffness, passed, friction = memory.stiffness, memory.passed, nominal.friction_per_depth
+    tip, elastic = follow_tip(memory, stiffness, passed, friction, position, speed, depth, force)
     new_ground = position - max(memory.furthest, _CUTTING_FROM)
     memory.furthest = max(memory.furthest, position)
 
     mobilised = memory.bristle / PRESLIDING * depth
-    elastic = max(force - mobilised * memory.friction_per_depth, 0.0)
-    ratio = memory.stiffness_ratio
-    tip = max(_tip_behind(memory, nominal, elastic / ratio), memory.located)
     estimate.tip = tip
-    estimate.nominal_tip = _tip_behind(memory, nominal, max(force - mobilised * nominal.friction_per_depth, 0.0))
+    estimate.nominal_tip = tip_behind(position, stiffness, passed, max(force - mobilised * friction, 0.0))
     estimate.elastic = elastic
-    estimate.stiffness = ratio * _stiffness_behind(memory, nominal, tip)
+    estimate.stiffness = memory.stiffness_ratio * stiffness_behind(stiffness, passed, tip)
     if new_ground > 0.0:
         memory.resisted += max(mean_force - mobilised * memory.friction_per_depth, 0.0) / depth * new_ground
         memory.ground += new_ground
@@ -210,92 +179,12 @@ def estimate_cut(
 
 
 @njit_internal
-def remember_depth(depths: StructArray, passed: int, position: float, depth: float) -> int:
-    """Fill ``depths``, shape (301,) [m], up to the blade, by linear interpolation since the last observation.
-
-    ``passed`` is the number of grid points that the blade had passed; returns the number passed now.
-    """
-    reached = min(round(position / SPACING), len(depths) - 1) + 1
-    before = depths[passed - 1] if passed > 0 else depth
+def remember_stiffness(memory: Struct, nominal: Struct, position: float, depth: float) -> None:
+    """Fill the mean tissue's stiffness up to the blade, with the depth [m] interpolated since the last observation."""
+    passed = memory.passed
+    reached = min(round(position / SPACING), len(memory.stiffness) - 1) + 1
+    before = memory.depth if passed > 0 else depth
     for k in range(passed, reached):
-        depths[k] = before + (depth - before) * (k + 1 - passed) / (reached - passed)
-    return max(passed, reached)
-
-
-@njit_internal
-def _stiffness_behind(memory: Struct, nominal: Struct, tip: float) -> float:
-    """Return K [N/m] of the mean tissue for a ``tip`` [m] behind the blade."""
-    place = min(max(round(tip / SPACING), 0), memory.passed - 1)
-    K: float = nominal_stiffness(nominal, place, memory.depths[place])
-    return K
-
-
-@njit_internal
-def _tip_behind(memory: Struct, nominal: Struct, elastic: float) -> float:
-    """Return the tip [m] at which the mean tissue would hold the blade with the force ``elastic`` [N]."""
-    tip: float = memory.position
-    for _ in range(_ITERATIONS):
-        tip = memory.position - elastic / _stiffness_behind(memory, nominal, tip)
-    return max(tip, 0.0)
-
-
-@njit_internal
-def _learn_from_retreat(
-    memory: Struct, nominal: Struct, position: float, speed: float, force: float, depth: float
-) -> None:
-    """Update stiffness, friction and located tip from the force while the blade draws back."""
-    if speed > _FORWARD:
-        memory.pushed, memory.pushed_at = force, position
-    if speed < _STEADY:
-        if memory.steady == 0:
-            memory.back_from = position
-            memory.count = 0
-            memory.x = memory.F = memory.xx = memory.xF = 0.0
-        memory.steady += 1
-    else:
-        memory.steady = 0
-    drawn_back = memory.back_from - position
-    if memory.steady > 1 and drawn_back > _SETTLED:
-        fell = memory.flat_force - force
-        if force < 0.0 and fell < _FLAT and memory.flat_at - position > _FLAT_OVER:
-            memory.friction_per_depth = -force / depth
-            memory.friction_known = 1
-            _locate_tip(memory, nominal, depth)
-        elif force > _STEEP - memory.friction_per_depth * depth:
-            memory.count += 1
-            memory.x += drawn_back
-            memory.F += force
-            memory.xx += drawn_back**2
-            memory.xF += drawn_back * force
-            if memory.count == 1:
-                memory.nearest = drawn_back
-            if memory.count > 1 and drawn_back - memory.nearest > _SPAN:
-                _locate_tip(memory, nominal, depth)
-    if memory.steady <= 1 or memory.flat_at - position > _FLAT_OVER:  # whatever the decision rate
-        memory.flat_at = position
-        memory.flat_force = force
-
-
-@njit_internal
-def _locate_tip(memory: Struct, nominal: Struct, depth: float) -> None:
-    """Locate the tip: extrapolate the straight line of the force down to friction."""
-    n = memory.count
-    if n < 2:
-        return
-    spread = memory.xx - memory.x**2 / n
-    slope = (memory.x * memory.F / n - memory.xF) / max(spread, 1e-12)  # fall of the force over the retreat [N/m]
-    if slope <= 0.0:
-        return
-    mean_x, mean_F = memory.x / n, memory.F / n
-    friction_per_depth = memory.friction_per_depth
-    if memory.friction_known == 0:  # the line lies below the force before the turn by friction both ways
-        drop = memory.pushed - (mean_F + slope * (mean_x - (memory.back_from - memory.pushed_at)))
-        believed = nominal.friction_per_depth
-        friction_per_depth = min(max(0.5 * drop / depth, _SMOOTHEST * believed), _ROUGHEST * believed)
-    tip = memory.back_from - mean_x - (mean_F + friction_per_depth * depth) / slope
-    ratio = slope / _stiffness_behind(memory, nominal, tip)
-    if _SOFTEST < ratio < _STIFFEST and tip > memory.located - _BACK:
-        memory.friction_per_depth = friction_per_depth
-        memory.located = tip
-        memory.stiffness_ratio = ratio
-        memory.probed = 1
+        memory.depth = before + (depth - before) * (k + 1 - passed) / (reached - passed)
+        memory.stiffness[k] = nominal_stiffness(nominal, k, memory.depth)
+    memory.passed = max(passed, reached)

@@ -13,9 +13,7 @@ from cutenv.scoring.unavailable import Unavailable
 
 _FLAT = 0.1  # sine of the angle below which no blade cuts
 _TIP = ("position", "depth", "newtons", "tip")
-_VALID_TIP = (
-    "tip as far as it is known: truth; return stroke, to 0.3 mm; or estimated, to 1 mm, one in twenty beyond 5 mm"
-)
+_VALID_TIP = "tip as known: truth; after a return stroke, to 0.3 mm; or estimated, to 1 or 2 mm, one in ten beyond 5 mm"
 
 
 @metric(

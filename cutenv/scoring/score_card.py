@@ -280,8 +280,8 @@ def _notes(cut: ScoredCut, points: Sequence[ScorePoints], outcome: str) -> list[
     notes = [
         {
             "truth": "tip: the simulator's own",
-            "return stroke": "tip: from the return stroke, to about 0.3 mm; its way there estimated",
-            "estimated": "tip: estimated, by the cut's own loading; median error 1 mm, one in twenty above 5 mm",
+            "return stroke": "tip: from the return stroke, after which it is known to about 0.3 mm; estimated before",
+            "estimated": "tip: estimated, by the cut's own loading; median error 1 to 2 mm, one in ten above 5 mm",
             "guessed": "tip: estimated with the stiffness of mean tissue; median error 2 mm, one in twenty above 7 mm",
             "unknown": "tip: unknown; force alone is judged",
         }["guessed" if cut.tip_source == "estimated" and cut.own_modulus is None else cut.tip_source]

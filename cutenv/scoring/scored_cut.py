@@ -11,23 +11,23 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import butter, sosfiltfilt
 
-from cutenv._base.arrays import Array
+from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import array_in_range, in_range
 from cutenv.measurement import (
     DepthProfile,
     QualityIssue,
-    ReturnStroke,
     estimate_local_effective_moduli,
-    fit_return_stroke,
     quality_issues,
 )
 from cutenv.measurement.loading_ratio import loading_ratio
 from cutenv.measurement.strokes import STANDSTILL_SPEED
 from cutenv.scoring.unavailable import Unavailable
 from cutenv.scoring.validity import LONGEST_RECORD, force_unusable, holds_two_cuts, is_truncated
-from cutenv.task_quantities import RUN_WINDOW, SHALLOWEST, SMALLEST_RUN
+from cutenv.task_quantities import SHALLOWEST, SMALLEST_RUN
 from cutenv.tissue import CutModel, TissueDescription, measured_liver
-from cutenv.tissue.slab import effective_depth
+from cutenv.tissue.crack_tip import ASSESSED_TIP, ESTIMATED_EVERY, assess_tips, believe_mean
+from cutenv.tissue.grid import N_POINTS, SPACING
+from cutenv.tissue.slab import THICKNESS, effective_depth
 from cutenv.trace import Trace
 
 RATE = 100.0
@@ -43,7 +43,7 @@ _FEWEST_HZ = 20.0  # readings a second, below which 5 Hz cannot be resolved
 _SHORTEST = 30  # samples at 100 Hz, needed to resolve a change at 5 Hz
 _DROP = 0.03  # fraction of the peak force by which a fall ends a loading ramp
 _FEWEST_RAMPS = 3  # loading ramps needed for the cut's own modulus
-_ROUNDS = 4  # fixed-point iterations of a = x - F/K(a)
+_TRUSTED = 0.65  # exponent of that over the tissue's: between 0.5 and 0.8 the tip is known best at any feed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -202,14 +202,14 @@ class ScoredCut:
             _ = self.tip
         except Unavailable:
             return "unknown"
-        return "estimated" if self._return_stroke is None else "return stroke"
+        return "return stroke" if self._learned["probed"] else "estimated"
 
     @cached_property
     def tip(self) -> Array:
         """Crack tip at every instant [m], shape (n,)."""
         if self.truth is not None:
             return self.truth.tip
-        return self._estimated_tip
+        return self._ending_where_it_did(self._followed[0])
 
     @cached_property
     def jumps(self) -> Array:
@@ -217,9 +217,9 @@ class ScoredCut:
         if self.truth is not None:
             return self.truth.jump
         # The tip's advance beyond the blade's own, over a time longer than the sensor's noise.
-        borders = even_instants(self.time, 1.0 / RUN_WINDOW)
+        borders = even_instants(self.time, 1.0 / ESTIMATED_EVERY)
         if len(borders) < 2:
-            raise Unavailable(f"shorter than {RUN_WINDOW:g} s")
+            raise Unavailable(f"shorter than {ESTIMATED_EVERY:g} s")
         a = np.interp(borders, self.time, self.tip)
         x = np.interp(borders, self.time, self.position)
         run = np.diff(a) - np.maximum(np.diff(x), 0.0)
@@ -300,10 +300,7 @@ class ScoredCut:
     @cached_property
     def modulus(self) -> float:
         """Modulus of the material with which the tip is estimated [Pa]: the cut's own if known, else the tissue's."""
-        back = self._return_stroke
-        if back is None or back.stiffness <= 0.0:
-            return self.tissue.modulus if self.own_modulus is None else self.own_modulus
-        return back.stiffness / float(self.stiffness(1.0, np.asarray(back.tip)))
+        return float(self._learned["stiffness_ratio"]) * self._believed
 
     def stiffness(self, modulus: float, tip: Array) -> Array:
         """Return K [N/m] of a slab of the given modulus [Pa], for tip positions [m] of this cut."""
@@ -317,23 +314,57 @@ class ScoredCut:
     @cached_property
     def elastic_force(self) -> Array:
         """Force less friction, at least zero [N], shape (n,)."""
-        F, back = self.newtons, self._return_stroke
-        friction = self.tissue.nominal_friction_per_depth if back is None else back.friction_per_depth
-        return np.maximum(F - friction * self.profile.at(self.position), 0.0)
+        friction = float(self._learned["friction_per_depth"])
+        return np.maximum(self.newtons - friction * self.profile.at(self.position), 0.0)
 
     @cached_property
-    def _return_stroke(self) -> ReturnStroke | None:
-        return fit_return_stroke(self.trace, self.profile)
+    def _believed(self) -> float:
+        """Modulus of the material that is believed without a return stroke [Pa]."""
+        own = self.tissue.modulus if self.own_modulus is None else self.own_modulus
+        return float(self.tissue.modulus * (own / self.tissue.modulus) ** _TRUSTED)
+
+    @property
+    def _learned(self) -> StructArray:
+        """What the first return stroke taught, :data:`~cutenv.tissue.crack_tip.ASSESSED_TIP`, or what is believed."""
+        learned: StructArray = self._followed[1][0]
+        return learned
+
+    @cached_property
+    def _followed(self) -> tuple[Array, StructArray]:
+        """Estimated tip at every instant [m], and :attr:`_learned`, shape (1,), which is used from the beginning on."""
+        known = np.zeros(1, ASSESSED_TIP)
+        believe_mean(known, self.tissue.nominal_friction_per_depth)
+        taught = self._follow(known.copy())[1]
+        if taught["probed"][0]:
+            known[["friction_per_depth", "stiffness_ratio"]] = taught[["friction_per_depth", "stiffness_ratio"]]
+        tips, _ = self._follow(known.copy())
+        known["probed"] = taught["probed"]
+        return tips, known
+
+    def _follow(self, memory: StructArray) -> tuple[Array, StructArray]:
+        """Return the tip at every instant [m] for one who knows ``memory``, and what the first return stroke taught."""
+        # Forces are compared with thresholds, which are for a slab as thick as usual.
+        force, scale = self.newtons, THICKNESS / self.tissue.thickness
+        readings = (self.position, self.trace.blade_speed, scale * self.profile.at(self.position), scale * force)
+        instants = even_instants(self.time, 1.0 / ESTIMATED_EVERY)
+        position, speed, depth, force = (np.interp(instants, self.time, values) for values in readings)
+        stiffness = scale * self.stiffness(self._believed, np.arange(N_POINTS) * SPACING)
+        tips = np.zeros(len(instants))
+        memory["position"], memory["tip"] = position[0], min(float(position[0]), 0.0)
+        friction = self.tissue.nominal_friction_per_depth
+        taught = assess_tips(memory, stiffness, friction, position, speed, depth, force, tips)
+        # A cut never heals: where drawing back locates the tip, it was not further before.
+        tips = np.minimum.accumulate(tips[::-1])[::-1]
+        return np.interp(self.time, instants, tips), taught
 
     @cached_property
     def own_modulus(self) -> float | None:
         """Modulus of the material from the cut's own loading ramps [Pa]; None if fewer than three are steady.
 
-        Livers differ by a third: with the mean liver's modulus the tip is known half as well. Calibrated tissue is used
-        with its calibrated modulus.
+        Livers differ by a third. Calibrated tissue is used with its calibrated modulus.
         """
         known = self.trace.angle is not None and self.trace.depth is not None and self.tissue.calibration is None
-        if not known or self._return_stroke is not None:
+        if not known:
             return None
         try:
             found = estimate_local_effective_moduli(
@@ -349,19 +380,6 @@ class ScoredCut:
         except ValueError:
             return None  # outside the range measured for liver, for example at other angles
         return float(np.median(slow)) if len(slow) >= _FEWEST_RAMPS else None
-
-    @cached_property
-    def _estimated_tip(self) -> Array:
-        """Tip from blade, elastic force and stiffness; monotonic, because a cut never heals."""
-        elastic, x = self.elastic_force, self.position
-        back = self._return_stroke
-        moves = self.advancing
-        a = x.copy()
-        for _ in range(_ROUNDS):
-            a = x - elastic / self.stiffness(self.modulus, a)
-        a = np.where(moves & (elastic > 0.0), a, -np.inf)
-        tip = np.maximum(np.maximum.accumulate(a), min(float(x[0]), 0.0))
-        return self._ending_where_it_did(np.minimum(tip, back.tip) if back is not None else tip)
 
     @property
     def noted_end(self) -> float | None:

@@ -10,7 +10,8 @@ import numpy as np
 from cutenv.scoring.motion import moving_between
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.unavailable import Unavailable
-from cutenv.task_quantities import ANGLE_TOLERANCE, FORCE_LIMIT_PER_DEPTH, RUN_WINDOW, TIP_TOLERANCE, force_per_depth
+from cutenv.task_quantities import ANGLE_TOLERANCE, FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE, force_per_depth
+from cutenv.tissue.crack_tip import ESTIMATED_EVERY
 
 LURCH = TIP_TOLERANCE
 """Smallest run of the crack that is reported [m]."""
@@ -57,7 +58,7 @@ def technique_faults(cut: ScoredCut) -> list[TechniqueFault]:
 def _lurches(cut: ScoredCut) -> list[TechniqueFault]:
     jumps = cut.jumps
     n = len(jumps)
-    times = cut.time if n == len(cut.time) else float(cut.time[0]) + RUN_WINDOW * np.arange(n)
+    times = cut.time if n == len(cut.time) else float(cut.time[0]) + ESTIMATED_EVERY * np.arange(n)
     worst = [int(i) for i in np.argsort(jumps)[::-1][:_MOST] if jumps[i] >= LURCH]
     positions = np.interp(times, cut.time, cut.position)
     return [

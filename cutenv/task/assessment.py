@@ -367,15 +367,14 @@ def assess_readings(
         The latter an index in :data:`~cutenv.task.reward.ENDS`.
     """
     e = episodes[0]
-    count, task, progress, nominal = first_row(e.counts), e.tasks[0], e.progresses[0], e.nominals[0]
+    count, task, progress, nominal, known = first_row(e.counts), e.tasks[0], e.progresses[0], e.nominals[0], e.tips[0]
     begin_count(count, 0, task, progress)
     felt = angle = 0.0
     for i in range(len(readings)):
         reading = readings[i]
         felt, angle, position = reading.force, reading.angle, reading.position
-        tip, jump = estimated_tip(
-            task, progress, nominal, count.tip[0], round(count.time[0] / TICK) + 1, position, reading.speed, felt
-        )
+        tick = round(count.time[0] / TICK) + 1
+        tip, jump = estimated_tip(known, task, nominal, tick, position, reading.speed, felt)
         count_lane(count, 0, position, reading.speed, felt, felt, tip, jump, depth_at(nominal, position))
         if count.end[0] != 0:
             break

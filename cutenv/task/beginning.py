@@ -41,11 +41,11 @@ def measure_depth(seed: Integer, episode: Integer, noise: float, modes: Array, d
 
 
 @njit_internal
-def begin_at(state: Struct, progress: Struct, place: float) -> None:
+def begin_at(state: Struct, progress: Struct, tip: Struct, place: float) -> None:
     """Put a blade that stands at the clamp to ``place`` [m], where the cut that is already made ends: unloaded."""
     state.blade = state.tip = state.hand = place
     progress.position = progress.furthest = progress.tip = place
-    progress.window_position = progress.window_tip = place
+    tip.position = tip.tip = place
 
 
 @njit_internal
@@ -122,11 +122,12 @@ def begin_some(
         cuts.sensors[n] = start.sensors[0]
         cuts.tasks[n] = start.tasks[0]
         cuts.progresses[n] = start.progresses[0]
+        cuts.tips[n] = start.tips[0]
         cuts.sensors[n].seed = seed
         cuts.sensors[n].episode = episode
         cuts.tasks[n].target = target if target > 0.0 else drawn_length(seed, episode)
         if before > 0.0:
-            begin_at(cuts.states[n], cuts.progresses[n], cuts.tasks[n].target - before)
+            begin_at(cuts.states[n], cuts.progresses[n], cuts.tips[n], cuts.tasks[n].target - before)
         profile, nominal, along = cuts.profiles[n], cuts.nominals[n], cuts.specimens[n]
         if source == GIVEN:
             cuts.profiles[n] = start.profiles[0]

@@ -34,6 +34,7 @@ from cutenv.task.info import INFO
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
 from cutenv.task.reward import TERMS
 from cutenv.task.tip_estimation import estimated_tip
+from cutenv.tissue.crack_tip import ASSESSED_TIP
 
 # Sizes of records in numbers.  Numba compiles a kernel anew for each literal integer argument, but not for these.
 _NONE = np.int64(0)
@@ -57,6 +58,8 @@ class Cuts(NamedTuple):
     nominals: StructArray
     """Profiles that a rig expects."""
     specimens: StructArray
+    tips: StructArray
+    """What a rig remembers of the tip; unused if the reward is assessed by hidden state."""
 
     @classmethod
     def empty(cls, count: int) -> Cuts:
@@ -71,6 +74,7 @@ class Cuts(NamedTuple):
             progresses=np.zeros(count, PROGRESS),
             nominals=np.zeros(count, PROFILE),
             specimens=np.zeros(count, SPECIMEN),
+            tips=np.zeros(count, ASSESSED_TIP),
         )
 
 
@@ -82,6 +86,7 @@ EPISODE: np.dtype[Any] = np.dtype(
             ("progresses", PROGRESS, (1,)),
             ("nominals", PROFILE, (1,)),
             ("specimens", SPECIMEN, (1,)),
+            ("tips", ASSESSED_TIP, (1,)),
             ("infos", INFO, (1,)),  # of the last step
             ("totals", "f8", (len(TERMS),)),  # sum of the reward's terms since reset
             ("counts", COUNT_ONE, (1,)),  # memory of the calls
@@ -113,7 +118,9 @@ def step_one(
         Action within [-1, 1]; observation and readings: filled.
     """
     c, e = cuts[0], episodes[0]
-    one = Cuts(c.states, c.profiles, c.laws, c.drives, c.sensors, e.tasks, e.progresses, e.nominals, e.specimens)
+    one = Cuts(
+        c.states, c.profiles, c.laws, c.drives, c.sensors, e.tasks, e.progresses, e.nominals, e.specimens, e.tips
+    )  # fmt: skip
     row, count = first_row(c.rows), first_row(e.counts)
     plain, numbers = plain_views(c.rows, c.states, c.laws, c.drives), as_float64_view(e.infos)
     _take(one, row, plain, count, action, 0, 0)
@@ -293,10 +300,8 @@ def _count_as_seen(cuts: Cuts, row: Struct, count: Struct, k: int, from_truth: b
     force, tip, jump, known = row.force[k], row.tip[k], row.jump[k], cuts.profiles[c]
     if not from_truth:
         force, known = felt, cuts.nominals[c]
-        tip, jump = estimated_tip(
-            cuts.tasks[c], cuts.progresses[c], known, count.tip[k], round(count.time[k] / TICK) + 1, position, speed,
-            felt,
-        )  # fmt: skip
+        tick = round(count.time[k] / TICK) + 1
+        tip, jump = estimated_tip(cuts.tips[c], cuts.tasks[c], known, tick, position, speed, felt)
     count_lane(count, k, position, speed, force, felt, tip, jump, depth_at(known, position))
 
 

@@ -32,14 +32,10 @@ PROGRESS: np.dtype[Any] = np.dtype(
         [
             ("tip", "f8"),  # so far, as assessed [m]
             ("position", "f8"),  # of the blade at the last reading [m]
-            ("window_tip", "f8"),  # tip [m] at the start of the present window of the estimate
-            ("window_position", "f8"),
             ("furthest", "f8"),  # of the blade so far [m]
             ("quiet", "f8"),  # time for which the blade has been at rest and unloaded [s]
             ("loaded_at", "f8"),  # position of the blade when the tissue was last loaded [m]
             ("time", "f8"),  # since reset [s]
-            ("bristle", "f8"),  # deflection of the friction bristles [m]
-            ("settled", "i8"),  # updates for which it has not changed
             ("updates", "i8"),  # number in this step, up to the end if there is one
             ("angle", "f8"),  # of the blade at the last update [rad]
             ("touched", "i8"),  # 1 once the blade has loaded the tissue

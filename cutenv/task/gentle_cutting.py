@@ -17,6 +17,7 @@ from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE, PLACES, WHOLE
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, commanded_speed
 from cutenv.task.reward import ENDS, STOPPED, TERMS
 from cutenv.task.weights import Limits, RewardWeights, task_record
+from cutenv.tissue.crack_tip import believe_mean
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.nominal import nominal_tissue
 
@@ -81,6 +82,7 @@ class GentleCutting:
             speeds=(tissue.speed_min, tissue.speed_max),
         )
         self.episode["nominals"] = nominal_profile(tissue, plant.depth)
+        believe_mean(self.episode["tips"], friction_per_depth)
         self._felt: StructArray | None = None
         self._end = 0
         self._stopped = False
@@ -276,7 +278,7 @@ class SimulatedCutting(GentleCutting):
         self.episode["specimens"]["modulus"] = plant.specimen.modulus
         self.episode["specimens"]["fracture_resistance"] = plant.specimen.fracture_resistance
         if start > 0.0:
-            begin_at(plant.states[0], self.progress[0], start)
+            begin_at(plant.states[0], self.progress[0], self.episode["tips"][0, 0], start)
 
     def step(self, action: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
         """Command an action (2 numbers in [-1, 1]) for one decision; return observation, shape (12,), and reward."""
@@ -291,7 +293,7 @@ class SimulatedCutting(GentleCutting):
 
     def snapshot(self) -> Cuts:
         """Return copies of everything about the cut, each of shape (1,); hidden truth included."""
-        parts = (self.episode[name][0].copy() for name in ("tasks", "progresses", "nominals", "specimens"))
+        parts = (self.episode[name][0].copy() for name in ("tasks", "progresses", "nominals", "specimens", "tips"))
         return Cuts(*self.plant.snapshot(), *parts)
 
     def rest(self, angle: float) -> NDArray[np.float32]:

@@ -9,7 +9,7 @@ from whole_cut import CRUISE, INCLINED, UPRIGHT, make
 
 from cutenv.policy import TipEstimate
 from cutenv.policy.signals import in_si
-from cutenv.policy.tip_estimate import remember_depth
+from cutenv.policy.tip_estimate import nothing_yet, remember_stiffness
 from cutenv.task.observation import to_action
 from cutenv.tissue import Specimen, measured_liver
 from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
@@ -56,15 +56,18 @@ def test_the_depth_where_the_tip_stands_is_remembered_from_when_the_blade_passed
     assert np.abs(errors(Specimen.mean(), rising, forgetful=True)[40:]).max() > 2.0 * remembered
 
 
-def test_depths_are_filled_in_evenly_between_two_observations():
-    depths = np.zeros(N_POINTS)
-    passed = remember_depth(depths, 0, 0.0, 0.002)
-    passed = remember_depth(depths, passed, 4 * SPACING, 0.010)
-    assert passed == 5
-    np.testing.assert_allclose(depths[:5], [0.002, 0.004, 0.006, 0.008, 0.010])
-    assert remember_depth(depths, passed, 2 * SPACING, 0.5) == 5, "drawing back changes nothing"
-    np.testing.assert_allclose(depths[:5], [0.002, 0.004, 0.006, 0.008, 0.010])
-    assert remember_depth(depths, passed, 1.0, 0.02) == N_POINTS
+def test_the_stiffness_is_that_of_depths_filled_in_evenly_between_two_observations():
+    nominal, memory = nominal_tissue(LIVER)[0], nothing_yet(LIVER).copy()[0]
+    remember_stiffness(memory, nominal, 0.0, 0.002)
+    remember_stiffness(memory, nominal, 4 * SPACING, 0.010)
+    assert memory.passed == 5
+    filled_in = [nominal_stiffness(nominal, k, depth) for k, depth in enumerate([0.002, 0.004, 0.006, 0.008, 0.010])]
+    np.testing.assert_allclose(memory.stiffness[:5], filled_in)
+    remember_stiffness(memory, nominal, 2 * SPACING, 0.5)
+    assert memory.passed == 5, "drawing back changes nothing"
+    np.testing.assert_allclose(memory.stiffness[:5], filled_in)
+    remember_stiffness(memory, nominal, 1.0, 0.02)
+    assert memory.passed == N_POINTS
 
 
 def test_the_force_of_an_elastic_tissue_is_turned_into_its_lag():
