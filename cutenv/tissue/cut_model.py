@@ -368,10 +368,13 @@ class CutModel:
             If an argument is out of range.
         """
         a = in_range("cut_length", cut_length, 0.0, self.length, "m", self._cut_length_cure)
+        return self._unit_force(force, modulus, thickness) / self.stiffness(a) * self._interpolation.shape(a)
+
+    def _unit_force(self, force: float, modulus: float, thickness: float) -> float:
+        """Return the force over modulus and thickness [m]."""
         f = in_range("force", force, -1e6, 1e6, "N", "Forces are in newtons.")
         e = in_range("modulus", modulus, 1e-6, 1e12, "Pa", _POSITIVE_MODULUS)
-        b = in_range("thickness", thickness, 1e-6, 1.0, "m", _METRES)
-        return f / (self.stiffness(a) * e * b) * self._interpolation.shape(a)
+        return f / (e * in_range("thickness", thickness, 1e-6, 1.0, "m", _METRES))
 
     def displacement_at(
         self,
@@ -385,7 +388,9 @@ class CutModel:
     ) -> NDArray[np.float64]:
         """Return the displacement at any points of the specimen, by the shape functions of their elements.
 
-        At a node it is that of `displacement`; on a cut line that of the right face.
+        With the tip on element corners it is, at a node, that of `displacement`, and on a cut line that of the right
+        face. Between corners these share the force: beyond the elements at the tip that is the displacement by the
+        force, where `displacement` is larger, for it is scaled to the motion of the tip itself.
 
         Parameters
         ----------
@@ -395,10 +400,9 @@ class CutModel:
         cut_length : float
             Distance of the tip from the clamp [m], 0 to `length`.
         tip_displacement : float, optional
-            Displacement of the tip along +y [m], -1 to 1. Else `force`, `modulus` and `thickness` are needed, as for
-            `displacement`.
+            Displacement of the tip along +y [m], -1 to 1: the force is what `stiffness` gives for it.
         force, modulus, thickness : float, optional
-            Blade force [N], Young's modulus [Pa] and depth of the cut [m].
+            Without it: blade force [N], Young's modulus [Pa] and depth of the cut [m], as for `displacement`.
 
         Returns
         -------
@@ -418,15 +422,16 @@ class CutModel:
         array([[-0.54,  3.88]])
         """
         places = checked_points(points, self.nodes)
-        if tip_displacement is None:
-            if force is None or modulus is None or thickness is None:
-                raise TypeError("displacement_at needs tip_displacement, or force, modulus and thickness.")
-            return self._mesh.interpolated(self.displacement(cut_length, force, modulus, thickness), places)
-        if not force is modulus is thickness is None:
-            raise TypeError("displacement_at takes tip_displacement, or force, modulus and thickness, not both.")
         a = in_range("cut_length", cut_length, 0.0, self.length, "m", self._cut_length_cure)
-        u = in_range("tip_displacement", tip_displacement, -1.0, 1.0, "m", _METRES)
-        return self._mesh.interpolated(u * self._interpolation.shape(a), places)
+        if tip_displacement is not None:
+            if not force is modulus is thickness is None:
+                raise TypeError("displacement_at takes tip_displacement, or force, modulus and thickness, not both.")
+            unit_force = self.stiffness(a) * in_range("tip_displacement", tip_displacement, -1.0, 1.0, "m", _METRES)
+        elif force is None or modulus is None or thickness is None:
+            raise TypeError("displacement_at needs tip_displacement, or force, modulus and thickness.")
+        else:
+            unit_force = self._unit_force(force, modulus, thickness)
+        return self._mesh.interpolated(unit_force * self._interpolation.shared(a), places)
 
     def strain_energy_density(self, displacement: NDArray[np.float64], modulus: float) -> NDArray[np.float64]:
         """Return the mean strain energy per volume of each element.

@@ -214,12 +214,16 @@ class CutMesh:
         # Twelve digits: a point on an edge is the same point after rounding.
         cells = np.clip(np.floor(np.round(places, 12)).astype(np.int64), 0, np.array(self.divisions) - 1)
         number = np.ravel_multi_index(tuple(cells.T), self.divisions)
-        scalar = self.basis.with_element(self.kind.element())
         local = (places - cells).T if self.dim == 2 else 1.0 - (places - cells).T  # scikit-fem's brick is upside down
         found = np.zeros((len(points), field.shape[1]))
-        for k, nodes in enumerate(scalar.element_dofs[:, number]):
-            found += scalar.elem.lbasis(local, k)[0][:, np.newaxis] * field[nodes]
+        for k, nodes in enumerate(self.element_nodes[:, number]):
+            found += self.basis.elem.elem.lbasis(local, k)[0][:, np.newaxis] * field[nodes]
         return found
+
+    @cached_property
+    def element_nodes(self) -> NDArray[np.int64]:
+        """Nodes of each element in the order of its shape functions, shape (n_local, n_elements)."""
+        return read_only(self.basis.element_dofs[:: self.dim] // self.dim)
 
     @cached_property
     def half_steps(self) -> NDArray[np.int64]:
