@@ -144,28 +144,29 @@ def bead_rises(tracks: BeadTracks, trace: Trace, moduli: ModulusEstimate) -> Bea
     if first > unloaded_until:
         flags.append("tracks begin after the cut did: places of beads are off by what had moved them before")
     rows = []
-    for bead in tracks.beads:
-        own = tracks.of(bead)
-        at_rest = own.time <= unloaded_until
-        rest = np.median(own.place[at_rest], axis=0) if at_rest.any() else own.place[0]
-        blade = np.interp(own.time, trace.time, position)
+    in_order = np.lexsort((tracks.time, tracks.bead))
+    blade_at = np.interp(tracks.time, trace.time, position)
+    for own in np.split(in_order, np.flatnonzero(np.diff(tracks.bead[in_order])) + 1):
+        time, place, blade = tracks.time[own], tracks.place[own], blade_at[own]
+        still = np.searchsorted(time, unloaded_until, side="right")
+        rest = np.median(place[: max(still, 1)], axis=0)
         for number, load in enumerate(loads):
-            seen = (own.time >= load.time[0]) & (own.time <= load.time[1])
-            if seen.sum() >= FEWEST_FRAMES:
+            seen = slice(*np.searchsorted(time, load.time, side="left"))
+            if len(blade[seen]) >= FEWEST_FRAMES:
                 travel = float(np.diff(np.interp(load.time, trace.time, position))[0])
-                rise, covariance = _along_the_ramp(blade[seen], own.place[seen], own.covariance[seen], travel)
-                rows.append((number, bead, rest, rise, covariance))
+                rise, covariance = _along_the_ramp(blade[seen], place[seen], tracks.covariance[own[seen]], travel)
+                rows.append((number, tracks.bead[own[0]], rest, rise, covariance))
     if not rows:
         raise ValueError(
             f"no bead was seen in {FEWEST_FRAMES} frames of one loading ramp: of the record's {len(loads)} ramps the "
             f"first runs from {loads[0].time[0]:.3g} to {loads[0].time[1]:.3g} s. Film faster, or cut more slowly."
         )
-    ramp, bead_of, place, rise_of, covariance_of = zip(*rows, strict=True)
+    ramp, bead_of, rests, rise_of, covariance_of = zip(*rows, strict=True)
     return BeadRises(
         ramps=loads,
         ramp=np.array(ramp),
         bead=np.array(bead_of),
-        place=np.array(place),
+        place=np.array(rests),
         rise=np.array(rise_of),
         covariance=np.array(covariance_of),
         flags=tuple(flags),
