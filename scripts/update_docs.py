@@ -1,6 +1,6 @@
 """Print every generated number of the documentation: rewrite the blocks of its pages, or check them.
 
-    python scripts/update_docs.py parameters agreement specimens calibration speed baselines
+    python scripts/update_docs.py parameters agreement specimens calibration field speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory     what their scripts left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
@@ -81,6 +81,7 @@ PAGES = {
     "agreement": "docs/validation/agreement.md",
     "specimens": "docs/validation/specimens.md",
     "calibration": "docs/validation/calibration.md",
+    "field": "docs/validation/field.md",
     "errata": "docs/validation/errata.md",
     "parameters": "docs/reference/constants.md",
     "metrics": "docs/reference/metrics.md",
@@ -133,6 +134,13 @@ def calibration(_: argparse.Namespace) -> str:
     program = [sys.executable, str(ROOT / "scripts" / "calibrate_virtual_rig.py")]
     done = subprocess.run(program, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     return "```\n" + done.stdout.partition("4. Compared with the true values:\n")[2].strip("\n") + "\n```"
+
+
+def field(_: argparse.Namespace) -> str:
+    """Return the output of ``scripts/measure_field.py``: beads and force give back what was put in."""
+    program = [sys.executable, str(ROOT / "scripts" / "measure_field.py")]
+    done = subprocess.run(program, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    return done.stdout.strip()
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
@@ -335,6 +343,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "agreement": agreement,
     "specimens": specimens,
     "calibration": calibration,
+    "field": field,
     "speed": speed,
     "training": training,
     "results": results,
