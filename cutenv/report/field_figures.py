@@ -8,7 +8,7 @@ import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv.report.figure import PHONE_WIDTH, new_figure, plain_axes
-from cutenv.vision.field import FieldComparison
+from cutenv.vision.field_comparison import FieldComparison
 from cutenv.vision.filmed_measurement import ImageModuli
 from cutenv.vision.zone_moduli import ZoneModuli
 

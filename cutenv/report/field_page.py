@@ -13,7 +13,7 @@ from cutenv.report.page import estimate_text, write_page, write_text
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
 from cutenv.vision import BeadTracks
-from cutenv.vision.field import FieldComparison, compare_field
+from cutenv.vision.field_comparison import FieldComparison, compare_field
 from cutenv.vision.filmed_measurement import (
     FilmedMeasurement,
     ImageModuli,

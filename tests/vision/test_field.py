@@ -12,7 +12,7 @@ from filmed_cuts import FilmedCut, slice_of_zones
 
 from cutenv.tissue import CutModel
 from cutenv.vision import BeadTracks
-from cutenv.vision.field import compare_displacements, compare_field
+from cutenv.vision.field_comparison import compare_displacements, compare_field
 from cutenv.vision.filmed_measurement import FilmedMeasurement, MeanModulus, measure_filmed_cut, zones_as_measured
 from cutenv.vision.zone_moduli import estimate_zone_moduli, even_borders
 
