@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from filmed_cuts import FilmedCut, slice_of_zones
 
-from cutenv.tissue import CutModel
+from cutenv.tissue import CutModel, Specimen
 from cutenv.vision import BeadTracks
 from cutenv.vision.field_comparison import compare_displacements, compare_field
 from cutenv.vision.filmed_measurement import FilmedMeasurement, MeanModulus, measure_filmed_cut, zones_as_measured
@@ -139,6 +139,15 @@ def test_a_third_dimension_is_measured_by_bricks() -> None:
         measured = measure_filmed_cut(cut.tracks, cut.trace, model)
         assert MeanModulus.of(measured.by_image().modulus).mean == pytest.approx(40e3, rel=0.1)
         assert compare_field(measured).measured.shape[1] == model.dim
+
+
+def test_a_slab_that_is_not_cut_through_needs_its_thickness() -> None:
+    slab = Specimen.homogeneous(modulus=40e3, fracture_resistance=211.0, depth=0.015, thickness=0.025)
+    cut = filmed_cuts.filmed_cut(slab, divisions=(16, 30), frames=6.0, length=0.06)
+    told, untold = (measure_filmed_cut(cut.tracks, cut.trace, CutModel(), thickness=t) for t in (0.025, None))
+    for found in (told.by_force, told.by_image().modulus):
+        assert MeanModulus.of(found).mean == pytest.approx(40e3, rel=0.03)
+    assert MeanModulus.of(untold.by_image().modulus).mean == pytest.approx(40e3 * 25 / 15, rel=0.03)
 
 
 # --------------------------------------------------------------------------------------------------- bad input
