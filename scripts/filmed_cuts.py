@@ -84,6 +84,7 @@ def filmed_cut(
     changes = np.flatnonzero(np.diff(specimen.modulus)) + 1
     borders = 0.5 * (PLACES[changes] + PLACES[changes - 1])
     truth = CutModel.of_zones(borders, specimen.modulus[[0, *changes]], divisions=divisions, **model)
+    beads = beads[(np.abs(beads[:, 0] + truth.offset) < 0.5 * truth.width) & (beads[:, 1] < truth.length)]
     rng = np.random.default_rng(seed)
     here, number = np.unique(np.round(tip, 5), return_inverse=True)  # the crack rests while the blade loads it
     per_force = np.array(

@@ -49,11 +49,10 @@ def _model(arguments: argparse.Namespace) -> CutModel:
     """Return the model of a slab of the given size, in elements of about 1 cm."""
     from cutenv.tissue import CutModel
 
-    width, length = (_length(arguments, name, 0.02, 1.0) for name in ("width", "length"))
-    assert width is not None
-    assert length is not None
+    width, length = (_length(arguments, name, 0.02, 1.0) or 0.0 for name in ("width", "length"))
+    offset = _length(arguments, "offset", -0.5, 0.5) or 0.0
     divisions = (2 * max(1, round(width / (2 * _ELEMENT))), max(2, round(length / _ELEMENT)))
-    return CutModel(width=width, length=length, divisions=divisions)
+    return CutModel(width=width, length=length, divisions=divisions, offset=offset)
 
 
 def _length(arguments: argparse.Namespace, name: str, low: float, high: float) -> float | None:
@@ -93,6 +92,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--width", default="8cm", metavar="LENGTH", help="width of the slab; default 8cm")
     parser.add_argument("--length", default="15cm", metavar="LENGTH", help="length of the slab; default 15cm")
+    parser.add_argument(
+        "--offset",
+        metavar="LENGTH",
+        help="distance of the cut line from the middle of the slab, towards +x, in whole centimetres; default 0",
+    )
     parser.add_argument(
         "--thickness", metavar="LENGTH", help="thickness of the slab; default as deep as the cut: it is cut through"
     )

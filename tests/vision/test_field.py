@@ -141,6 +141,14 @@ def test_a_third_dimension_is_measured_by_bricks() -> None:
         assert compare_field(measured).measured.shape[1] == model.dim
 
 
+def test_a_cut_beside_the_middle_needs_its_offset() -> None:
+    slice_ = slice_of_zones([], [40e3], depth=0.02)
+    cut = filmed_cuts.filmed_cut(slice_, divisions=(16, 30), frames=6.0, length=0.06, offset=0.02)
+    beside, middle = (measure_filmed_cut(cut.tracks, cut.trace, CutModel(offset=x)).by_image() for x in (0.02, 0.0))
+    assert MeanModulus.of(beside.modulus).mean == pytest.approx(40e3, rel=0.05)
+    assert MeanModulus.of(middle.modulus).mean < 0.85 * 40e3, "a lopsided slab is softer"
+
+
 def test_a_slab_that_is_not_cut_through_needs_its_thickness() -> None:
     slab = Specimen.homogeneous(modulus=40e3, fracture_resistance=211.0, depth=0.015, thickness=0.025)
     cut = filmed_cuts.filmed_cut(slab, divisions=(16, 30), frames=6.0, length=0.06)

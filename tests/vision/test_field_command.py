@@ -101,6 +101,7 @@ def test_a_record_without_position_is_refused(folder: Path, capsys: pytest.Captu
         ("--zones", 0, "--zones 0: give 1 or more"),
         ("--zones", 30, "zones = 30: a cut of"),
         ("--width", "8", "--width '8' is no length with a unit"),
+        ("--offset", "15mm", "offset = 0.015 m is no multiple of the elements' 0.01 m"),
         ("--truth", 40, "--truth = 40 Pa is outside"),
         ("--cut", 7, "--cut 7: the file holds cuts 1"),
     ],
