@@ -147,7 +147,7 @@ class FieldResult:
                 "rms_near_m": _finite(field.rms(field.near)),
                 "rms_far_m": _finite(field.rms(field.far)),
                 "noise_m": field.noise,
-                "slope": field.slope,
+                "slope": _finite(field.slope),
                 "correlation": field.correlation,
             },
             "beads": [vars(row) for row in field.table()],

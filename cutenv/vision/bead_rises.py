@@ -125,7 +125,8 @@ def bead_rises(tracks: BeadTracks, trace: Trace, moduli: ModulusEstimate) -> Bea
     Raises
     ------
     ValueError
-        If there are no beads, the times do not overlap, no ramp is steady, or no bead was seen in one.
+        If there are no beads, a covariance is none, the times do not overlap, no ramp is steady, or no bead was seen
+        in one.
     """
     if not tracks.beads:
         raise ValueError("the tracks hold no bead: nothing was tracked.")
@@ -144,6 +145,7 @@ def bead_rises(tracks: BeadTracks, trace: Trace, moduli: ModulusEstimate) -> Bea
     if first > unloaded_until:
         flags.append("tracks begin after the cut did: places of beads are off by what had moved them before")
     rows = []
+    _check_covariance(tracks)
     in_order = np.lexsort((tracks.time, tracks.bead))
     blade_at = np.interp(tracks.time, trace.time, position)
     for own in np.split(in_order, np.flatnonzero(np.diff(tracks.bead[in_order])) + 1):
@@ -171,6 +173,18 @@ def bead_rises(tracks: BeadTracks, trace: Trace, moduli: ModulusEstimate) -> Bea
         covariance=np.array(covariance_of),
         flags=tuple(flags),
     )
+
+
+def _check_covariance(tracks: BeadTracks) -> None:
+    """Raise for a covariance that is none, or of a place known no better than to a metre."""
+    uncertain = np.linalg.eigvalsh(tracks.covariance)  # ascending
+    bad = (uncertain[:, 0] < -1e-9 * np.abs(uncertain[:, -1])) | (uncertain[:, -1] > 1.0)
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise ValueError(
+            f"the covariance of bead {tracks.bead[row]} at {tracks.time[row]:.3g} s is no covariance of a place in "
+            "metres: its eigenvalues must lie between 0 and 1 m2."
+        )
 
 
 def _unloaded_until(trace: Trace) -> float:

@@ -90,11 +90,14 @@ class FieldComparison:
     @property
     def slope(self) -> float:
         """Slope of the line through the origin of measured against computed displacement [1], all components."""
-        return float((self.computed * self.measured).sum() / (self.computed**2).sum())
+        squares = float((self.computed**2).sum())
+        return float((self.computed * self.measured).sum()) / squares if squares > 0.0 else float("nan")
 
     @property
     def correlation(self) -> float:
-        """Correlation of measured and computed displacement [1], all components."""
+        """Correlation of measured and computed displacement [1], all components; 0 if nothing moved."""
+        if np.ptp(self.computed) == 0.0 or np.ptp(self.measured) == 0.0:
+            return 0.0
         return float(np.corrcoef(self.computed.ravel(), self.measured.ravel())[0, 1])
 
     def table(self, ramp: int | None = None) -> list[BeadRow]:

@@ -22,6 +22,7 @@ MODEL_ERROR = 0.03
 _LEVEL = 0.95
 _LEAST_SD = 1e-6  # of a displacement [m]
 _FEWEST_BEADS = 3  # for a modulus of one ramp
+_CLEAR = 3.0  # standard errors by which a compliance must differ from zero
 _FIRST_TIP = 0.01  # [m] from the clamp: nearer to it the field of a force is too small to tell a modulus
 
 
@@ -103,7 +104,7 @@ class FilmedMeasurement:
         """Return the modulus at each ramp, from force and motion of the beads, without the motion of the blade.
 
         Generalised least squares: the displacement by the ramp's force at unit modulus, over the modulus. Ramps with
-        the tip within 1 cm of the clamp, or with fewer than 3 beads, are left out.
+        the tip within 1 cm of the clamp, with fewer than 3 beads, or whose beads do not clearly move, are left out.
 
         Raises
         ------
@@ -120,12 +121,14 @@ class FilmedMeasurement:
             root = np.linalg.cholesky(weights_of(self.rises, dim)[own])
             g, d = (np.einsum("nji,nj->ni", root, u).ravel() for u in (computed, self.rises.rise[own][:, :dim]))
             compliance = float(g @ d / (g @ g))  # 1 / E
-            if compliance > 0.0:
-                scatter = float(((d - compliance * g) ** 2).sum()) / (len(g) - 1)
-                error = np.sqrt(max(scatter, 1.0) / (g @ g)) / compliance**2
-                found.append((number, load.tip.mean(), 1.0 / compliance, error))
+            scatter = float(((d - compliance * g) ** 2).sum()) / (len(g) - 1)
+            doubt = float(np.sqrt(max(scatter, 1.0) / (g @ g)))
+            if compliance > _CLEAR * doubt:
+                found.append((number, load.tip.mean(), 1.0 / compliance, doubt / compliance**2))
         if not found:
-            raise ValueError("no ramp tells a modulus by its beads: the tip must be 1 cm from the clamp, 3 beads seen.")
+            raise ValueError(
+                "no ramp tells a modulus by its beads: 3 of them must be seen to move, the tip 1 cm from the clamp."
+            )
         ramp, position, modulus, error = (np.array(values) for values in zip(*found, strict=True))
         return ImageModuli(ramp=ramp, position=position, modulus=modulus, standard_error=error)
 

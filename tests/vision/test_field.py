@@ -194,6 +194,22 @@ def test_a_mirrored_camera_is_told(uniform: FilmedCut) -> None:
     assert any("do not move as the model does (correlation -" in flag for flag in found.flags)
 
 
+def test_a_covariance_that_is_none_is_refused(uniform: FilmedCut) -> None:
+    for factor in (-1.0, 1e12):
+        with pytest.raises(ValueError, match=r"the covariance of bead 1 at 0\.001 s is no covariance"):
+            measure_filmed_cut(
+                replace(uniform.tracks, covariance=factor * uniform.tracks.covariance), uniform.trace, CutModel()
+            )
+
+
+def test_beads_that_never_move_tell_no_modulus(uniform: FilmedCut) -> None:
+    still = uniform.places[uniform.tracks.bead - 1]
+    measured = measure_filmed_cut(moved(uniform.tracks, still), uniform.trace, CutModel())
+    with pytest.raises(ValueError, match="no ramp tells a modulus by its beads"):
+        measured.by_image()
+    assert compare_field(measured).flags[-1].startswith("beads do not move as the model does")
+
+
 def test_a_film_with_few_frames_is_refused(uniform: FilmedCut) -> None:
     some = np.isin(uniform.tracks.time, np.unique(uniform.tracks.time)[::30])
     few = BeadTracks(**{name: getattr(uniform.tracks, name)[some] for name in ("bead", "time", "place", "covariance")})

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import filmed_cuts
+import numpy as np
 import pytest
 from filmed_cuts import FilmedCut, slice_of_zones
 
@@ -111,6 +112,17 @@ def test_bad_options_are_refused(
 ) -> None:
     said = refused(capsys, folder, folder / "tracks.parquet", "--record", folder / "cut.csv", option, value)
     assert told in said
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_damaged_file_ends_in_a_reason(seed: int, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(seed)
+    content = bytearray((folder / "tracks.parquet").read_bytes())
+    for place in rng.integers(len(content), size=20):
+        content[place] ^= int(rng.integers(1, 256))
+    (folder / "damaged.parquet").write_bytes(bytes(content[: len(content) if seed % 2 else rng.integers(len(content))]))
+    said = refused(capsys, folder, folder / "damaged.parquet", "--record", folder / "cut.csv")
+    assert said.startswith("cutenv field: ")
 
 
 def test_a_file_that_holds_no_tracks_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
