@@ -101,7 +101,7 @@ class FilmedMeasurement:
         return np.asarray(stiffness / self.slab.stiffness(self.slab.zoned([], [1.0]), self.tips))
 
     def by_image(self) -> ImageModuli:
-        """Return the modulus at each ramp, from force and motion of the beads; of the blade only the tip's place counts.
+        """Return the modulus at each ramp, from force and motion of the beads and the place of the tip.
 
         Generalised least squares: the displacement by the ramp's force at unit modulus, over the modulus. Ramps with
         the tip within 1 cm of the clamp, with fewer than 3 beads, or whose beads do not clearly move, are left out.
