@@ -92,6 +92,7 @@ COMMANDS = {
         parts=RIG_COMMANDS,
         description="A motor and a force sensor that a policy meets through the simulator's interface.",
     ),
+    "field": Command("compare beads in the tissue with the model; modulus by force and by image", extra="vision"),
     "score": Command("score recorded cuts: a card and a page"),
     "study": Command("study several people: reliability of the metrics, groups, learning"),
     "view": Command("show a recorded cut in 3-D, in a page that opens from disk"),

@@ -1,6 +1,7 @@
 """Print every generated number of the documentation: rewrite the blocks of its pages, or check them.
 
     python scripts/update_docs.py parameters agreement specimens calibration pass-marks speed baselines
+    python scripts/update_docs.py parameters agreement specimens calibration field speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score  what scripts left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
@@ -85,6 +86,7 @@ PAGES = {
     "calibration": "docs/validation/calibration.md",
     "check-score": "docs/validation/score.md",
     "pass-marks": "docs/validation/pass-marks.md",
+    "field": "docs/validation/field.md",
     "errata": "docs/validation/errata.md",
     "parameters": "docs/reference/constants.md",
     "metrics": "docs/reference/metrics.md",
@@ -144,6 +146,11 @@ def pass_marks(_: argparse.Namespace) -> str:
     """Return the output of ``scripts/pass_mark_coverage.py``: pass marks beside published ones, and their intervals."""
     program = [sys.executable, str(ROOT / "scripts" / "pass_mark_coverage.py")]
     return subprocess.run(program, check=True, stdout=subprocess.PIPE, text=True, cwd=ROOT).stdout.strip()
+def field(_: argparse.Namespace) -> str:
+    """Return the output of ``scripts/measure_field.py``: beads and force give back what was put in."""
+    program = [sys.executable, str(ROOT / "scripts" / "measure_field.py")]
+    done = subprocess.run(program, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    return done.stdout.strip()
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
@@ -347,6 +354,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "specimens": specimens,
     "calibration": calibration,
     "pass-marks": pass_marks,
+    "field": field,
     "speed": speed,
     "training": training,
     "results": results,

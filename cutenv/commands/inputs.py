@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -90,6 +91,26 @@ def read_records(arguments: argparse.Namespace) -> LoadedTraces:
         for folder in {path.parent for path in arguments.records}:
             notes.append(f"columns kept in {mapping.save(folder)} for the next time")
     return LoadedTraces(traces, refused, notes, sources)
+
+
+def chosen_cut(records: LoadedTraces, number: int | None) -> Trace:
+    """Return the cut with a number from 1 on in its file, by default the first; print a note if there are others.
+
+    Raises
+    ------
+    ValueError
+        If there is no such cut.
+    """
+    by_number = {source.number or 1: trace for source, trace in zip(records.sources, records.traces, strict=True)}
+    if not by_number:
+        raise ValueError("no cut is left.")
+    first = min(by_number)
+    if number is None and len(by_number) > 1:
+        print(f"note: cut {first} of {len(by_number)} is taken; --cut chooses another.", file=sys.stderr)
+    chosen = first if number is None else number
+    if chosen not in by_number:
+        raise ValueError(f"--cut {chosen}: the file holds cuts {', '.join(map(str, by_number))}; give one of these.")
+    return by_number[chosen]
 
 
 def without_target(traces: list[Trace], target: float | None) -> list[str]:

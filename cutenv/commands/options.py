@@ -101,9 +101,16 @@ def add_record_options(
     files: int | Literal["+"] = "+",
     metavar: str = "FILE",
     about: str = "records of cuts: CSV, Parquet or HDF5, one cut or several in a file",
+    option: str | None = None,
 ) -> None:
-    """Add the options of every sub-command that reads records; ``files`` is argparse's ``nargs``."""
-    parser.add_argument("records", nargs=files, type=Path, metavar=metavar, help=about)
+    """Add the options of every sub-command that reads records.
+
+    ``files`` is argparse's ``nargs``. The records are arguments, or follow an ``option`` such as ``--record``.
+    """
+    if option is None:
+        parser.add_argument("records", nargs=files, type=Path, metavar=metavar, help=about)
+    else:
+        parser.add_argument(option, dest="records", nargs=files, type=Path, metavar=metavar, help=about, required=True)
     parser.add_argument(
         "--specimen",
         metavar="PATTERN",
@@ -129,6 +136,11 @@ def add_record_options(
         metavar="FOLDER",
         help="draw every record into this folder: offset taken off, cuts and flaws found",
     )
+
+
+def add_cut(parser: argparse.ArgumentParser) -> None:
+    """Add ``--cut``, see :func:`cutenv.commands.inputs.chosen_cut`."""
+    parser.add_argument("--cut", type=int, metavar="N", help="number of the cut in the file, from 1; default the first")
 
 
 def made_folder(option: str, folder: Path) -> Path:

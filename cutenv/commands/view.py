@@ -8,8 +8,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv.commands.inputs import LoadedTraces, read_records
+from cutenv.commands.inputs import chosen_cut, read_records
 from cutenv.commands.options import (
+    add_cut,
     add_record_options,
     add_target_length,
     command_parser,
@@ -17,7 +18,6 @@ from cutenv.commands.options import (
     reports_errors,
     target_length,
 )
-from cutenv.trace import Trace
 from cutenv.viewer.solid import COLOURINGS, ShownCut, write_view
 
 
@@ -33,7 +33,7 @@ def main(argv: Sequence[str]) -> int:
         print(f"note: {note}", file=sys.stderr)
     for each in records.refused:
         print(f"left out: {each.name}: {each.reason}", file=sys.stderr)
-    trace = _chosen(records, arguments.cut)
+    trace = chosen_cut(records, arguments.cut)
     cut = ShownCut.of(trace, target=target)
     path = arguments.out or Path(re.sub(r"[^\w.-]+", "_", cut.name) + "_view.html")
     size = write_view(path, cut, colour=arguments.colour)
@@ -45,20 +45,6 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def _chosen(records: LoadedTraces, number: int | None) -> Trace:
-    """Return the cut with a number from 1 on in its file, by default the first; print a note if there are others."""
-    by_number = {source.number or 1: trace for source, trace in zip(records.sources, records.traces, strict=True)}
-    if not by_number:
-        raise ValueError("no cut is left to be shown.")
-    first = min(by_number)
-    if number is None and len(by_number) > 1:
-        print(f"note: cut {first} of {len(by_number)} is shown; --cut chooses another.", file=sys.stderr)
-    chosen = first if number is None else number
-    if chosen not in by_number:
-        raise ValueError(f"--cut {chosen}: the file holds cuts {', '.join(map(str, by_number))}; give one of these.")
-    return by_number[chosen]
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = command_parser(
         "view",
@@ -67,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
         note="A record needs position and depth of cut beside force in newtons; without angle the blade is upright.",
     )
     add_record_options(parser, files=1, about="record of cuts: CSV, Parquet or HDF5")
-    parser.add_argument("--cut", type=int, metavar="N", help="number of the cut in the file, from 1; default the first")
+    add_cut(parser)
     add_target_length(parser, "the record's own")
     parser.add_argument(
         "--colour",

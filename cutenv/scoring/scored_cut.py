@@ -348,7 +348,7 @@ class ScoredCut:
         readings = (self.position, self.trace.blade_speed, scale * self.profile.at(self.position), scale * force)
         instants = even_instants(self.time, 1.0 / ESTIMATED_EVERY)
         position, speed, depth, force = (np.interp(instants, self.time, values) for values in readings)
-        stiffness = scale * self.stiffness(self._believed, np.arange(N_POINTS) * SPACING)
+        stiffness = scale * self.stiffness(self._believed, np.arange(N_POINTS, dtype=np.float64) * SPACING)
         tips = np.zeros(len(instants))
         memory["position"], memory["tip"] = position[0], min(float(position[0]), 0.0)
         friction = self.tissue.nominal_friction_per_depth

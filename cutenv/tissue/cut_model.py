@@ -1,11 +1,12 @@
-"""Finite-element model of a clamped specimen with a cut along its centre line (thesis, chapters 3 and 4)."""
+"""Finite-element model of a clamped specimen with a straight cut from the clamp (thesis, chapters 3 and 4)."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,7 @@ from cutenv._base.validation import array_in_range, in_range, one_of
 from cutenv.tissue.elasticity import FORMULATIONS, LARGEST_POISSON, POISSON_CURE, strain_energy_density
 from cutenv.tissue.mesh import ACROSS, ALONG, ELEMENT_KINDS, CutMesh, ElementKind, checked_divisions, read_only
 from cutenv.tissue.mixed import mixed_strain_energy_density
+from cutenv.tissue.model_arguments import checked_points, checked_relative_modulus, element_moduli, whole_elements
 from cutenv.tissue.tip_interpolation import TipInterpolation
 from cutenv.tissue.tip_response import TipResponse, stiffness_matrix, tip_responses
 
@@ -26,10 +28,10 @@ _MIRROR_TOLERANCE = 1e-12
 class CutModel:
     """Linear finite-element model of a specimen whose cut line is doubled and tied.
 
-    The specimen is clamped along the short edge where the cut starts (y = 0). The nodes on the centre line x
-    = 0 are doubled. Pairs ahead of the tip and at the tip are tied; pairs behind it slide along the line (y)
-    and share the other components of their displacement: the faces neither open nor overlap, and in 3-D do
-    not slide through the thickness either. The blade is a force on the tip pair along +y, away from the
+    The specimen is clamped along the short edge where the cut starts (y = 0). The nodes on the cut line x = 0, by
+    default the centre line, are doubled. Pairs ahead of the tip and at the tip are tied; pairs behind it slide along
+    the line (y) and share the other components of their displacement: the faces neither open nor overlap, and in 3-D
+    do not slide through the thickness either. The blade is a force on the tip pair along +y, away from the
     clamp; in 3-D it moves all tip nodes through the thickness equally, and its force is their sum.
 
     A model is immutable; equal arguments make equal models. Everything is computed on first use and cached: one
@@ -65,6 +67,12 @@ class CutModel:
     integration : {"full", "reduced"}
         Gauss points of each element: 3 x 3 and 3 x 3 x 3 for the quadratic ones, or 2 x 2 and 2 x 2 x 2 for
         ``"quad8"`` and ``"hex20"``, which makes them softer.
+    offset : float
+        Distance of the cut line from the centre line, towards +x [m]: whole elements. The nodes lie from
+        -width/2 - offset to width/2 - offset, so that the cut line stays x = 0.
+    earlier_cuts : tuple of (float, float)
+        Cuts made before, parallel to this one: x and length of each [m], whole elements. Their faces slide as those
+        behind the tip do.
 
     Raises
     ------
@@ -94,6 +102,8 @@ class CutModel:
     divisions: tuple[int, ...] | None = None
     relative_modulus: NDArray[np.float64] | None = None
     integration: str = "full"
+    offset: float = 0.0
+    earlier_cuts: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         one_of("element", self.element, ELEMENT_KINDS)
@@ -121,12 +131,61 @@ class CutModel:
         for name, value in settled.items():
             object.__setattr__(self, name, value)
         if self.relative_modulus is not None:
-            modulus = _checked_relative_modulus(self.relative_modulus, self.n_elements)
+            modulus = checked_relative_modulus(self.relative_modulus, self.n_elements)
             object.__setattr__(self, "relative_modulus", modulus)
+        object.__setattr__(self, "earlier_cuts", tuple((float(x), float(a)) for x, a in self.earlier_cuts))
+        _ = self._lines  # raises for lines that are no element edges
+
+    @classmethod
+    def of_zones(
+        cls,
+        borders: ArrayLike,
+        moduli: ArrayLike,
+        *,
+        depth: Callable[[NDArray[np.float64]], ArrayLike] | None = None,
+        **arguments: Any,
+    ) -> CutModel:
+        """Make a model whose modulus, and in 2-D its thickness, differ by zone along the cut.
+
+        Each row of elements across the specimen gets the mean of modulus times thickness over its length.
+
+        Parameters
+        ----------
+        borders : array_like of shape (k - 1,)
+            Borders between the zones [m], increasing, between 0 and the length.
+        moduli : array_like of shape (k,)
+            Modulus of each zone, from the clamp on, over a common one [1]; or in pascals, and then the methods take
+            ``modulus=1``.
+        depth : callable, optional
+            Thickness [m] of a plane model at distances from the clamp [m], as `cutenv.measurement.DepthProfile.at`;
+            the methods then take ``thickness=model.thickness``. By default uniform.
+        **arguments
+            Other parameters of the class, but for `relative_modulus`.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If borders do not increase or leave the specimen, there are not as many moduli as zones, a value is out of
+            range, or ``depth`` is given for bricks.
+
+        Examples
+        --------
+        >>> soft, stiff = 20e3, 60e3  # Pa
+        >>> model = CutModel.of_zones([0.05], [soft, stiff])
+        >>> round(model.stiffness(0.04) / (CutModel().stiffness(0.04) * soft), 2)
+        1.07
+        """
+        uniform = cls(**arguments)
+        if depth is not None and uniform.dim == 3:
+            raise ValueError("depth goes with plane models: bricks have one thickness. Ask for element='quad8'.")
+        rows = element_moduli(borders, moduli, uniform.tips, depth, uniform.thickness)
+        shape = np.ones(uniform._divisions)
+        relative = shape * rows.reshape(-1, *[1] * (uniform.dim - 2))
+        return cls(**arguments, relative_modulus=relative.ravel())
 
     def __reduce__(self) -> tuple[type[CutModel], tuple[object, ...]]:
         # The arguments are the model; a copy computes its results again.
-        return type(self), (*self._scalars[:-1], self.relative_modulus, self.integration)
+        return type(self), tuple(getattr(self, field.name) for field in fields(self))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, CutModel):
@@ -137,23 +196,15 @@ class CutModel:
         return hash((self._scalars, self._modulus_bytes))
 
     def __repr__(self) -> str:
-        names = ("element", "formulation", "poisson", "width", "length", "thickness", "divisions", "integration")
-        arguments = ", ".join(f"{n}={v!r}" for n, v in zip(names, self._scalars, strict=True))
+        names = [field.name for field in fields(self) if field.name != "relative_modulus"]
+        given = [n for n in names if n not in ("offset", "earlier_cuts") or getattr(self, n)]
+        arguments = ", ".join(f"{n}={getattr(self, n)!r}" for n in given)
         modulus = "" if self.relative_modulus is None else ", relative_modulus=..."
         return f"CutModel({arguments}{modulus})"
 
     @property
     def _scalars(self) -> tuple[object, ...]:
-        return (
-            self.element,
-            self.formulation,
-            self.poisson,
-            self.width,
-            self.length,
-            self.thickness,
-            self.divisions,
-            self.integration,
-        )
+        return tuple(getattr(self, field.name) for field in fields(self) if field.name != "relative_modulus")
 
     @property
     def _modulus_bytes(self) -> bytes:
@@ -192,7 +243,14 @@ class CutModel:
     @cached_property
     def _mesh(self) -> CutMesh:
         size = (self.width, self.length, self.thickness)[: self.dim]
-        return CutMesh(kind=self._kind, divisions=self._divisions, size=size)
+        shift, earlier = self._lines
+        return CutMesh(kind=self._kind, divisions=self._divisions, size=size, shift=shift, earlier=earlier)
+
+    @property
+    def _lines(self) -> tuple[int, tuple[tuple[int, int], ...]]:
+        """Cut line and earlier cuts counted in elements, see `CutMesh`."""
+        size = (self.width, self.length)
+        return whole_elements(self.offset, self.earlier_cuts, size, self._divisions[:2])
 
     @property
     def nodes(self) -> NDArray[np.float64]:
@@ -224,7 +282,9 @@ class CutModel:
 
     @property
     def is_mirror_symmetric(self) -> bool:
-        """True if the modulus is the same on both sides of the cut line."""
+        """True if both sides of the cut line are mirror images."""
+        if self.offset or self.earlier_cuts:
+            return False
         if self.relative_modulus is None:
             return True
         modulus = self.relative_modulus.reshape(self._divisions)
@@ -308,10 +368,70 @@ class CutModel:
             If an argument is out of range.
         """
         a = in_range("cut_length", cut_length, 0.0, self.length, "m", self._cut_length_cure)
+        return self._unit_force(force, modulus, thickness) / self.stiffness(a) * self._interpolation.shape(a)
+
+    def _unit_force(self, force: float, modulus: float, thickness: float) -> float:
+        """Return the force over modulus and thickness [m]."""
         f = in_range("force", force, -1e6, 1e6, "N", "Forces are in newtons.")
         e = in_range("modulus", modulus, 1e-6, 1e12, "Pa", _POSITIVE_MODULUS)
-        b = in_range("thickness", thickness, 1e-6, 1.0, "m", _METRES)
-        return f / (self.stiffness(a) * e * b) * self._interpolation.shape(a)
+        return f / (e * in_range("thickness", thickness, 1e-6, 1.0, "m", _METRES))
+
+    def displacement_at(
+        self,
+        points: ArrayLike,
+        cut_length: float,
+        *,
+        tip_displacement: float | None = None,
+        force: float | None = None,
+        modulus: float | None = None,
+        thickness: float | None = None,
+    ) -> NDArray[np.float64]:
+        """Return the displacement at any points of the specimen, by the shape functions of their elements.
+
+        With the tip on element corners it is, at a node, that of `displacement`, and on a cut line that of the right
+        face. Between corners these share the force: beyond the elements at the tip that is the displacement by the
+        force, where `displacement` is larger, for it is scaled to the motion of the tip itself.
+
+        Parameters
+        ----------
+        points : array_like of shape (n, dim)
+            Places before the load [m]: across the cut line, along it from the clamp and, for bricks, from the lower
+            surface up.
+        cut_length : float
+            Distance of the tip from the clamp [m], 0 to `length`.
+        tip_displacement : float, optional
+            Displacement of the tip along +y [m], -1 to 1: the force is what `stiffness` gives for it.
+        force, modulus, thickness : float, optional
+            Without it: blade force [N], Young's modulus [Pa] and depth of the cut [m], as for `displacement`.
+
+        Returns
+        -------
+        ndarray of shape (n, dim)
+            Displacement [m].
+
+        Raises
+        ------
+        ValueError, TypeError
+            If a point is outside, or an argument is missing or out of range.
+
+        Examples
+        --------
+        >>> model = CutModel()
+        >>> bead = [[0.01, 0.04]]  # 1 cm beside the line, 4 cm from the clamp
+        >>> (1e3 * model.displacement_at(bead, 0.05, tip_displacement=0.01)).round(2)
+        array([[-0.54,  3.88]])
+        """
+        places = checked_points(points, self.nodes)
+        a = in_range("cut_length", cut_length, 0.0, self.length, "m", self._cut_length_cure)
+        if tip_displacement is not None:
+            if not force is modulus is thickness is None:
+                raise TypeError("displacement_at takes tip_displacement, or force, modulus and thickness, not both.")
+            unit_force = self.stiffness(a) * in_range("tip_displacement", tip_displacement, -1.0, 1.0, "m", _METRES)
+        elif force is None or modulus is None or thickness is None:
+            raise TypeError("displacement_at needs tip_displacement, or force, modulus and thickness.")
+        else:
+            unit_force = self._unit_force(force, modulus, thickness)
+        return self._mesh.interpolated(unit_force * self._interpolation.shared(a), places)
 
     def strain_energy_density(self, displacement: NDArray[np.float64], modulus: float) -> NDArray[np.float64]:
         """Return the mean strain energy per volume of each element.
@@ -386,14 +506,3 @@ class CutModel:
     @property
     def _cut_length_cure(self) -> str:
         return f"The specimen ends at {self.length:g} m. {_METRES}"
-
-
-def _checked_relative_modulus(modulus: ArrayLike, n_elements: int) -> NDArray[np.float64]:
-    cure = "It is each element's modulus over the common one: divide by that."
-    checked = array_in_range("relative_modulus", modulus, 1e-6, 1e6, "1", cure)
-    if checked.shape != (n_elements,):
-        raise ValueError(
-            f"relative_modulus has shape {checked.shape}, but the mesh has {n_elements} elements. Give one "
-            "value for each row of element_centres; ravel an array that is shaped as divisions."
-        )
-    return read_only(checked.copy())

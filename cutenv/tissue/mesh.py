@@ -1,8 +1,8 @@
-"""Mesh of the specimen with doubled nodes on the cut line: two halves that touch along the centre line.
+"""Mesh of the specimen with doubled nodes on the cut line, and on the lines of earlier cuts.
 
-Axes: x across the specimen (centre line at x = 0), y along it from the clamped edge at y = 0, z through the
-thickness. The cut runs along the centre line. Every node on that line exists twice, also the one at the
-clamp. The two nodes of a pair are tied by constraints, see :meth:`CutMesh.constraints`.
+Axes: x across the specimen (cut line at x = 0), y along it from the clamped edge at y = 0, z through the
+thickness. The cut runs along the centre line, or beside it. Every node on that line exists twice, also the one at
+the clamp. The two nodes of a pair are tied by constraints, see :meth:`CutMesh.constraints`.
 """
 
 from __future__ import annotations
@@ -118,25 +118,40 @@ class CutMesh:
         Elements across, along and, in 3-D, through the specimen; the first is even.
     size : tuple of float
         Width, length and, in 3-D, thickness [m].
+    shift : int
+        Elements from the centre line to the cut line, towards +x.
+    earlier : tuple of (int, int)
+        Earlier cuts beside: elements from the cut line to each, towards +x, and its length in elements.
     """
 
     kind: ElementKind
     divisions: tuple[int, ...]
     size: tuple[float, ...]
+    shift: int = 0
+    earlier: tuple[tuple[int, int], ...] = ()
 
     @property
     def dim(self) -> int:
         """Number of space dimensions."""
         return len(self.divisions)
 
+    @property
+    def line(self) -> int:
+        """Number of elements across from the edge at -x to the cut line."""
+        return self.divisions[ACROSS] // 2 + self.shift
+
+    @property
+    def _lines(self) -> list[int]:
+        """Numbers of elements across from the edge at -x to each line of doubled nodes."""
+        return sorted([self.line, *(self.line + beside for beside, _ in self.earlier)])
+
     @cached_property
     def corners(self) -> NDArray[np.float64]:
         """Positions of the element corners [m], shape (n_corners, dim)."""
         axes = [np.linspace(0.0, size, n + 1) for size, n in zip(self.size, self.divisions, strict=True)]
-        middle = self.divisions[ACROSS] // 2
-        x = axes[ACROSS] - self.size[ACROSS] / 2
-        x[middle] = 0.0
-        axes[ACROSS] = np.insert(x, middle, 0.0)  # the centre line exists twice
+        x = axes[ACROSS] - self.size[ACROSS] / 2 - self.shift * self.size[ACROSS] / self.divisions[ACROSS]
+        x[self.line] = 0.0
+        axes[ACROSS] = np.insert(x, self._lines, x[self._lines])  # these lines exist twice
         return read_only(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, self.dim))
 
     @cached_property
@@ -147,9 +162,9 @@ class CutMesh:
         ``numpy.ndindex(divisions)``: the index along x varies slowest.
         """
         cells = np.indices(self.divisions).reshape(self.dim, -1)
-        cells[ACROSS] += cells[ACROSS] >= self.divisions[ACROSS] // 2  # step over the second copy of the line
+        cells[ACROSS] += np.searchsorted(self._lines, cells[ACROSS], side="right")  # over the second copy of each line
         steps = _QUAD_CORNERS if self.dim == 2 else _HEX_CORNERS
-        grid = (self.divisions[ACROSS] + 2, *(n + 1 for n in self.divisions[1:]))
+        grid = (self.divisions[ACROSS] + 1 + len(self._lines), *(n + 1 for n in self.divisions[1:]))
         corners = cells[:, :, np.newaxis] + steps.T[:, np.newaxis, :]
         elements: NDArray[np.int64] = np.ravel_multi_index(tuple(corners), grid)
         return read_only(elements)
@@ -188,6 +203,28 @@ class CutMesh:
         edges = mesh.facets if self.dim == 2 else mesh.edges
         return read_only(np.vstack([self.corners, self.corners[edges].mean(axis=0)]))
 
+    def interpolated(self, field: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return a field of the nodes, shape (n_nodes, n), at points inside [m], shape (n_points, dim).
+
+        A point on a line of doubled nodes belongs to the right face.
+        """
+        step = np.array(self.size) / np.array(self.divisions)
+        places = points / step
+        places[:, ACROSS] += self.line
+        # Twelve digits: a point on an edge is the same point after rounding.
+        cells = np.clip(np.floor(np.round(places, 12)).astype(np.int64), 0, np.array(self.divisions) - 1)
+        number = np.ravel_multi_index(tuple(cells.T), self.divisions)
+        local = (places - cells).T if self.dim == 2 else 1.0 - (places - cells).T  # scikit-fem's brick is upside down
+        found = np.zeros((len(points), field.shape[1]))
+        for k, nodes in enumerate(self.element_nodes[:, number]):
+            found += self.basis.elem.elem.lbasis(local, k)[0][:, np.newaxis] * field[nodes]
+        return found
+
+    @cached_property
+    def element_nodes(self) -> NDArray[np.int64]:
+        """Nodes of each element in the order of its shape functions, shape (n_local, n_elements)."""
+        return read_only(self.basis.element_dofs[:: self.dim] // self.dim)
+
     @cached_property
     def half_steps(self) -> NDArray[np.int64]:
         """Positions of all nodes counted in half elements along each axis, shape (n_nodes, dim)."""
@@ -197,11 +234,15 @@ class CutMesh:
     @cached_property
     def pairs(self) -> NDArray[np.int64]:
         """Nodes that face each other, (left, right), from the clamp to the free end, shape (n_pairs, 2)."""
-        on_line = np.flatnonzero(self.half_steps[:, ACROSS] == 0)
+        return self._pairs_beside(0)
+
+    def _pairs_beside(self, beside: int) -> NDArray[np.int64]:
+        """Return the facing nodes of the line so many elements beside the cut line, as in `pairs`."""
+        on_line = np.flatnonzero(self.half_steps[:, ACROSS] == 2 * beside)
         from_the_clamp = on_line[np.lexsort(self.half_steps[on_line, ALONG:].T[::-1])]
-        # Elements are numbered from -x to +x: the left half comes first.
-        left_nodes = self.basis.element_dofs[:, : len(self.elements) // 2] // self.dim
-        is_left = np.isin(from_the_clamp, left_nodes)
+        # Elements are numbered from -x to +x: those on the left come first.
+        left = (self.line + beside) * (len(self.elements) // self.divisions[ACROSS])
+        is_left = np.isin(from_the_clamp, self.basis.element_dofs[:, :left] // self.dim)
         return read_only(np.column_stack([from_the_clamp[is_left], from_the_clamp[~is_left]]))
 
     @cached_property
@@ -254,7 +295,7 @@ class CutMesh:
         Nodes on the clamped edge do not move. A tied pair shares all components of its displacement. A pair
         strictly behind the tip slips along the line and shares the rest: across it, so that the faces neither
         open nor overlap, and in 3-D through the thickness, since the faces may slide along the line but not
-        leave it.
+        leave it. The same holds for the faces of earlier cuts behind where these ended.
 
         Parameters
         ----------
@@ -267,11 +308,14 @@ class CutMesh:
         csr_array of shape (n_unknowns, n_free)
         """
         unknown = np.arange(self.nodes.size).reshape(-1, self.dim)
-        left, right = self.pairs.T
-        slipping = self._pair_half_steps < 2 * (tip + 1)
         follows = unknown.copy()
-        follows[right] = unknown[left]
-        follows[right[slipping], ALONG] = unknown[right[slipping], ALONG]
+        for beside, cut in ((0, tip + 1), *self.earlier):
+            left, right = self._pairs_beside(beside).T
+            slips = self.half_steps[left, ALONG] < 2 * cut
+            if beside and cut == self.divisions[ALONG]:
+                slips[:] = True  # an earlier cut through the free end
+            follows[right] = unknown[left]
+            follows[right[slips], ALONG] = unknown[right[slips], ALONG]
         clamped = self.half_steps[:, ALONG] == 0
         pressures = np.arange(unknown.size, self.n_unknowns)
         rows = np.concatenate([unknown[~clamped].ravel(), pressures])

@@ -46,14 +46,28 @@ class TipInterpolation:
         The fields per unit force for a tip on the corners to either side are blended linearly, and scaled so
         that the point at the cut length, on the straight line between these corners, moves by one.
         """
+        shape, first, w = self._blended(cut_length)
+        at_corners = shape[self.mesh.tip_pairs[first : first + 2], ALONG].mean(axis=(1, 2))
+        shape /= (1.0 - w) * at_corners[0] + w * at_corners[1]
+        return shape
+
+    def shared(self, cut_length: float) -> NDArray[np.float64]:
+        """Return the displacement of every node per force that the corners to either side share, (n_nodes, dim).
+
+        From the second row of elements around the tip on it is the displacement by a force between them. Below the
+        first corner the clamp takes the rest.
+        """
+        blended: NDArray[np.float64] = self._blended(cut_length)[0] * min(cut_length / self.tips[0], 1.0)
+        return blended
+
+    def _blended(self, cut_length: float) -> tuple[NDArray[np.float64], int, float]:
+        """Return the blend of the fields on the corners to either side, the first of these, and the second's weight."""
         place = max(cut_length / self.tips[0] - 1.0, 0.0)  # in elements, from the first tip
         first = min(int(place), len(self.tips) - 2)
         w = place - first
         fields = self.response.fields
-        shape: NDArray[np.float64] = (1.0 - w) * fields[first] + w * fields[first + 1]
+        blend: NDArray[np.float64] = (1.0 - w) * fields[first] + w * fields[first + 1]
         # The mid-side pair between the corners slips behind the farther tip; ahead of this one it is tied.
         ahead = self.mesh.pairs[self.mesh.nodes[self.mesh.pairs[:, 0], ALONG] >= cut_length]
-        shape[ahead, ALONG] = shape[ahead, ALONG].mean(axis=1, keepdims=True)
-        at_corners = shape[self.mesh.tip_pairs[first : first + 2], ALONG].mean(axis=(1, 2))
-        shape /= (1.0 - w) * at_corners[0] + w * at_corners[1]
-        return shape
+        blend[ahead, ALONG] = blend[ahead, ALONG].mean(axis=1, keepdims=True)
+        return blend, first, w

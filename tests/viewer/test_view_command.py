@@ -55,7 +55,7 @@ def test_the_first_of_several_is_shown_and_the_others_are_told_of(
     save([trace(name="first"), trace(name="second")], here / "two.csv")
     assert cli.main(["view", "two.csv"]) == 0
     assert (here / "first_view.html").exists()
-    assert "cut 1 of 2 is shown" in capsys.readouterr().err
+    assert "cut 1 of 2 is taken" in capsys.readouterr().err
 
 
 def test_open_opens_the_page_from_disk(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:

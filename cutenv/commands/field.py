@@ -1,0 +1,110 @@
+"""Compare beads tracked in the tissue with the model, and measure the same cut twice: by force and by image."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cutenv.commands.options import add_cut, add_record_options, command_parser, made_folder, reports_errors
+
+if TYPE_CHECKING:  # what computes is slow to import, and --help does not need it
+    from cutenv.tissue import CutModel
+
+_ELEMENT = 0.01  # size of the thesis's elements [m]
+
+
+@reports_errors("field")
+def main(argv: Sequence[str]) -> int:
+    """Run the command; return 0, or 2 if tracks, record or options are bad."""
+    arguments = _parser().parse_args(argv)
+    from cutenv.commands.inputs import chosen_cut, read_records
+    from cutenv.report.field_page import FieldResult, write_field_page
+    from cutenv.vision import BeadTracks
+
+    model, thickness, truth = _model(arguments), _length(arguments, "thickness", 1e-4, 0.5), _truth(arguments.truth)
+    if arguments.zones is not None and arguments.zones < 1:
+        raise ValueError(f"--zones {arguments.zones}: give 1 or more.")
+    if arguments.out is not None:
+        made_folder("--out", arguments.out.parent)
+    tracks = BeadTracks.load(arguments.tracks)
+    records = read_records(arguments)
+    for note in records.notes:
+        print(f"note: {note}", file=sys.stderr)
+    trace = chosen_cut(records, arguments.cut)
+    result = FieldResult.of(tracks, trace, model, thickness=thickness, zones=arguments.zones, truth=truth)
+    for flag in result.flags:
+        print(f"note: {flag}", file=sys.stderr)
+    path = arguments.out or Path(re.sub(r"[^\w.-]+", "_", result.name) + "_field.html")
+    data = write_field_page(path, result)
+    print(result.headline())
+    print(f"page: {path} and {data}")
+    return 0
+
+
+def _model(arguments: argparse.Namespace) -> CutModel:
+    """Return the model of a slab of the given size, in elements of about 1 cm."""
+    from cutenv.tissue import CutModel
+
+    width, length = (_length(arguments, name, 0.02, 1.0) or 0.0 for name in ("width", "length"))
+    offset = _length(arguments, "offset", -0.5, 0.5) or 0.0
+    divisions = (2 * max(1, round(width / (2 * _ELEMENT))), max(2, round(length / _ELEMENT)))
+    return CutModel(width=width, length=length, divisions=divisions, offset=offset)
+
+
+def _length(arguments: argparse.Namespace, name: str, low: float, high: float) -> float | None:
+    from cutenv._base.validation import in_range
+    from cutenv.recording.columns import parse_length
+
+    text = getattr(arguments, name)
+    if text is None:
+        return None
+    return in_range(f"--{name}", parse_length(f"--{name}", text), low, high, "m", "Write 80mm or 8cm.")
+
+
+def _truth(given: float | None) -> float | None:
+    from cutenv._base.validation import in_range
+
+    return None if given is None else in_range("--truth", given, 100.0, 1e9, "Pa", "40 kPa is 40000.")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command_parser(
+        "field",
+        __doc__,
+        examples=(
+            "tracks.parquet --record cut.csv",
+            "tracks.parquet --record cut.csv --zones 3 --out field.html",
+            "tracks.parquet --record cut.csv --width 8cm --length 12cm --thickness 25mm",
+        ),
+        note="The record needs position, angle and depth of cut beside force in newtons, on the clock of the tracks.",
+    )
+    parser.add_argument("tracks", type=Path, metavar="TRACKS", help="tracks of beads, a Parquet file")
+    add_record_options(
+        parser, files=1, metavar="FILE", about="record of the same cut: CSV, Parquet or HDF5", option="--record"
+    )
+    add_cut(parser)
+    parser.add_argument(
+        "--zones", type=int, metavar="N", help="number of zones along the cut whose moduli are estimated; default none"
+    )
+    parser.add_argument("--width", default="8cm", metavar="LENGTH", help="width of the slab; default 8cm")
+    parser.add_argument("--length", default="15cm", metavar="LENGTH", help="length of the slab; default 15cm")
+    parser.add_argument(
+        "--offset",
+        metavar="LENGTH",
+        help="distance of the cut line from the middle of the slab, towards +x, in whole centimetres; default 0",
+    )
+    parser.add_argument(
+        "--thickness", metavar="LENGTH", help="thickness of the slab; default as deep as the cut: it is cut through"
+    )
+    parser.add_argument(
+        "--truth",
+        type=float,
+        metavar="PASCALS",
+        help="modulus that was put in, to be shown beside those found; default what the tracks say of it",
+    )
+    parser.add_argument("--out", type=Path, metavar="PAGE", help="page to write; default NAME_field.html, here")
+    return parser

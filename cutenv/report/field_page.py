@@ -1,0 +1,212 @@
+"""Page of a filmed cut: beads against the model, and the modulus measured twice."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cutenv.report.field_figures import bead_map, moduli_figure
+from cutenv.report.page import estimate_text, write_page, write_text
+from cutenv.tissue.cut_model import CutModel
+from cutenv.trace import Trace
+from cutenv.vision import BeadTracks
+from cutenv.vision.field_comparison import FieldComparison, compare_field
+from cutenv.vision.filmed_measurement import (
+    FilmedMeasurement,
+    ImageModuli,
+    MeanModulus,
+    measure_filmed_cut,
+    zones_as_measured,
+)
+from cutenv.vision.zone_moduli import ZoneModuli, estimate_zone_moduli, even_borders
+
+FIELD_SCHEMA = "cutenv.field/1"
+"""Name and version of the JSON beside the page."""
+
+TRUTH_KEY = "modulus_put_in_Pa"
+"""Key in the metadata of tracks for the modulus that a virtual cut was given [Pa]."""
+
+_AGREES = 0.1  # relative difference up to which both moduli count as one
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FieldResult:
+    """One filmed cut, measured.
+
+    Attributes
+    ----------
+    name : str
+        Name of the cut.
+    measured : FilmedMeasurement
+        Ramps, moduli by force, displacements of the beads.
+    image : ImageModuli
+        Moduli by image.
+    compared : FieldComparison
+        Beads against the model, with the estimated zones, or else with those of the ramps' own moduli.
+    zones : ZoneModuli or None
+        Moduli of zones, if they were asked for.
+    truth : float or None
+        Modulus that was put in [Pa].
+    """
+
+    name: str
+    measured: FilmedMeasurement
+    image: ImageModuli
+    compared: FieldComparison
+    zones: ZoneModuli | None
+    truth: float | None
+
+    @classmethod
+    def of(
+        cls,
+        tracks: BeadTracks,
+        trace: Trace,
+        model: CutModel,
+        *,
+        thickness: float | None = None,
+        zones: int | None = None,
+        truth: float | None = None,
+    ) -> FieldResult:
+        """Measure a cut by its force and by its beads.
+
+        Parameters
+        ----------
+        tracks, trace, model, thickness
+            See `cutenv.vision.filmed_measurement.measure_filmed_cut`.
+        zones : int, optional
+            Number of zones whose moduli are estimated.
+        truth : float, optional
+            Modulus that was put in [Pa]; by default what the tracks' metadata say.
+
+        Raises
+        ------
+        ValueError
+            If tracks and record are not of one cut, lack what is needed, or do not allow so many zones.
+        """
+        measured = measure_filmed_cut(tracks, trace, model, thickness=thickness)
+        image = measured.by_image()
+        estimated = None if zones is None else estimate_zone_moduli(measured, even_borders(measured, zones))
+        if estimated is None:
+            borders, moduli = zones_as_measured(measured.moduli)
+        else:
+            borders, moduli = estimated.borders, estimated.modulus
+        known = tracks.metadata.get(TRUTH_KEY) if truth is None else truth
+        return cls(
+            name=str(trace.metadata.get("name") or "cut"),
+            measured=measured,
+            image=image,
+            compared=compare_field(measured, borders, moduli),
+            zones=estimated,
+            truth=None if known is None else float(known),
+        )
+
+    @property
+    def by_force(self) -> MeanModulus:
+        """Mean modulus by force and motion of the blade, over the ramps that the beads measured too."""
+        return MeanModulus.of(self.measured.by_force[self.image.ramp])
+
+    @property
+    def by_image(self) -> MeanModulus:
+        """Mean modulus by force and motion of the beads."""
+        return MeanModulus.of(self.image.modulus)
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Remarks on what weakens the result, each once."""
+        unknown = self.zones.unknown if self.zones is not None else ()
+        return tuple(dict.fromkeys((*self.measured.moduli.flags, *self.compared.flags, *unknown)))
+
+    @property
+    def agrees(self) -> bool:
+        """True if both moduli differ by at most 10 %."""
+        return abs(math.log(self.by_image.mean / self.by_force.mean)) <= math.log1p(_AGREES)
+
+    def headline(self) -> str:
+        """Return a sentence on modulus and field."""
+        put_in = "" if self.truth is None else f", put in {self.truth / 1e3:.1f} kPa"
+        return (
+            f"Modulus by force {kilopascals(self.by_force)} kPa, by image {kilopascals(self.by_image)} kPa{put_in}; "
+            f"{len({*self.compared.rises.bead.tolist()})} beads differ from the model by "
+            f"{1e3 * self.compared.rms():.2f} mm (RMS)."
+        )
+
+    def to_json(self) -> str:
+        """Return the result as JSON text; units are in the names."""
+        field = self.compared
+        content: dict[str, Any] = {
+            "schema": FIELD_SCHEMA,
+            "name": self.name,
+            "modulus_put_in_Pa": self.truth,
+            "modulus_by_force_Pa": _interval(self.by_force),
+            "modulus_by_image_Pa": _interval(self.by_image),
+            "field": {
+                "rms_m": field.rms(),
+                "rms_near_m": _finite(field.rms(field.near)),
+                "rms_far_m": _finite(field.rms(field.far)),
+                "noise_m": field.noise,
+                "slope": _finite(field.slope),
+                "correlation": field.correlation,
+            },
+            "beads": [vars(row) for row in field.table()],
+            "zones": None if self.zones is None else _zones(self.zones),
+            "flags": list(self.flags),
+        }
+        return json.dumps(content, indent=1, allow_nan=False)
+
+
+def write_field_page(path: Path, result: FieldResult) -> Path:
+    """Write the result as one self-contained page, and as JSON beside it.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the page (.html), in a folder that exists.
+    result : FieldResult
+        Result to write.
+
+    Returns
+    -------
+    Path
+        Path of the JSON: the page's with the suffix ``.json``.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib or Jinja2 is not installed; the message gives the command that installs it.
+    """
+    write_page(
+        path,
+        "field.html",
+        result=result,
+        kilopascals=kilopascals,
+        estimate_text=estimate_text,
+        bead_map=bead_map,
+        moduli_figure=moduli_figure,
+    )
+    data = path.with_suffix(".json")
+    write_text(data, result.to_json() + "\n")
+    return data
+
+
+def kilopascals(modulus: MeanModulus) -> str:
+    """Return a mean modulus with its interval [kPa]."""
+    if not math.isfinite(modulus.high):
+        return f"{modulus.mean / 1e3:.1f}"
+    return estimate_text(modulus.mean / 1e3, modulus.low / 1e3, modulus.high / 1e3, 1)
+
+
+def _interval(modulus: MeanModulus) -> dict[str, Any]:
+    return {"mean": modulus.mean, "low": modulus.low, "high": _finite(modulus.high), "ramps": modulus.ramps}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _zones(zones: ZoneModuli) -> dict[str, Any]:
+    names = ("modulus", "low", "high", "prior")
+    units = {f"{name}_Pa": getattr(zones, name).tolist() for name in names}
+    return {"borders_m": zones.borders.tolist(), **units, "learned": zones.learned.tolist(), "unknown": zones.unknown}

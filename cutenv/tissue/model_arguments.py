@@ -1,0 +1,110 @@
+"""Arguments of a model: moduli of zones as moduli of rows of elements, lines counted in elements, points inside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cutenv._base.validation import array_in_range
+from cutenv.tissue.mesh import read_only
+
+_PARTS = 50  # parts of a row over which its thickness is averaged
+_WHOLE = 1e-6  # of an element: a line that is so close to an edge lies on it
+
+
+def element_moduli(
+    borders: ArrayLike,
+    moduli: ArrayLike,
+    tips: NDArray[np.float64],
+    depth: Callable[[NDArray[np.float64]], ArrayLike] | None,
+    thickness: float,
+) -> NDArray[np.float64]:
+    """Return the modulus of each row of elements that ends at ``tips`` [m], shape (n_rows,), see `CutModel.of_zones`.
+
+    With a ``depth`` it is the mean of modulus times depth over ``thickness`` [m].
+
+    Raises
+    ------
+    ValueError
+        If borders do not increase or leave the specimen, there are not as many moduli as zones, or the depth is not
+        positive.
+    """
+    length = float(tips[-1])
+    inner = np.atleast_1d(np.asarray(borders, dtype=np.float64))
+    values = np.atleast_1d(array_in_range("moduli", moduli, 1e-6, 1e6, "1", "They are moduli of zones, or in pascals."))
+    edges = np.concatenate(([0.0], inner, [length]))
+    if inner.ndim != 1 or not (np.diff(edges) > 0.0).all():
+        raise ValueError(f"borders = {inner.tolist()} m must increase between 0 and the length, {length:g} m.")
+    if values.shape != (len(inner) + 1,):
+        raise ValueError(f"{len(inner)} borders make {len(inner) + 1} zones; {values.size} moduli were given.")
+    rows = np.concatenate(([0.0], tips))
+    # Every part of a row lies in one zone: the parts end at the borders too.
+    cuts = np.unique(np.concatenate((np.linspace(0.0, length, _PARTS * len(tips) + 1), rows, edges)))
+    middle, part = 0.5 * (cuts[:-1] + cuts[1:]), np.diff(cuts)
+    product = values[np.searchsorted(inner, middle)]
+    if depth is not None:
+        cure = "The depth along the cut is a thickness in metres, and positive."
+        product = product * array_in_range("depth", depth(middle), 1e-5, 1.0, "m", cure) / thickness
+    row = np.searchsorted(tips, middle)
+    return np.asarray(np.bincount(row, product * part) / np.bincount(row, part))
+
+
+def whole_elements(
+    offset: float, earlier: Sequence[tuple[float, float]], size: Sequence[float], divisions: Sequence[int]
+) -> tuple[int, tuple[tuple[int, int], ...]]:
+    """Return the offset of the cut line, and x and length of each earlier cut, counted in elements.
+
+    Raises
+    ------
+    ValueError
+        If a line is no edge of elements, lies outside, or lies on another one.
+    """
+
+    def counted(name: str, value: float, axis: int) -> int:
+        step = size[axis] / divisions[axis]
+        number = value / step
+        if not np.isfinite(number) or abs(number - round(number)) > _WHOLE:
+            raise ValueError(f"{name} = {value:g} m is no multiple of the elements' {step:g} m: change divisions.")
+        return round(number)
+
+    half = divisions[0] // 2
+    shift = counted("offset", offset, 0)
+    if abs(shift) >= half:
+        raise ValueError(f"offset = {offset:g} m leaves no tissue on one side: the specimen is {size[0]:g} m wide.")
+    lines: list[tuple[int, int]] = []
+    for x, length in earlier:
+        beside, cut = counted("x of an earlier cut", x, 0), counted("length of an earlier cut", length, 1)
+        if beside == 0 or abs(shift + beside) >= half or beside in [line for line, _ in lines]:
+            raise ValueError(f"an earlier cut at x = {x:g} m lies on another cut, or outside the specimen.")
+        if not 1 <= cut <= divisions[1]:
+            raise ValueError(f"length = {length:g} m of an earlier cut is outside 0 to {size[1]:g} m.")
+        lines.append((beside, cut))
+    return shift, tuple(lines)
+
+
+def checked_points(points: ArrayLike, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points as an array of shape (n, dim); raise if they have another shape, or one is outside the mesh."""
+    places = np.array(points, dtype=np.float64)
+    dim = nodes.shape[1]
+    if places.ndim != 2 or places.shape[1] != dim:
+        raise ValueError(f"points have shape {places.shape}; give {dim} coordinates of each, shape (n, {dim}).")
+    for axis, name in enumerate("xyz"[:dim]):
+        low, high = float(nodes[:, axis].min()), float(nodes[:, axis].max())
+        slack = _WHOLE * (high - low)
+        cure = "The specimen ends there. Lengths are in metres, from the cut line and the clamp."
+        array_in_range(f"{name} of points", places[:, axis], low - slack, high + slack, "m", cure)
+    return places
+
+
+def checked_relative_modulus(modulus: ArrayLike, n_elements: int) -> NDArray[np.float64]:
+    """Return the relative modulus of each element, read-only; raise for another shape or a value out of range."""
+    cure = "It is each element's modulus over the common one: divide by that."
+    checked = array_in_range("relative_modulus", modulus, 1e-6, 1e6, "1", cure)
+    if checked.shape != (n_elements,):
+        raise ValueError(
+            f"relative_modulus has shape {checked.shape}, but the mesh has {n_elements} elements. Give one "
+            "value for each row of element_centres; ravel an array that is shaped as divisions."
+        )
+    return read_only(checked.copy())
