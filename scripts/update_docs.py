@@ -1,7 +1,6 @@
 """Print every generated number of the documentation: rewrite the blocks of its pages, or check them.
 
-    python scripts/update_docs.py parameters agreement specimens calibration pass-marks speed baselines
-    python scripts/update_docs.py parameters agreement specimens calibration field speed baselines
+    python scripts/update_docs.py parameters agreement specimens calibration field pass-marks speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score  what scripts left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
