@@ -22,6 +22,7 @@ Image = NDArray[np.uint8]
 Chart = Callable[[Array], Array]
 """Map of points, shape (n, 2), between pixels and a chart of the scene in which straight lines are straight."""
 
+_COARSE = 400  # width of the image in which the strip is looked for first [px]
 _STEP = 0.5  # of the patch along the blade [px]
 _SIGMA = 1.2  # of the Gaussian whose derivative finds edges [px]
 _ALONG = 2.0  # of the Gaussian along a line that is known roughly, before its points are sought [px]
@@ -118,14 +119,16 @@ def find_strip(image: Image, blade: MarkedBlade) -> tuple[Array, Array, float]:
     UnusableFrame
         If there is no strip, or more than one.
     """
-    smooth = cv2.GaussianBlur(image, (0, 0), 1.0)
-    dark, middle = (float(each) for each in np.percentile(smooth[::2, ::2], [0.2, 50.0]))
+    coarse = max(1, round(image.shape[1] / _COARSE))
+    smooth = cv2.resize(image, (image.shape[1] // coarse, image.shape[0] // coarse), interpolation=cv2.INTER_AREA)
+    smooth = cv2.GaussianBlur(smooth, (0, 0), 1.2)
+    dark, middle = (float(each) for each in np.percentile(smooth, [0.2, 50.0]))
     found: list[tuple[float, Array, Array, float]] = []
-    for level in np.linspace(dark + 12.0, max(middle, dark + 24.0), 6):
+    for level in np.linspace(dark + 12.0, max(middle, dark + 24.0), 5):
         mask = (smooth < level).astype(np.uint8)
         contours, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
         for contour in contours:
-            if 16 <= len(contour) <= 0.25 * sum(image.shape):
+            if 12 <= len(contour) <= 0.25 * sum(smooth.shape) and cv2.contourArea(contour) >= 10.0:
                 found += _candidates(smooth, contour, blade)
     if not found:
         raise UnusableFrame("the strip is not seen")
@@ -133,7 +136,7 @@ def find_strip(image: Image, blade: MarkedBlade) -> tuple[Array, Array, float]:
     contrast, centre, down, width = found[0]
     if any(c > _RIVAL * contrast and np.hypot(*(other - centre)) > 1.5 * width for c, other, _, _ in found[1:]):
         raise UnusableFrame("two strips are seen")
-    return centre, down, width
+    return coarse * centre + 0.5 * (coarse - 1), down, coarse * width
 
 
 def _candidates(
@@ -143,13 +146,18 @@ def _candidates(
     (x, y), sides, turn = cv2.minAreaRect(contour)
     if min(sides) < 3.0 or cv2.contourArea(contour) < 0.6 * sides[0] * sides[1]:
         return []
-    centre, angle = np.array([x, y]), math.radians(turn)
-    axes = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+    cosine, sine = math.cos(math.radians(turn)), math.sin(math.radians(turn))
     made = []
-    for k in (0, 1):
-        down, along, across = axes[k] * (1.0 if axes[k][1] >= 0.0 else -1.0), sides[k], sides[1 - k]
-        if not 0.5 < (along / across) / (blade.strip / blade.width) < 2.0 or down[1] < 0.2:
+    for (dx, dy), along, across in (((cosine, sine), *sides), ((-sine, cosine), *sides[::-1])):
+        if dy < 0.0:
+            dx, dy = -dx, -dy
+        if not 0.5 < (along / across) / (blade.strip / blade.width) < 2.0 or dy < 0.2:
             continue
+        far = 0.5 * along + 4.0
+        quick = [_grey(smooth, x + k * far * dx, y + k * far * dy) for k in (0, -1, 1)]  # most are dark tissue
+        if min(quick[1:]) < quick[0] + 1.5 * _LEAST_CONTRAST:
+            continue
+        centre, down = np.array([x, y]), np.array([dx, dy])
         right = np.array([down[1], -down[0]])
         ahead = (0.5 * along + 3.0 + np.array([0.0, 2.0]))[:, None, None]
         aside = (across * np.array([-0.25, 0.0, 0.25]))[None, :, None]
@@ -164,9 +172,15 @@ def _candidates(
     return made
 
 
+def _grey(image: Image, x: float, y: float) -> float:
+    """Return the grey value at a point; -inf outside."""
+    u, v = round(x), round(y)
+    return float(image[v, u]) if 0 <= v < image.shape[0] and 0 <= u < image.shape[1] else -math.inf
+
+
 def _sampled(image: Image, points: Array) -> Array:
     """Return grey values at points, shape (..., 2); none if one is outside."""
-    u, v = np.rint(np.moveaxis(points, -1, 0)).astype(int)
+    u, v = np.rint(points.T).astype(int)
     if u.min() < 0 or v.min() < 0 or u.max() >= image.shape[1] or v.max() >= image.shape[0]:
         return np.empty(0)
     return image[v, u].astype(np.float64)
@@ -198,7 +212,9 @@ def measure_view(image: Image, blade: MarkedBlade, to_chart: Chart, to_pixels: C
     patch = _cut_out(image, to_pixels, origin, down, right, blade, per_m, wide=2.4)
     surface = _surface(patch, blade, per_m)
     left, right_side = _sides(patch, blade, per_m, surface, reach=0.5 * per_m * blade.width)
-    a, b = 0.5 * (left.a + right_side.a), 0.5 * (left.b + right_side.b)
+    a, b, per_m = 0.5 * (left.a + right_side.a), 0.5 * (left.b + right_side.b), (right_side.a - left.a) / blade.width
+    if per_m * blade.width < 6.0:
+        raise UnusableFrame("the blade is not as wide as its strip")
     origin, down = patch.at(0.0, a), patch.at(1.0, a + b) - patch.at(0.0, a)
     down = down / math.hypot(1.0, b)
     right = np.array([[0.0, 1.0], [-1.0, 0.0]]) @ down * math.copysign(1.0, down[1])

@@ -58,10 +58,11 @@ def standing_board(
     cameras: list[RenderedCamera], target: Array, rng: np.random.Generator, *,
     corners: tuple[int, int] = (10, 7), square: float = 0.009,
 ) -> NDArray[np.uint8]:  # fmt: skip
-    """Render a chessboard that stands in the plane of the cut, x = 0, about ``target`` [m]."""
+    """Render a chessboard that stands in the plane of the cut, to some tenths of a millimetre, about ``target`` [m]."""
     turn = np.radians(rng.uniform(-3, 3))
     along, down = np.array([0.0, np.cos(turn), np.sin(turn)]), np.array([0.0, np.sin(turn), -np.cos(turn)])
-    origin = target - 0.5 * square * ((corners[0] - 1) * along + (corners[1] - 1) * down)
+    middle = target * (0.0, 1.0, 1.0) + (rng.normal(0.0, 2e-4), 0.0, 0.0)
+    origin = middle - 0.5 * square * ((corners[0] - 1) * along + (corners[1] - 1) * down)
     return _side_by_side(cameras, origin, along, down, corners, square, rng)
 
 
