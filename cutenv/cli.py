@@ -85,6 +85,7 @@ COMMANDS = {
     "submit": Command("enter a policy on the leaderboard, or check an entry", extra="rl"),
     "datasets": Command("record cuts as a Minari data set, force included", extra="data"),
     "calibrate": Command("fit a tissue to your own records of cuts"),
+    "depth": Command("measure the depth of cut from video of a marked blade", extra="vision"),
     "play": Command("cut by mouse or gamepad in a window"),
     "rig": Command(
         "run a real rig, a motor and a force sensor, or its emulator",

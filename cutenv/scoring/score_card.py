@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cutenv.measurement.depth import depth_sd
 from cutenv.scoring.metric import METRICS, Metric
 from cutenv.scoring.metric_weights import ForceOnlyWeights, Weights, weights_by_metric
 from cutenv.scoring.reference import ReferenceSet
@@ -285,6 +286,9 @@ def _notes(cut: ScoredCut, chosen: Mapping[str, float], known: Mapping[str, floa
     left = sorted(set(chosen) - set(known)) if known else []
     if left:
         notes.append(f"not counted, without a value or a reference: {', '.join(left)}")
+    sd = depth_sd(cut.trace)
+    if sd is not None:
+        notes.append(f"record: depth of cut measured to {1e3 * sd:.2f} mm (standard deviation)")
     return notes + validity_warnings(cut.trace, cut.quality)
 
 

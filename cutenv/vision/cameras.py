@@ -64,7 +64,9 @@ class Camera:
 
     def pixels(self, points: Array) -> Array:
         """Return the pixels, shape (n, 2), of points in the camera's frame, shape (n, 3) [m]."""
-        k1, k2, p1, p2, k3 = self.distortion  # by hand: OpenCV's projectPoints, with its derivatives, is ten times slower
+        k1, k2, p1, p2, k3 = (
+            self.distortion
+        )  # by hand: OpenCV's projectPoints, with its derivatives, is ten times slower
         x, y, z = np.asarray(points, np.float64).T
         x, y = x / z, y / z
         r2, xy = x * x + y * y, 2.0 * x * y

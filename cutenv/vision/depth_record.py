@@ -12,13 +12,12 @@ import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import one_of
+from cutenv.measurement.depth import DEPTH_SD_KEY
 from cutenv.trace import Trace
 from cutenv.vision.blade_depth import BladeInSpace, DepthFrame
 from cutenv.vision.cameras import angle_between
 from cutenv.vision.marked_blade import MarkedBlade
 
-DEPTH_SD_KEY = "depth_sd_m"
-"""Key in a record's metadata: standard deviation of the depth of cut [m]."""
 TRAVELS = ("right", "left")
 """Ways in which the blade can go in the images when it cuts."""
 FEWEST_FRAMES = 10
@@ -225,9 +224,7 @@ def _best_lag(time: Array, along: Array, clock: Array, position: Array) -> tuple
     return best
 
 
-def _refined(
-    time: Array, along: Array, clock: Array, position: Array, lag: float
-) -> tuple[float, float, float, float]:
+def _refined(time: Array, along: Array, clock: Array, position: Array, lag: float) -> tuple[float, float, float, float]:
     """Return lag, its standard error, misfit and scale by Gauss-Newton steps from a lag that is nearly right."""
     speed = np.gradient(position, clock)
     window = max(1, round(0.02 * (len(clock) - 1) / float(clock[-1] - clock[0])))

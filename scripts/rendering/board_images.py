@@ -30,7 +30,7 @@ def board_image(
 
 def held_boards(
     cameras: list[RenderedCamera], target: Array, count: int, rng: np.random.Generator, *,
-    corners: tuple[int, int] = (10, 7), square: float = 0.009,
+    square: float, corners: tuple[int, int] = (10, 7),
 ) -> list[NDArray[np.uint8]]:  # fmt: skip
     """Render a chessboard held ``count`` times about ``target`` [m]; the images of the cameras stand side by side."""
     first, made = cameras[0], []
@@ -42,7 +42,7 @@ def held_boards(
         swing = np.array([[c[1], 0, s[1]], [0, 1, 0], [-s[1], 0, c[1]]])
         roll = np.array([[c[2], s[2], 0], [-s[2], c[2], 0], [0, 0, 1]])
         along, down, _ = roll @ swing @ tilt @ first.axes
-        middle = target + rng.uniform(-0.04, 0.04, 3) @ first.axes
+        middle = target + 4.4 * square * rng.uniform(-1, 1, 3) @ first.axes
         origin = middle - 0.5 * (extent[0] * along + extent[1] * down)
         outline = origin + np.array([
             i * along * (extent[0] + 2 * square) + j * down * (extent[1] + 2 * square) - square * (along + down)
@@ -56,7 +56,7 @@ def held_boards(
 
 def standing_board(
     cameras: list[RenderedCamera], target: Array, rng: np.random.Generator, *,
-    corners: tuple[int, int] = (10, 7), square: float = 0.009,
+    square: float, corners: tuple[int, int] = (10, 7),
 ) -> NDArray[np.uint8]:  # fmt: skip
     """Render a chessboard that stands in the plane of the cut, to some tenths of a millimetre, about ``target`` [m]."""
     turn = np.radians(rng.uniform(-3, 3))

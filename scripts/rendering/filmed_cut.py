@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -53,6 +54,7 @@ class FilmedCut:
     velocity: Array
     target: Array
     noise: float
+    field: float
     seed: int
 
     def frames(self) -> Iterator[NDArray[np.uint8]]:
@@ -68,23 +70,34 @@ class FilmedCut:
             yield np.clip(np.rint(counts + noise * rng.normal(size=counts.shape)), 0, 255).astype(np.uint8)
 
     def boards(self, count: int, seed: int = 0) -> tuple[list[NDArray[np.uint8]], NDArray[np.uint8]]:
-        """Render images of a chessboard for the calibration, and one of it in the plane of the cut."""
+        """Render a board of 10 x 7 corners, 5.3 % of the field apart: held at random, and in the plane of the cut."""
         rng = np.random.default_rng([self.seed, 2, seed])
-        return held_boards(self.cameras, self.target, count, rng), standing_board(self.cameras, self.target, rng)
+        square = 0.053 * self.field
+        held = held_boards(self.cameras, self.target, count, rng, square=square)
+        return held, standing_board(self.cameras, self.target, rng, square=square)
 
-    def write(self, path: Path, *, halves: int = 2) -> None:
-        """Write the film as H.264; ``halves`` 1 keeps the left camera alone."""
-        with av.open(str(path), "w") as container:
-            rate = Fraction(round((len(self.time) - 1) / float(self.time[-1] - self.time[0]) * 1000), 1000)
-            stream = container.add_stream("libx264", rate=rate, options={"crf": "10", "preset": "veryfast"})
-            stream.width, stream.height = halves * self.cameras[0].width, self.cameras[0].height
-            stream.pix_fmt, stream.time_base = "yuv420p", Fraction(1, _CLOCK)
+    def write(self, path: Path, left: Path | None = None) -> None:
+        """Write the film as H.264, and the left camera's half into another file."""
+        paths = [path] if left is None else [path, left]
+        width, height = self.cameras[0].width, self.cameras[0].height
+        with contextlib.ExitStack() as stack:
+            files = [stack.enter_context(av.open(str(each), "w")) for each in paths]
+            streams = [self._stream(file, width * size, height) for file, size in zip(files, (2, 1), strict=False)]
             for time, image in zip(self.time, self.frames(), strict=True):
-                part = np.ascontiguousarray(image[:, : stream.width])
-                frame = av.VideoFrame.from_ndarray(part, format="gray").reformat(format="yuv420p")
-                frame.pts, frame.time_base = round(time * _CLOCK), Fraction(1, _CLOCK)
-                container.mux(stream.encode(frame))
-            container.mux(stream.encode(None))
+                for file, stream in zip(files, streams, strict=True):
+                    part = np.ascontiguousarray(image[:, : stream.width])
+                    frame = av.VideoFrame.from_ndarray(part, format="gray").reformat(format="yuv420p")
+                    frame.pts, frame.time_base = round(time * _CLOCK), Fraction(1, _CLOCK)
+                    file.mux(stream.encode(frame))
+            for file, stream in zip(files, streams, strict=True):
+                file.mux(stream.encode(None))
+
+    def _stream(self, file: av.container.OutputContainer, width: int, height: int) -> av.VideoStream:
+        rate = (len(self.time) - 1) / float(self.time[-1] - self.time[0])
+        options = {"crf": "10", "preset": "veryfast"}
+        stream = file.add_stream("libx264", rate=Fraction(round(1000 * rate), 1000), options=options)
+        stream.width, stream.height, stream.pix_fmt, stream.time_base = width, height, "yuv420p", Fraction(1, _CLOCK)
+        return stream
 
     def _spoil(self, picture: Array, camera: RenderedCamera, k: int, rng: np.random.Generator) -> Array:
         kind = self.spoilt[k]
@@ -109,7 +122,7 @@ class FilmedCut:
 def film_cut(
     time: Array, position: Array, depth: Array, *, angle: float, seed: int, rate: float = 15.0, noise: float = 5.0,
     spoilt: float = 0.05, total: float = 0.0425, strip: float = 0.004, width: float = 0.008,
-    size: tuple[int, int] = (512, 384), lag: float | None = None,
+    size: tuple[int, int] = (512, 384), field: float = 0.17, lag: float | None = None,
 ) -> FilmedCut:  # fmt: skip
     """Film a cut.
 
@@ -129,6 +142,8 @@ def film_cut(
         Strip's centre to the blade's end, strip along the blade, width of the blade [m].
     size : (int, int)
         Width and height of a camera's image [px].
+    field : float
+        Width of the scene that an image shows [m].
     lag : float, optional
         Time on the record's clock at the video's time 0 [s]; drawn by default.
     """
@@ -138,14 +153,15 @@ def film_cut(
     slab = _slab(rng, blade, places, depth)
     middle = np.array([0.0, 0.5 * (position.min() + position.max()), BED + 0.5 * float(depth.max()) + 0.012])
     target = middle - 0.4 * total * blade.down * np.array([0.0, 1.0, 0.0]) + rng.normal(0.0, 2e-3, 3)
-    cameras = draw_pair(rng, target, width=size[0], height=size[1])
+    cameras = draw_pair(rng, target, width=size[0], height=size[1], field=field)
     light = np.array([rng.uniform(-0.5, 0.8), rng.uniform(-0.6, 0.6), 1.0])
     blur = rng.uniform(0.5, 0.8) * size[0] / 512.0
     scenes = [FilmedScene(camera, slab, blade, light, blur) for camera in cameras]
     begin = float(time[0]) + (rng.uniform(0.0, 0.4) if lag is None else 0.0)
     shots = np.arange(math.floor((float(time[-1]) - begin) * rate)) / rate
     shots = shots + rng.uniform(-2e-3, 2e-3, len(shots)) + 0.01
-    lag = begin if lag is None else lag
+    lag = (begin if lag is None else lag) + float(shots[0])
+    shots = shots - shots[0]  # a file's clock begins with its first frame
     place = np.interp(shots + lag, time, position)
     speed = np.interp(shots + lag, time, np.gradient(position, time))
     ends = np.stack([np.zeros_like(place), place, np.full_like(place, BED)], axis=1)
@@ -155,7 +171,7 @@ def film_cut(
     return FilmedCut(
         cameras=cameras, scenes=scenes, blade=blade, time=shots, lag=lag, along=along,
         vertical=along * math.sin(angle), spoilt=kinds, ends=ends, velocity=velocity, target=target, noise=noise,
-        seed=seed,
+        field=field, seed=seed,
     )  # fmt: skip
 
 

@@ -49,8 +49,10 @@ class RenderedCamera:
         return np.broadcast_to(u + i / 3.0, shape), np.broadcast_to(v + j / 3.0, shape)
 
 
-def draw_pair(rng: np.random.Generator, target: Array, *, width: int = 512, height: int = 384) -> list[RenderedCamera]:
-    """Draw two cameras side by side that look at ``target`` [m] from +x and above, no two lenses alike."""
+def draw_pair(
+    rng: np.random.Generator, target: Array, *, width: int = 512, height: int = 384, field: float = 0.17
+) -> list[RenderedCamera]:
+    """Draw two cameras side by side that look at ``target`` [m] from +x and above; ``field`` [m] is in the image."""
     elevation, azimuth, roll = np.radians([rng.uniform(22, 38), rng.uniform(-8, 8), rng.uniform(-2, 2)])
     distance, baseline, toe = rng.uniform(0.30, 0.37), rng.uniform(0.05, 0.09), rng.uniform(0.8, 1.0)
     back = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
@@ -71,7 +73,7 @@ def draw_pair(rng: np.random.Generator, target: Array, *, width: int = 512, heig
         ])  # fmt: skip
         cameras.append(
             RenderedCamera(
-                width=width, height=height, focal=rng.uniform(0.97, 1.03) * width * distance / 0.17,
+                width=width, height=height, focal=rng.uniform(0.97, 1.03) * width * distance / field,
                 centre=(0.5 * width + rng.normal(0.0, 5.0), 0.5 * height + rng.normal(0.0, 5.0)),
                 bend=rng.uniform(-0.4, 0.4), place=place, axes=axes,
             )
