@@ -3,9 +3,9 @@
     python scripts/measure_depth_accuracy.py                  4 films at 90 and at 45 degrees; about half an hour
     python scripts/measure_depth_accuracy.py --films 1        a quick look
 
-Each film has cameras, lenses, light, tissue and noise (2 to 10 grey values) of its own, 5 % of its frames are spoilt, and
-it is written and read as H.264. Half of the films show a depth from 1 to 20 mm; the others show livers cut 11 cm long by
-the simulator, whose fracture resistance R is then measured with the depth from the film. The result is kept in
+Each film has cameras, lenses, light, tissue and noise (2 to 10 grey values) of its own, 5 % of its frames are spoilt,
+and it is written and read as H.264. Half of the films show a depth from 1 to 20 mm; the others show livers cut 11 cm
+long by the simulator, whose fracture resistance R is then measured with the depth from the film. The result is kept in
 runs/depth_accuracy.json; ``scripts/update_docs.py depth`` prints it into docs/validation/depth.md.
 """
 

@@ -112,9 +112,10 @@ def summary(filmed: FilmedDepth) -> str:
     """Return what was measured, as text."""
     used, of = len(filmed.time), len(filmed.frames)
     low, high = 1e3 * filmed.vertical.min(), 1e3 * filmed.vertical.max()
+    lag, lag_sd = filmed.alignment.lag, 1e3 * filmed.alignment.lag_sd
     lines = [
         f"depth {max(low, 0.0):.1f} to {high:.1f} mm, standard deviation {1e3 * filmed.sd:.2f} mm, from {used} of {of} "
-        f"frames; the film's time 0 is {filmed.alignment.lag:.3f} s of the record, to {1e3 * filmed.alignment.lag_sd:.1f} ms"
+        f"frames; the film's time 0 is {lag:.3f} s of the record, to {lag_sd:.1f} ms"
     ]
     return "\n".join(lines + [f"left out: {reason}: {count} frames" for reason, count in filmed.left_out.items()])
 

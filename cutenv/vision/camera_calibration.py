@@ -141,7 +141,8 @@ def calibrate_cameras(
             f"the board with {board.columns} x {board.rows} points is found in {len(found)} images; {FEWEST_BOARDS} or "
             f"more are needed.{where} Count its inner corners, and take more images with the board tilted."
         )
-    cameras, residuals = [], {}
+    cameras: list[Camera] = []
+    residuals: dict[str, float] = {}
     for k in range(2 if stereo else 1):
         side = f" ({('left', 'right')[k]})" if stereo else ""
         camera, by_image = _one_camera({name: points[k] for name, points in found.items()}, board, size, side)
@@ -176,7 +177,8 @@ def _one_camera(
             "%): tilt the board by 30 degrees and more, another way in each image, and fill the frame."
         )
     camera = Camera(
-        width=size[0], height=size[1], matrix=matrix, distortion=np.ravel(distortion)[:5], residual=float(residual),
+        width=size[0], height=size[1], matrix=np.array(matrix, np.float64),
+        distortion=np.ravel(np.array(distortion, np.float64))[:5], residual=float(residual),
         boards=len(pixels),
     )  # fmt: skip
     return camera, by_image
@@ -194,7 +196,11 @@ def _second(cameras: Sequence[Camera], seen: Sequence[tuple[Array, ...]], board:
             f"the two cameras together leave a residual of {residual:.2f} px (at most {LARGEST_RESIDUAL:g}): were both "
             "images of each pair taken at the same time, and is the left one on the left?"
         )
-    return Pose(rotation=rotation, translation=np.ravel(translation), residual=float(residual))
+    return Pose(
+        rotation=np.array(rotation, np.float64),
+        translation=np.ravel(np.array(translation, np.float64)),
+        residual=float(residual),
+    )
 
 
 def _plane(camera: Camera, plane: tuple[str, Image], board: CalibrationBoard, stereo: bool) -> Pose:
@@ -206,7 +212,7 @@ def _plane(camera: Camera, plane: tuple[str, Image], board: CalibrationBoard, st
     if points is None:
         raise ValueError(f"{name}: the board in the plane of the cut is not found. It has to be seen whole.")
     found, turn, shift = cv2.solvePnP(board.points, points, camera.matrix, camera.distortion)
-    rotation = cv2.Rodrigues(turn)[0]
+    rotation = np.array(cv2.Rodrigues(turn)[0], np.float64)
     far = camera.pixels(board.points @ rotation.T + np.ravel(shift)) - points
     residual = float(np.sqrt((far**2).sum(axis=1).mean()))
     if not found or not residual <= LARGEST_IMAGE_RESIDUAL:

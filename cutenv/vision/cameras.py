@@ -143,9 +143,9 @@ class CalibratedCameras:
         """Rotation (3, 3) and projection (3, 4) of either camera of a pair that make its rows correspond."""
         left, right = self.cameras
         assert self.second is not None
-        size, pose = (left.width, left.height), self.second
+        size, turn, shift = (left.width, left.height), self.second.rotation, self.second.translation.reshape(3, 1)
         first, other, p1, p2 = cv2.stereoRectify(
-            left.matrix, left.distortion, right.matrix, right.distortion, size, pose.rotation, pose.translation.reshape(3, 1),
+            left.matrix, left.distortion, right.matrix, right.distortion, size, turn, shift,
             flags=cv2.CALIB_ZERO_DISPARITY, alpha=-1,
         )[:4]  # fmt: skip
         return (np.asarray(first), np.asarray(p1)), (np.asarray(other), np.asarray(p2))

@@ -168,7 +168,7 @@ def _jumps(depth: Array, sd: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]
 def _aligned(time: Array, blades: Sequence[BladeInSpace], trace: Trace, travel: str) -> FilmAlignment:
     places = np.array([each.strip for each in blades])
     middle = np.median(places, axis=0)
-    _, spread, axes = np.linalg.svd(places - middle, full_matrices=False)
+    _, _, axes = np.linalg.svd(places - middle, full_matrices=False)
     along = (places - middle) @ axes[0]
     (position,) = trace.require("position", by="depth")
     travelled, moved = float(np.ptp(along)), float(np.ptp(position))
@@ -204,8 +204,8 @@ def _aligned(time: Array, blades: Sequence[BladeInSpace], trace: Trace, travel: 
         recorded = min(recorded, math.pi - recorded)
         if abs(recorded - angle) > _ANGLE_ERROR:
             raise ValueError(
-                f"the blade stands at {math.degrees(angle):.1f} degrees in the film and {math.degrees(recorded):.1f} in "
-                "the record: it is the record of another cut."
+                f"the blade stands at {math.degrees(angle):.1f} degrees in the film and {math.degrees(recorded):.1f} "
+                "in the record: it is the record of another cut."
             )
     return FilmAlignment(lag=lag, lag_sd=lag_sd, misfit=misfit, angle=angle)
 
@@ -249,13 +249,13 @@ def _other_cut(time: Array, along: Array, clock: Array, position: Array, misfit:
     for factor in _OTHER_RATES:
         if _best_lag(time * factor, along, clock, position)[2] < 0.5 * _LARGEST_MISFIT:
             return (
-                f"the film runs {1.0 / factor:g} times as long as the record says: its rate is wrong. Give the camera's "
-                f"own, --rate: {1.0 / factor:g} times that of the file."
+                f"the film runs {1.0 / factor:g} times as long as the record says: its rate is wrong. Give the "
+                f"camera's own, --rate: {1.0 / factor:g} times that of the file."
             )
     return (
         f"the blade's motion in the film is not that of the record (they differ by {1e3 * misfit:.1f} mm; it moves "
-        f"{1e3 * float(np.ptp(along)):.1f} mm in the film, {1e3 * float(np.ptp(position)):.1f} mm in the record): it is "
-        "the record of another cut, or the calibration of another camera."
+        f"{1e3 * float(np.ptp(along)):.1f} mm in the film, {1e3 * float(np.ptp(position)):.1f} mm in the record): it "
+        "is the record of another cut, or the calibration of another camera."
     )
 
 

@@ -120,8 +120,8 @@ def find_strip(image: Image, blade: MarkedBlade) -> tuple[Array, Array, float]:
         If there is no strip, or more than one.
     """
     coarse = max(1, round(image.shape[1] / _COARSE))
-    smooth = cv2.resize(image, (image.shape[1] // coarse, image.shape[0] // coarse), interpolation=cv2.INTER_AREA)
-    smooth = cv2.GaussianBlur(smooth, (0, 0), 1.2)
+    small = cv2.resize(image, (image.shape[1] // coarse, image.shape[0] // coarse), interpolation=cv2.INTER_AREA)
+    smooth: Image = np.asarray(cv2.GaussianBlur(small, (0, 0), 1.2), np.uint8)
     dark, middle = (float(each) for each in np.percentile(smooth, [0.2, 50.0]))
     found: list[tuple[float, Array, Array, float]] = []
     for level in np.linspace(dark + 12.0, max(middle, dark + 24.0), 5):
@@ -148,7 +148,7 @@ def _candidates(
         return []
     cosine, sine = math.cos(math.radians(turn)), math.sin(math.radians(turn))
     made = []
-    for (dx, dy), along, across in (((cosine, sine), *sides), ((-sine, cosine), *sides[::-1])):
+    for dx, dy, along, across in ((cosine, sine, *sides), (-sine, cosine, sides[1], sides[0])):
         if dy < 0.0:
             dx, dy = -dx, -dy
         if not 0.5 < (along / across) / (blade.strip / blade.width) < 2.0 or dy < 0.2:
@@ -183,7 +183,7 @@ def _sampled(image: Image, points: Array) -> Array:
     u, v = np.rint(points.T).astype(int)
     if u.min() < 0 or v.min() < 0 or u.max() >= image.shape[1] or v.max() >= image.shape[0]:
         return np.empty(0)
-    return image[v, u].astype(np.float64)
+    return np.asarray(image[v, u], np.float64)
 
 
 def measure_view(image: Image, blade: MarkedBlade, to_chart: Chart, to_pixels: Chart) -> BladeInView:
@@ -264,7 +264,8 @@ def _cut_out(
     at = to_pixels(points.reshape(-1, 2)).reshape(len(s), len(t), 2).astype(np.float32)
     values = cv2.remap(image.astype(np.float32), at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
     inner = at[:, np.abs(t) <= 0.5 * blade.width * per_m + _REACH]
-    inside = ((inner >= 0) & (inner <= (image.shape[1] - 1, image.shape[0] - 1))).all(axis=(1, 2))
+    seen = (inner >= 0) & (inner <= (image.shape[1] - 1, image.shape[0] - 1))
+    inside: NDArray[np.bool_] = np.asarray(seen.all(axis=(1, 2)))
     if not inside[s <= 3.0 * blade.strip * per_m].all():
         raise UnusableFrame("the strip is at the border of the image")
     rows = slice(None) if inside.all() else slice(int(np.argmin(inside)))
@@ -312,7 +313,7 @@ def _surface(patch: _Patch, blade: MarkedBlade, per_m: float, start: float | Non
 
 def _sides(patch: _Patch, blade: MarkedBlade, per_m: float, surface: Line, *, reach: float) -> tuple[Line, Line]:
     """Return the blade's left and right side, as lines over the rows."""
-    s = patch.first + _STEP * np.arange(len(patch.values))
+    s: Array = np.asarray(patch.first + _STEP * np.arange(len(patch.values)), np.float64)
     half = 0.5 * blade.width * per_m
     end = surface.a - abs(surface.b) * half - 2.0
     rows = np.flatnonzero((s > -1.6 * blade.strip * per_m) & (s < end))[::2]
@@ -344,13 +345,13 @@ def _line_strengths(
     slopes: Array, first: float, t: Array, near: Array, tilts: Array, *, step: float
 ) -> tuple[Array, Array, Array]:
     """Return the mean slope along every line a + b t, shape (tilts, places), the places a and the tilts b."""
-    places = first + step * np.arange(len(slopes))
+    places: Array = np.asarray(first + step * np.arange(len(slopes)), np.float64)
     rows = np.flatnonzero((places >= near[0]) & (places <= near[1]))
     if rows.size == 0:
         raise UnusableFrame("the blade is not where the strip says")
     shift = np.rint(np.outer(tilts, t) / step).astype(np.int64)
     index = np.clip(rows[None, :, None] + shift[:, None, :], 0, len(slopes) - 1)
-    return slopes[index, np.arange(len(t))].mean(axis=2), places[rows], tilts
+    return np.asarray(slopes[index, np.arange(len(t))].mean(axis=2)), places[rows], tilts
 
 
 def _strongest(slopes: Array, first: float, t: Array, near: Array, tilts: Array, *, step: float) -> tuple[float, float]:
@@ -381,7 +382,9 @@ def _points_fitted(
         raise UnusableFrame(f"glare on {name}")
     share = at - rows
     window = (1.0 - share) * slopes[rows, column[:, None]] + share * slopes[rows + 1, column[:, None]]
-    window = cv2.GaussianBlur(window, (1, 0), sigmaX=1e-6, sigmaY=_ALONG)  # along the line: it is straight
+    window = np.asarray(
+        cv2.GaussianBlur(window, (1, 0), sigmaX=1e-6, sigmaY=_ALONG), np.float64
+    )  # along the line: it is straight
     peak = np.clip(np.argmax(window, axis=1), 1, 2 * span - 1)
     each = np.arange(len(peak))
     before, top, after = window[each, peak - 1], window[each, peak], window[each, peak + 1]

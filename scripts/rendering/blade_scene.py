@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from rendering.lens import Array, RenderedCamera
 from scipy.ndimage import gaussian_filter, map_coordinates
+
+from rendering.lens import Array, RenderedCamera
 
 TIMES = (np.array([[3, 8, 1], [2, 4, 6], [7, 0, 5]]) - 4.0) / 9.0
 """Instant of each of a pixel's points within the exposure; a magic square, so that time and place do not correlate."""
@@ -21,7 +22,7 @@ _TEXEL = 0.25e-3  # [m]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Slab:
-    """Tissue whose top on the cut line is at ``height`` [m] over ``place`` [m], falling off to the sides by ``fall``."""
+    """Tissue whose top on the cut line is at ``height`` [m] over ``place`` [m], lower at the sides by ``fall``."""
 
     place: Array
     height: Array

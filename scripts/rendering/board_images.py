@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from rendering.lens import Array, RenderedCamera
 from scipy.ndimage import gaussian_filter
+
+from rendering.lens import Array, RenderedCamera
 
 
 def board_image(
     camera: RenderedCamera, origin: Array, along: Array, down: Array, *, corners: tuple[int, int], square: float,
     rng: np.random.Generator,
 ) -> NDArray[np.uint8]:  # fmt: skip
-    """Render a chessboard with its first inner corner at ``origin`` and directions ``along`` and ``down`` of length 1."""
+    """Render a chessboard with its first inner corner at ``origin``; ``along`` and ``down`` have length 1."""
     rays = camera.rays(*camera.subpixels)
     normal = np.cross(along, down)
     reach = ((origin - camera.place) @ normal) / (rays @ normal)

@@ -1,4 +1,4 @@
-"""Film of a cut by rendered cameras: blade, slab, lenses, light, noise and spoilt frames drawn at random; and the truth."""
+"""Film of a cut by rendered cameras; blade, slab, lenses, light and spoilt frames are drawn at random and known."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from pathlib import Path
 import av
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
 from rendering.blade_scene import Blade, FilmedScene, Slab, draw_blade, draw_slab
 from rendering.board_images import held_boards, standing_board
 from rendering.lens import Array, RenderedCamera, draw_pair
-from scipy.ndimage import gaussian_filter
 
 BED = 0.004
 """Height of the blade's end over the plate [m]: tissue that is not cut."""
