@@ -91,7 +91,6 @@ class BladeCameras:
         variance = 0.0
         for k, view in enumerate(views):
             for which, covariance in enumerate((view.strip_covariance, view.surface_covariance)):
-                covariance = covariance + self._model_error(k, points[k, which]) ** 2 * np.eye(2)
                 slope = np.empty(2)
                 for axis in (0, 1):
                     step = math.sqrt(covariance[axis, axis])
@@ -110,15 +109,6 @@ class BladeCameras:
                 yield DepthFrame(number, time, self.measure(image), "")
             except UnusableFrame as unusable:
                 yield DepthFrame(number, time, None, str(unusable))
-
-    def _model_error(self, k: int, point: Array) -> float:
-        """Return how far off the calibration may see a point, in the chart: as its residuals say."""
-        pose = self.cameras.second or self.cameras.plane
-        assert pose is not None
-        to_chart, to_pixels = self._charts[k]
-        pixel = to_pixels(point[None])
-        size = float(np.linalg.norm(to_chart(pixel + np.array([[0.0, 1.0]])) - point))
-        return size * math.hypot(self.cameras.cameras[k].residual, pose.residual)
 
     def _on_plane(self, points: Array) -> Array:
         return np.column_stack([points[0], np.zeros(len(points[0]))])

@@ -124,7 +124,7 @@ def find_strip(image: Image, blade: MarkedBlade) -> tuple[Array, Array, float]:
     smooth: Image = np.asarray(cv2.GaussianBlur(small, (0, 0), 1.2), np.uint8)
     dark, middle = (float(each) for each in np.percentile(smooth, [0.2, 50.0]))
     found: list[tuple[float, Array, Array, float]] = []
-    for level in np.linspace(dark + 12.0, max(middle, dark + 24.0), 5):
+    for level in np.linspace(dark + 12.0, max(middle, dark + 24.0), 4):
         mask = (smooth < level).astype(np.uint8)
         contours, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
         for contour in contours:
@@ -341,6 +341,15 @@ def _inner(patch: _Patch, blade: MarkedBlade, per_m: float) -> NDArray[np.int64]
     return np.flatnonzero(np.abs(t) <= 0.5 * blade.width * per_m - 2.5)
 
 
+def _weighted_line(t: Array, s: Array, weight: Array) -> tuple[float, float]:
+    """Return slope and height of the line of weighted least squares; NumPy's polyfit takes ten times as long."""
+    share = weight / weight.sum()
+    middle, height = float(share @ t), float(share @ s)
+    from_middle = share * (t - middle)
+    slope = float(from_middle @ s) / float(from_middle @ t)
+    return slope, height - slope * middle
+
+
 def _line_strengths(
     slopes: Array, first: float, t: Array, near: Array, tilts: Array, *, step: float
 ) -> tuple[Array, Array, Array]:
@@ -393,7 +402,7 @@ def _points_fitted(
     s = first + step * (at[each, peak] + np.clip(offset, -1.0, 1.0))
     good = np.ones(len(t), bool)
     for _ in range(4):
-        slope, height = np.polyfit(t[good], s[good], 1, w=np.sqrt(np.maximum(top[good], 0.0) + 1e-9))
+        slope, height = _weighted_line(t[good], s[good], np.maximum(top[good], 1e-9))
         far = s - height - slope * t
         good = np.abs(far) <= max(2.5 * 1.4826 * float(np.median(np.abs(far))), 0.15)
         if good.sum() < max(6, 0.6 * len(t)):
