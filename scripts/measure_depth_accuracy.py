@@ -46,6 +46,7 @@ MODES = ("two cameras", "one camera, known plane")
 BOARD = CalibrationBoard(columns=10, rows=7, spacing=0.053 * 0.17)
 BOARDS = 16
 SPEED = 0.0254  # [m/s]
+RATE = 10.0  # of the films [Hz]
 MARKS = {"RMS": 0.3, "bias": 0.1, "sync": 10.0, "R": 5.0, "rate": 15.0}
 """Marks: depth [mm], [mm]; time [ms]; fracture resistance [%]; frames a second [Hz]."""
 
@@ -96,7 +97,7 @@ def measure_film(
     (position,) = trace.require("position", by="film")
     angled = dataclasses.replace(trace, angle=np.full(len(trace), math.radians(angle_deg)))
     noise = float(np.random.default_rng([seed, 9]).uniform(2.0, 10.0))
-    film = film_cut(trace.time, position, depth, angle=math.radians(angle_deg), seed=seed, noise=noise)
+    film = film_cut(trace.time, position, depth, angle=math.radians(angle_deg), seed=seed, noise=noise, rate=RATE)
     boards, plane = film.boards(BOARDS)
     paths = [folder / "pair.mp4", folder / "left.mp4"]
     film.write(*paths)

@@ -5,6 +5,7 @@
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory     what their scripts left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
+    python scripts/update_docs.py depth                     what scripts/measure_depth_accuracy.py left in runs/
     python scripts/update_docs.py errata tissue-file rig-file metrics weights ends
     python scripts/update_docs.py --docstring               tables in the docstring of cutenv/envs/gentle_cut.py
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
@@ -35,6 +36,7 @@ import ladder
 import leaderboard
 import learned_stop
 import measure_codebase
+import measure_depth_accuracy
 import memory_gap
 import numpy as np
 import rig_faults
@@ -81,6 +83,7 @@ PAGES = {
     "agreement": "docs/validation/agreement.md",
     "specimens": "docs/validation/specimens.md",
     "calibration": "docs/validation/calibration.md",
+    "depth": "docs/validation/depth.md",
     "errata": "docs/validation/errata.md",
     "parameters": "docs/reference/constants.md",
     "metrics": "docs/reference/metrics.md",
@@ -346,6 +349,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "memory": lambda _: memory_gap.report(memory_gap.kept(ROOT / memory_gap.FOLDER)),
     "benchmark": benchmark,
     "measures": lambda _: measure_codebase.comparison(),
+    "depth": lambda _: measure_depth_accuracy.report(measure_depth_accuracy.kept(ROOT / measure_depth_accuracy.KEPT)),
     "errata": errata,
     "metrics": metrics,
     "weights": weights,

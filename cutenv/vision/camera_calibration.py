@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
-from cutenv.vision.cameras import CalibratedCameras, Camera, Pose
+from cutenv.vision.cameras import CalibratedCameras, Camera, Pose, angle_between
 
 FEWEST_BOARDS = 8
 """Least number of images in which the board has to be found."""
@@ -22,6 +23,7 @@ LARGEST_RESIDUAL = 0.5
 """Largest root mean square residual of a calibration [px]."""
 LARGEST_IMAGE_RESIDUAL = 1.0
 """Largest root mean square residual of a single image [px]."""
+_LEAST_TILT_DEG = 15.0  # between the first board and the one that faces another way most
 _FOCAL_SD = 0.01  # largest standard error of the focal length, relative: boards that are all alike do not determine it
 BOARD_KINDS = ("chessboard", "circles")
 """Boards that are known; circles stand in a square grid."""
@@ -159,7 +161,7 @@ def _one_camera(
 ) -> tuple[Camera, dict[str, float]]:
     pixels = [points.astype(np.float32) for points in seen.values()]
     places = [board.points.astype(np.float32)] * len(pixels)
-    residual, matrix, distortion, _, _, sd, _, each = cv2.calibrateCameraExtended(
+    residual, matrix, distortion, turns, _, sd, _, each = cv2.calibrateCameraExtended(
         places, pixels, size, np.eye(3), np.zeros(5)
     )
     by_image = dict(zip(seen, np.ravel(each).tolist(), strict=True))
@@ -171,10 +173,12 @@ def _one_camera(
             "out if it is blurred or of another camera or board; else check that the board is flat."
         )
     spread = float(np.ravel(sd)[:2].max() / matrix[0, 0])
-    if not spread <= _FOCAL_SD:
+    facing = [cv2.Rodrigues(turn)[0][:, 2] for turn in turns]
+    tilt = math.degrees(max(angle_between(facing[0], other) for other in facing[1:]))
+    if not spread <= _FOCAL_SD or tilt < _LEAST_TILT_DEG:
         raise ValueError(
-            f"the images leave the focal length{side} uncertain by {100 * spread:.1f} % (at most {100 * _FOCAL_SD:g} "
-            "%): tilt the board by 30 degrees and more, another way in each image, and fill the frame."
+            f"the boards differ by a tilt of {tilt:.0f} degrees, and leave the focal length{side} uncertain by "
+            f"{100 * spread:.1f} %: tilt the board by 30 degrees and more, another way in each image."
         )
     camera = Camera(
         width=size[0], height=size[1], matrix=np.array(matrix, np.float64),

@@ -299,7 +299,7 @@ def _surface(patch: _Patch, blade: MarkedBlade, per_m: float, start: float | Non
     if last - low < 8.0:
         raise UnusableFrame("the blade leaves the image above the tissue")
     strength, places, tilts = _line_strengths(
-        slopes, patch.first, _aside(patch, columns), np.array([low, last]), np.linspace(-1.4, 1.4, 29), step=_STEP
+        slopes, patch.first, _aside(patch, columns), np.array([low, last]), np.linspace(-2.0, 2.0, 41), step=_STEP
     )
     best = strength.max(axis=0)
     if best.max() < 0.3 * _LEAST_CONTRAST / _SIGMA / 2.5:
@@ -408,7 +408,7 @@ def _points_fitted(
         if good.sum() < max(6, 0.6 * len(t)):
             raise UnusableFrame(f"{name} is not clear")
     scatter = float(np.sqrt(np.mean(far[good] ** 2)))
-    if scatter > _CROOKED:
+    if scatter > _CROOKED * math.hypot(1.0, slope):
         raise UnusableFrame(f"{name} is not straight")
     rise = np.abs(values[rows[:, -1], column] - values[rows[:, 0], column])
     spread = float(np.median(rise[good])) / max(float(np.median(top[good])), 1e-9) / math.sqrt(2.0 * math.pi)

@@ -98,13 +98,14 @@ def _opened(path: Path | str) -> Iterator[av.container.InputContainer]:
         raise ValueError(f"{path} is no video, or its beginning or end is missing: {error}") from None
     with container:
         if not container.streams.video:
-            raise ValueError(f"{path} holds no video.")
+            raise ValueError(f"{path} holds no video, or it is damaged or ends early.")
         yield container
 
 
 def _facts(path: Path | str, container: av.container.InputContainer) -> VideoFacts:
     stream = container.streams.video[0]
-    rate = float(stream.average_rate or 0.0)
-    if not (stream.width and stream.height and rate > 0.0):
+    # A damaged stream has no codec, and with it neither of these.
+    width, height, rate = (getattr(stream, name, None) for name in ("width", "height", "average_rate"))
+    if not (width and height and rate):
         raise ValueError(f"{path} does not say the size or rate of its frames: it is damaged.")
-    return VideoFacts(stream.width, stream.height, rate, stream.frames)
+    return VideoFacts(width, height, float(rate), stream.frames)
