@@ -173,7 +173,7 @@ def _one_camera(
             "out if it is blurred or of another camera or board; else check that the board is flat."
         )
     spread = float(np.ravel(sd)[:2].max() / matrix[0, 0])
-    facing = [cv2.Rodrigues(turn)[0][:, 2] for turn in turns]
+    facing = [np.array(cv2.Rodrigues(turn)[0], np.float64)[:, 2] for turn in turns]
     tilt = math.degrees(max(angle_between(facing[0], other) for other in facing[1:]))
     if not spread <= _FOCAL_SD or tilt < _LEAST_TILT_DEG:
         raise ValueError(

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import one_of
@@ -30,7 +31,8 @@ _LARGEST_LAG_SD = 0.05  # [s]
 _LONGEST_GAP = 0.015  # motion of the blade without a usable frame [m]
 _GRID = 0.02  # of lags tried [s]
 _OTHER_RATES = (0.25, 0.5, 0.8, 25.0 / 30.0, 1.2, 1.25, 2.0, 4.0)
-_JUMP_SD, _JUMP = 8.0, 0.7e-3  # from the neighbours' median on which a frame is left out [1], [m]
+_NEIGHBOURS, _APART = 4, 1e-4  # to either side in place, and least distance of two of them that gives a slope [m]
+_JUMP_SD, _JUMP = 8.0, 0.7e-3  # from the neighbours' line on which a frame is left out [1], [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +135,8 @@ def filmed_depth(
     blades = [frame.blade for frame in good if frame.blade is not None]
     time = np.array([frame.time for frame in good])
     along = blade.total - np.array([each.exposed for each in blades])
-    smooth = _jumps(along, np.array([each.exposed_sd for each in blades]))
+    place, _ = _travelled(blades)
+    smooth = _fits_around(place, along, np.array([each.exposed_sd for each in blades]))
     if smooth.sum() < FEWEST_FRAMES:
         raise ValueError("the depth jumps from frame to frame: the film does not show one blade in one tissue.")
     jumped = {good[k].number for k in np.flatnonzero(~smooth)}
@@ -158,18 +161,32 @@ def filmed_depth(
     )  # fmt: skip
 
 
-def _jumps(depth: Array, sd: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return which frames agree with the median of the five around each."""
-    padded = np.pad(depth, 2, mode="reflect", reflect_type="odd")
-    around = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
-    return np.abs(depth - around) <= np.maximum(_JUMP_SD * sd, _JUMP)
+def _fits_around(place: Array, depth: Array, sd: Array) -> NDArray[np.bool_]:
+    """Return which frames agree with those nearest in place, forward or back: with the line by Theil and Sen."""
+    order = np.argsort(place, kind="stable")
+    x, y = place[order], depth[order]
+    agrees = np.ones(len(x), bool)
+    for k in range(len(x)):
+        first = min(max(k - _NEIGHBOURS, 0), max(len(x) - 2 * _NEIGHBOURS - 1, 0))
+        near = [j for j in range(first, min(first + 2 * _NEIGHBOURS + 1, len(x))) if j != k]
+        dx, dy = x[near][:, None] - x[near], y[near][:, None] - y[near]
+        apart = dx > _APART
+        slope = float(np.median(dy[apart] / dx[apart])) if apart.any() else 0.0
+        expected = float(np.median(y[near] + slope * (x[k] - x[near])))
+        agrees[order[k]] = abs(y[k] - expected) <= max(_JUMP_SD * sd[order[k]], _JUMP)
+    return agrees
+
+
+def _travelled(blades: Sequence[BladeInSpace]) -> tuple[Array, Array]:
+    """Return how far the strip went along the line of its travel, shape (n,) [m], and the line's direction."""
+    places = np.array([each.strip for each in blades])
+    middle = np.median(places, axis=0)
+    axis = np.linalg.svd(places - middle, full_matrices=False)[2][0]
+    return (places - middle) @ axis, axis
 
 
 def _aligned(time: Array, blades: Sequence[BladeInSpace], trace: Trace, travel: str) -> FilmAlignment:
-    places = np.array([each.strip for each in blades])
-    middle = np.median(places, axis=0)
-    _, _, axes = np.linalg.svd(places - middle, full_matrices=False)
-    along = (places - middle) @ axes[0]
+    along, axis = _travelled(blades)
     (position,) = trace.require("position", by="depth")
     travelled, moved = float(np.ptp(along)), float(np.ptp(position))
     if travelled < _SHORTEST_TRAVEL or moved < _SHORTEST_TRAVEL:
@@ -197,7 +214,7 @@ def _aligned(time: Array, blades: Sequence[BladeInSpace], trace: Trace, travel: 
             f"the film's time is uncertain by {1e3 * lag_sd:.0f} ms: film the blade's start, stop or turn as well."
         )
     down = np.median([(each.surface - each.strip) / each.exposed for each in blades], axis=0)
-    angle = angle_between(down, axes[0])
+    angle = angle_between(down, axis)
     angle = min(angle, math.pi - angle)
     if trace.angle is not None:
         recorded = float(np.median(trace.angle))
