@@ -158,12 +158,13 @@ def report(results: Sequence[dict[str, Any]]) -> str:
     refused = [
         f"- film {r['seed']}, {r['mode']}, {r['angle_deg']} degrees: {r['refused']}" for r in results if "refused" in r
     ]
-    table = markdown_table(("measured with", "angle [deg]", "film", "error of R [%]", "with the exact depth [%]"), cuts)
-    lines = [markdown_table(heads, rows), "", "Fracture resistance of livers cut 11 cm long:", "", table, ""]
-    lines += [
-        f"Frames left out, by reason: {left_out}.",
-        *(["", "Films refused as a whole:", "", *refused] if refused else []),
-    ]
+    heads_of_cuts = ("measured with", "angle [deg]", "film", "error of R [%]", "with the exact depth [%]")
+    lines = [markdown_table(heads, rows), ""]
+    if cuts:
+        lines += ["Fracture resistance of livers cut 11 cm long:", "", markdown_table(heads_of_cuts, cuts), ""]
+    lines += [f"Frames left out, by reason: {left_out}."]
+    if refused:
+        lines += ["", "Films refused as a whole:", "", *refused]
     return "\n".join(lines)
 
 

@@ -103,12 +103,12 @@ def _measure(arguments: argparse.Namespace) -> int:
     write_depth_page(page, FilmedRecord(name=arguments.record.stem, trace=with_depth, filmed=filmed, pictures=pictures))
     write_frame_table(table, filmed)
     save(with_depth, target)
-    print(summary(filmed))
+    print(filmed_summary(filmed))
     print(f"record: {target}\nframes: {table}\npage: {page}")
     return 0
 
 
-def summary(filmed: FilmedDepth) -> str:
+def filmed_summary(filmed: FilmedDepth) -> str:
     """Return what was measured, as text."""
     used, of = len(filmed.time), len(filmed.frames)
     low, high = 1e3 * filmed.vertical.min(), 1e3 * filmed.vertical.max()

@@ -23,7 +23,7 @@ _POINTS = 3000  # points of a line: more than a figure has pixels
 _AROUND = 140  # of the blade that is shown to either side [px]
 
 
-def overlay_figure(filmed: FilmedDepth, pictures: Mapping[int, NDArray[np.uint8]], width: float) -> Figure:
+def frames_figure(filmed: FilmedDepth, pictures: Mapping[int, NDArray[np.uint8]], width: float) -> Figure:
     """Draw some frames with strip, surface and exposed blade, or the reason for which one is left out.
 
     Parameters

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.atomic_file import atomic_write
-from cutenv.report.depth_figure import depth_figure, overlay_figure
+from cutenv.report.depth_figure import depth_figure, frames_figure
 from cutenv.report.page import write_page
 from cutenv.trace import Trace
 
@@ -51,7 +51,7 @@ def write_depth_page(path: Path, record: FilmedRecord) -> None:
         path,
         "depth.html",
         kind="good" if share >= 0.9 else "open",
-        overlay_figure=overlay_figure,
+        frames_figure=frames_figure,
         depth_figure=depth_figure,
         degrees=math.degrees(filmed.alignment.angle),
         low=1e3 * max(float(filmed.vertical.min()), 0.0),

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.vision.cameras import CalibratedCameras, Camera
-from cutenv.vision.marked_blade import BladeInView, Image, MarkedBlade, UnusableFrame, measure_view
+from cutenv.vision.cameras import CalibratedCameras, Camera, GreyImage
+from cutenv.vision.marked_blade import BladeInView, Chart, MarkedBlade, UnusableFrame, measure_view
 from cutenv.vision.video import VideoFrame
 
 _EPIPOLAR = 1.5  # rows by which the two views of a point may differ [px]
@@ -63,7 +63,7 @@ class BladeCameras:
         self.cameras, self.blade = cameras, blade
         self._charts = [_chart(cameras, k) for k in range(len(cameras.cameras))]
 
-    def measure(self, image: Image) -> BladeInSpace:
+    def measure(self, image: GreyImage) -> BladeInSpace:
         """Measure the blade in a frame; images of a pair stand side by side.
 
         Raises
@@ -122,9 +122,6 @@ class BladeCameras:
             raise UnusableFrame("the blade would lie behind the cameras: left and right are exchanged or mirrored")
         z = p1[0, 0] * baseline / apart
         return np.column_stack([(points[0, :, 0] - p1[0, 2]) * z / p1[0, 0], (rows - p1[1, 2]) * z / p1[1, 1], z])
-
-
-Chart = Callable[[Array], Array]
 
 
 def _chart(cameras: CalibratedCameras, k: int) -> tuple[Chart, Chart]:

@@ -11,11 +11,10 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
-from cutenv.vision.cameras import CalibratedCameras, Camera, Pose, angle_between
+from cutenv.vision.cameras import CalibratedCameras, Camera, GreyImage, Pose, angle_between
 
 FEWEST_BOARDS = 8
 """Least number of images in which the board has to be found."""
@@ -27,7 +26,6 @@ _LEAST_TILT_DEG = 15.0  # between the first board and the one that faces another
 _FOCAL_SD = 0.01  # largest standard error of the focal length, relative: boards that are all alike do not determine it
 BOARD_KINDS = ("chessboard", "circles")
 """Boards that are known; circles stand in a square grid."""
-Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +60,7 @@ class CalibrationBoard:
         row, column = np.mgrid[: self.rows, : self.columns]
         return self.spacing * np.stack([column.ravel(), row.ravel(), 0 * row.ravel()], axis=1).astype(np.float64)
 
-    def find(self, image: Image) -> Array | None:
+    def find(self, image: GreyImage) -> Array | None:
         """Return its points in a grey image to a fraction of a pixel, shape (n, 2) [px]; None if it is not there."""
         size = (self.columns, self.rows)
         if self.kind == "circles":
@@ -72,7 +70,7 @@ class CalibrationBoard:
         return np.asarray(points, np.float64).reshape(-1, 2) if found else None
 
 
-def read_image(path: Path | str) -> Image:
+def read_image(path: Path | str) -> GreyImage:
     """Read an image as grey values, shape (height, width).
 
     Raises
@@ -90,18 +88,18 @@ def read_image(path: Path | str) -> Image:
     return np.asarray(image, np.uint8)
 
 
-def halves(image: Image) -> tuple[Image, Image]:
+def halves(image: GreyImage) -> tuple[GreyImage, GreyImage]:
     """Return the left and the right image of a pair that stands side by side."""
     middle = image.shape[1] // 2
     return np.ascontiguousarray(image[:, :middle]), np.ascontiguousarray(image[:, middle : 2 * middle])
 
 
 def calibrate_cameras(
-    images: Iterable[tuple[str, Image]],
+    images: Iterable[tuple[str, GreyImage]],
     board: CalibrationBoard,
     *,
     stereo: bool = False,
-    plane: tuple[str, Image] | None = None,
+    plane: tuple[str, GreyImage] | None = None,
 ) -> CalibratedCameras:
     """Calibrate one camera, or a pair, from images of a board.
 
@@ -207,7 +205,7 @@ def _second(cameras: Sequence[Camera], seen: Sequence[tuple[Array, ...]], board:
     )
 
 
-def _plane(camera: Camera, plane: tuple[str, Image], board: CalibrationBoard, stereo: bool) -> Pose:
+def _plane(camera: Camera, plane: tuple[str, GreyImage], board: CalibrationBoard, stereo: bool) -> Pose:
     name, image = plane
     view = halves(image)[0] if stereo else image
     if view.shape != (camera.height, camera.width):

@@ -12,11 +12,14 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv._base.atomic_file import atomic_write
 from cutenv._base.validation import array_in_range, in_range
 
+GreyImage = NDArray[np.uint8]
+"""Grey values, shape (height, width)."""
 CAMERAS_SCHEMA = "cutenv-cameras/1"
 """Name and version of the file."""
 _COEFFICIENTS = 5  # Brown and Conrady: k1, k2, p1, p2, k3

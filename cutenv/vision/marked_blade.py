@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
+from cutenv.vision.cameras import GreyImage
 
-Image = NDArray[np.uint8]
 Chart = Callable[[Array], Array]
 """Map of points, shape (n, 2), between pixels and a chart of the scene in which straight lines are straight."""
 
@@ -111,7 +111,7 @@ class _Patch(NamedTuple):
         return np.asarray(self.origin + s * self.down + t * self.right)
 
 
-def find_strip(image: Image, blade: MarkedBlade) -> tuple[Array, Array, float]:
+def find_strip(image: GreyImage, blade: MarkedBlade) -> tuple[Array, Array, float]:
     """Find the strip: its centre, shape (2,), direction down the blade, shape (2,), and its width across [px].
 
     Raises
@@ -121,7 +121,7 @@ def find_strip(image: Image, blade: MarkedBlade) -> tuple[Array, Array, float]:
     """
     coarse = max(1, round(image.shape[1] / _COARSE))
     small = cv2.resize(image, (image.shape[1] // coarse, image.shape[0] // coarse), interpolation=cv2.INTER_AREA)
-    smooth: Image = np.asarray(cv2.GaussianBlur(small, (0, 0), 1.2), np.uint8)
+    smooth: GreyImage = np.asarray(cv2.GaussianBlur(small, (0, 0), 1.2), np.uint8)
     dark, middle = (float(each) for each in np.percentile(smooth, [0.2, 50.0]))
     found: list[tuple[float, Array, Array, float]] = []
     for level in np.linspace(dark + 12.0, max(middle, dark + 24.0), 4):
@@ -140,7 +140,7 @@ def find_strip(image: Image, blade: MarkedBlade) -> tuple[Array, Array, float]:
 
 
 def _candidates(
-    smooth: Image, contour: NDArray[np.int32], blade: MarkedBlade
+    smooth: GreyImage, contour: NDArray[np.int32], blade: MarkedBlade
 ) -> list[tuple[float, Array, Array, float]]:
     """Return contrast, centre, direction and width of a dark contour if it can be the strip."""
     (x, y), sides, turn = cv2.minAreaRect(contour)
@@ -172,13 +172,13 @@ def _candidates(
     return made
 
 
-def _grey(image: Image, x: float, y: float) -> float:
+def _grey(image: GreyImage, x: float, y: float) -> float:
     """Return the grey value at a point; -inf outside."""
     u, v = round(x), round(y)
     return float(image[v, u]) if 0 <= v < image.shape[0] and 0 <= u < image.shape[1] else -math.inf
 
 
-def _sampled(image: Image, points: Array) -> Array:
+def _sampled(image: GreyImage, points: Array) -> Array:
     """Return grey values at points, shape (..., 2); none if one is outside."""
     u, v = np.rint(points.T).astype(int)
     if u.min() < 0 or v.min() < 0 or u.max() >= image.shape[1] or v.max() >= image.shape[0]:
@@ -186,7 +186,7 @@ def _sampled(image: Image, points: Array) -> Array:
     return np.asarray(image[v, u], np.float64)
 
 
-def measure_view(image: Image, blade: MarkedBlade, to_chart: Chart, to_pixels: Chart) -> BladeInView:
+def measure_view(image: GreyImage, blade: MarkedBlade, to_chart: Chart, to_pixels: Chart) -> BladeInView:
     """Measure strip and surface in one image.
 
     Parameters
@@ -253,7 +253,7 @@ def _in_chart(patch: _Patch, upper: Line, lower: Line, surface: Line, left: Line
 
 
 def _cut_out(
-    image: Image, to_pixels: Chart, origin: Array, down: Array, right: Array, blade: MarkedBlade, per_m: float, *,
+    image: GreyImage, to_pixels: Chart, origin: Array, down: Array, right: Array, blade: MarkedBlade, per_m: float, *,
     wide: float,
 ) -> _Patch:  # fmt: skip
     """Resample the image along the blade, to 15 % beyond its end."""
