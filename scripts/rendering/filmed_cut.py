@@ -151,7 +151,8 @@ def film_cut(
     rng = np.random.default_rng([seed, 0])
     blade = draw_blade(rng, angle=angle, total=total, strip=strip, width=width)
     places = 0.0005 * np.arange(len(depth))
-    slab = _slab(rng, blade, places, depth)
+    reached = places <= position.max() + 0.02  # a liver falls steeply at its free end, where no blade comes
+    slab = _slab(rng, blade, places[reached], depth[reached])
     middle = np.array([0.0, 0.5 * (position.min() + position.max()), BED + 0.5 * float(depth.max()) + 0.012])
     target = middle - 0.4 * total * blade.down * np.array([0.0, 1.0, 0.0]) + rng.normal(0.0, 2e-3, 3)
     cameras = draw_pair(rng, target, width=size[0], height=size[1], field=field)
