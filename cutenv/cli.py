@@ -86,6 +86,7 @@ COMMANDS = {
     "datasets": Command("record cuts as a Minari data set, force included", extra="data"),
     "calibrate": Command("fit a tissue to your own records of cuts"),
     "pass-mark": Command("find a pass mark, how often it errs, and whether raters agree with the score"),
+    "depth": Command("measure the depth of cut from video of a marked blade", extra="vision"),
     "play": Command("cut by mouse or gamepad in a window"),
     "rig": Command(
         "run a real rig, a motor and a force sensor, or its emulator",

@@ -5,6 +5,7 @@
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score  what scripts left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
+    python scripts/update_docs.py depth                     what scripts/measure_depth_accuracy.py left in runs/
     python scripts/update_docs.py errata tissue-file rig-file metrics weights ends
     python scripts/update_docs.py --docstring               tables in the docstring of cutenv/envs/gentle_cut.py
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
@@ -36,6 +37,7 @@ import ladder
 import leaderboard
 import learned_stop
 import measure_codebase
+import measure_depth_accuracy
 import memory_gap
 import numpy as np
 import rig_faults
@@ -86,6 +88,7 @@ PAGES = {
     "check-score": "docs/validation/score.md",
     "pass-marks": "docs/validation/pass-marks.md",
     "field": "docs/validation/field.md",
+    "depth": "docs/validation/depth.md",
     "errata": "docs/validation/errata.md",
     "parameters": "docs/reference/constants.md",
     "metrics": "docs/reference/metrics.md",
@@ -366,6 +369,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "benchmark": benchmark,
     "measures": lambda _: measure_codebase.comparison(),
     "check-score": lambda _: check_score.report(check_score.kept(ROOT / check_score.FOLDER)),
+    "depth": lambda _: measure_depth_accuracy.report(measure_depth_accuracy.kept(ROOT / measure_depth_accuracy.KEPT)),
     "errata": errata,
     "metrics": metrics,
     "weights": weights,

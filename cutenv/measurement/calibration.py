@@ -357,6 +357,10 @@ def _notes(
         )
     notes += _extrapolated(cuts)
     notes += zero_notes(cuts)
+    errors = [e / cut.fracture.corrected for cut in cuts if (e := cut.fracture.depth_error) is not None]
+    if errors:
+        worst = 100.0 * max(errors)
+        notes.append(f"{len(errors)} of {len(cuts)} cuts tell their depth's error: by it, R to {worst:.1f} % or better")
     without = sum(cut.return_stroke is None for cut in cuts)
     if without:
         notes.append(f"{without} of {len(cuts)} cuts have no return stroke past the tip: less certain by about 5 %")

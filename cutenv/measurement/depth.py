@@ -11,9 +11,26 @@ from scipy.integrate import trapezoid
 from scipy.optimize import least_squares
 
 from cutenv._base.arrays import Array
+from cutenv._base.validation import in_range
 from cutenv.tissue.specimen import LENGTH
 from cutenv.tissue.thickness import bulge
 from cutenv.trace import Trace
+
+DEPTH_SD_KEY = "depth_sd_m"
+"""Key in a record's metadata for the standard deviation of its depth [m]; ``cutenv depth`` writes it."""
+_LARGEST_SD = 0.02  # [m]
+
+
+def depth_sd(trace: Trace) -> float | None:
+    """Return the standard deviation of a record's depth of cut [m]; None if the record does not give it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If what the metadata give is no number of metres from 0 to 0.02.
+    """
+    sd = trace.metadata.get(DEPTH_SD_KEY)
+    return None if sd is None else in_range(f"metadata {DEPTH_SD_KEY}", sd, 0.0, _LARGEST_SD, "m", "0.3 mm is 0.0003.")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

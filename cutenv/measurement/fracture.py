@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
-from cutenv.measurement.depth import DepthProfile
+from cutenv.measurement.depth import DepthProfile, depth_sd
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio_of
 from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
 from cutenv.measurement.segments import Segment, loading_segments
@@ -58,6 +58,9 @@ class FractureEstimate:
         The way back that closed the loop; None without one past the tip.
     zero : SensorZero
         The sensor's zero that was subtracted from the force first.
+    depth_error : float or None
+        Standard error of `corrected` that the depth's standard deviation leaves, as if it were one error all along the
+        cut [J/m2]: an upper bound. None if the record does not give that (:func:`cutenv.measurement.depth.depth_sd`).
     """
 
     apparent: float
@@ -67,6 +70,7 @@ class FractureEstimate:
     flags: tuple[str, ...]
     return_stroke: ReturnStroke | None = None
     zero: SensorZero = field(default_factory=SensorZero)
+    depth_error: float | None = None
 
 
 def estimate_fracture_resistance(
@@ -148,17 +152,21 @@ def estimate_fracture_resistance(
     if float(depth.depth.min()) < MEASURABLE_DEPTH:
         flags.append("depth below 0.5 mm counts as 0.5 mm in the apparent value")
     apparent = _work_per_depth(trace, position, depth) / travel  # (6.4)
+    sd = depth_sd(trace)
+    relative = None if sd is None else sd * travel / depth.area(start, start + travel)
     way_back = fit_return_stroke(trace, depth)
     if way_back is not None:
         phi = way_back.friction_per_depth if friction_per_depth is None else friction_per_depth
+        corrected = _closed_loop(trace, position, depth, way_back, phi)
         return FractureEstimate(
             apparent=apparent,
-            corrected=_closed_loop(trace, position, depth, way_back, phi),
+            corrected=corrected,
             cut_length=way_back.tip - start,
             friction_per_depth=phi,
             flags=tuple(flags),
             return_stroke=way_back,
             zero=zero,
+            depth_error=None if relative is None else relative * corrected,
         )
     flags.append("no return stroke past the tip: stored energy and lag estimated")
     ramp = next((s for s in reversed(loading_segments(trace)) if s.is_steady), None)
@@ -179,6 +187,7 @@ def estimate_fracture_resistance(
         friction_per_depth=phi,
         flags=tuple(flags),
         zero=zero,
+        depth_error=None if relative is None else relative * corrected,
     )
 
 

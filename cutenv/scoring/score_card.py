@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cutenv.measurement.depth import depth_sd
 from cutenv.scoring.metric import METRICS, Metric
 from cutenv.scoring.metric_weights import ForceOnlyWeights, weights_by_metric
 from cutenv.scoring.points import ScorePoints, outcome_of, task_points
@@ -294,6 +295,9 @@ def _notes(cut: ScoredCut, points: Sequence[ScorePoints], outcome: str) -> list[
     left = [] if outcome or not points else sorted(set(weights_by_metric(ForceOnlyWeights())) - counted)
     if left:
         notes.append(f"not counted, without a value or a reference: {', '.join(left)}")
+    sd = depth_sd(cut.trace)
+    if sd is not None:
+        notes.append(f"record: depth of cut measured to {1e3 * sd:.2f} mm (standard deviation)")
     return notes + validity_warnings(cut.trace, cut.quality)
 
 

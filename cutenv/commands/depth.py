@@ -1,0 +1,186 @@
+"""Measure the depth of cut from video of a marked blade, and put it into the record; or calibrate the camera."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cutenv.commands.options import command_parser, made_folder, reports_errors, watched
+
+if TYPE_CHECKING:  # slow to import, and --help does not need it
+    from cutenv.trace import Trace
+    from cutenv.vision.depth_record import FilmedDepth
+
+_MEASURING = ("calibration", "record")
+_CALIBRATING = ("board", "spacing")
+
+
+@reports_errors("depth")
+def main(argv: Sequence[str]) -> int:
+    """Run the command; return 0, or 2 if the video, the record, the calibration or the options are bad."""
+    arguments = _parser().parse_args(argv)
+    wanted, other = (_CALIBRATING, _MEASURING) if arguments.calibrate else (_MEASURING, _CALIBRATING)
+    what = "with --calibrate" if arguments.calibrate else "to measure a video"
+    for name in wanted:
+        if getattr(arguments, name) is None:
+            raise ValueError(f"--{name} is missing; {what} it is needed.")
+    for name in other:
+        if getattr(arguments, name) is not None:
+            raise ValueError(f"--{name} has no use {what}; leave it out.")
+    missing = [str(path) for path in arguments.files if not path.is_file()]
+    if missing:
+        raise FileNotFoundError(f"no such file: {', '.join(missing)}.")
+    return _calibrate(arguments) if arguments.calibrate else _measure(arguments)
+
+
+def _calibrate(arguments: argparse.Namespace) -> int:
+    from cutenv.recording.columns import parse_length
+    from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, read_image
+
+    if arguments.out is None or arguments.out.suffix != ".json":
+        raise ValueError("--calibrate writes one file: give --out cam.json.")
+    if not arguments.stereo and arguments.plane is None:
+        raise ValueError("one camera needs --plane IMAGE, the board standing in the plane of the cut; a pair --stereo.")
+    board = CalibrationBoard.parse(
+        arguments.board, parse_length("--spacing", arguments.spacing), "circles" if arguments.circles else "chessboard"
+    )
+    made_folder("folder", arguments.out.parent)
+    plane = None if arguments.plane is None else (str(arguments.plane), read_image(arguments.plane))
+    images = ((str(path), read_image(path)) for path in watched(arguments.files, "finding the board", "image"))
+    cameras = calibrate_cameras(images, board, stereo=arguments.stereo, plane=plane)
+    cameras.save(arguments.out)
+    for name in cameras.about["left_out"]:
+        print(f"left out: {name}: the board is not seen whole", file=sys.stderr)
+    for camera, name in zip(cameras.cameras, ("left", "right") if arguments.stereo else ("camera",), strict=True):
+        print(f"{name}: residual {camera.residual:.2f} px over {camera.boards} boards")
+    for name, pose in (("pair", cameras.second), ("plane", cameras.plane)):
+        if pose is not None:
+            print(f"{name}: residual {pose.residual:.2f} px")
+    print(f"calibration: {arguments.out}")
+    return 0
+
+
+def _measure(arguments: argparse.Namespace) -> int:
+    from cutenv.recording import save
+    from cutenv.recording.columns import parse_length
+    from cutenv.report.depth_page import FilmedRecord, write_depth_page, write_frame_table
+    from cutenv.vision.blade_depth import BladeCameras
+    from cutenv.vision.cameras import CalibratedCameras
+    from cutenv.vision.depth_record import filmed_depth
+    from cutenv.vision.marked_blade import MarkedBlade
+    from cutenv.vision.video import video_facts, video_frames
+
+    if len(arguments.files) != 1:
+        raise ValueError(f"{len(arguments.files)} videos are given; give one, with a pair's images side by side.")
+    if arguments.rate is not None and not 0.1 <= arguments.rate <= 1e4:
+        raise ValueError(f"--rate {arguments.rate:g} is no number of frames a second: 0.1 to 10000.")
+    video = arguments.files[0]
+    lengths = {name: parse_length(f"--{name}", getattr(arguments, name)) for name in ("total", "strip", "width")}
+    blade = MarkedBlade(**lengths)
+    cameras = CalibratedCameras.load(arguments.calibration)
+    trace = _record(arguments.record)
+    trace.require("position", by="cutenv depth")
+    out = made_folder("--out", arguments.out or Path())
+    target = out / f"{arguments.record.stem}_depth{arguments.record.suffix}"
+    if target.suffix.lower() not in (".csv", ".parquet", ".h5", ".hdf5"):
+        target = target.with_suffix(".csv")
+    frames = video_frames(video, size=cameras.frame_size, rate=arguments.rate)
+    total = video_facts(video).frames or None
+    measured = list(watched(BladeCameras(cameras, blade).measure_all(frames), "measuring", "frame", total=total))
+    filmed = filmed_depth(measured, trace, blade, travel=arguments.travel)
+    with_depth = filmed.onto(trace)
+    chosen = _shown(filmed)
+    width = cameras.cameras[0].width
+    pictures = {
+        frame.number: frame.image[:, :width]
+        for frame in video_frames(video, rate=arguments.rate)
+        if frame.number in chosen
+    }
+    page, table = target.with_suffix(".html"), target.with_name(f"{target.stem}_frames.csv")
+    write_depth_page(page, FilmedRecord(name=arguments.record.stem, trace=with_depth, filmed=filmed, pictures=pictures))
+    write_frame_table(table, filmed)
+    save(with_depth, target)
+    print(filmed_summary(filmed))
+    print(f"record: {target}\nframes: {table}\npage: {page}")
+    return 0
+
+
+def filmed_summary(filmed: FilmedDepth) -> str:
+    """Return what was measured, as text."""
+    used, of = len(filmed.time), len(filmed.frames)
+    low, high = 1e3 * filmed.vertical.min(), 1e3 * filmed.vertical.max()
+    lag, lag_sd = filmed.alignment.lag, 1e3 * filmed.alignment.lag_sd
+    lines = [
+        f"depth {max(low, 0.0):.1f} to {high:.1f} mm, standard deviation {1e3 * filmed.sd:.2f} mm, from {used} of {of} "
+        f"frames; the film's time 0 is {lag:.3f} s of the record, to {lag_sd:.1f} ms"
+    ]
+    return "\n".join(lines + [f"left out: {reason}: {count} frames" for reason, count in filmed.left_out.items()])
+
+
+def _record(path: Path) -> Trace:
+    """Return the one cut of a record.
+
+    Raises
+    ------
+    ValueError
+        If it holds several, or is bad.
+    """
+    from cutenv.recording import read_record
+
+    imported = read_record(path)
+    if len(imported.traces) != 1:
+        raise ValueError(f"{path} holds {len(imported.traces)} cuts; give a record of the one that was filmed.")
+    return imported.traces[0]
+
+
+def _shown(filmed: FilmedDepth) -> set[int]:
+    """Return the numbers of the frames to draw: three that are used, and the first that was left out."""
+    used = [frame.number for frame in filmed.frames if frame.blade is not None]
+    left_out = [frame.number for frame in filmed.frames if frame.blade is None]
+    return {used[len(used) // 8], used[len(used) // 4], used[len(used) // 2], *left_out[:1]}
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command_parser(
+        "depth",
+        __doc__,
+        examples=(
+            "--calibrate boards/*.png --board 9x6 --spacing 5mm --stereo --out cam.json",
+            "--calibrate boards/*.png --board 9x6 --spacing 5mm --plane standing.png --out cam.json",
+            "cut.mp4 --calibration cam.json --record cut.csv --out measured",
+        ),
+        note="The images of a pair of cameras stand side by side in every frame, the left camera's on the left. The\n"
+        "record gets the depth at right angles to the travel; the table of frames has the length along the blade too.",
+    )
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="video of the cut; or images of the board")
+    parser.add_argument("--calibration", type=Path, metavar="FILE.json", help="calibration of the camera or the pair")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="record of the same cut, with position")
+    parser.add_argument(
+        "--out", type=Path, metavar="PATH", help="folder of record, table and page, default here; or calibration file"
+    )
+    parser.add_argument("--rate", type=float, metavar="HZ", help="frames a second, if the file's times are wrong")
+    parser.add_argument(
+        "--travel",
+        choices=("right", "left"),
+        default="right",
+        help="way the blade goes in the images when it cuts; default right",
+    )
+    blade = parser.add_argument_group("the blade")
+    sizes = {"total": ("42.5mm", "strip's centre to the blade's end"), "strip": ("4mm", "strip, along the blade")}
+    for name, (default, about) in (sizes | {"width": ("8mm", "blade, across")}).items():
+        blade.add_argument(
+            f"--{name}", default=default, metavar="LENGTH", help=f"length with unit: {about}; default {default}"
+        )
+    board = parser.add_argument_group("calibration from images of a board")
+    board.add_argument("--calibrate", action="store_true", help="calibrate from images of a board instead of measuring")
+    board.add_argument("--board", metavar="NxM", help="columns and rows of its inner corners, or of its circles")
+    board.add_argument("--spacing", metavar="LENGTH", help="distance between these, with its unit")
+    board.add_argument("--circles", action="store_true", help="take a board of circles, not a chessboard")
+    board.add_argument("--stereo", action="store_true", help="calibrate a pair; its images stand side by side")
+    board.add_argument(
+        "--plane", type=Path, metavar="IMAGE", help="image of the board standing in the plane of the cut"
+    )
+    return parser
