@@ -109,7 +109,7 @@ def _undistorted(model: str, q: NDArray[np.float64], numbers: NDArray[np.float64
         linear, seen = 1.0 + b, np.maximum(r - c, 0.0)
         root = np.sqrt(np.maximum(linear**2 + 4.0 * a * seen, 1e-12))
         true = 2.0 * seen / (linear + root)
-        return q * (true / np.maximum(r, 1e-12))[:, None]
+        return np.asarray(q * (true / np.maximum(r, 1e-12))[:, None])
     return np.asarray(q + (_basis(model, q) @ numbers).reshape(-1, 2))
 
 

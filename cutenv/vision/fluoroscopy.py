@@ -29,6 +29,9 @@ LARGEST_RESIDUAL = 0.5
 """RMS residual of the grid above which a calibration is refused [px]."""
 
 
+_ROUNDS, _SETTLED = 60, 1e-3  # of finding where a place is seen [px]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CArmView:
     """One X-ray view: from pixels of its frames to undistorted square pixels, and from space to these.
@@ -69,6 +72,16 @@ class CArmView:
     def undistort(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return undistorted places of points of a frame, shape (n, 2) [square px]."""
         return self.distortion.undistort(np.asarray(points, float).reshape(-1, 2) * (self.aspect, 1.0))
+
+    def seen(self, ideal: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the points of a frame [px] at which undistorted places, shape (n, 2) [square px], are seen."""
+        square = ideal.copy()
+        for _ in range(_ROUNDS):
+            left = ideal - self.distortion.undistort(square)
+            square = square + left
+            if not np.abs(left).max(initial=0.0) > _SETTLED:
+                break
+        return np.asarray(square / (self.aspect, 1.0))
 
     def undistorted_with_covariance(
         self, points: NDArray[np.float64], covariance: NDArray[np.float64]

@@ -111,7 +111,7 @@ def fit_magnification(
     found = Magnification(model=model, coefficients=tuple(np.polyfit(d, m, degree, w=1.0 / m).tolist()))
     if model == "cone_beam" and (found.coefficients[0] >= 0.0 or found.source_distance <= d.max()):
         raise ValueError(
-            f"a pixel covers {m[np.argmin(d)]:g} at the least and {m[np.argmax(d)]:g} at the largest distance; in a cone "
-            "beam it covers less away from the detector. Are the distances those from the detector, not from the source?"
+            f"a pixel covers {m[np.argmin(d)]:g} at the least distance and {m[np.argmax(d)]:g} at the largest; in a "
+            "cone beam it covers less away from the detector. Are the distances those from the source?"
         )
     return found, np.asarray(np.polyval(found.coefficients, d) / m - 1.0)

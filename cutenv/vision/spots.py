@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,15 +34,15 @@ class Spots:
         Height above the background, or depth below it [units of the image].
     sigma : ndarray, shape (n,)
         Width of the fitted Gaussian [px].
-    noise : float
-        Standard deviation of the image's noise [units of the image].
+    scatter : ndarray, shape (n,)
+        Standard deviation of what the fit left over around each: the noise of one pixel there [units of the image].
     """
 
     place: NDArray[np.float64]
     covariance: NDArray[np.float64]
     amplitude: NDArray[np.float64]
     sigma: NDArray[np.float64]
-    noise: float
+    scatter: NDArray[np.float64]
 
     def __len__(self) -> int:
         return len(self.place)
@@ -54,7 +54,7 @@ class Spots:
             covariance=self.covariance[kept],
             amplitude=self.amplitude[kept],
             sigma=self.sigma[kept],
-            noise=self.noise,
+            scatter=self.scatter[kept],
         )
 
 
@@ -138,54 +138,70 @@ def locate_spots(image: ArrayLike, diameter: float, *, dark: bool = True, least_
     footprint = np.hypot(*np.mgrid[-half : half + 1, -half : half + 1]) <= max(1.5, 0.5 * diameter)
     peaks = (filtered == ndimage.maximum_filter(filtered, footprint=footprint)) & (filtered > least)
     rows, columns = np.nonzero(peaks)
-    inside = (rows >= half) & (rows < grey.shape[0] - half) & (columns >= half) & (columns < grey.shape[1] - half)
-    rows, columns = rows[inside], columns[inside]
-    return _fitted(grey, rows, columns, half, width, noise, least_snr, flipped=dark)
+    fitted, settled = fit_spots(grey, np.stack([columns, rows], axis=1), diameter)
+    strong = settled & (fitted.amplitude > least_snr * fitted.scatter)
+    found = fitted.where(strong)
+    found = found.where(_first_of_each(found, width))
+    return replace(found, amplitude=-found.amplitude) if dark else found
 
 
-def _fitted(
-    grey: NDArray[np.float64],
-    rows: NDArray[np.int64],
-    columns: NDArray[np.int64],
-    half: int,
-    width: float,
-    noise: float,
-    least_snr: float,
-    *,
-    flipped: bool,
-) -> Spots:
-    """Fit every candidate, and keep those that turned out as spots."""
+def fit_spots(
+    grey: NDArray[np.float64], start: NDArray[np.float64], diameter: float
+) -> tuple[Spots, NDArray[np.bool_]]:
+    """Fit a Gaussian on a sloping background near each of some places.
+
+    Parameters
+    ----------
+    grey : ndarray, shape (rows, columns)
+        Image with bright spots.
+    start : ndarray, shape (n, 2)
+        Column and row at which each is expected, within half its diameter [px].
+    diameter : float
+        Diameter of a spot [px].
+
+    Returns
+    -------
+    spots : Spots
+        One for each start.
+    settled : ndarray of bool, shape (n,)
+        Whether it is a spot: whole in the image, of half to twice the size, near its start, and more than an edge.
+    """
+    width = 0.4 * diameter
+    half = max(3, math.ceil(2.6 * width))
+    nearest = np.round(start).astype(int)
+    room = np.array([grey.shape[1], grey.shape[0]]) - half
+    inside = ((nearest >= half) & (nearest < room)).all(axis=1)
+    columns, rows = np.clip(nearest, half, np.maximum(room - 1, half)).T
     across = np.arange(-half, half + 1)
     windows = grey[rows[:, None, None] + across[:, None], columns[:, None, None] + across]
     y, x = (axis.ravel().astype(float) for axis in np.mgrid[-half : half + 1, -half : half + 1])
-    values = windows.reshape(len(rows), -1)
+    values = windows.reshape(len(rows), len(x))
     # Column, row, height, width, background and its slopes.
     p = np.zeros((len(rows), 7))
     if len(rows):
         p[:, 4] = np.quantile(values, 0.2, axis=1)
-        p[:, 2] = values[:, values.shape[1] // 2] - p[:, 4]
+        p[:, 2] = values[:, len(x) // 2] - p[:, 4]
     p[:, 3] = width
-    parts = [
-        _least_squares(p[n : n + _AT_ONCE], values[n : n + _AT_ONCE], x, y) for n in range(0, len(p) or 1, _AT_ONCE)
-    ]
-    p, normal, left = (np.concatenate(part) for part in zip(*parts, strict=True))
-    freedom = values.shape[1] - p.shape[1]
-    scatter = np.maximum(np.sqrt((left**2).sum(axis=1) / freedom), noise)
-    inverse = np.linalg.inv(normal + FLOOR * np.eye(7))
-    covariance = inverse[:, :2, :2] * scatter[:, None, None] ** 2
-    kept = (
-        (p[:, 2] > least_snr * noise)
+    parts = [_least_squares(p[n : n + _AT_ONCE], values[n : n + _AT_ONCE], x, y) for n in range(0, len(p), _AT_ONCE)]
+    left = np.zeros_like(values)
+    whole = np.zeros((len(p), 7, 7))
+    if parts:
+        p, normal, left = (np.concatenate(part) for part in zip(*parts, strict=True))
+        whole = np.asarray(np.linalg.inv(normal + FLOOR * np.eye(7)), float)
+    scatter = np.sqrt((left**2).sum(axis=1) / (len(x) - 7)) + FLOOR
+    covariance = whole[:, :2, :2] * scatter[:, None, None] ** 2
+    settled = (
+        inside
         & (p[:, 2] > 2.0 * scatter)  # what is left over is less than the spot: no edge, no heap of others
         & (p[:, 3] > 0.5 * width)
         & (p[:, 3] < 2.0 * width)
-        & (np.hypot(p[:, 0], p[:, 1]) < max(1.5, width))
+        & (np.hypot(p[:, 0], p[:, 1]) < max(2.0, 1.5 * width))
         & (covariance[:, 0, 0] > 0.0)
         & (covariance[:, 1, 1] > 0.0)
     )
     place = np.stack([columns + p[:, 0], rows + p[:, 1]], axis=1)
-    sign = -1.0 if flipped else 1.0
-    found = Spots(place=place, covariance=covariance, amplitude=sign * p[:, 2], sigma=p[:, 3], noise=noise).where(kept)
-    return found.where(_first_of_each(found, width))
+    spots = Spots(place=place, covariance=covariance, amplitude=p[:, 2], sigma=p[:, 3], scatter=scatter)
+    return spots, settled
 
 
 def _least_squares(

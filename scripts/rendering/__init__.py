@@ -1,0 +1,1 @@
+"""Rendered images whose truth is known, to test measurements with; shares no code with :mod:`cutenv.vision`."""
