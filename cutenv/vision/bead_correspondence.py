@@ -220,3 +220,44 @@ def bundle_adjusted(
     solved = least_squares(shifted, np.ones(len(units)), diff_step=[1e-3], loss="soft_l1", f_scale=3.0)
     changes = units * (solved.x - 1.0)
     return moved(changes), changes.reshape(-1, 6)
+
+
+def linked(images: Sequence[NDArray[np.float64]], largest_step: float, *, memory: int = 3) -> NDArray[np.float64]:
+    """Link the spots of one view from frame to frame, each to the nearest, by trackpy (Crocker and Grier 1996).
+
+    Parameters
+    ----------
+    images : sequence of ndarray, shape (n_frame, 2)
+        Undistorted places of the spots in each frame [square px].
+    largest_step : float
+        Longest way from one frame to the next [px]; less than half the distance between beads.
+    memory : int
+        Frames for which a spot may be hidden.
+
+    Returns
+    -------
+    ndarray, shape (frames, n, 2)
+        Tracks that are seen in 30 % of the frames or more; NaN where they are not.
+
+    Raises
+    ------
+    ImportError
+        If trackpy is not installed.
+    """
+    try:
+        import pandas
+        import trackpy
+    except ImportError:
+        raise ImportError("linking beads within a view needs an extra: pip install 'cutenv[vision]'") from None
+    count = [len(spots) for spots in images]
+    if sum(count) == 0:
+        raise ValueError("no frame shows a spot.")
+    table = pandas.DataFrame(np.concatenate(images), columns=["x", "y"])
+    table["frame"] = np.repeat(np.arange(len(images)), count)
+    trackpy.quiet()
+    found = trackpy.link(table, largest_step, memory=memory)
+    number = found["particle"].to_numpy()
+    kept = np.flatnonzero(np.bincount(number) >= 0.3 * len(images))
+    tracks = np.full((len(images), int(number.max()) + 1, 2), np.nan)
+    tracks[found["frame"].to_numpy(), number] = found[["x", "y"]].to_numpy()
+    return np.asarray(tracks[:, kept])

@@ -72,7 +72,7 @@ def bead_look(image: ArrayLike, view: CArmView, diameter: float) -> BeadLook:
 
 @dataclass(kw_only=True, eq=False)
 class _Filter:
-    """Kalman filter of every bead: its place is where it rested, what the model predicts, and an offset that wanders."""
+    """Kalman filter of every bead: where it rested, moved as the model predicts, and an offset that wanders."""
 
     rest: NDArray[np.float64]
     variance: NDArray[np.float64]

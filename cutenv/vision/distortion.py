@@ -6,7 +6,7 @@ distortion up to its scale; here the scale is that of the centre, as in the thes
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -256,13 +256,21 @@ def _fit(points: NDArray[np.float64], cells: NDArray[np.float64], model: str) ->
 
     first = np.concatenate([(start[2:] - middle) / size, [turn], np.zeros(2 + printed)])
 
-    # First about the middle of the grid: a free centre beside no distortion runs away.
     def about(p: NDArray[np.float64]) -> NDArray[np.float64]:
         return left(np.concatenate([p, np.zeros(2)]))
 
-    held = least_squares(about, first, method="lm", max_nfev=200)
-    free = least_squares(left, np.concatenate([held.x, np.zeros(2)]), method="lm", max_nfev=400)
-    return unpacked(free.x)
+    # First about the middle of the grid: a free centre beside no distortion runs away.
+    held = _minimised(about, first)
+    return unpacked(_minimised(left, np.concatenate([held, np.zeros(2)])))
+
+
+def _minimised(
+    left: Callable[[NDArray[np.float64]], NDArray[np.float64]], start: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the parameters, of order 1 or less, with the least sum of squares."""
+    # Steps of the derivative are shares of the unknowns, which therefore must not begin near 0.
+    found = least_squares(lambda q: left(start + q - 1.0), np.ones(len(start)), method="lm", max_nfev=400)
+    return np.asarray(start + found.x - 1.0)
 
 
 def _linear(

@@ -190,6 +190,26 @@ def calibrate_view(
     return view, fitted, holes
 
 
+def length_per_pixel(image: ArrayLike, view: CArmView, hole_diameter: float, spacing: float) -> float:
+    """Return the length of one undistorted pixel at a grid plate, for `fit_magnification`.
+
+    Parameters
+    ----------
+    image : array_like, shape (rows, columns)
+        Frame with the plate, parallel to the detector, at any distance from it.
+    view : CArmView
+        The view's calibration.
+    hole_diameter : float
+        Diameter of a hole in the image [px].
+    spacing : float
+        Spacing of the holes, in any unit of length.
+    """
+    holes = locate_grid(view.checked(image), hole_diameter)
+    square = view.undistort(holes.place)
+    step, *_ = np.linalg.lstsq(holes.index - holes.index.mean(axis=0), square - square.mean(axis=0), rcond=None)
+    return float(spacing / math.sqrt(abs(np.linalg.det(step))))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CArmCalibration:
     """Calibration of the X-ray views of one session.

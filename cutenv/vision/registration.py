@@ -11,6 +11,7 @@ from cutenv._base.validation import in_range
 from cutenv.vision.bead_tracks import BeadTracks
 
 _LEAST_CORRELATION = 0.6
+_BAND = 1.5  # s: slower changes are not compared
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,7 +96,7 @@ def clock_lag(
     lag : float
         Add it to the video's times to get those of the record [s].
     correlation : float
-        Correlation of the rates of motion and force there [1].
+        Correlation of the quick changes of motion and force there [1].
 
     Raises
     ------
@@ -110,15 +111,18 @@ def clock_lag(
         raise ValueError("times, motion and force are finite numbers.")
     step = float(np.median(np.diff(t)))
     smooth = np.convolve(f, np.ones(width := max(1, round(step / float(np.median(np.diff(when)))))) / width, "same")
-    rate = np.diff(u) / np.diff(t)
-    middle = 0.5 * (t[1:] + t[:-1])
+    window = max(5, round(_BAND / step))
+
+    def quick(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        # What is slow goes with the length of the cut, in one way or another; ramps and runs tell the time.
+        slow = np.convolve(np.pad(values, window, mode="edge"), np.ones(window) / window, "same")[window:-window]
+        return values - slow
 
     def agreement(lag: float) -> float:
-        inside = (middle + lag - step / 2 >= when[0]) & (middle + lag + step / 2 <= when[-1])
-        if inside.sum() < 0.5 * len(middle):
+        inside = (t + lag >= when[0]) & (t + lag <= when[-1])
+        if inside.sum() < max(0.5 * len(t), 20):
             return -1.0
-        later, earlier = (np.interp(middle[inside] + lag + side, when, smooth) for side in (step / 2, -step / 2))
-        a, b = rate[inside], later - earlier
+        a, b = quick(u[inside]), quick(np.interp(t[inside] + lag, when, smooth))
         spread = float(a.std() * b.std())
         return float(((a - a.mean()) * (b - b.mean())).mean()) / spread if spread > 0.0 else -1.0
 

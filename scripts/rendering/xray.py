@@ -1,4 +1,4 @@
-"""X-ray images by Beer-Lambert's law: steel beads, a slab of tissue, a blade, a plate with holes; with all that spoils them.
+"""X-ray images by Beer-Lambert's law: beads, a slab of tissue, a blade, a plate with holes; with all that spoils them.
 
 A ray from a point source is weakened by exp(-sum of attenuation times length); the intensifier distorts the image
 (radially by the thesis's error y over the radius, and by a turn that grows with its square), darkens it outward and
@@ -127,11 +127,20 @@ class XRayCamera:
         """Return the true places, from the detector's middle in square pixels, that pixels (n, 2) show."""
         q = pixels * (self.aspect, 1.0) - self.centre
         seen, turn = np.hypot(q[:, 0], q[:, 1]), np.arctan2(q[:, 1], q[:, 0])
-        a, b, c = self.error
-        table = np.linspace(0.0, 2.0 * float(seen.max()) + 50.0, 40001)
-        r = np.interp(seen, table + a * table**2 + b * table + c, table)
+        r = np.interp(seen, *self._radii)
         turn = turn - self.swirl * r**2
         return np.asarray(self.centre) + np.stack([r * np.cos(turn), r * np.sin(turn)], axis=1) - self._middle
+
+    @cached_property
+    def _radii(self) -> tuple[Array, Array]:
+        """Seen radii and the true ones that belong to them [px]."""
+        a, b, c = self.error
+        true = np.linspace(0.0, 2.0 * math.hypot(self.rows, self.columns), 40001)
+        return true + a * true**2 + b * true + c, true
+
+    def true_places(self, pixels: Array) -> Array:
+        """Return the true places, in square pixels of an undistorted image, that pixels (n, 2) show."""
+        return self._true(pixels) + self._middle
 
     def _on_detector(self, true: Array) -> Array:
         _, middle, across, down, _ = self._axes
@@ -140,15 +149,24 @@ class XRayCamera:
     @cached_property
     def _fine(self) -> Array:
         """True places of the rays of every pixel, shape (rows, columns, 9, 2) [square px]."""
+        return self._fine_of((0, 0), (self.rows, self.columns))
+
+    def _fine_of(self, low: tuple[int, int], high: tuple[int, int]) -> Array:
         step = (np.arange(_FINE) - (_FINE - 1) / 2.0) / _FINE
-        v, u = np.mgrid[: self.rows, : self.columns].astype(float)
+        v, u = np.mgrid[low[0] : high[0], low[1] : high[1]].astype(float)
         dv, du = np.meshgrid(step, step, indexing="ij")
         pixels = np.stack([u[..., None] + du.ravel(), v[..., None] + dv.ravel()], axis=-1)
-        return self._true(pixels.reshape(-1, 2)).reshape(self.rows, self.columns, _FINE**2, 2)
+        return self._true(pixels.reshape(-1, 2)).reshape(*pixels.shape)
+
+    def prepare(self) -> None:
+        """Compute the rays of all pixels once: worth it before many images."""
+        _ = self._fine
 
     def rays(self, low: tuple[int, int], high: tuple[int, int]) -> Array:
         """Return the ends on the detector of the fine rays of a window of rows and columns."""
-        return self._on_detector(self._fine[low[0] : high[0], low[1] : high[1]])
+        known = "_fine" in self.__dict__
+        fine = self._fine[low[0] : high[0], low[1] : high[1]] if known else self._fine_of(low, high)
+        return self._on_detector(fine)
 
     @cached_property
     def _shade(self) -> Array:
@@ -165,10 +183,9 @@ class XRayCamera:
         depth = np.zeros((self.rows, self.columns))
         for box in still:
             if box not in self._kept:
-                self._kept[box] = (
-                    box.attenuation
-                    * box.path(self.source, self.rays((0, 0), (self.rows, self.columns)))[..., _FINE**2 // 2]
-                )
+                v, u = np.mgrid[: self.rows, : self.columns].astype(float)
+                true = self._true(np.stack([u.ravel(), v.ravel()], axis=1)).reshape(self.rows, self.columns, 2)
+                self._kept[box] = box.attenuation * box.path(self.source, self._on_detector(true))
             depth += self._kept[box]
         for box in boxes:
             corners = np.array(list(itertools.product(*zip(box.low, box.high, strict=True))))

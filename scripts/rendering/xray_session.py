@@ -13,13 +13,14 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from rendering.xray import STEEL, TISSUE, Array, Box, XRayCamera, interlaced
 from scipy.interpolate import LinearNDInterpolator
+from scipy.ndimage import minimum_filter
 
 from cutenv.plant.protocol import Leg, run
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.specimen import Specimen
+from rendering.xray import STEEL, TISSUE, Array, Box, XRayCamera, interlaced
 
 BEAD = 0.5e-3
 """Radius of the beads [m]."""
@@ -111,23 +112,22 @@ class Session:
     def drawn(
         cls, seed: int, *, speed: float = 0.001, length: float = 0.07, beads: tuple[int, int] = (7, 14),
         size: tuple[int, int] = (480, 720), dose: float = 1.0, divisions: tuple[int, int, int] = (6, 12, 2),
+        cut: CutHistory | None = None,
     ) -> Session:  # fmt: skip
-        """Draw a session; a smaller image shows the same field of view."""
+        """Draw a session; a smaller image shows a smaller field, with fewer beads from the clamp on."""
         rng = np.random.default_rng([seed, 25])
-        pitch = rng.uniform(0.00036, 0.00040) * 480 / size[0]
-        shrink = size[0] / 480
+        pitch = rng.uniform(0.00036, 0.00040)
+        middle = np.array([(size[1] - 1) * 10 / 11, size[0] - 1]) / 2.0
+        seen_from = np.array([0.0, 0.001 + 0.005 * beads[1], THICKNESS / 2])
         cameras = {}
         for name, angle, photons in (("top", 0.0, 900.0), ("side", 90.0, 5000.0)):
-            a, b, c = ERRORS[name]
-            middle = np.array([(size[1] - 1) * 10 / 11, size[0] - 1]) / 2.0
             cameras[name] = XRayCamera(
                 angle=math.radians(angle + rng.uniform(-5, 5)), tilt=math.radians(rng.uniform(-2, 2)),
-                isocentre=tuple(np.array([0.0, 0.07, 0.0125]) + rng.uniform(-0.004, 0.004, 3)),
+                isocentre=tuple(seen_from + rng.uniform(-0.004, 0.004, 3)),
                 to_isocentre=rng.uniform(0.60, 0.66), to_detector=rng.uniform(0.95, 1.02), pitch=pitch,
-                rows=size[0], columns=size[1], error=(a / shrink, b, c * shrink),
-                swirl=rng.choice([-1, 1]) * rng.uniform(0.8e-7, 2.0e-7) / shrink**2,
-                centre=tuple(middle + shrink * rng.uniform(-8, 8, 2)),
-                photons=photons * dose, blur=rng.uniform(0.6, 0.9) * shrink**0.5,
+                rows=size[0], columns=size[1], error=ERRORS[name],
+                swirl=rng.choice([-1, 1]) * rng.uniform(0.8e-7, 2.0e-7), centre=tuple(middle + rng.uniform(-8, 8, 2)),
+                photons=photons * dose, blur=rng.uniform(0.6, 0.9),
             )  # fmt: skip
         across = (np.arange(beads[0]) - (beads[0] - 1) / 2) * 0.01
         along = 0.006 + np.arange(beads[1]) * 0.01
@@ -138,7 +138,7 @@ class Session:
         model = CutModel(
             element="hex20", formulation="solid", thickness=THICKNESS, divisions=divisions, relative_modulus=uneven
         )
-        cut = CutHistory.simulated(speed, length, seed)
+        cut = cut or CutHistory.simulated(speed, length, seed)
         return cls(
             cameras=cameras, rest=rest, model=model, cut=cut, lag=float(rng.uniform(0.1, 0.6)), seed=seed, dose=dose
         )
@@ -158,16 +158,24 @@ class Session:
         """The tissue."""
         return Box(low=(-0.04, 0.0, 0.0), high=(0.04, 0.15, THICKNESS), attenuation=TISSUE)
 
+    def slab_pixels(self, camera: XRayCamera, pixels: Array) -> NDArray[np.bool_]:
+        """Return which pixels (n, 2) show tissue, 3 px within its border."""
+        share = camera.light(np.zeros((0, 3)), BEAD, (), (self.slab,))
+        within = minimum_filter(share < 0.9, 7)
+        column, row = np.round(pixels).astype(int).T
+        return np.asarray(within[row.clip(0, camera.rows - 1), column.clip(0, camera.columns - 1)])
+
     def image(self, name: str, time: float, rng: np.random.Generator) -> NDArray[np.uint8]:
         """Render one view at a time of the record."""
         camera = self.cameras[name]
+        camera.prepare()
         blade, _ = self.cut.at(time)
         knife = Box(low=(-0.001, blade - 0.008, 0.002), high=(0.001, blade, 0.07), attenuation=STEEL)
         boxes = (knife,) if blade > 1e-5 else ()
         return exposed(camera, camera.light(self.places(time), BEAD, boxes, (self.slab,)), rng)
 
     def frames(self, time: Array, *, first: str | None = None) -> Iterator[list[NDArray[np.uint8]]]:
-        """Render frames of both views at times of the record; ``first``: interlaced, that field half a frame earlier."""
+        """Render frames of both views at times of the record; ``first``: interlaced, that field earlier."""
         rng = np.random.default_rng([self.seed, 26])
         half = 0.25 * float(np.median(np.diff(time)))
         for now in time:
@@ -178,10 +186,12 @@ class Session:
                 yield [interlaced(*pair, first) for pair in pairs]
 
     def phantom(self) -> Array:
-        """Return the places of the phantom's balls, on a helix [m]."""
-        n = np.arange(30)
-        turn = 2.4 * n
-        return np.stack([0.027 * np.cos(turn), 0.004 + 0.0046 * n, 0.0125 + 0.022 * np.sin(turn)], axis=1)
+        """Return the places of the phantom's balls, on a helix about the beads [m]."""
+        share = float(self.rest[:, 1].max()) / 0.137
+        n = np.arange(max(16, round(30 * share)))
+        turn, wide = 2.4 * n, 0.027 if share > 0.6 else 0.016
+        along = 0.004 + 0.133 * share * n / n[-1]
+        return np.stack([wide * np.cos(turn), along, 0.0125 + 0.8 * wide * np.sin(turn)], axis=1)
 
     def sweep(self, count: int) -> list[XRayCamera]:
         """Return the top arm on its way to the side; the earth's field changes the swirl a little."""
