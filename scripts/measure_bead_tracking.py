@@ -1,210 +1,50 @@
 """Measure how well C-arm images are corrected and beads followed, on rendered X-ray sessions; docs/validation/beads.md.
 
-    python scripts/measure_bead_tracking.py --json runs/bead_tracking.json
-    python scripts/update_docs.py bead-tracking
-
-Takes ten minutes of a processor for each session; --quick takes few frames, and is no measurement.
+python scripts/measure_bead_tracking.py                 all parts, one after the other: minutes of a processor
+python scripts/measure_bead_tracking.py --part images   one part; each is kept in runs/bead_tracking as it is done
+python scripts/update_docs.py bead-tracking
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trackpy
 from benchmark.table import markdown_table
-from numpy.typing import NDArray
-from rendering.xray import XRayCamera
-from rendering.xray_session import BALL, BEAD, ERRORS, FieldAtPoints, Session, exposed
+from carm_measurement import (
+    BEAD_PX,
+    SEED,
+    Array,
+    Mark,
+    calibrated,
+    correction,
+    magnification,
+    phantom_pixels,
+    phantom_view,
+    predicted_by,
+    rms,
+    swept,
+)
+from rendering.xray_session import BEAD, Session, exposed
 from scipy.spatial import cKDTree
 
-from cutenv.tissue.cut_model import CutModel
-from cutenv.vision.bead_correspondence import bundle_adjusted, linked, pairs_by_epipolar, places_from_sweep
+from cutenv.vision.bead_correspondence import bundle_adjusted, linked, pairs_by_epipolar
 from cutenv.vision.bead_images import attenuation
 from cutenv.vision.beads import find_beads, track_beads
-from cutenv.vision.fluoroscopy import CArmCalibration, CArmView, calibrate_view, deinterlaced, length_per_pixel
-from cutenv.vision.magnification import fit_magnification
+from cutenv.vision.fluoroscopy import CArmCalibration, deinterlaced
 from cutenv.vision.projection import project, triangulate
 from cutenv.vision.registration import clock_lag
-from cutenv.vision.spots import locate_spots
 
-DEFAULT = "runs/bead_tracking.json"
-"""Where the measurement is kept, relative to the repository."""
-REGION = [[-0.045, -0.005, -0.002], [0.045, 0.155, 0.03]]
-"""Where beads may be [m]."""
-BEAD_PX, BALL_PX, HOLE_PX = 3.5, 5.5, 5.0
-"""Diameters in frames of 480 lines [px]."""
-SPACING, HOLE = 0.010, 0.0024
-"""Of the plate [m]."""
-Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Mark:
-    """One number beside the mark that it is to keep."""
-
-    what: str
-    value: float
-    limit: float
-    unit: str
-    at_least: bool = False
-
-    @property
-    def met(self) -> bool:
-        """Whether the mark is kept."""
-        return self.value >= self.limit if self.at_least else self.value <= self.limit
-
-
-def rms(values: Array) -> float:
-    """Return the root of the mean squared length of the rows."""
-    return float(np.sqrt((np.asarray(values).reshape(len(values), -1) ** 2).sum(axis=1).mean()))
-
-
-def phantom_view(
-    view: CArmView, camera: XRayCamera, session: Session, rng: np.random.Generator, balls: Array | None = None
-) -> CArmView:
-    """Give a view its geometry from an image of the phantom, whose balls are told apart by where they really are."""
-    places = session.phantom() if balls is None else balls
-    known, pixels = phantom_pixels(camera, places, rng)
-    return view.with_projection(known, pixels)
-
-
-def phantom_pixels(camera: XRayCamera, balls: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return the balls that are found in an image of the phantom, and where."""
-    scale = camera.rows / 480
-    spots = locate_spots(exposed(camera, camera.light(balls, BALL), rng), BALL_PX * scale)
-    away, which = cKDTree(spots.place).query(camera.seen(balls))
-    return balls[away < 2.0], spots.place[which[away < 2.0]]
-
-
-def calibrated(session: Session, rng: np.random.Generator) -> CArmCalibration:
-    """Calibrate both views of a session from images of the plate and of the phantom."""
-    views = []
-    for name, camera in session.cameras.items():
-        image = camera.plate(SPACING, HOLE, rng, missing=0.05, turn=float(rng.uniform(-0.05, 0.05)))
-        view, _, _ = calibrate_view(image, HOLE_PX * camera.rows / 480, name=name, dark=False)
-        views.append(phantom_view(view, camera, session, rng))
-    return CArmCalibration(views=views)
-
-
-def swept(session: Session, view: CArmView, rng: np.random.Generator, count: int = 19) -> tuple[Array, Array]:
-    """Find the beads at rest by a rotation of the top arm by 90 degrees, calibrated by the phantom at each stop."""
-    projections, images = [], []
-    for camera in session.sweep(count):
-        stop = phantom_view(view, camera, session, rng)
-        picture = exposed(camera, camera.light(session.rest, BEAD, (), (session.slab,)), rng)
-        images.append(find_beads(picture, stop, BEAD_PX * camera.rows / 480)[1].place)
-        projections.append(stop.projection)
-    return places_from_sweep(projections, images, REGION)
-
-
-def predicted_by(session: Session) -> Callable[[Array, float], Array]:
-    """Return the displacement that a model predicts: even tissue in plane stress, not the truth's uneven bricks."""
-    kept: list[FieldAtPoints] = []
-
-    def displacement(rest: Array, time: float) -> Array:
-        if not kept:
-            kept.append(FieldAtPoints(CutModel(), rest))
-        blade, tip = session.cut.at(time)
-        return kept[0](tip, max(blade - tip, 0.0))
-
-    return displacement
-
-
-def off_by_similarity(found: Array, true: Array) -> Array:
-    """Return what is left between two sets of points after the best turn, scale and shift."""
-    a, b = (points - points.mean(axis=0) for points in (found, true))
-    z, w = a[:, 0] + 1j * a[:, 1], b[:, 0] + 1j * b[:, 1]
-    left = z - w * (np.vdot(w, z) / np.vdot(w, w))
-    return np.stack([left.real, left.imag], axis=1)
-
-
-def correction(seeds: range) -> list[Mark]:
-    """Measure the correction of grid images: residuals, true errors of the field, and the thesis's curves."""
-    inside: dict[bool, list[float]] = {False: [], True: []}
-    true_error: dict[bool, list[float]] = {False: [], True: []}
-    curve: dict[str, list[float]] = {"top": [], "side": []}
-    for seed in seeds:
-        for name, swirl in ((n, s) for n in ERRORS for s in (False, True)):
-            rng = np.random.default_rng([seed, swirl, name == "top"])
-            size = {"centre": tuple(np.array([327.0, 239.5]) + rng.uniform(-8, 8, 2)), "error": ERRORS[name]}
-            camera = XRayCamera(**size, swirl=float(rng.choice([-1, 1]) * rng.uniform(0.8e-7, 2e-7)) * swirl)
-            image = camera.plate(SPACING, HOLE, rng, missing=0.05 * swirl, turn=float(rng.uniform(-0.1, 0.1)))
-            view, fitted, holes = calibrate_view(image, HOLE_PX, name=name, dark=False)
-            r = np.hypot(*(holes.place * (view.aspect, 1.0) - camera.centre).T)
-            central = r <= np.quantile(r, 0.95)
-            inside[swirl].append(rms(fitted.residual[central]))
-            u, v = np.meshgrid(np.linspace(18, 701, 40), np.linspace(12, 467, 30))
-            pixels = np.stack([u.ravel(), v.ravel()], axis=1)
-            true_error[swirl].append(rms(off_by_similarity(view.undistort(pixels), camera.true_places(pixels))))
-            if not swirl:
-                curve[name].append(curve_error(fitted.distortion.error, ERRORS[name]))
-        for name, (a, b, _) in ERRORS.items():  # as printed: not zero at the centre
-            camera = XRayCamera(error=(a, b, {"top": 0.4729, "side": 1.6171}[name]), centre=(330.0, 238.0))
-            image = camera.plate(SPACING, HOLE, np.random.default_rng([seed, 9]))
-            _, fitted, _ = calibrate_view(image, HOLE_PX, name=name, model="radial_quadratic_printed", dark=False)
-            curve.setdefault(f"{name}, as printed", []).append(curve_error(fitted.distortion.error, camera.error))
-    worst = "worst image"
-    bound: dict[str, Any] = {"limit": 0.2, "unit": "px"}
-    return [
-        Mark(what=f"grid residual in 95 % of the field, {worst}", value=max(inside[False]), limit=0.15, unit="px"),
-        Mark(what="the same with S-shape and 5 % of holes missing", value=max(inside[True]), limit=0.3, unit="px"),
-        Mark(what="true error of the corrected field, RMS", value=max(true_error[False]), limit=0.15, unit="px"),
-        Mark(what="the same with S-shape and 5 % of holes missing", value=max(true_error[True]), limit=0.3, unit="px"),
-        *(
-            Mark(what=f"({n}) recovered, {which}: largest difference to 280 px", value=max(curve[key]), **bound)
-            for key, n, which in (
-                ("top", "7.1", "zero at the centre"), ("side", "7.2", "zero at the centre"),
-                ("top, as printed", "7.1", "as printed"), ("side, as printed", "7.2", "as printed"),
-            )
-        ),
-    ]  # fmt: skip
-
-
-def curve_error(found: Callable[[Array], Array], error: tuple[float, float, float]) -> float:
-    """Return the largest difference of a recovered radial error from the true one, at the scale that suits it best.
-
-    A grid tells its distortion up to a scale: a linear term of the error is the same as another size of the grid.
-    """
-    a, b, c = error
-    true = np.linspace(30.0, 280.0, 60)
-    seen = true + a * true**2 + b * true + c
-
-    def left(scale: float) -> Array:
-        return np.asarray(scale * true + found(scale * true) - seen)
-
-    scales = np.linspace(0.9, 1.1, 2001)
-    return float(min(np.abs(left(float(scale))).max() for scale in scales))
-
-
-def magnification(seed: int) -> list[Mark]:
-    """Measure the magnification against distance: a plate at six distances, a cone beam fitted to five of them."""
-    rng = np.random.default_rng([seed, 3])
-    camera = XRayCamera(pitch=float(rng.uniform(3.6e-4, 4e-4)), to_detector=float(rng.uniform(0.95, 1.02)))
-    distance = np.array([0.0, 0.06, 0.12, 0.2, 0.28, 0.36])
-    images = [camera.plate(SPACING, HOLE, rng, distance=float(d)) for d in distance]
-    view, _, _ = calibrate_view(images[0], HOLE_PX, name="top", dark=False)
-    size = [
-        length_per_pixel(image, view, HOLE_PX / (1.0 - d / camera.to_detector), SPACING)
-        for d, image in zip(distance, images, strict=True)
-    ]
-    pixels = rng.uniform((18.0, 12.0), (701.0, 467.0), (400, 2))
-    found, ideal = (points - points.mean(axis=0) for points in (view.undistort(pixels), camera.true_places(pixels)))
-    # The scale of a corrected image is that of its centre: an undistorted pixel stands for so many true ones.
-    scale = float(np.sqrt((ideal**2).sum() / (found**2).sum()))
-    true = camera.pitch * scale * (1.0 - distance / camera.to_detector)
-    errors = []
-    for one in range(len(distance)):
-        rest = np.arange(len(distance)) != one
-        fit, _ = fit_magnification(distance[rest], np.array(size)[rest])
-        errors.append(abs(fit.at(float(distance[one])) / true[one] - 1.0))
-    return [Mark(what="magnification at a distance left out of the fit", value=100 * max(errors), limit=0.3, unit="%")]
+SLOW, FAST = 30, 3
+"""Frames of the video for one that is used, in the slow and in the fast cut."""
+FOLDER = "runs/bead_tracking"
+"""Where each part of the measurement is kept, relative to the repository."""
 
 
 def known_points(session: Session, calibration: CArmCalibration, rng: np.random.Generator) -> list[Mark]:
@@ -374,7 +214,7 @@ def adjusted(session: Session, calibration: CArmCalibration, rng: np.random.Gene
 
 def in_step(session: Session, calibration: CArmCalibration, rest: Array, covariance: Array) -> list[str]:
     """Find the lag of the force record from the motion of beads near the cut line, without a model."""
-    seconds = min(8.0, float(session.cut.time[-1]) - 0.7)
+    seconds = min(4.0, float(session.cut.time[-1]) - 0.7)
     time = np.arange(0.5, 0.5 + seconds, 1.0 / calibration.frame_rate)
     near = np.where((np.abs(rest[:, :1]) < 0.015) & (rest[:, 1:2] < 0.045), rest, np.nan)
     tracks = track_beads(session.frames(time), time, calibration, near, covariance, diameter=BEAD_PX)
@@ -388,80 +228,118 @@ def in_step(session: Session, calibration: CArmCalibration, rest: Array, covaria
     return [f"lag of the force record, from {seconds:.0f} s: {off:+.0f} ms off, correlation {agreement:.2f}"]
 
 
-def told(marks: list[Mark], lines: list[str]) -> None:
-    """Print what has been measured so far."""
-    print(*(f"{mark.what}: {mark.value:.3g} {mark.unit}" for mark in marks), *lines, "", sep="\n", flush=True)
+Part = tuple[list[Mark], list[str]]
+"""Marks and other numbers of one part of the measurement."""
 
 
-def measured(sessions: int, quick: bool) -> dict[str, Any]:
-    """Run everything; return marks and lines."""
-    marks, lines = correction(range(1 if quick else 2)), []
-    marks += magnification(1)
-    told(marks, lines)
-    for seed in range(1, 1 + sessions):
-        rng = np.random.default_rng([seed, 27])
-        session = Session.drawn(seed)
-        calibration = calibrated(session, rng)
-        rest, covariance = swept(session, calibration.views[0], rng)
-        places = cKDTree(session.rest).query(rest[np.isfinite(rest).all(axis=1)])
-        lines.append(
-            f"session {seed}: the rotation gives {len(np.unique(places[1]))} of {len(session.rest)} beads a place, "
-            f"{1e3 * np.sqrt((places[0] ** 2).mean()):.3f} mm RMS off"
-        )
-        marks += known_points(session, calibration, rng)
-        found, seen = detection(session, calibration, 3 if quick else 8)
-        marks, lines = marks + found, lines + seen
-        told(marks, lines)
-        lines += adjusted(session, calibration, rng) + in_step(session, calibration, rest, covariance)
-        lines += without_sweep(session, calibration, 20 if quick else 40)
-        told(marks, lines)
-        slow = followed(session, calibration, rest, covariance, every=30 if quick else 6)
-        fast_cut = replace(session, cut=type(session.cut).simulated(0.0127, 0.07, seed))
-        fast = followed(fast_cut, calibration, rest, covariance, fields=True, every=5 if quick else 1)
-        for name, result, most in (("0.1 cm/s", slow, 0.0), ("1.27 cm/s, interlaced", fast, 1.0)):
-            cut = f"session {seed}, cut at {name}"
-            marks += [
-                Mark(what=f"{cut}: 3-D displacement, RMS", value=result.displacement_mm, limit=0.1, unit="mm"),
-                Mark(what=f"{cut}: 2-D error of the track", value=result.image_px, limit=0.1, unit="px"),
-                Mark(what=f"{cut}: switched identities", value=result.switches_percent, limit=most, unit="%"),
-            ]
-            lines.append(
-                f"{cut}: {result.located_percent:.1f} % of places located; a view hides a bead in "
-                f"{result.hidden_percent:.1f} % of frames, one bead in {result.most_hidden_percent:.1f} %; median squared "
-                f"error over covariance {result.pull:.2f} (0.79 is right)"
-            )
-        told(marks, lines)
-    return {"marks": [asdict(mark) for mark in marks], "lines": lines, "quick": quick}
+@cache
+def prepared() -> tuple[Session, CArmCalibration, Array, Array]:
+    """Draw a session, calibrate it and find its beads at rest; the same for every part."""
+    rng = np.random.default_rng([SEED, 27])
+    session = Session.drawn(SEED)
+    calibration = calibrated(session, rng)
+    return session, calibration, *swept(session, calibration.views[0], rng)
 
 
-def markdown(kept: dict[str, Any]) -> str:
+def images_part() -> Part:
+    """Measure the correction of images, and the magnification."""
+    return [*correction(range(1)), *magnification(SEED)], []
+
+
+def rest_part() -> Part:
+    """Measure what is known before the cut: known points, beads in single frames, poses."""
+    session, calibration, rest, _ = prepared()
+    rng = np.random.default_rng([SEED, 28])
+    away, owner = cKDTree(session.rest).query(rest[np.isfinite(rest).all(axis=1)])
+    line = (
+        f"a rotation of the top arm gives {len(np.unique(owner))} of {len(session.rest)} beads a place, "
+        f"{1e3 * np.sqrt((away**2).mean()):.3f} mm RMS off"
+    )
+    marks, lines = detection(session, calibration, 3)
+    return [*known_points(session, calibration, rng), *marks], [line, *lines, *adjusted(session, calibration, rng)]
+
+
+def slow_part() -> Part:
+    """Measure tracks of a cut at 0.1 cm/s."""
+    session, calibration, rest, covariance = prepared()
+    result = followed(session, calibration, rest, covariance, every=SLOW)
+    return report(result, f"cut at 0.1 cm/s, {30 / SLOW:.0f} frame a second", 0.0)
+
+
+def fast_part() -> Part:
+    """Measure tracks of a cut at 1.27 cm/s from interlaced frames."""
+    session, calibration, rest, covariance = prepared()
+    session = replace(session, cut=type(session.cut).simulated(0.0127, 0.07, SEED))
+    result = followed(session, calibration, rest, covariance, fields=True, every=FAST)
+    return report(result, f"cut at 1.27 cm/s, {60 / FAST:.0f} fields a second", 1.0)
+
+
+def motion_part() -> Part:
+    """Measure what the motion tells without a model: the lag of the record, and pairs without a rotation."""
+    session, calibration, rest, covariance = prepared()
+    lines = in_step(session, calibration, rest, covariance)
+    return [], lines + without_sweep(session, calibration, 25)
+
+
+def report(result: Followed, cut: str, most: float) -> Part:
+    """Return the marks and the line of one cut."""
+    marks = [
+        Mark(what=f"{cut}: 3-D displacement, RMS", value=result.displacement_mm, limit=0.1, unit="mm"),
+        Mark(what=f"{cut}: 2-D error of the tracks along each axis", value=result.image_px, limit=0.1, unit="px"),
+        Mark(what=f"{cut}: switched identities", value=result.switches_percent, limit=most, unit="%"),
+        Mark(what=f"{cut}: places located", value=result.located_percent, limit=95.0, unit="%", at_least=True),
+    ]
+    line = (
+        f"{cut}: a view hides a bead in {result.hidden_percent:.1f} % of frames, one bead in "
+        f"{result.most_hidden_percent:.1f} %; median squared error over covariance {result.pull:.2f} (0.79 is right)"
+    )
+    return marks, [line]
+
+
+PARTS = {"images": images_part, "rest": rest_part, "slow": slow_part, "fast": fast_part, "motion": motion_part}
+"""Parts of the measurement, in the order of the page."""
+
+
+def kept(folder: Path) -> Part:
+    """Return what the parts have measured; SystemExit with the cure where one is missing."""
+    marks, lines = [], []
+    for name in PARTS:
+        path = folder / f"{name}.json"
+        if not path.is_file():
+            raise SystemExit(f"{path} is missing; make it by: python scripts/measure_bead_tracking.py --part {name}")
+        told = json.loads(path.read_text())
+        marks += [Mark(**mark) for mark in told["marks"]]
+        lines += told["lines"]
+    return marks, lines
+
+
+def markdown(marks: list[Mark], lines: list[str]) -> str:
     """Return the table of marks, misses shown, and the other numbers."""
-    marks = [Mark(**mark) for mark in kept["marks"]]
     rows = [
         (
             m.what,
             f"{m.value:.3g} {m.unit}",
-            f"{'≥' if m.at_least else '≤'} {m.limit:g} {m.unit}",
+            f"{'at least' if m.at_least else 'at most'} {m.limit:g} {m.unit}",
             "yes" if m.met else "**no**",
         )
         for m in marks
     ]
     table = markdown_table(("what", "measured", "mark", "kept"), rows)
-    return table + "\n\n" + "\n".join(f"- {line}" for line in kept["lines"])
+    return table + "\n\n" + "\n".join(f"- {line}" for line in lines)
 
 
 def main() -> None:
     """Measure, print, and keep."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", type=Path, metavar="FILE", help="keep the numbers for scripts/update_docs.py")
-    parser.add_argument("--quick", action="store_true", help="few frames: to see that everything runs")
-    parser.add_argument("--sessions", type=int, default=1, help="how many sessions are drawn")
+    parser.add_argument("--part", choices=PARTS, help="measure this part alone")
+    parser.add_argument("--out", type=Path, default=Path(FOLDER), metavar="FOLDER", help="where the parts are kept")
     arguments = parser.parse_args()
-    kept = measured(arguments.sessions, arguments.quick)
-    print(markdown(kept))
-    if arguments.json:
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        arguments.json.write_text(json.dumps(kept, indent=1))
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    for name in [arguments.part] if arguments.part else PARTS:
+        marks, lines = PARTS[name]()
+        print(markdown(marks, lines), flush=True)
+        whole = {"marks": [asdict(mark) for mark in marks], "lines": lines}
+        (arguments.out / f"{name}.json").write_text(json.dumps(whole, indent=1))
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory     what their scripts left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
+    python scripts/update_docs.py bead-tracking             what scripts/measure_bead_tracking.py left in runs/
     python scripts/update_docs.py errata tissue-file rig-file metrics weights ends
     python scripts/update_docs.py --docstring               tables in the docstring of cutenv/envs/gentle_cut.py
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
@@ -34,6 +35,7 @@ import gymnasium
 import ladder
 import leaderboard
 import learned_stop
+import measure_bead_tracking as bead_tracking
 import measure_codebase
 import memory_gap
 import numpy as np
@@ -88,6 +90,7 @@ PAGES = {
     "ends": "docs/concepts/task.md",
     "tissue-file": "docs/reference/files/tissue.md",
     "rig-file": "docs/reference/files/rig.md",
+    "bead-tracking": "docs/validation/beads.md",
     "rig-faults": "docs/rig/what-stops-it.md",
     "rig-soak": "docs/rig/what-stops-it.md",
 }
@@ -352,6 +355,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "ends": ends,
     "tissue-file": tissue_file,
     "rig-file": rig_file,
+    "bead-tracking": lambda _: bead_tracking.markdown(*bead_tracking.kept(ROOT / bead_tracking.FOLDER)),
     "rig-faults": rig_faults_block,
     "rig-soak": rig_soak_block,
 }

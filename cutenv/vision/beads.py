@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from cutenv._base.validation import in_range
 from cutenv.vision.bead_images import BeadLook, attenuation, measure_beads
@@ -20,6 +21,7 @@ Displacement = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
 """Displacement that a model predicts [m], shape (n, 3), of resting places (n, 3) [m] at a time [s]."""
 _JUMP = 12.0  # squared innovation over its variance, beyond which the prediction, not the image, is doubted
 _SWAP = 0.75  # diameters: two beads nearer than that in every view are one bead measured twice
+_NEIGHBOURS = 4
 _FEWEST = 0.5  # of the beads, to be seen in the first frame of each view
 
 
@@ -115,7 +117,7 @@ def track_beads(
     *,
     diameter: float,
     displacement: Displacement | None = None,
-    wander: float = 2e-4,
+    wander: float = 1e-4,
     largest_error: float = 3e-4,
     progress: Callable[[int], None] | None = None,
 ) -> BeadTracks:
@@ -255,7 +257,7 @@ def _measured(
     for number, (view, grey, look) in enumerate(zip(views, greys, looks, strict=True)):
         assert view.projection is not None  # a calibration's views have one
         expected = view.seen(project(view.projection, predicted + state.offset))
-        place, covariance = measure_beads(attenuation(grey), expected, look)
+        place, covariance = _with_second_look(attenuation(grey), expected, look)
         ideal, error = view.undistorted_with_covariance(place, covariance)
         seen[number] = state.update(predicted, view, ideal, error)
     # Two that ended in one place everywhere: neither is believed, both go on as predicted.
@@ -268,6 +270,22 @@ def _measured(
     state.offset[doubtful], state.variance[doubtful] = before[0][doubtful], before[1][doubtful]
     seen[:, doubtful] = False
     return seen
+
+
+def _with_second_look(
+    image: NDArray[np.float64], expected: NDArray[np.float64], look: BeadLook
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Measure the beads, and those not seen once more, as far off as their neighbours: they slip together."""
+    place, covariance = measure_beads(image, expected, look)
+    seen = np.isfinite(place).all(axis=1)
+    if seen.all() or seen.sum() < _NEIGHBOURS:
+        return place, covariance
+    _, near = cKDTree(expected[seen]).query(expected[~seen], k=_NEIGHBOURS)
+    again = place.copy()
+    again[~seen] = expected[~seen] + np.median((place - expected)[seen][near], axis=1)
+    second, error = measure_beads(image, again, look)
+    place[~seen], covariance[~seen] = second[~seen], error[~seen]
+    return place, covariance
 
 
 def _check_first(seen: NDArray[np.bool_], views: Sequence[CArmView]) -> None:

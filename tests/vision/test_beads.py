@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import carm_measurement
 import numpy as np
 import pytest
 from rendering.xray_session import CutHistory, FieldAtPoints, Session
@@ -16,17 +17,15 @@ from cutenv.vision.beads import find_beads, track_beads
 from cutenv.vision.projection import project
 from cutenv.vision.registration import SpecimenFrame, clock_lag
 
-measurement = pytest.importorskip("measure_bead_tracking", reason="trackpy is an extra: pip install 'cutenv[vision]'")
-
 SPEED = 0.003  # m/s
 STRIDE = 6  # frames of the video between those that are used
 
 
 def ramps():
     """A cut in ramps and runs: the blade moves steadily, the tip in jumps."""
-    time = np.arange(0.0, 11.0, 1e-3)
+    time = np.arange(0.0, 7.0, 1e-3)
     blade = SPEED * np.maximum(time - 1.0, 0.0)
-    tip = np.maximum(np.floor(blade / 0.004) * 0.004 - 0.001, 0.0)
+    tip = np.maximum(np.floor(blade / 0.0015) * 0.0015 - 0.0008, 0.0)
     return CutHistory(time=time, blade=blade, tip=tip, force=400.0 * (blade - tip))
 
 
@@ -37,18 +36,18 @@ def session():
 
 @pytest.fixture(scope="module")
 def calibration(session):
-    return measurement.calibrated(session, np.random.default_rng(0))
+    return carm_measurement.calibrated(session, np.random.default_rng(0))
 
 
 @pytest.fixture(scope="module")
 def rest(session, calibration):
-    return measurement.swept(session, calibration.views[0], np.random.default_rng(1), count=9)
+    return carm_measurement.swept(session, calibration.views[0], np.random.default_rng(1), count=7)
 
 
 @pytest.fixture(scope="module")
 def film(session, calibration):
     """Times and frames of the whole cut."""
-    time = 0.9 + np.arange(40) * STRIDE / calibration.frame_rate
+    time = 0.9 + np.arange(26) * STRIDE / calibration.frame_rate
     return time, list(session.frames(time))
 
 
@@ -93,11 +92,11 @@ def test_a_frame_that_is_spoilt_and_an_early_end_are_told(calibration, rest, fil
     frames = [
         frame if number != 3 else [np.zeros_like(image) for image in frame] for number, frame in enumerate(frames)
     ]
-    tracks = track_beads(frames[:8], time[:10], calibration, *rest, diameter=3.5)
+    tracks = track_beads(frames[:6], time[:8], calibration, *rest, diameter=3.5)
     left_out = tracks.metadata["left_out"]
     assert "is 0 everywhere" in left_out[f"{time[3]:.4f} s"]
-    assert "after 8 of 10 frames" in left_out["end"]
-    assert len(np.unique(tracks.time)) == 7
+    assert "after 6 of 8 frames" in left_out["end"]
+    assert len(np.unique(tracks.time)) == 5
 
 
 @pytest.mark.parametrize("turned", [lambda image: image[:, ::-1], lambda image: image[::-1, ::-1]])
@@ -117,7 +116,7 @@ def test_no_beads_another_camera_and_another_rate_are_refused(calibration, rest,
     with pytest.raises(ValueError, match="it is of another camera"):
         track_beads([[image[:-2] for image in frames[0]]], time, calibration, *rest, diameter=3.5)
     with pytest.raises(ValueError, match="Which rate is wrong"):
-        track_beads(frames, np.arange(40) / 25.0, calibration, *rest, diameter=3.5)
+        track_beads(frames, np.arange(26) / 25.0, calibration, *rest, diameter=3.5)
     noise = np.random.default_rng(0).normal(100.0, 3.0, frames[0][0].shape)
     with pytest.raises(ValueError, match="shows no bead"):
         find_beads(noise, calibration.views[0], 3.5)
@@ -131,12 +130,13 @@ def test_a_sweep_that_shows_other_beads_is_refused(session, calibration):
     matrix = calibration.projections[0]
     turned = [matrix @ np.diag([1.0, 1.0, 1.0, 1.0]) + 1e-3 * n for n in range(7)]
     with pytest.raises(ValueError, match="the sweep shows"):
-        places_from_sweep(turned, images, measurement.REGION, tolerance=0.3)
+        places_from_sweep(turned, images, carm_measurement.REGION, tolerance=0.3)
     with pytest.raises(ValueError, match="five or more"):
-        places_from_sweep(turned[:3], images[:3], measurement.REGION)
+        places_from_sweep(turned[:3], images[:3], carm_measurement.REGION)
 
 
 def test_views_are_paired_by_epipolar_lines_and_motion(session, calibration, film):
+    pytest.importorskip("trackpy", reason="trackpy is an extra: pip install 'cutenv[vision]'")
     time, _ = film
     rng = np.random.default_rng(0)
     spots = [
@@ -145,9 +145,15 @@ def test_views_are_paired_by_epipolar_lines_and_motion(session, calibration, fil
     ]
     tracks = [linked(each, 4.0) for each in spots]
     pairs, _ = pairs_by_epipolar(*calibration.projections, *tracks, tolerance=0.4)
-    first = [cKDTree(spots[n][0]).query(tracks[n][0])[1] for n in (0, 1)]
-    assert len(pairs) > 0.7 * len(session.rest)
-    assert all(first[0][a] == first[1][b] for a, b in pairs)
+    assert len(pairs) > 0.6 * len(session.rest)
+    for a, b in pairs:
+        owner = [  # whose image the middle of the track is
+            np.bincount(
+                [cKDTree(each).query(p)[1] for each, p in zip(s, t.T, strict=True) if np.isfinite(p).all()]
+            ).argmax()
+            for s, t in ((spots[0], tracks[0][:, a].T), (spots[1], tracks[1][:, b].T))
+        ]
+        assert owner[0] == owner[1]
 
 
 def test_tracks_are_turned_into_the_specimens_frame():
@@ -177,7 +183,7 @@ def test_tracks_are_turned_into_the_specimens_frame():
 
 def test_the_lag_of_the_force_record_is_found_or_refused():
     cut = ramps()
-    time = np.arange(0.0, 9.0, 1 / 29.97)
+    time = np.arange(0.0, 6.0, 1 / 29.97)
     motion = np.interp(time + 0.37, cut.time, cut.blade - cut.tip)
     noisy = motion + 1e-5 * np.random.default_rng(0).normal(size=len(time))
     lag, agreement = clock_lag(time, noisy, cut.time, cut.force, largest=1.0)
@@ -199,9 +205,9 @@ def test_the_result_is_saved(calibration, rest, film, tmp_path):
 
 def test_a_view_that_is_left_out_makes_a_place_less_certain(session, calibration, rest, film):
     time, frames = film
-    still = [frames[0]] * 12
+    still = [frames[0]] * 7
     blind = [[top, np.full_like(side, 110) + (np.arange(side.shape[1]) % 2).astype(np.uint8)] for top, side in still]
-    both = track_beads(still, time[:12], calibration, *rest, diameter=3.5)
-    one = track_beads([*still[:3], *blind[3:]], time[:12], replace(calibration), *rest, diameter=3.5)
+    both = track_beads(still, time[:7], calibration, *rest, diameter=3.5)
+    one = track_beads([*still[:2], *blind[2:]], time[:7], replace(calibration), *rest, diameter=3.5)
     spread = [np.trace(t.of(0).covariance[-1]) for t in (both, one)]
     assert spread[1] > 2.0 * spread[0]

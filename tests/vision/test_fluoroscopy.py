@@ -84,7 +84,7 @@ def test_a_corner_of_holes_is_refused():
     image = np.random.default_rng(0).normal(100.0, 1.0, (480, 720))
     y, x = np.mgrid[:480, :720]
     image[:180, :260] += 80.0 * (np.hypot((x + 8) % 16 - 8, (y + 8) % 16 - 8) < 3)[:180, :260]
-    with pytest.raises(CalibrationRefusedError, match="covers 1[0-9]%"):
+    with pytest.raises(CalibrationRefusedError, match=r"covers 1[0-9]%"):
         locate_grid(image, 6.0, dark=False)
 
 
