@@ -268,8 +268,11 @@ def _minimised(
     left: Callable[[NDArray[np.float64]], NDArray[np.float64]], start: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the parameters, of order 1 or less, with the least sum of squares."""
-    # Steps of the derivative are shares of the unknowns, which therefore must not begin near 0.
-    found = least_squares(lambda q: left(start + q - 1.0), np.ones(len(start)), method="lm", max_nfev=400)
+
+    def shifted(q: NDArray[np.float64]) -> NDArray[np.float64]:
+        return left(start + q - 1.0)  # steps of the derivative are shares of q, so it must not begin at 0
+
+    found = least_squares(shifted, np.ones(len(start)), method="lm", max_nfev=400)
     return np.asarray(start + found.x - 1.0)
 
 
