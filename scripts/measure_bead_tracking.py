@@ -15,7 +15,6 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
-import trackpy
 from benchmark.table import markdown_table
 from carm_measurement import (
     BEAD_PX,
@@ -67,6 +66,8 @@ def known_points(session: Session, calibration: CArmCalibration, rng: np.random.
 
 def detection(session: Session, calibration: CArmCalibration, frames: int) -> tuple[list[Mark], list[str]]:
     """Measure recall and 2-D error in single frames of the top view, at several contrasts; and trackpy beside it."""
+    import trackpy  # an extra; update_docs.py imports this program without it
+
     marks, lines = [], []
     view = calibration.views[0]
     for dose in (0.3, 1.2, 4.0):
