@@ -6,6 +6,7 @@
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
     python scripts/update_docs.py depth                     what scripts/measure_depth_accuracy.py left in runs/
+    python scripts/update_docs.py bead-tracking             what scripts/measure_bead_tracking.py left in runs/
     python scripts/update_docs.py errata tissue-file rig-file metrics weights ends
     python scripts/update_docs.py --docstring               tables in the docstring of cutenv/envs/gentle_cut.py
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
@@ -36,6 +37,7 @@ import gymnasium
 import ladder
 import leaderboard
 import learned_stop
+import measure_bead_tracking as bead_tracking
 import measure_codebase
 import measure_depth_accuracy
 import memory_gap
@@ -97,6 +99,7 @@ PAGES = {
     "tip-errors": "docs/concepts/task.md",
     "tissue-file": "docs/reference/files/tissue.md",
     "rig-file": "docs/reference/files/rig.md",
+    "bead-tracking": "docs/validation/beads.md",
     "rig-faults": "docs/rig/what-stops-it.md",
     "rig-soak": "docs/rig/what-stops-it.md",
 }
@@ -377,6 +380,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "tip-errors": lambda _: tip_errors.report(),
     "tissue-file": tissue_file,
     "rig-file": rig_file,
+    "bead-tracking": lambda _: bead_tracking.markdown(*bead_tracking.kept(ROOT / bead_tracking.FOLDER)),
     "rig-faults": rig_faults_block,
     "rig-soak": rig_soak_block,
 }

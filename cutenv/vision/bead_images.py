@@ -1,0 +1,155 @@
+"""Images of beads whose places are nearly known: each alone, or several that hide behind each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from cutenv.vision.spots import fit_spots
+
+_TOUCHING = 1.7  # diameters: beads nearer than that are fitted together
+_REACH = 1.3  # diameters around a bead that are fitted
+_SHIFT, _CONTRAST = 2.0, 0.15  # standard deviations before the image is seen: place [px], height [of the usual one]
+_ROUNDS = 12
+_SETTLED = 1e-3  # px
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeadLook:
+    """How a bead looks in a view, in the attenuation image: minus the logarithm of the grey value.
+
+    Parameters
+    ----------
+    diameter : float
+        Diameter [px].
+    sigma : float
+        Width of the Gaussian that fits it [px].
+    height : float
+        Its height [1].
+    """
+
+    diameter: float
+    sigma: float
+    height: float
+
+
+def attenuation(grey: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return minus the logarithm of an image, where what lies behind each other adds up; black counts as 0.5."""
+    return np.asarray(-np.log(np.maximum(grey, 0.5)))
+
+
+def measure_beads(
+    image: NDArray[np.float64], expected: NDArray[np.float64], look: BeadLook
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Measure the places of beads near where they are expected.
+
+    Parameters
+    ----------
+    image : ndarray, shape (rows, columns)
+        Attenuation image (see `attenuation`).
+    expected : ndarray, shape (n, 2)
+        Where each bead is expected, within about two pixels [px].
+    look : BeadLook
+        How a bead looks.
+
+    Returns
+    -------
+    place : ndarray, shape (n, 2)
+        Places [px]; NaN where a bead is not to be seen: hidden, out of view, or too faint.
+    covariance : ndarray, shape (n, 2, 2)
+        Their covariances [px²].
+    """
+    place = np.full((len(expected), 2), np.nan)
+    covariance = np.full((len(expected), 2, 2), np.nan)
+    known = np.flatnonzero(np.isfinite(expected).all(axis=1))
+    tree = cKDTree(expected[known])
+    near = tree.query_pairs(_TOUCHING * look.diameter, output_type="ndarray")
+    links = csr_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(known),) * 2)
+    heap = connected_components(links, directed=False)[1]
+    size = np.bincount(heap, minlength=1)
+    alone = known[size[heap] == 1]
+    spots, settled = fit_spots(image, expected[alone], look.diameter)
+    seen = settled & _usual(spots.amplitude, spots.scatter, look)
+    place[alone[seen]], covariance[alone[seen]] = spots.place[seen], spots.covariance[seen]
+    for one in np.flatnonzero(size > 1):
+        members = known[heap == one]
+        found = _fit_heap(image, expected[members], look)
+        if found is not None:
+            place[members], covariance[members] = found
+    return place, covariance
+
+
+def _usual(height: NDArray[np.float64], scatter: NDArray[np.float64], look: BeadLook) -> NDArray[np.bool_]:
+    """Return which heights are those of one bead, with room for the noise."""
+    room = 0.4 * look.height + 1.5 * scatter
+    return np.asarray(np.abs(height - look.height) < room)
+
+
+def _fit_heap(
+    image: NDArray[np.float64], expected: NDArray[np.float64], look: BeadLook
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Fit beads that hide behind each other together, each with the usual width; None where the image is another.
+
+    The covariance of each contains what the others and the background leave open; of two in one place it is large.
+    """
+    n, reach = len(expected), _REACH * look.diameter
+    low = np.floor(expected.min(axis=0) - reach).astype(int)
+    high = np.ceil(expected.max(axis=0) + reach).astype(int) + 1
+    if (low < 0).any() or high[0] > image.shape[1] or high[1] > image.shape[0]:
+        return None
+    y, x = (axis.ravel().astype(float) for axis in np.mgrid[low[1] : high[1], low[0] : high[0]])
+    used = (np.hypot(x[:, None] - expected[:, 0], y[:, None] - expected[:, 1]) <= reach).any(axis=1)
+    x, y, values = x[used], y[used], image[low[1] : high[1], low[0] : high[0]].ravel()[used]
+    background = np.stack([np.ones_like(x), (x - x.mean()) / reach, (y - y.mean()) / reach], axis=1)
+    # Columns, rows, heights, then the background; the first three with what is known beforehand.
+    p = np.concatenate([expected.T.ravel(), np.full(n, look.height), [np.quantile(values, 0.2), 0.0, 0.0]])
+    usual = p.copy()
+    noise = 0.2 * look.height  # first guess, replaced by what is left over
+    prior = np.zeros(len(p))
+    cost, damping = np.inf, 1e-3
+    left, slope = _heap(p, values, x, y, background, n, look.sigma)
+    for _ in range(_ROUNDS):
+        prior[: 2 * n] = (noise / _SHIFT) ** 2
+        prior[2 * n : 3 * n] = (noise / (_CONTRAST * look.height)) ** 2
+        normal = slope.T @ slope
+        side = slope.T @ left + prior * (usual - p)
+        step = np.linalg.solve(normal + np.diag(prior + damping * np.diag(normal) + 1e-9), side)
+        tried = p + step
+        tried_left, tried_slope = _heap(tried, values, x, y, background, n, look.sigma)
+        tried_cost = float(tried_left @ tried_left + prior @ (tried - usual) ** 2)
+        if tried_cost <= cost:
+            p, left, slope, cost, damping = tried, tried_left, tried_slope, tried_cost, damping / 5.0
+            noise = float(np.sqrt(left @ left / max(len(x) - len(p), 1)))
+            cost = float(left @ left + prior @ (p - usual) ** 2)
+            if np.abs(step[: 2 * n]).max() < _SETTLED:
+                break
+        else:
+            damping *= 10.0
+    height = p[2 * n : 3 * n]
+    if not _usual(height, np.full(n, noise), look).all() or noise > 0.5 * look.height:
+        return None
+    normal = slope.T @ slope + np.diag(prior + 1e-9)
+    whole = np.asarray(np.linalg.inv(normal) * noise**2, float)
+    rows = np.stack([np.arange(n), np.arange(n, 2 * n)], axis=1)
+    return p[: 2 * n].reshape(2, n).T, whole[rows[:, :, None], rows[:, None, :]]
+
+
+def _heap(
+    p: NDArray[np.float64],
+    values: NDArray[np.float64],
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    background: NDArray[np.float64],
+    n: int,
+    sigma: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    u, v = x[:, None] - p[:n], y[:, None] - p[n : 2 * n]
+    bell = np.exp(-0.5 * (u**2 + v**2) / sigma**2)
+    high = bell * p[2 * n : 3 * n]
+    left = values - high.sum(axis=1) - background @ p[3 * n :]
+    return left, np.hstack([high * u / sigma**2, high * v / sigma**2, bell, background])

@@ -1,0 +1,307 @@
+"""Beads in the tissue followed through two X-ray videos: places over time, with covariance (thesis, 7.1 to 7.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+from cutenv._base.validation import in_range
+from cutenv.vision.bead_images import BeadLook, attenuation, measure_beads
+from cutenv.vision.bead_tracks import BeadTracks
+from cutenv.vision.fluoroscopy import CArmCalibration, CArmView
+from cutenv.vision.projection import project, projection_slope
+from cutenv.vision.spots import Spots, locate_spots
+
+Displacement = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
+"""Displacement that a model predicts [m], shape (n, 3), of resting places (n, 3) [m] at a time [s]."""
+_JUMP = 12.0  # squared innovation over its variance, beyond which the prediction, not the image, is doubted
+_SWAP = 0.75  # diameters: two beads nearer than that in every view are one bead measured twice
+_NEIGHBOURS = 4
+_FEWEST = 0.5  # of the beads, to be seen in the first frame of each view
+
+
+def find_beads(image: ArrayLike, view: CArmView, diameter: float, *, least_snr: float = 4.0) -> tuple[Spots, Spots]:
+    """Find the beads of one frame.
+
+    Parameters
+    ----------
+    image : array_like, shape (rows, columns)
+        Frame of the view.
+    view : CArmView
+        Its calibration.
+    diameter : float
+        Diameter of a bead in the image [px].
+    least_snr : float
+        Least contrast over the noise of one pixel [1].
+
+    Returns
+    -------
+    seen : Spots
+        In pixels of the frame.
+    ideal : Spots
+        The same beads in undistorted square pixels.
+
+    Raises
+    ------
+    ValueError
+        If the frame is none, of another camera, or shows no bead.
+    """
+    seen = locate_spots(view.checked(image), diameter, dark=True, least_snr=least_snr)
+    if len(seen) == 0:
+        raise ValueError(
+            f"view {view.name!r} shows no bead of {diameter:g} px whose contrast is {least_snr:g} times the noise."
+        )
+    place, covariance = view.undistorted_with_covariance(seen.place, seen.covariance)
+    ideal = Spots(place=place, covariance=covariance, amplitude=seen.amplitude, sigma=seen.sigma, scatter=seen.scatter)
+    return seen, ideal
+
+
+def bead_look(image: ArrayLike, view: CArmView, diameter: float) -> BeadLook:
+    """Return how a bead usually looks in a view, from those of one frame that stand alone."""
+    grey = view.checked(image)
+    spots = locate_spots(-attenuation(grey), diameter, dark=True, least_snr=4.0)
+    if len(spots) < 5:
+        raise ValueError(f"view {view.name!r} shows {len(spots)} beads of {diameter:g} px; it takes 5.")
+    return BeadLook(
+        diameter=diameter, sigma=float(np.median(spots.sigma)), height=float(np.median(np.abs(spots.amplitude)))
+    )
+
+
+@dataclass(kw_only=True, eq=False)
+class _Filter:
+    """Kalman filter of every bead: where it rested, moved as the model predicts, and an offset that wanders."""
+
+    rest: NDArray[np.float64]
+    variance: NDArray[np.float64]
+    offset: NDArray[np.float64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.offset = np.zeros_like(self.rest)
+
+    def update(
+        self, predicted: NDArray[np.float64], view: CArmView, measured: NDArray[np.float64], error: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Take in what one view shows, in undistorted pixels; return which beads it showed."""
+        matrix = view.projection
+        assert matrix is not None  # a calibration's views have one
+        seen = np.isfinite(measured).all(axis=1)
+        place = predicted[seen] + self.offset[seen]
+        slope = projection_slope(matrix, place)
+        left = measured[seen] - project(matrix, place)
+        turned = slope.transpose(0, 2, 1)
+        variance = self.variance[seen]
+        spread = slope @ variance @ turned + error[seen]
+        square = np.einsum("ni,nij,nj->n", left, np.linalg.inv(spread), left)
+        metres = np.hypot(*left.T) / np.linalg.norm(slope, axis=(1, 2)) * np.sqrt(2.0)
+        # The tissue springs back within a frame when the crack runs: then what was known before is worth little.
+        variance = variance + np.where(square > _JUMP, metres**2, 0.0)[:, None, None] * np.eye(3)
+        gain = variance @ turned @ np.linalg.inv(slope @ variance @ turned + error[seen])
+        self.offset[seen] += np.einsum("nij,nj->ni", gain, left)
+        kept = np.eye(3) - gain @ slope
+        # Joseph's form stays symmetric and positive.
+        self.variance[seen] = kept @ variance @ kept.transpose(0, 2, 1) + gain @ error[seen] @ gain.transpose(0, 2, 1)
+        return np.asarray(seen)
+
+
+def track_beads(
+    frames: Iterable[Sequence[ArrayLike]],
+    time: ArrayLike,
+    calibration: CArmCalibration,
+    rest: ArrayLike,
+    rest_covariance: ArrayLike,
+    *,
+    diameter: float,
+    displacement: Displacement | None = None,
+    wander: float = 1e-4,
+    largest_error: float = 3e-4,
+    progress: Callable[[int], None] | None = None,
+) -> BeadTracks:
+    """Follow beads through the frames of two views or more.
+
+    In every frame each bead is expected where the model's displacement and its last offset from that put it; there it
+    is measured in each view, together with the beads that it hides behind. A view in which it is not to be seen, such
+    as behind the blade, is left out for that frame: the others and the prediction bridge it, and the covariance says
+    what that costs.
+
+    Parameters
+    ----------
+    frames : iterable of sequence of array_like
+        For each time one image of every view, in the order of the calibration.
+    time : array_like, shape (n,)
+        Times of the frames on the clock of the force record [s] (see `cutenv.vision.registration`).
+    calibration : CArmCalibration
+        Calibration of the views.
+    rest, rest_covariance : array_like, shapes (n, 3) and (n, 3, 3)
+        Places of the beads in the first frame [m] and covariance [m²], from `places_from_sweep` or `triangulate`.
+        Rows that are not finite are beads without a place; they keep their number and get no rows.
+    diameter : float
+        Diameter of a bead in the images [px].
+    displacement : callable, optional
+        Displacement of resting places that a model predicts, 0 in the first frame. By default none.
+    wander : float
+        How far the offset from the prediction wanders in a second [m/√s].
+    largest_error : float
+        Standard error of a place beyond which it is left out of the result [m].
+    progress : callable, optional
+        Called with the number of frames done.
+
+    Returns
+    -------
+    BeadTracks
+        In the frame of the calibration. Its metadata tell which frames were left out and why, and the share of frames
+        in which each view did not show each bead.
+
+    Raises
+    ------
+    ValueError
+        If times do not go with the calibration's frame rate, there are no beads, or the first frame shows less than
+        half of them in a view: it is turned or mirrored, or the calibration is another.
+    """
+    times = _checked_times(time, calibration)
+    diameter = in_range("diameter", diameter, 2.0, 60.0, "px", "It is the diameter of a bead in the images.")
+    known, places = _Start(rest, rest_covariance).beads()
+    state = _Filter(rest=places[0].copy(), variance=places[1].copy())
+    looks: list[BeadLook] = []
+    hidden = np.zeros((len(calibration.views), len(known)))
+    left_out: dict[str, str] = {}
+    rows: list[tuple[NDArray[np.int64], float, NDArray[np.float64], NDArray[np.float64]]] = []
+    done = 0
+    last = times[0]
+    for number, (now, images) in enumerate(zip(times, frames, strict=False)):
+        done += 1
+        predicted = state.rest + (0.0 if displacement is None else displacement(state.rest, float(now)))
+        state.variance += wander**2 * (now - last) * np.eye(3)
+        last = now
+        try:
+            if len(images) != len(calibration.views):
+                raise ValueError(f"{len(images)} images for {len(calibration.views)} views")
+            greys = [view.checked(image) for view, image in zip(calibration.views, images, strict=True)]
+        except ValueError as error:
+            if number == 0:
+                raise ValueError(f"the first frame cannot be used: {error}") from None
+            left_out[f"{now:.4f} s"] = str(error)
+            continue
+        if not looks:
+            looks = [bead_look(grey, view, diameter) for grey, view in zip(greys, calibration.views, strict=True)]
+        seen = _measured(state, predicted, calibration.views, greys, looks)
+        if number == 0:
+            _check_first(seen, calibration.views)
+        hidden += ~seen
+        spread = np.sqrt(np.trace(state.variance, axis1=1, axis2=2) / 3.0)
+        shown = seen.any(axis=0) & (spread < largest_error)
+        rows.append((known[shown], float(now), (predicted + state.offset)[shown], state.variance[shown].copy()))
+        if progress is not None:
+            progress(done)
+    if done == 0:
+        raise ValueError("there are no frames.")
+    if done < len(times):
+        left_out["end"] = f"the video ends after {done} of {len(times)} frames, at {times[done - 1]:.3f} s."
+    metadata = {
+        "left_out": left_out,
+        "hidden_share": {
+            view.name: dict(zip(map(str, known.tolist()), np.round(part / len(rows), 4).tolist(), strict=True))
+            for view, part in zip(calibration.views, hidden, strict=True)
+        },
+        "residuals": {view.name: dict(view.residuals) for view in calibration.views},
+    }
+    return _tracks(rows, metadata)
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    rest: ArrayLike
+    covariance: ArrayLike
+
+    def beads(self) -> tuple[NDArray[np.int64], tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Return numbers, places and covariances of the beads that have a place."""
+        place, covariance = np.asarray(self.rest, float), np.asarray(self.covariance, float)
+        if place.ndim != 2 or place.shape[1] != 3 or covariance.shape != (len(place), 3, 3):
+            raise ValueError(
+                f"rest has shape {place.shape}, its covariance {covariance.shape}: give (n, 3), (n, 3, 3)."
+            )
+        known = np.flatnonzero(np.isfinite(place).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
+        if len(known) == 0:
+            raise ValueError("there are no beads: not one row of rest is a place.")
+        return known.astype(np.int64), (place[known], covariance[known])
+
+
+def _checked_times(time: ArrayLike, calibration: CArmCalibration) -> NDArray[np.float64]:
+    times = np.asarray(time, float)
+    if times.ndim != 1 or len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
+        raise ValueError("time needs two finite times or more, ascending.")
+    # Frames may be left out, and a frame may be split into two fields; nothing else goes with the rate.
+    step = float(np.median(np.diff(times))) * calibration.frame_rate * (2.0 if calibration.interlaced else 1.0)
+    if abs(step - round(step)) > 0.02 * step or round(step) < 1:
+        raise ValueError(
+            f"frames are {np.median(np.diff(times)):.5f} s apart, the calibration is of a video with "
+            f"{calibration.frame_rate:.2f} frames a second. Which rate is wrong?"
+        )
+    return times
+
+
+def _measured(
+    state: _Filter,
+    predicted: NDArray[np.float64],
+    views: Sequence[CArmView],
+    greys: Sequence[NDArray[np.float64]],
+    looks: Sequence[BeadLook],
+) -> NDArray[np.bool_]:
+    """Take in all views; return which beads each one showed, shape (views, n)."""
+    before = state.offset.copy(), state.variance.copy()
+    seen = np.zeros((len(views), len(state.rest)), bool)
+    for number, (view, grey, look) in enumerate(zip(views, greys, looks, strict=True)):
+        assert view.projection is not None  # a calibration's views have one
+        expected = view.seen(project(view.projection, predicted + state.offset))
+        place, covariance = _with_second_look(attenuation(grey), expected, look)
+        ideal, error = view.undistorted_with_covariance(place, covariance)
+        seen[number] = state.update(predicted, view, ideal, error)
+    # Two that ended in one place everywhere: neither is believed, both go on as predicted.
+    near = np.ones((len(state.rest),) * 2, bool)
+    for view, look in zip(views, looks, strict=True):
+        assert view.projection is not None
+        image = project(view.projection, predicted + state.offset)
+        near &= np.hypot(*(image[:, None] - image[None]).transpose(2, 0, 1)) < _SWAP * look.diameter
+    doubtful = near.sum(axis=1) > 1
+    state.offset[doubtful], state.variance[doubtful] = before[0][doubtful], before[1][doubtful]
+    seen[:, doubtful] = False
+    return seen
+
+
+def _with_second_look(
+    image: NDArray[np.float64], expected: NDArray[np.float64], look: BeadLook
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Measure the beads, and those not seen once more, as far off as their neighbours: they slip together."""
+    place, covariance = measure_beads(image, expected, look)
+    seen = np.isfinite(place).all(axis=1)
+    if seen.all() or seen.sum() < _NEIGHBOURS:
+        return place, covariance
+    _, near = cKDTree(expected[seen]).query(expected[~seen], k=_NEIGHBOURS)
+    again = place.copy()
+    again[~seen] = expected[~seen] + np.median((place - expected)[seen][near], axis=1)
+    second, error = measure_beads(image, again, look)
+    place[~seen], covariance[~seen] = second[~seen], error[~seen]
+    return place, covariance
+
+
+def _check_first(seen: NDArray[np.bool_], views: Sequence[CArmView]) -> None:
+    for view, shown in zip(views, seen, strict=True):
+        if shown.mean() < _FEWEST:
+            raise ValueError(
+                f"view {view.name!r} shows {shown.sum()} of {len(shown)} beads where the calibration and their places "
+                "expect them. Is it turned or mirrored, are the views in another order, or is the calibration another?"
+            )
+
+
+def _tracks(rows: list[tuple[Any, ...]], metadata: dict[str, Any]) -> BeadTracks:
+    return BeadTracks(
+        bead=np.concatenate([bead for bead, *_ in rows]),
+        time=np.concatenate([np.full(len(bead), now) for bead, now, *_ in rows]),
+        place=np.concatenate([place for _, _, place, _ in rows]),
+        covariance=np.concatenate([covariance for *_, covariance in rows]),
+        metadata=metadata,
+    )

@@ -1,0 +1,268 @@
+"""Round spots in an image, beads or holes: found, and placed to a fraction of a pixel with their uncertainty."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
+
+from cutenv._base.validation import in_range
+
+FLOOR = 1e-12
+"""Smallest pivot of a normal matrix: keeps a flat window solvable."""
+_CANDIDATE = 4.5  # in standard deviations of the filtered noise; the fit then decides
+_ROUNDS = 14  # of the fit; beads settle in five
+_SETTLED = 1e-3  # px
+_AT_ONCE = 128  # windows: what fits into a cache
+_LAPLACE = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Spots:
+    """Spots of one image.
+
+    Parameters
+    ----------
+    place : ndarray, shape (n, 2)
+        Column and row of each centre [px]; the centre of the first pixel is (0, 0).
+    covariance : ndarray, shape (n, 2, 2)
+        Covariance of each centre [px²], from what the fit left over.
+    amplitude : ndarray, shape (n,)
+        Height above the background, or depth below it [units of the image].
+    sigma : ndarray, shape (n,)
+        Width of the fitted Gaussian [px].
+    scatter : ndarray, shape (n,)
+        Standard deviation of what the fit left over around each: the noise of one pixel there [units of the image].
+    """
+
+    place: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    amplitude: NDArray[np.float64]
+    sigma: NDArray[np.float64]
+    scatter: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.place)
+
+    def where(self, kept: NDArray[np.bool_]) -> Spots:
+        """Return the spots for which a mask of shape (n,) is true."""
+        return Spots(
+            place=self.place[kept],
+            covariance=self.covariance[kept],
+            amplitude=self.amplitude[kept],
+            sigma=self.sigma[kept],
+            scatter=self.scatter[kept],
+        )
+
+
+def checked_image(image: ArrayLike, name: str = "image") -> NDArray[np.float64]:
+    """Return a grey image as float64.
+
+    Raises
+    ------
+    ValueError
+        If it is not two-dimensional, smaller than 16 pixels, not finite or of one value only.
+    """
+    raw = np.asarray(image)
+    if raw.ndim != 2 or min(raw.shape) < 16:
+        raise ValueError(f"{name} has shape {raw.shape}: give one grey image, rows by columns, 16 pixels or more.")
+    if raw.dtype.kind not in "biuf":
+        raise ValueError(f"{name} holds {raw.dtype}, not numbers.")
+    grey = raw.astype(np.float64)
+    if not np.isfinite(grey).all():
+        raise ValueError(f"{name} has pixels that are not finite.")
+    if grey.min() == grey.max():
+        raise ValueError(f"{name} is {grey.min():g} everywhere: nothing is to be seen in it.")
+    return grey
+
+
+def noise_of(image: NDArray[np.float64]) -> float:
+    """Return the standard deviation of an image's noise, from its second differences (Immerkær 1996, with the median).
+
+    A slope of the background does not count, and spots count little. It is at least 0.29, the rounding to whole grey
+    values, where the image's values are whole.
+    """
+    left = ndimage.convolve(image, _LAPLACE)[1:-1, 1:-1] / 6.0
+    rounding = 1.0 / math.sqrt(12.0) if np.array_equal(image, np.round(image)) else 0.0
+    return max(float(1.4826 * np.median(np.abs(left))), rounding, 1e-9 * float(np.ptp(image)))
+
+
+def locate_spots(image: ArrayLike, diameter: float, *, dark: bool = True, least_snr: float = 5.0) -> Spots:
+    """Find round spots and fit a Gaussian on a sloping background to each.
+
+    Parameters
+    ----------
+    image : array_like, shape (rows, columns)
+        Grey image.
+    diameter : float
+        Diameter of the spots [px], 2 to 60; those of half and twice that size are found, too.
+    dark : bool
+        Whether they are darker than what is around them.
+    least_snr : float
+        Least height of a spot over the noise of one pixel [1].
+
+    Returns
+    -------
+    Spots
+        Without those cut off by the border of the image.
+
+    Raises
+    ------
+    ValueError
+        If the image is none (see `checked_image`) or a number is out of range.
+
+    Notes
+    -----
+    With noise N and height A the standard error of a fitted centre is at best sqrt(2/π) N/A pixels, whatever the
+    width of the spot.
+    """
+    grey = checked_image(image)
+    diameter = in_range("diameter", diameter, 2.0, 60.0, "px", "It is the diameter of one bead or hole in the image.")
+    least_snr = in_range("least_snr", least_snr, 1.0, 1e3, "1")
+    if dark:
+        grey = -grey
+    width = 0.4 * diameter
+    half = max(3, math.ceil(2.6 * width))
+    noise = noise_of(grey)
+    if min(grey.shape) <= 2 * half + 1:
+        raise ValueError(f"image has shape {grey.shape}, too small for spots of {diameter:g} px.")
+    filtered = -ndimage.gaussian_laplace(grey, width)
+    kernel = np.zeros((8 * half + 1,) * 2)
+    kernel[4 * half, 4 * half] = 1.0
+    spread = float(np.linalg.norm(ndimage.gaussian_laplace(kernel, width)))
+    # The filter answers a spot of height A by A/2 over width²; weaker ones need no fit.
+    least = max(_CANDIDATE * spread, 0.25 * least_snr / width**2) * noise
+    footprint = np.hypot(*np.mgrid[-half : half + 1, -half : half + 1]) <= max(1.5, 0.5 * diameter)
+    peaks = (filtered == ndimage.maximum_filter(filtered, footprint=footprint)) & (filtered > least)
+    rows, columns = np.nonzero(peaks)
+    fitted, settled = fit_spots(grey, np.stack([columns, rows], axis=1), diameter)
+    strong = settled & (fitted.amplitude > least_snr * fitted.scatter)
+    found = fitted.where(strong)
+    found = found.where(_first_of_each(found, width))
+    return replace(found, amplitude=-found.amplitude) if dark else found
+
+
+def fit_spots(
+    grey: NDArray[np.float64], start: NDArray[np.float64], diameter: float
+) -> tuple[Spots, NDArray[np.bool_]]:
+    """Fit a Gaussian on a sloping background near each of some places.
+
+    Parameters
+    ----------
+    grey : ndarray, shape (rows, columns)
+        Image with bright spots.
+    start : ndarray, shape (n, 2)
+        Column and row at which each is expected, within half its diameter [px].
+    diameter : float
+        Diameter of a spot [px].
+
+    Returns
+    -------
+    spots : Spots
+        One for each start.
+    settled : ndarray of bool, shape (n,)
+        Whether it is a spot: whole in the image, of half to twice the size, near its start, and more than an edge.
+    """
+    width = 0.4 * diameter
+    half = max(3, math.ceil(2.6 * width))
+    nearest = np.round(start).astype(int)
+    room = np.array([grey.shape[1], grey.shape[0]]) - half
+    inside = ((nearest >= half) & (nearest < room)).all(axis=1)
+    columns, rows = np.clip(nearest, half, np.maximum(room - 1, half)).T
+    across = np.arange(-half, half + 1)
+    windows = grey[rows[:, None, None] + across[:, None], columns[:, None, None] + across]
+    y, x = (axis.ravel().astype(float) for axis in np.mgrid[-half : half + 1, -half : half + 1])
+    values = windows.reshape(len(rows), len(x))
+    # Column, row, height, width, background and its slopes.
+    p = np.zeros((len(rows), 7))
+    if len(rows):
+        p[:, 4] = np.quantile(values, 0.2, axis=1)
+        p[:, 2] = values[:, len(x) // 2] - p[:, 4]
+    p[:, 3] = width
+    parts = [_least_squares(p[n : n + _AT_ONCE], values[n : n + _AT_ONCE], x, y) for n in range(0, len(p), _AT_ONCE)]
+    left = np.zeros_like(values)
+    whole = np.zeros((len(p), 7, 7))
+    if parts:
+        p, normal, left = (np.concatenate(part) for part in zip(*parts, strict=True))
+        whole = np.asarray(np.linalg.inv(normal + FLOOR * np.eye(7)), float)
+    scatter = np.sqrt((left**2).sum(axis=1) / (len(x) - 7)) + FLOOR
+    covariance = whole[:, :2, :2] * scatter[:, None, None] ** 2
+    settled = (
+        inside
+        & (p[:, 2] > 2.0 * scatter)  # what is left over is less than the spot: no edge, no heap of others
+        & (p[:, 3] > 0.5 * width)
+        & (p[:, 3] < 2.0 * width)
+        & (np.hypot(p[:, 0], p[:, 1]) < max(2.0, 1.5 * width))
+        & (covariance[:, 0, 0] > 0.0)
+        & (covariance[:, 1, 1] > 0.0)
+    )
+    place = np.stack([columns + p[:, 0], rows + p[:, 1]], axis=1)
+    spots = Spots(place=place, covariance=covariance, amplitude=p[:, 2], sigma=p[:, 3], scatter=scatter)
+    return spots, settled
+
+
+def _least_squares(
+    p: NDArray[np.float64], values: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Fit all windows at once by Levenberg-Marquardt; return parameters, normal matrices and what is left over."""
+    damping = np.full(len(p), 1e-3)
+    left, slope = _residual(p, values, x, y)
+    cost = (left**2).sum(axis=1)
+    for _ in range(_ROUNDS):
+        transposed = slope.transpose(0, 2, 1)
+        normal = transposed @ slope
+        scaled = normal * (1.0 + damping[:, None, None] * np.eye(7)) + FLOOR * np.eye(7)
+        step = np.linalg.solve(scaled, transposed @ left[:, :, None])[:, :, 0]
+        tried = p + np.clip(step, -1e6, 1e6)
+        tried[:, 3] = np.clip(tried[:, 3], 0.3, 40.0)
+        tried[:, :2] = np.clip(tried[:, :2], x.min(), x.max())
+        tried_left, tried_slope = _residual(tried, values, x, y)
+        tried_cost = (tried_left**2).sum(axis=1)
+        better = tried_cost <= cost
+        p = np.where(better[:, None], tried, p)
+        left = np.where(better[:, None], tried_left, left)
+        slope = np.where(better[:, None, None], tried_slope, slope)
+        cost = np.where(better, tried_cost, cost)
+        damping = np.clip(np.where(better, damping / 5.0, damping * 5.0), 1e-9, 1e9)
+        if (np.abs(step[:, :2]) < _SETTLED).all():
+            break
+    return p, slope.transpose(0, 2, 1) @ slope, left
+
+
+def _residual(
+    p: NDArray[np.float64], values: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return what the fit leaves over, shape (n, pixels), and the slopes of the fit, shape (n, pixels, 7)."""
+    u, v = x - p[:, :1], y - p[:, 1:2]
+    height, sigma = p[:, 2:3], p[:, 3:4]
+    bell = np.exp(-0.5 * (u**2 + v**2) / sigma**2)
+    left = values - (height * bell + p[:, 4:5] + p[:, 5:6] * x + p[:, 6:7] * y)
+    one = np.ones_like(bell)
+    slope = np.stack(
+        [
+            height * bell * u / sigma**2,
+            height * bell * v / sigma**2,
+            bell,
+            height * bell * (u**2 + v**2) / sigma**3,
+            one,
+            one * x,
+            one * y,
+        ],
+        axis=2,
+    )
+    return left, slope
+
+
+def _first_of_each(spots: Spots, width: float) -> NDArray[np.bool_]:
+    """Return a mask without those whose fit ran to the place of a better one."""
+    kept = np.ones(len(spots), bool)
+    order = np.argsort(-np.abs(spots.amplitude))
+    for rank, one in enumerate(order):
+        if kept[one]:
+            others = order[rank + 1 :]
+            near = np.hypot(*(spots.place[others] - spots.place[one]).T) < width
+            kept[others[near]] = False
+    return kept

@@ -1,0 +1,213 @@
+"""Beads of a rendered cut are found, matched between the views and followed; what cannot be is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import carm_measurement
+import numpy as np
+import pytest
+from rendering.xray_session import CutHistory, FieldAtPoints, Session
+from scipy.spatial import cKDTree
+
+from cutenv.tissue.cut_model import CutModel
+from cutenv.vision.bead_correspondence import linked, pairs_by_epipolar, places_from_sweep
+from cutenv.vision.bead_tracks import BeadTracks
+from cutenv.vision.beads import find_beads, track_beads
+from cutenv.vision.projection import project
+from cutenv.vision.registration import SpecimenFrame, clock_lag
+
+SPEED = 0.003  # m/s
+STRIDE = 6  # frames of the video between those that are used
+
+
+def ramps():
+    """A cut in ramps and runs: the blade moves steadily, the tip in jumps."""
+    time = np.arange(0.0, 7.0, 1e-3)
+    blade = SPEED * np.maximum(time - 1.0, 0.0)
+    tip = np.maximum(np.floor(blade / 0.0015) * 0.0015 - 0.0008, 0.0)
+    return CutHistory(time=time, blade=blade, tip=tip, force=400.0 * (blade - tip))
+
+
+@pytest.fixture(scope="module")
+def session():
+    return Session.drawn(5, size=(240, 400), beads=(4, 6), divisions=(4, 8, 1), cut=ramps())
+
+
+@pytest.fixture(scope="module")
+def calibration(session):
+    return carm_measurement.calibrated(session, np.random.default_rng(0))
+
+
+@pytest.fixture(scope="module")
+def rest(session, calibration):
+    return carm_measurement.swept(session, calibration.views[0], np.random.default_rng(1), count=7)
+
+
+@pytest.fixture(scope="module")
+def film(session, calibration):
+    """Times and frames of the whole cut."""
+    time = 0.9 + np.arange(26) * STRIDE / calibration.frame_rate
+    return time, list(session.frames(time))
+
+
+def owners(session, rest):
+    return cKDTree(session.rest).query(np.nan_to_num(rest, nan=9.0))[1]
+
+
+def test_a_rotation_gives_every_bead_its_place(session, rest):
+    place, covariance = rest
+    away, owner = cKDTree(session.rest).query(place)
+    assert sorted(owner) == list(range(len(session.rest)))
+    assert 1e3 * np.sqrt((away**2).mean()) < 0.15
+    assert np.isfinite(covariance).all()
+
+
+def test_beads_are_followed_through_the_cut(session, calibration, rest, film):
+    time, frames = film
+    model = FieldAtPoints(CutModel(), rest[0])
+
+    def displacement(_, now):
+        blade, tip = session.cut.at(now)
+        return model(tip, blade - tip)
+
+    tracks = track_beads(frames, time, calibration, *rest, diameter=3.5, displacement=displacement)
+    owner = owners(session, rest[0])
+    off = np.array([
+        place - session.places(now)[owner[bead]]
+        for bead, now, place in zip(tracks.bead, tracks.time, tracks.place, strict=True)
+    ])  # fmt: skip
+    assert len(tracks.bead) > 0.93 * len(time) * len(owner)
+    assert 1e3 * np.sqrt((off**2).sum(axis=1).mean()) < 0.1
+    pull = np.einsum("ni,nij,nj->n", off, np.linalg.inv(tracks.covariance), off) / 3.0
+    assert 0.3 < np.median(pull) < 2.0
+    nearest = [cKDTree(session.places(now)).query(p)[1] for now, p in zip(tracks.time, tracks.place, strict=True)]
+    assert np.array_equal(nearest, owner[tracks.bead])  # no identity is swapped
+    hidden = tracks.metadata["hidden_share"]["side"]
+    assert 0.0 < max(hidden.values()) < 0.5  # the blade passes
+
+
+def test_a_frame_that_is_spoilt_and_an_early_end_are_told(calibration, rest, film):
+    time, frames = film
+    frames = [
+        frame if number != 3 else [np.zeros_like(image) for image in frame] for number, frame in enumerate(frames)
+    ]
+    tracks = track_beads(frames[:6], time[:8], calibration, *rest, diameter=3.5)
+    left_out = tracks.metadata["left_out"]
+    assert "is 0 everywhere" in left_out[f"{time[3]:.4f} s"]
+    assert "after 6 of 8 frames" in left_out["end"]
+    assert len(np.unique(tracks.time)) == 5
+
+
+@pytest.mark.parametrize("turned", [lambda image: image[:, ::-1], lambda image: image[::-1, ::-1]])
+def test_a_mirrored_or_turned_view_is_refused(calibration, rest, film, turned):
+    time, frames = film
+    with pytest.raises(ValueError, match=r"view '(top|side)' shows \d+ of 24 beads where the calibration"):
+        track_beads(
+            [[turned(image) for image in frame] for frame in frames[:2]], time, calibration, *rest, diameter=3.5
+        )
+
+
+def test_no_beads_another_camera_and_another_rate_are_refused(calibration, rest, film):
+    time, frames = film
+    place, covariance = rest
+    with pytest.raises(ValueError, match="there are no beads"):
+        track_beads(frames, time, calibration, np.full_like(place, np.nan), covariance, diameter=3.5)
+    with pytest.raises(ValueError, match="it is of another camera"):
+        track_beads([[image[:-2] for image in frames[0]]], time, calibration, *rest, diameter=3.5)
+    with pytest.raises(ValueError, match="Which rate is wrong"):
+        track_beads(frames, np.arange(26) / 25.0, calibration, *rest, diameter=3.5)
+    noise = np.random.default_rng(0).normal(100.0, 3.0, frames[0][0].shape)
+    with pytest.raises(ValueError, match="shows no bead"):
+        find_beads(noise, calibration.views[0], 3.5)
+    with pytest.raises(ValueError, match="there are no frames"):
+        track_beads([], time, calibration, *rest, diameter=3.5)
+
+
+def test_a_sweep_that_shows_other_beads_is_refused(session, calibration):
+    rng = np.random.default_rng(0)
+    images = [rng.uniform(20.0, 220.0, (24, 2)) for _ in range(7)]
+    matrix = calibration.projections[0]
+    turned = [matrix @ np.diag([1.0, 1.0, 1.0, 1.0]) + 1e-3 * n for n in range(7)]
+    with pytest.raises(ValueError, match="the sweep shows"):
+        places_from_sweep(turned, images, carm_measurement.REGION, tolerance=0.3)
+    with pytest.raises(ValueError, match="five or more"):
+        places_from_sweep(turned[:3], images[:3], carm_measurement.REGION)
+
+
+def test_views_are_paired_by_epipolar_lines_and_motion(session, calibration, film):
+    pytest.importorskip("trackpy", reason="trackpy is an extra: pip install 'cutenv[vision]'")
+    time, _ = film
+    rng = np.random.default_rng(0)
+    spots = [
+        [project(p, session.places(now)) + 0.05 * rng.normal(size=(len(session.rest), 2)) for now in time]
+        for p in calibration.projections
+    ]
+    tracks = [linked(each, 4.0) for each in spots]
+    pairs, _ = pairs_by_epipolar(*calibration.projections, *tracks, tolerance=0.4)
+    assert len(pairs) > 0.6 * len(session.rest)
+    for a, b in pairs:
+        owner = [  # whose image the middle of the track is
+            np.bincount(
+                [cKDTree(each).query(p)[1] for each, p in zip(s, t.T, strict=True) if np.isfinite(p).all()]
+            ).argmax()
+            for s, t in ((spots[0], tracks[0][:, a].T), (spots[1], tracks[1][:, b].T))
+        ]
+        assert owner[0] == owner[1]
+
+
+def test_tracks_are_turned_into_the_specimens_frame():
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    shift = np.array([0.1, -0.2, 0.3])
+
+    def seen(points):
+        return np.asarray(points) @ turn.T + shift
+
+    frame = SpecimenFrame.of_marks(
+        seen([[-0.03, 0, 0], [0.03, 0, 0]]), seen([[0, 0.02, 0.02], [0, 0.1, 0.02]]), turn @ [0, 0.1, 1]
+    )
+    place = np.array([[0.01, 0.05, 0.004]])
+    tracks = BeadTracks(
+        bead=np.array([3]),
+        time=np.array([0.0]),
+        place=seen(place),
+        covariance=(turn @ np.diag([1, 2, 3.0]) @ turn.T)[None],
+    )
+    found = frame.register(tracks)
+    assert found.place == pytest.approx(place)
+    assert found.covariance[0] == pytest.approx(np.diag([1, 2, 3.0]), abs=1e-12)
+    with pytest.raises(ValueError, match="20 degrees"):
+        SpecimenFrame.of_marks([[0, 0, 0], [0, 0.05, 0]], [[0, 0, 0], [0, 0.1, 0]], [0, 0, 1])
+
+
+def test_the_lag_of_the_force_record_is_found_or_refused():
+    cut = ramps()
+    time = np.arange(0.0, 6.0, 1 / 29.97)
+    motion = np.interp(time + 0.37, cut.time, cut.blade - cut.tip)
+    noisy = motion + 1e-5 * np.random.default_rng(0).normal(size=len(time))
+    lag, agreement = clock_lag(time, noisy, cut.time, cut.force, largest=1.0)
+    assert lag == pytest.approx(0.37, abs=0.01)
+    assert agreement > 0.9
+    with pytest.raises(ValueError, match="the record of another cut"):
+        clock_lag(time, np.random.default_rng(1).normal(size=len(time)), cut.time, cut.force)
+
+
+def test_the_result_is_saved(calibration, rest, film, tmp_path):
+    time, frames = film
+    tracks = track_beads(frames[:2], time[:2], calibration, *rest, diameter=3.5)
+    pytest.importorskip("pyarrow", reason="Parquet is an extra: pip install 'cutenv[vision]'")
+    tracks.save(tmp_path / "tracks.parquet")
+    again = BeadTracks.load(tmp_path / "tracks.parquet")
+    assert np.array_equal(again.place, tracks.place)
+    assert again.metadata == tracks.metadata
+
+
+def test_a_view_that_is_left_out_makes_a_place_less_certain(session, calibration, rest, film):
+    time, frames = film
+    still = [frames[0]] * 7
+    blind = [[top, np.full_like(side, 110) + (np.arange(side.shape[1]) % 2).astype(np.uint8)] for top, side in still]
+    both = track_beads(still, time[:7], calibration, *rest, diameter=3.5)
+    one = track_beads([*still[:2], *blind[2:]], time[:7], replace(calibration), *rest, diameter=3.5)
+    spread = [np.trace(t.of(0).covariance[-1]) for t in (both, one)]
+    assert spread[1] > 2.0 * spread[0]
