@@ -71,7 +71,8 @@ def _parser() -> argparse.ArgumentParser:
         "play",
         __doc__,
         examples=("--operator P07", "--specimen-class uniform --practice", "--cuts 10 --target-length 80mm --out cuts"),
-        note="Space begins and goes on, r repeats, c chooses the class, p shows what is hidden, esc ends.\n"
+        note="Space begins and goes on, r repeats, c chooses the class, p shows what is hidden, m frees the mouse,\n"
+        "F11 fills the screen, esc ends.\n"
         "Training feedback for research; not validated for assessment or credentialing of people.",
     )
     add_specimen_class(parser, "liver")

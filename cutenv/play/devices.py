@@ -17,6 +17,8 @@ TRAVEL = LENGTH - SPACING
 """Greatest distance of the hand from the clamp [m]."""
 NOTCH = math.radians(5.0)
 """Tilt for one notch of the wheel [rad]."""
+LEAD = 0.003
+"""Farthest that a mouse leads the hand [m]: enough for the hand's full speed, and it stops 0.2 s after the mouse."""
 STICK_DEAD_ZONE = 0.12
 """Share of a stick's travel around its middle that is ignored."""
 
@@ -30,7 +32,7 @@ def _within_angles(angle: float) -> float:
 
 
 class MouseDevice:
-    """Mouse that leads the hand from wherever it was at the start; the wheel tilts the blade."""
+    """Mouse, pen or finger that leads the hand from wherever it was at the start; the wheel tilts the blade."""
 
     coupling = None
 
@@ -42,8 +44,12 @@ class MouseDevice:
         self.position, self.angle = 0.0, _UPRIGHT
 
     def move(self, distance: float) -> None:
-        """Move the hand by ``distance`` along the cut line [m]."""
+        """Move the hand by ``distance`` along the cut line [m], as far as it can follow: see :meth:`keep_near`."""
         self.position = _within_travel(self.position + in_range("distance", distance, -10.0, 10.0, "m"))
+
+    def keep_near(self, hand: float) -> None:
+        """Forget what leads the ``hand`` [m] by more than :data:`LEAD`: a quick flick must not run the cut away."""
+        self.position = _within_travel(min(max(self.position, hand - LEAD), hand + LEAD))
 
     def turn(self, notches: float) -> None:
         """Turn the wheel: toward the person (negative) leans the blade, away from them raises it."""

@@ -43,7 +43,7 @@ def _panel(canvas: Canvas, layout: Layout, bottom: float) -> None:
 
 def draw_ready_card(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     """Draw the instructions, and the choices for the next cut."""
-    _panel(canvas, layout, 400.0)
+    _panel(canvas, layout, 416.0)
     x, target = _LEFT + _EDGE, sight.moment.target * 1e3
     canvas.text(f"Cut {target:.0f} mm, gently", (x, _TOP + 40), size=36)
     practice = "on" if sight.practice else "off"
@@ -52,6 +52,7 @@ def draw_ready_card(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
         ("Move the mouse along the cut: your hand follows, the blade hangs on it.", palette.INK),
         ("The wheel leans the blade, down to 45°, and raises it again.", palette.INK),
         ("Gamepad: left stick and right trigger; begin with its button A.", palette.INK),
+        ("Pen or remote desktop: press m if the hand does not move.", palette.INK),
         ("", palette.INK),
         (f"Bring the tip of the cut, which is hidden, to {target:.1f} mm, within 3 mm.", palette.INK),
         ("To finish, near the target: blade upright, draw back until nothing pulls, hold still.", palette.INK),

@@ -22,15 +22,19 @@ from cutenv.viewer.scene import (
 )
 
 LAYOUT = Layout(
-    scale=3200.0, cut_line=214.0, blade_end=572.0, chart_top=612.0, chart_bottom=692.0, column=600.0
+    scale=3200.0, cut_line=214.0, blade_end=572.0, chart_top=618.0, chart_bottom=692.0, column=600.0
 )  # fmt: skip
-HELP = "space: next   r: again   c: class   p: practice   esc: end        mouse: hand   wheel, arrows: tilt"
+HELP = (
+    "space: next   r: again   c: class   p: practice   m: free mouse   F11: full screen   esc: end        "
+    "mouse: hand   wheel, arrows: tilt"
+)
 
 _SMALL, _NORMAL = 16, 19
 _MARGIN = 16
 _SIDE_TOP = 358.0  # [px] top of the side view
 _GRIP = 0.058  # [m] height of the fingers above the blade's lower end
-_HANDLE_LENGTH, _HANDLE_WIDTH = 0.11, 0.011  # [m]
+_HANDLE_FROM, _HANDLE_WIDTH = 0.039, 0.011  # [m] where it begins along the edge
+_HANDLE_TOP = 0.060  # [m] height of its end, for which there is room
 _RECENT = 6.0  # [s] of the trace over time
 _HAND = (0, 158, 115)
 _CALM, _WARM, _HOT = palette.STEEL, palette.COST_COLOUR, palette.LIMIT
@@ -69,7 +73,7 @@ class PlayPicture:
         allowed, limit = moment.force_allowed_per_depth * depth, moment.force_limit_per_depth * depth
         tint = force_colour(moment.force, allowed, limit)
         views.draw_slab(canvas, layout, moment, self._slab)
-        _draw_aim(canvas, layout, sight)
+        _draw_hand(canvas, layout, sight)
         views.draw_blade_from_above(canvas, layout, moment, tint)
         if sight.practice:
             views.draw_tip_from_above(canvas, layout, moment, "tip")
@@ -79,6 +83,7 @@ class PlayPicture:
         _draw_force(canvas, layout, sight, allowed, limit, tint)
         _draw_recent(canvas, layout, sight, self._trace.high)
         _draw_numbers(canvas, layout, sight)
+        _draw_missing(canvas, layout, sight)
         if sight.practice:
             _draw_hidden(canvas, layout, sight)
         else:
@@ -137,9 +142,9 @@ def _draw_header(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
         )
 
 
-def _draw_aim(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
-    """Draw the wanted position of the hand on the cut line, from above."""
-    at = layout.from_above(np.array([0.0, sight.stylus.position]))
+def _draw_hand(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
+    """Draw the hand on the cut line, from above."""
+    at = layout.from_above(np.array([0.0, sight.hand]))
     for side in (-1.0, 1.0):
         outline = at + side * np.array([[0.0, 9.0], [-6.0, 20.0], [6.0, 20.0]])
         canvas.area(outline, _HAND, palette.INK)
@@ -181,11 +186,9 @@ def _handle_from_the_side(blade: float, angle: float, depth: float) -> Points:
     edge = np.array([math.cos(angle), math.sin(angle)])
     back = np.array([-math.sin(angle), math.cos(angle)])
     lower_end = np.array([blade - depth / math.tan(angle), 0.0])
-    start = lower_end + 0.039 * edge + 0.0035 * back
-    half = 0.5 * _HANDLE_WIDTH
-    along = np.array(
-        [[0.0, 0.4], [0.006, 1.0], [_HANDLE_LENGTH, 0.8], [_HANDLE_LENGTH, -0.8], [0.006, -1.0], [0.0, -0.4]]
-    )
+    start = lower_end + _HANDLE_FROM * edge + 0.0035 * back
+    half, length = 0.5 * _HANDLE_WIDTH, _HANDLE_TOP / edge[1] - _HANDLE_FROM
+    along = np.array([[0.0, 0.4], [0.006, 1.0], [length, 0.8], [length, -0.8], [0.006, -1.0], [0.0, -0.4]])
     outline: Points = start + along[:, :1] * edge + half * along[:, 1:] * back
     return outline
 
@@ -260,6 +263,14 @@ def _draw_numbers(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     if sight.chosen_class != sight.specimen_class:
         rows.append(("next class", sight.chosen_class, palette.INK))
     draw_rows(canvas, layout, 296, 25, rows, size=21)
+
+
+def _draw_missing(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
+    """Draw what is still missing to finish, at the foot of the view from above."""
+    for k, words in enumerate(reversed(sight.missing)):
+        line = f"to finish: {words}" if k == len(sight.missing) - 1 else words
+        at = layout.column - 24, _SIDE_TOP - 22 - 24 * k
+        canvas.text(line, at, size=22, colour=palette.TARGET, anchor="midright", ground=palette.PAPER)
 
 
 def _draw_hidden(canvas: Canvas, layout: Layout, sight: ViewState) -> None:

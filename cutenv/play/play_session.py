@@ -16,6 +16,7 @@ from cutenv._base.arrays import StructArray
 from cutenv._base.validation import in_range, one_of
 from cutenv.cutting.drive import Hand
 from cutenv.cutting.dtypes import TICK
+from cutenv.play.devices import MouseDevice
 from cutenv.play.hand_model import PLAYED_HAND
 from cutenv.play.handle_body import Handle, HandlePose
 from cutenv.play.haptics import FeltForce, HapticDevice, Stylus
@@ -44,9 +45,9 @@ class ViewState:
     countdown: float
     moment: Moment
     readings: StructArray
-    stylus: Stylus
     hand: float
     pose: HandlePose | None
+    missing: tuple[str, ...]
     practice: bool
     practised: bool
     truth: dict[str, Any]
@@ -228,6 +229,8 @@ class Session:
             if self._countdown_ticks <= 0:
                 self._start()
         elif self.phase == "cutting":
+            if isinstance(self.device, MouseDevice):
+                self.device.keep_near(self.cut.hand)
             self._stylus = self.device.read()
             self.cut.tick(self._stylus)
             if self._felt is not None:
@@ -325,9 +328,9 @@ class Session:
             countdown=self._countdown_ticks * TICK,
             moment=Moment.of(self.cut.plant, self.cut.cutting),
             readings=self.cut.readings,
-            stylus=self._stylus,
-            hand=float(self.cut.plant.states["hand"][0]),
+            hand=self.cut.hand,
             pose=self.cut.pose,
+            missing=self.cut.missing(practice=self.practice) if self.phase == "cutting" else (),
             practice=self.practice,
             practised=self._practised,
             truth=self.cut.truth,

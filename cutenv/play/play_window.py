@@ -1,4 +1,4 @@
-"""Window in which a person cuts: keys, mouse and gamepad in, pictures out, physics by the clock in between."""
+"""Window in which a person cuts: keys, pointers and gamepad in, pictures out, physics by the clock in between."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from cutenv.viewer.window import Window
 
 FPS = 60.0
 _FULL_STICK, _FULL_TRIGGER = 32768.0, 32767.0  # SDL's ranges for the axes of a game controller
+_NOTCH_HEIGHT = 12.0  # [px] that a finger moves up or down to turn the blade by a notch of the wheel
 
 
 class PlayWindow:
@@ -52,6 +53,8 @@ class PlayWindow:
         self.mouse, self.gamepad = MouseDevice(), GamepadDevice()
         self._own_device = isinstance(session.device, MouseDevice)
         self._stick = self._trigger = 0.0
+        self._free = False
+        self._pointers: dict[object, tuple[float, float]] = {}  # finger or mouse, and where in the picture it is [px]
         self._pads: list[Any] = []
         self._pictures = 0
         if not scripted:
@@ -95,21 +98,24 @@ class PlayWindow:
     # Events
 
     def take_events(self) -> None:
-        """Handle the events of keys, mouse and gamepad."""
+        """Handle the events of keys, mouse, fingers and gamepad."""
         for event in self._window.take_events():
             self._take(event)
         if self._window.open:
             busy = self.session.phase in ("countdown", "cutting") and self._own_device and not self.scripted
-            # A captured mouse moves on beyond the edge of the screen, and its pointer does not hide the cut.
-            self._pygame.event.set_grab(busy)
-            self._pygame.mouse.set_visible(not busy)
+            # A captured mouse moves on beyond the edge of the screen, and its pointer does not hide the cut. What tells
+            # positions alone, as a pen or a remote desktop does, would not move at all: that pointer is left free.
+            self._pygame.event.set_grab(busy and not self._free)
+            self._pygame.mouse.set_visible(not busy or self._free)
 
     def _take(self, event: Any) -> None:
         pygame = self._pygame
         if event.type == pygame.KEYDOWN:
             self._take_key(event.key)
-        elif event.type == pygame.MOUSEMOTION and self.session.phase == "cutting":
-            self.mouse.move(event.rel[0] / LAYOUT.scale)
+        elif event.type == pygame.MOUSEMOTION:
+            self._take_mouse(event)
+        elif event.type in (pygame.FINGERDOWN, pygame.FINGERMOTION, pygame.FINGERUP):
+            self._take_finger(event)
         elif event.type == pygame.MOUSEWHEEL and self.session.phase == "cutting":
             self.mouse.turn(event.y)
         elif event.type == pygame.MOUSEBUTTONDOWN and event.button == 1:
@@ -131,6 +137,9 @@ class PlayWindow:
             session.choose_class()
         elif key == pygame.K_p:
             session.show_hidden()
+        elif key == pygame.K_m:
+            self._free = not self._free
+            self._pointers.clear()
         elif key in (pygame.K_UP, pygame.K_DOWN) and session.phase == "cutting":
             self.mouse.turn(1 if key == pygame.K_UP else -1)
         elif key == pygame.K_ESCAPE:
@@ -144,6 +153,38 @@ class PlayWindow:
         if self._own_device and self.session.phase in ("ready", "ended"):
             self.session.device = device
         self.session.go_on()
+
+    def _take_mouse(self, event: Any) -> None:
+        if getattr(event, "touch", False):
+            return  # of a finger, whose own event comes as well
+        if not self._free:
+            self._lead(event.rel[0])
+        else:
+            self._lead(self._moved("mouse", *event.pos)[0])
+
+    def _take_finger(self, event: Any) -> None:
+        """Let the first finger on the screen lead the hand, and others lean the blade as they go down or up."""
+        finger = event.finger_id
+        if event.type == self._pygame.FINGERUP:
+            self._pointers.pop(finger, None)
+            return
+        width, height = self._window.size
+        across, down = self._moved(finger, event.x * width, event.y * height)
+        if finger == next(key for key in self._pointers if key != "mouse"):
+            self._lead(across)
+        elif self.session.phase == "cutting":
+            self.mouse.turn(-down / _NOTCH_HEIGHT)
+
+    def _moved(self, pointer: object, x: float, y: float) -> tuple[float, float]:
+        """Return by how much a pointer has moved in the picture [px] to a place in the window; a new one by nothing."""
+        here = self._window.in_picture(x, y)
+        before = self._pointers.get(pointer, here)
+        self._pointers[pointer] = here
+        return here[0] - before[0], here[1] - before[1]
+
+    def _lead(self, across: float) -> None:
+        if self.session.phase == "cutting":
+            self.mouse.move(across / LAYOUT.scale)
 
     def _take_axis(self, axis: int, value: int) -> None:
         if axis == self._pygame.CONTROLLER_AXIS_LEFTX:

@@ -7,26 +7,32 @@ from typing import Any
 
 import numpy as np
 
-from cutenv._base.arrays import StructArray
+from cutenv._base.arrays import Struct, StructArray
 from cutenv._base.validation import in_range
 from cutenv.cutting.drive import Hand
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.plant.protocol import to_trace
 from cutenv.plant.simulator import SimulatedPlant
+from cutenv.play.finishing import missing_to_finish
 from cutenv.play.hand_model import PLAYED_HAND, speed_toward
 from cutenv.play.handle_body import Handle, HandlePose
 from cutenv.play.haptics import Stylus
+from cutenv.policy.signals import in_si
+from cutenv.policy.tip_estimate import CUT_ESTIMATE, TipEstimate
 from cutenv.scoring import ReferenceSet, ScoreCard, score
 from cutenv.scoring.scored_cut import TIP_AT_END
+from cutenv.task.assessment import NEAR_TARGET
 from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task.observation import to_action
+from cutenv.task_quantities import TIP_TOLERANCE
 from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
 
 UPDATES_HZ = round(1.0 / TICK)
 FEWEST_READINGS = 100
 """Least number of readings that makes an abandoned cut a record: a tenth of a second."""
+_ESTIMATED_EVERY = 20  # ms: as often as an agent decides
 
 
 class PlayedCut:
@@ -81,6 +87,8 @@ class PlayedCut:
         self._info = self._env.reset(seed=seed, options={"episode": episode})[1]
         self._readings: StructArray = np.zeros(round(deadline * UPDATES_HZ) + 1, READING)
         self._count = 0
+        self._tip_estimate = TipEstimate()
+        self._estimate: Struct = np.zeros(1, CUT_ESTIMATE)[0]
         self.end = ""
         """Cause of the end, one of the environment's ends; empty while the cut goes on."""
 
@@ -111,6 +119,11 @@ class PlayedCut:
         return self.cutting.target_length
 
     @property
+    def hand(self) -> float:
+        """Position of the hand, from the clamp [m]; the blade hangs on it."""
+        return float(self.plant.states["hand"][0])
+
+    @property
     def pose(self) -> HandlePose | None:
         """Pose of the drawn handle, if there is one."""
         return None if self._handle is None else self._handle.pose
@@ -121,9 +134,11 @@ class PlayedCut:
             return
         state = self.plant.states[0]
         speed = speed_toward(stylus.position, state, self._hand)
-        _, _, ended, _, self._info = self._env.step(to_action(speed, stylus.angle))
+        observation, _, ended, _, self._info = self._env.step(to_action(speed, stylus.angle))
         assert self.cutting.readings is not None  # at least one step was made
         self._readings[self._count] = reading = self.cutting.readings[0]
+        if self._count % _ESTIMATED_EVERY == 0:
+            self._estimate = self._tip_estimate.estimates(in_si(observation)[None])[0]
         self._count += 1
         if ended:
             self.end = self._info["end"]
@@ -135,6 +150,31 @@ class PlayedCut:
                 force=float(reading["true_force"]),
                 depth=float(depth_below(self.plant.depth, state["blade"])),
             )
+
+    def missing(self, *, practice: bool) -> tuple[str, ...]:
+        """Return what is still missing to finish, empty while the blade has not come near the target.
+
+        It is told from what a rig measures; in ``practice`` also from the tip, as long as that is short of the target.
+        """
+        progress = self.cutting.progress[0]
+        if self.end or not self._count or progress["furthest"] < self.target_length - NEAR_TARGET:
+            return ()
+        reading, estimate = self._readings[self._count - 1], self._estimate
+        depth = depth_below(self.plant.depth, float(reading["position"]))
+        missing = missing_to_finish(
+            force=float(reading["force"]),
+            elastic=float(estimate["elastic"]),
+            friction=float(self._tip_estimate.memory[0]["friction_per_depth"]) * depth,
+            stiffness=float(estimate["stiffness"]),
+            speed=float(reading["speed"]),
+            angle=float(reading["angle"]),
+            rested=float(progress["quiet"]),
+            withdrawn=float(progress["loaded_at"]) - float(reading["position"]),
+        )
+        short = self.target_length - float(self.plant.states["tip"][0])
+        if practice and short > TIP_TOLERANCE:
+            missing = (f"the tip is {short * 1e3:.1f} mm short: cut on", *missing)
+        return missing
 
     def trace(self, **metadata: object) -> Trace:
         """Return the trace that a rig would have recorded.
