@@ -143,7 +143,6 @@ def test_every_extra_that_is_named_brings_the_module() -> None:
         "cv2": "opencv-python-headless",
         "pygame": "pygame-ce",
         "serial": "pyserial",
-        "skimage": "scikit-image",
         "umsgpack": "meshcat",
         "sb3_contrib": "sb3-contrib",
     }

@@ -21,7 +21,6 @@ CALLED = {
     "pygame": "pygame-ce",
     "sb3_contrib": "sb3-contrib",
     "serial": "pyserial",
-    "skimage": "scikit-image",
     "stable_baselines3": "stable-baselines3",
     "umsgpack": "meshcat",  # comes with it
 }
