@@ -151,6 +151,8 @@ def pass_marks(_: argparse.Namespace) -> str:
     """Return the output of ``scripts/pass_mark_coverage.py``: pass marks beside published ones, and their intervals."""
     program = [sys.executable, str(ROOT / "scripts" / "pass_mark_coverage.py")]
     return subprocess.run(program, check=True, stdout=subprocess.PIPE, text=True, cwd=ROOT).stdout.strip()
+
+
 def field(_: argparse.Namespace) -> str:
     """Return the output of ``scripts/measure_field.py``: beads and force give back what was put in."""
     program = [sys.executable, str(ROOT / "scripts" / "measure_field.py")]

@@ -60,7 +60,8 @@ class FractureEstimate:
         The sensor's zero that was subtracted from the force first.
     depth_error : float or None
         Standard error of `corrected` that the depth's standard deviation leaves, as if it were one error all along the
-        cut [J/m2]; a constant error of the cameras is not in it. None if the record does not give that (:func:`cutenv.measurement.depth.depth_sd`).
+        cut [J/m2]; a constant error of the cameras is not in it. None if the record does not give that, see
+        :func:`cutenv.measurement.depth.depth_sd`.
     """
 
     apparent: float

@@ -72,7 +72,9 @@ def test_one_camera_without_a_plane_is_refused(filmed):
 
 
 def test_corners_in_a_photograph_are_where_scikit_image_finds_them():
-    feature = pytest.importorskip("skimage.feature", reason="skimage is an extra: pip install 'cutenv[vision]'")
+    feature = pytest.importorskip(
+        "skimage.feature", reason="scikit-image is for development: pip install 'cutenv[dev]'"
+    )
     image = read_image(PHOTOGRAPH)
     ours = CalibrationBoard(columns=36, rows=25, spacing=0.005).find(image)
     assert ours is not None
