@@ -154,14 +154,17 @@ class PlayedCut:
     def missing(self, *, practice: bool) -> tuple[str, ...]:
         """Return what is still missing to finish, empty while the blade has not come near the target.
 
-        It is told from what a rig measures; in ``practice`` also from the tip, as long as that is short of the target.
+        It is told from what a rig measures; in ``practice``, a tip that is short of the target is all that is missing.
         """
         progress = self.cutting.progress[0]
         if self.end or not self._count or progress["furthest"] < self.target_length - NEAR_TARGET:
             return ()
+        short = self.target_length - float(self.plant.states["tip"][0])
+        if practice and short > TIP_TOLERANCE:
+            return (f"the tip is {short * 1e3:.1f} mm short: cut on",)
         reading, estimate = self._readings[self._count - 1], self._estimate
         depth = depth_below(self.plant.depth, float(reading["position"]))
-        missing = missing_to_finish(
+        return missing_to_finish(
             force=float(reading["force"]),
             elastic=float(estimate["elastic"]),
             friction=float(self._tip_estimate.memory[0]["friction_per_depth"]) * depth,
@@ -171,10 +174,6 @@ class PlayedCut:
             rested=float(progress["quiet"]),
             withdrawn=float(progress["loaded_at"]) - float(reading["position"]),
         )
-        short = self.target_length - float(self.plant.states["tip"][0])
-        if practice and short > TIP_TOLERANCE:
-            missing = (f"the tip is {short * 1e3:.1f} mm short: cut on", *missing)
-        return missing
 
     def trace(self, **metadata: object) -> Trace:
         """Return the trace that a rig would have recorded.
