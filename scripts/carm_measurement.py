@@ -20,13 +20,13 @@ from cutenv.vision.magnification import fit_magnification
 from cutenv.vision.spots import locate_spots
 
 REGION = [[-0.045, -0.005, -0.002], [0.045, 0.155, 0.03]]
-"""Where beads may be [m]."""
+"""Places where beads may be [m]."""
 BEAD_PX, BALL_PX, HOLE_PX = 3.5, 5.5, 5.0
 """Diameters in frames of 480 lines [px]."""
 SPACING, HOLE = 0.010, 0.0024
-"""Of the plate [m]."""
+"""Spacing of the plate [m]."""
 SEED = 1
-"""Of the session that is drawn."""
+"""Seed of the session that is drawn."""
 Array = NDArray[np.float64]
 
 
@@ -42,7 +42,7 @@ class Mark:
 
     @property
     def met(self) -> bool:
-        """Whether the mark is kept."""
+        """Flag of a mark that is kept."""
         return self.value >= self.limit if self.at_least else self.value <= self.limit
 
 

@@ -43,7 +43,7 @@ from cutenv.vision.registration import clock_lag
 SLOW, FAST = 30, 3
 """Frames of the video for one that is used, in the slow and in the fast cut."""
 FOLDER = "runs/bead_tracking"
-"""Where each part of the measurement is kept, relative to the repository."""
+"""Folder where each part of the measurement is kept, relative to the repository."""
 
 
 def known_points(session: Session, calibration: CArmCalibration, rng: np.random.Generator) -> list[Mark]:

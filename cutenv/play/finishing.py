@@ -1,4 +1,4 @@
-"""What is still missing to finish a cut, in words; from what a rig measures, too."""
+"""Advice in words on what is still missing to finish a cut; from what a rig measures, too."""
 
 from __future__ import annotations
 

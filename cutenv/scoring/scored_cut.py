@@ -325,7 +325,7 @@ class ScoredCut:
 
     @property
     def _learned(self) -> StructArray:
-        """What the first return stroke taught, :data:`~cutenv.tissue.crack_tip.ASSESSED_TIP`, or what is believed."""
+        """Knowledge from the first return stroke, :data:`~cutenv.tissue.crack_tip.ASSESSED_TIP`, or what is believed."""
         learned: StructArray = self._followed[1][0]
         return learned
 
@@ -392,7 +392,7 @@ class ScoredCut:
     def _ending_where_it_did(self, tip: Array) -> Array:
         """Return the estimated tip, stretched to its noted end."""
         noted = self.noted_end
-        return tip if noted is None or tip[-1] <= 0.0 else tip * (noted / float(tip[-1]))
+        return tip if noted is None or tip[-1] <= 0.0 else np.minimum(tip * (noted / float(tip[-1])), noted)
 
 
 def even_instants(time: Array, rate: float) -> Array:

@@ -59,7 +59,7 @@ class Cuts(NamedTuple):
     """Profiles that a rig expects."""
     specimens: StructArray
     tips: StructArray
-    """What a rig remembers of the tip; unused if the reward is assessed by hidden state."""
+    """Memory of the tip on a rig; unused if the reward is assessed by hidden state."""
 
     @classmethod
     def empty(cls, count: int) -> Cuts:

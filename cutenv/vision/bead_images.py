@@ -21,7 +21,7 @@ _SETTLED = 1e-3  # px
 
 @dataclass(frozen=True, kw_only=True)
 class BeadLook:
-    """How a bead looks in a view, in the attenuation image: minus the logarithm of the grey value.
+    """Look of a bead in a view, in the attenuation image: minus the logarithm of the grey value.
 
     Parameters
     ----------

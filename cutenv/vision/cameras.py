@@ -101,7 +101,7 @@ class Pose:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CalibratedCameras:
-    """What is known of the camera, or of the pair, that films a cut.
+    """Calibration of the camera, or of the pair, that films a cut.
 
     Parameters
     ----------

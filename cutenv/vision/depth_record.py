@@ -21,7 +21,7 @@ from cutenv.vision.marked_blade import MarkedBlade
 
 TRAVELS = ("right", "left")
 """Ways in which the blade can go in the images when it cuts."""
-FEWEST_FRAMES = 10
+FEWEST_FILMED = 10
 """Least number of usable frames."""
 _SHORTEST_TRAVEL = 5e-3  # of the blade, from which its direction and the time are known [m]
 _LARGEST_MISFIT = 1e-3  # root mean square between the blade's motion in film and record [m]
@@ -37,7 +37,7 @@ _JUMP_SD, _JUMP = 8.0, 0.7e-3  # from the neighbours' line on which a frame is l
 
 @dataclass(frozen=True, kw_only=True)
 class FilmAlignment:
-    """How a film lies on a record.
+    """Position of a film in time and place on a record.
 
     Attributes
     ----------
@@ -119,17 +119,17 @@ def filmed_depth(
     Raises
     ------
     ValueError
-        If fewer than :data:`FEWEST_FRAMES` are usable, the record lacks position, its motion or angle is not that of
+        If fewer than :data:`FEWEST_FILMED` are usable, the record lacks position, its motion or angle is not that of
         the film, or the blade moves far without a usable frame.
     """
     one_of("travel", travel, TRAVELS)
     (position,) = trace.require("position", by="depth")
     good = [frame for frame in frames if frame.blade is not None]
-    if len(good) < FEWEST_FRAMES:
+    if len(good) < FEWEST_FILMED:
         reasons = Counter(frame.reason for frame in frames if frame.blade is None).most_common(3)
         listed = "; ".join(f"{reason}: {count}" for reason, count in reasons)
         raise ValueError(
-            f"{len(good)} of {len(frames)} frames are usable, {FEWEST_FRAMES} or more are needed ({listed}). If all "
+            f"{len(good)} of {len(frames)} frames are usable, {FEWEST_FILMED} or more are needed ({listed}). If all "
             "fail alike, check the blade's lengths, the calibration, and that the blade's end points down in the image."
         )
     blades = [frame.blade for frame in good if frame.blade is not None]
@@ -137,7 +137,7 @@ def filmed_depth(
     along = blade.total - np.array([each.exposed for each in blades])
     place, _ = _travelled(blades)
     smooth = _fits_around(place, along, np.array([each.exposed_sd for each in blades]))
-    if smooth.sum() < FEWEST_FRAMES:
+    if smooth.sum() < FEWEST_FILMED:
         raise ValueError("the depth jumps from frame to frame: the film does not show one blade in one tissue.")
     jumped = {good[k].number for k in np.flatnonzero(~smooth)}
     kept = [frame for frame in good if frame.number not in jumped]

@@ -25,7 +25,7 @@ NTSC_ASPECT = 10.0 / 11.0
 """Width of a pixel over its height in NTSC video of 720 x 480 [1]; the thesis does not mention it."""
 NTSC_RATE = 30000.0 / 1001.0
 """Frames a second of NTSC video, printed as 29.97 [1/s]."""
-LARGEST_RESIDUAL = 0.5
+LARGEST_GRID_RESIDUAL = 0.5
 """RMS residual of the grid above which a calibration is refused [px]."""
 
 
@@ -130,7 +130,7 @@ def calibrate_view(
     aspect: float = NTSC_ASPECT,
     model: str | None = None,
     dark: bool | None = None,
-    largest_residual: float = LARGEST_RESIDUAL,
+    largest_residual: float = LARGEST_GRID_RESIDUAL,
 ) -> tuple[CArmView, FittedDistortion, GridHoles]:
     """Find the distortion of a view from one image of a calibration grid on its detector.
 

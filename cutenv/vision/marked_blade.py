@@ -74,7 +74,7 @@ class Line(NamedTuple):
 
 
 class BladeInView(NamedTuple):
-    """What one image shows of the blade, in its chart.
+    """View of the blade in one image, in its chart.
 
     Attributes
     ----------

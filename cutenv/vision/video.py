@@ -26,7 +26,7 @@ class VideoFrame(NamedTuple):
 
 @dataclass(frozen=True)
 class VideoFacts:
-    """What a video says about itself: size [px], frames a second [Hz], number of frames or 0 where it does not say."""
+    """Header of a video: size [px], frames a second [Hz], number of frames or 0 where it does not say."""
 
     width: int
     height: int

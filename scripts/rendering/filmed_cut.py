@@ -27,7 +27,7 @@ _CLOCK = 90_000  # time base of the video files [Hz]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FilmedCut:
-    """What was filmed, and what is true of every frame.
+    """Film of a cut, and what is true of every frame.
 
     Attributes
     ----------

@@ -86,7 +86,7 @@ class FieldAtPoints:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Session:
-    """What was imaged, and what is true of it.
+    """Session of two C-arms, and what is true of it.
 
     Attributes
     ----------
