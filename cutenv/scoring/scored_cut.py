@@ -151,8 +151,8 @@ class ScoredCut:
 
     @cached_property
     def twofold(self) -> str:
-        """Reason why the record holds two cuts; "" if it holds one."""
-        return holds_two_cuts(self.trace)
+        """Reason why the record holds two cuts; "" if it holds one, as every record of a simulator does."""
+        return "" if self.noted_end is not None else holds_two_cuts(self.trace)
 
     @property
     def end(self) -> int:
@@ -325,7 +325,7 @@ class ScoredCut:
 
     @property
     def _learned(self) -> StructArray:
-        """Knowledge from the first return stroke, :data:`~cutenv.tissue.crack_tip.ASSESSED_TIP`, or what is believed."""
+        """Learned from the first return stroke: :data:`~cutenv.tissue.crack_tip.ASSESSED_TIP`."""
         learned: StructArray = self._followed[1][0]
         return learned
 
