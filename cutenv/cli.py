@@ -26,7 +26,6 @@ _EXTRAS_OF_MODULE = {
     "matplotlib": ("view", "rl", "vision"),
     "meshcat": ("view3d",),
     "minari": ("data",),
-    "pandas": ("vision",),
     "pyarrow": ("data", "vision"),
     "pygame": ("view",),
     "pymunk": ("play",),
@@ -38,7 +37,6 @@ _EXTRAS_OF_MODULE = {
     "tomlkit": ("rig",),
     "torch": ("rl",),
     "tqdm": ("view", "data", "rl", "vision"),
-    "trackpy": ("vision",),
     "umsgpack": ("view3d",),
 }
 """Extras that bring a module; the first is named unless the command has one of the others."""

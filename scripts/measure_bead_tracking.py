@@ -66,7 +66,7 @@ def known_points(session: Session, calibration: CArmCalibration, rng: np.random.
 
 def detection(session: Session, calibration: CArmCalibration, frames: int) -> tuple[list[Mark], list[str]]:
     """Measure recall and 2-D error in single frames of the top view, at several contrasts; and trackpy beside it."""
-    import trackpy  # an extra; update_docs.py imports this program without it
+    import trackpy  # pip install trackpy: it has no wheel, so set-up leaves it out
 
     marks, lines = [], []
     view = calibration.views[0]

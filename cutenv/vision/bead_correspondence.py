@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares, linear_sum_assignment
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 from cutenv.vision.projection import epipolar_distance, project, triangulate
@@ -223,7 +224,7 @@ def bundle_adjusted(
 
 
 def linked(images: Sequence[NDArray[np.float64]], largest_step: float, *, memory: int = 3) -> NDArray[np.float64]:
-    """Link the spots of one view from frame to frame, each to the nearest, by trackpy (Crocker and Grier 1996).
+    """Link the spots of one view from frame to frame, so that the ways are shortest in sum.
 
     Parameters
     ----------
@@ -241,23 +242,27 @@ def linked(images: Sequence[NDArray[np.float64]], largest_step: float, *, memory
 
     Raises
     ------
-    ImportError
-        If trackpy is not installed.
+    ValueError
+        If no frame shows a spot.
     """
-    try:
-        import pandas
-        import trackpy
-    except ImportError:
-        raise ImportError("linking beads within a view needs an extra: pip install 'cutenv[vision]'") from None
-    count = [len(spots) for spots in images]
-    if sum(count) == 0:
+    if not any(len(spots) for spots in images):
         raise ValueError("no frame shows a spot.")
-    table = pandas.DataFrame(np.concatenate(images), columns=["x", "y"])
-    table["frame"] = np.repeat(np.arange(len(images)), count)
-    trackpy.quiet()
-    found = trackpy.link(table, largest_step, memory=memory)
-    number = found["particle"].to_numpy()
-    kept = np.flatnonzero(np.bincount(number) >= 0.3 * len(images))
-    tracks = np.full((len(images), int(number.max()) + 1, 2), np.nan)
-    tracks[found["frame"].to_numpy(), number] = found[["x", "y"]].to_numpy()
+    last, seen_in = np.zeros((0, 2)), np.zeros(0, int)  # of each track: its last place, and the frame of it
+    numbers = []  # of the track that each spot belongs to, by frame
+    for k, spots in enumerate(images):
+        number = np.full(len(spots), -1)
+        open_tracks = np.flatnonzero(k - seen_in <= memory + 1)
+        way = cdist(last[open_tracks], spots)
+        track, spot = linear_sum_assignment(np.minimum(way, 1e3 * largest_step))
+        near = way[track, spot] <= largest_step
+        number[spot[near]] = open_tracks[track[near]]
+        new = np.flatnonzero(number < 0)
+        number[new] = len(last) + np.arange(len(new))
+        last, seen_in = np.concatenate([last, spots[new]]), np.concatenate([seen_in, np.full(len(new), k)])
+        last[number], seen_in[number] = spots, k
+        numbers.append(number)
+    tracks = np.full((len(images), len(last), 2), np.nan)
+    for k, (number, spots) in enumerate(zip(numbers, images, strict=True)):
+        tracks[k, number] = spots
+    kept = np.isfinite(tracks[:, :, 0]).mean(axis=0) >= 0.3
     return np.asarray(tracks[:, kept])

@@ -136,7 +136,6 @@ def test_a_sweep_that_shows_other_beads_is_refused(session, calibration):
 
 
 def test_views_are_paired_by_epipolar_lines_and_motion(session, calibration, film):
-    pytest.importorskip("trackpy", reason="trackpy is an extra: pip install 'cutenv[vision]'")
     time, _ = film
     rng = np.random.default_rng(0)
     spots = [

@@ -63,7 +63,9 @@ def test_an_edge_is_no_spot():
 
 
 def test_trackpy_finds_the_same_spots():
-    trackpy = pytest.importorskip("trackpy", reason="trackpy is an extra: pip install 'cutenv[vision]'")
+    trackpy = pytest.importorskip(
+        "trackpy", reason="trackpy has no wheel, and set-up installs wheels alone: pip install trackpy"
+    )
     image, true = field_of(15.0)
     theirs = trackpy.locate(255 - image, 7, minmass=200, engine="python")[["x", "y"]].to_numpy()
     ours = locate_spots(image, 3.5)
