@@ -103,7 +103,8 @@ def test_the_terms_add_up_to_the_reward_and_no_cost_is_a_gain(reward_from, drive
         record = cut(env, wandering(), seed)
         for reward, terms in zip(record.rewards, record.terms, strict=True):
             assert sum(terms.values()) == pytest.approx(reward, abs=1e-12)
-            assert min(terms["progress"], terms["success"]) >= 0.0
+            assert terms["success"] >= 0.0
+            assert terms["progress"] >= 0.0 or reward_from == "estimate"  # which a return stroke may correct
             assert all(value <= 0.0 for name, value in terms.items() if name not in GAINS)
         assert record.total <= 1.0
         assert env.unwrapped.cutting.reward_totals == pytest.approx(record.totals)
