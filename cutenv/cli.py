@@ -81,17 +81,17 @@ COMMANDS = {
     "submit": Command("enter a policy on the leaderboard, or check an entry", extra="rl"),
     "datasets": Command("record cuts as a Minari data set, force included", extra="data"),
     "calibrate": Command("fit a tissue to your own records of cuts"),
-    "pass-mark": Command("find a pass mark, how often it errs, and whether raters agree with the score"),
     "depth": Command("measure the depth of cut from video of a marked blade", extra="vision"),
+    "field": Command("compare beads in the tissue with the model; modulus by force and by image", extra="vision"),
     "play": Command("cut by mouse or gamepad in a window"),
     "rig": Command(
         "run a real rig, a motor and a force sensor, or its emulator",
         parts=RIG_COMMANDS,
         description="A motor and a force sensor that a policy meets through the simulator's interface.",
     ),
-    "field": Command("compare beads in the tissue with the model; modulus by force and by image", extra="vision"),
     "score": Command("score recorded cuts: a card and a page"),
     "study": Command("study several people: reliability of the metrics, groups, learning"),
+    "pass-mark": Command("find a pass mark, how often it errs, and whether raters agree with the score"),
     "view": Command("show a recorded cut in 3-D, in a page that opens from disk"),
 }
 
