@@ -16,11 +16,12 @@ from cutenv.viewer.canvas import Canvas
 from cutenv.viewer.scene import Layout
 
 _LEFT, _RIGHT, _TOP = 110.0, 850.0, 74.0  # of a card [px]
+_PX_PER_POINT, _LABEL_WIDTH = 3.8, 62.0  # of the bars of the score
 _EDGE = 26.0
 _VEIL = 0.55
 _MOST_FAULTS = 3
 _SHOWN = (
-    ("tip_error", "tip off target, estimated", "mm", 1),
+    ("tip_error", "tip off target", "mm", 1),
     ("peak_force", "peak force", "N", 2),
     ("largest_jump", "longest run of the crack", "mm", 1),
     ("uncontrolled_share", "share cut by runs", "percent", 0),
@@ -110,15 +111,16 @@ def _draw_score(canvas: Canvas, card: ScoreCard, x: float, right: float) -> None
     canvas.text(f"{card.overall_score:.0f}", (right - 62, _TOP + 60), size=76, anchor="midright")
     canvas.text("of 100", (right, _TOP + 72), size=19, colour=palette.QUIET, anchor="midright")
     start = x
-    for each in card.points:  # bars whose lengths add up to the score
-        length, most = 3.4 * each.points, 3.4 * each.most
+    for each in card.points:  # bars of one scale, which together are the score
+        length, most = _PX_PER_POINT * each.points, _PX_PER_POINT * each.most
         canvas.bar(start, _TOP + 64, start + most, _TOP + 78, palette.PANEL)
         canvas.bar(start, _TOP + 64, start + length, _TOP + 78, palette.GAIN)
         canvas.text(each.part, (start, _TOP + 90), size=13, colour=palette.QUIET)
-        start += most + 6
+        start += max(most, _LABEL_WIDTH) + 6
 
 
 def _draw_metrics(canvas: Canvas, card: ScoreCard, x: float, right: float, top: float) -> None:
+    canvas.text("compared with cuts by scripts", (right, top - 24), size=15, colour=palette.QUIET, anchor="midright")
     for k, (name, words, unit_name, digits) in enumerate(_SHOWN):
         scored, unit, y = card.metrics[name], NAMED_UNITS[unit_name], top + 27 * k
         canvas.text(words, (x, y), size=19, colour=palette.QUIET)

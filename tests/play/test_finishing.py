@@ -1,4 +1,4 @@
-"""What is still missing to finish is said near the target, from what a rig measures, and following it finishes."""
+"""Near the target the window says what is still missing to finish, and following it finishes the cut."""
 
 from __future__ import annotations
 

@@ -144,7 +144,7 @@ def test_a_thousand_damaged_calibrations_are_read_or_refused(file, tmp_path):
 
 
 def told_of(expected, call, *arguments):
-    """Whether a call was refused, with a message that holds the expected words; any other error is one of the test."""
+    """Return True for a call that is refused with the expected words; any other error is one of the test."""
     try:
         call(*arguments)
     except ValueError as error:
