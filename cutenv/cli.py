@@ -84,6 +84,7 @@ COMMANDS = {
     "depth": Command("measure the depth of cut from video of a marked blade", extra="vision"),
     "field": Command("compare beads in the tissue with the model; modulus by force and by image", extra="vision"),
     "play": Command("cut by mouse or gamepad in a window"),
+    "single-page": Command("write a page that cuts in a browser, nothing installed", extra="view"),
     "rig": Command(
         "run a real rig, a motor and a force sensor, or its emulator",
         parts=RIG_COMMANDS,

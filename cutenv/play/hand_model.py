@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from cutenv._base.arrays import Struct
+from cutenv._engine.jit import njit_internal
 from cutenv.cutting.drive import Hand
 from cutenv.task.observation import SPEED_SCALE
 
@@ -30,6 +31,11 @@ def speed_toward(target: float, state: Struct, hand: Hand = PLAYED_HAND) -> floa
     hand : Hand
         Hand with its lag and acceleration.
     """
-    left = target - float(state["hand"])
-    stoppable = math.sqrt(2.0 * hand.acceleration * abs(left))
-    return math.copysign(min(abs(left) / (4.0 * hand.motor_lag), stoppable, FASTEST), left)
+    return speed_over(target - float(state["hand"]), hand.motor_lag, hand.acceleration)
+
+
+@njit_internal
+def speed_over(left: float, lag: float, acceleration: float) -> float:
+    """Return the speed command [m/s] of :func:`speed_toward` for the distance that is ``left`` [m]; compiled, too."""
+    stoppable = math.sqrt(2.0 * acceleration * abs(left))
+    return math.copysign(min(abs(left) / (4.0 * lag), stoppable, FASTEST), left)

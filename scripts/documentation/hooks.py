@@ -13,6 +13,8 @@ from equations import as_mathml
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
+from cutenv.browser.page_alone import page_alone
+
 ROOT = Path(__file__).parents[2]
 GENERATED = "GENERATED "
 
@@ -48,7 +50,8 @@ def _filled(nav: Any, entries: list[tuple[str, str | None]]) -> Any:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that were made, and the pictures of ``assets/pictures``."""
+    """Add the pages that were made, the one that cuts, and the pictures of ``assets/pictures``."""
+    files.append(File.generated(config, "cut.html", content=page_alone()))
     for path, text in _generated.items():
         files.append(File.generated(config, path, content=text))
     for picture in sorted((ROOT / "assets" / "pictures").iterdir()):

@@ -1,0 +1,12 @@
+"""Cuts by a person in a web browser: the compiled task as WebAssembly, in a page that fetches nothing.
+
+``scripts/build_browser_law.py`` makes ``assets/browser/law.wasm`` from the kernels that Python runs, so a cut in the
+browser is that of Python to the last bit.  It is kept with the data because its linker is large.
+"""
+
+from __future__ import annotations
+
+from cutenv.browser.page_alone import write_page_alone
+from cutenv.browser.stylus_steps import HandCut
+
+__all__ = ["HandCut", "write_page_alone"]

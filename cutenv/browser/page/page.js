@@ -1,0 +1,249 @@
+// The page: choice of the specimen, the person's hand, the clock of a cut, and what is said of it.
+
+(async () => {
+  const byId = name => document.getElementById(name);
+  const told = JSON.parse(byId("data").textContent);
+  const canvas = byId("picture");
+  let texts = told.texts[told.language];
+  let law;
+  try {
+    law = await Law.load(byId("law").textContent.trim(), told);
+  } catch (error) {
+    byId("trouble").hidden = false;
+    throw error;
+  }
+  const drawing = new Drawing(canvas, told);
+  const upright = 0.5 * Math.PI;
+  const within = (value, low, high) => Math.min(Math.max(value, low), high);
+  const say = (text, values = {}) => text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
+  const fixed = (value, count) => value.toLocaleString(document.documentElement.lang, { minimumFractionDigits: count, maximumFractionDigits: count });
+
+  const page = { phase: "ready", chosen: 0, cut: null, practised: false, from: 0, given: 0 };
+  const stylus = { position: 0, angle: upright, keys: new Set(), pointer: null };
+
+  function prepare() {
+    page.cut = new HandCut(law, told.specimens[page.chosen]);
+    page.practised = false;
+    page.phase = "ready";
+    stylus.position = 0;
+    stylus.angle = upright;
+    stylus.pointer = null;
+    show();
+  }
+
+  function start() {
+    if (page.phase === "cutting") return;
+    if (page.phase === "ended") prepare();
+    page.phase = "countdown";
+    page.from = performance.now();
+    show();
+    canvas.focus({ preventScroll: true });
+    byId("stage").scrollIntoView({ block: "nearest" });
+  }
+
+  function finish(end) {
+    page.cut.end ||= end;
+    page.phase = "ended";
+    show();
+    byId("card").focus({ preventScroll: false });
+  }
+
+  // Once for each picture: the milliseconds that are due, under where the hand is now.
+  function frame(now) {
+    if (page.phase === "countdown" && now - page.from >= 1500) {
+      page.phase = "cutting";
+      page.from = now;
+      page.given = 0;
+      show();
+    }
+    if (page.phase === "cutting") {
+      let due = Math.floor(now - page.from) - page.given;
+      if (due > MOST_MILLISECONDS) { // time beyond it is lost to the cut, and the record says so
+        page.cut.stalled += (due - MOST_MILLISECONDS) / 1e3;
+        page.from += due - MOST_MILLISECONDS;
+        due = MOST_MILLISECONDS;
+      }
+      moveByKeys(due);
+      moveByGamepad(due);
+      stylus.position = within(within(stylus.position, page.cut.hand - told.lead, page.cut.hand + told.lead), 0, told.travel);
+      page.practised ||= byId("practice").checked;
+      if (due > 0) {
+        page.cut.advance(Array.from({ length: due }, () => [stylus.position, stylus.angle]));
+        page.given += due;
+      }
+      if (page.cut.end) finish(page.cut.end);
+    }
+    drawing.draw(page.cut, { texts, showTip: byId("practice").checked || page.phase === "ended" });
+    if (page.phase !== "ended") tell();
+    requestAnimationFrame(frame);
+  }
+
+  // Words and numbers beside the picture
+
+  function show() {
+    const { cut } = page, at = page.phase;
+    byId("task").textContent = say(texts.task, { target: fixed(1e3 * cut.target, 1) });
+    byId("start").hidden = at === "cutting" || at === "countdown";
+    byId("start").textContent = at === "ended" ? texts.again : texts.start;
+    byId("next").hidden = at !== "ended";
+    byId("stop").hidden = at !== "cutting";
+    for (const name of ["specimen", "language"]) byId(name).disabled = at === "cutting" || at === "countdown";
+    byId("card").hidden = at !== "ended";
+    byId("advice").hidden = at === "ended";
+    tell();
+    if (at !== "ended") return;
+    const found = cut.numbers(), millimetres = value => fixed(1e3 * Math.abs(value), 1);
+    const off = say(found.off > 0 ? texts.beyond : texts.short, { value: millimetres(found.off) });
+    byId("verdict").textContent = verdict(cut, found, millimetres);
+    byId("card").className = cut.success ? "card good" : "card bad";
+    const reward = law.numbers("episode", "totals", told.terms.length).reduce((sum, term) => sum + term, 0);
+    const rows = [[texts.result_off, off], [texts.result_peak, `${fixed(found.peak, 1)} N`],
+      [texts.result_longest, `${millimetres(found.longest)} mm`], [texts.result_time, `${fixed(found.time, 1)} s`],
+      [texts.result_return, fixed(reward, 2)]];
+    byId("results").replaceChildren(...rows.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
+    byId("practised").hidden = !page.practised;
+    byId("save").disabled = cut.count < 100;
+  }
+
+  function verdict(cut, found, millimetres) {
+    if (cut.end !== "finished") return texts[`end_${cut.end}`];
+    if (cut.success) return texts.end_finished_success;
+    if (Math.abs(found.off) > told.tip_tolerance) {
+      return say(texts.end_finished_off, { off: millimetres(found.off), tolerance: fixed(1e3 * told.tip_tolerance, 0) });
+    }
+    return say(texts.end_finished_tilted, { angle: fixed(cut.angle * 180 / Math.PI, 0) });
+  }
+
+  function tell() {
+    const { cut } = page, force = cut.last("force"), depth = cut.depthAt(cut.depth, cut.blade);
+    const limit = cut.limitPerDepth * depth, distance = 1e3 * (cut.target - cut.blade);
+    byId("force").textContent = `${fixed(force, 1)} N`;
+    byId("bar").style.width = `${100 * within(Math.abs(force) / limit, 0, 1)}%`;
+    byId("bar").className = force > told.force_allowed_per_depth * depth ? "costs" : "";
+    for (const name of ["costs", "costs-word"]) byId(name).style.left = `${100 * told.force_allowed_per_depth / cut.limitPerDepth}%`;
+    byId("distance").textContent = `${fixed(distance, 1)} mm`;
+    byId("ahead").textContent = `${fixed(1e3 * (cut.hand - cut.blade), 1)} mm`;
+    byId("speed").textContent = `${fixed(1e2 * cut.last("speed"), 1)} cm/s`;
+    byId("angle").textContent = say(texts.degrees, { value: fixed(cut.angle * 180 / Math.PI, 0) });
+    byId("time").textContent = say(texts.of, { value: fixed(cut.last("time"), 1), most: fixed(cut.deadline, 0) });
+    byId("tilt").value = Math.round(stylus.angle * 180 / Math.PI);
+    byId("countdown").textContent = page.phase === "countdown" ? String(Math.max(1, Math.ceil((1500 - (performance.now() - page.from)) / 500))) : "";
+    canvas.setAttribute("aria-label", say(texts.picture, { force: fixed(force, 1), distance: fixed(distance, 0) }));
+  }
+
+  function element(kind, text) {
+    const made = document.createElement(kind);
+    made.textContent = text;
+    return made;
+  }
+
+  // The hand: pointer, wheel, keys, gamepad, slider
+
+  function move(distance) { stylus.position = within(stylus.position + distance, 0, told.travel); }
+  function tilt(by) { stylus.angle = within(stylus.angle + by, told.inclined, upright); }
+
+  canvas.addEventListener("pointermove", event => {
+    if (page.phase === "cutting" && stylus.pointer?.id === event.pointerId) {
+      move((event.clientX - stylus.pointer.x) / drawing.scale);
+      if (event.pointerType === "pen" && (event.tiltX || event.tiltY)) {
+        stylus.angle = within(upright - Math.hypot(event.tiltX, event.tiltY) * Math.PI / 180, told.inclined, upright);
+      }
+    }
+    if (event.pointerType === "mouse" || event.buttons) stylus.pointer = { id: event.pointerId, x: event.clientX };
+  });
+  canvas.addEventListener("pointerdown", event => {
+    stylus.pointer = { id: event.pointerId, x: event.clientX };
+    canvas.setPointerCapture(event.pointerId);
+  });
+  for (const name of ["pointerup", "pointerleave", "pointercancel"]) {
+    canvas.addEventListener(name, () => { stylus.pointer = null; });
+  }
+  canvas.addEventListener("wheel", event => {
+    if (page.phase !== "cutting") return;
+    event.preventDefault();
+    tilt(-Math.sign(event.deltaY) * told.notch);
+  }, { passive: false });
+  byId("tilt").addEventListener("input", event => { stylus.angle = within(event.target.value * Math.PI / 180, told.inclined, upright); });
+
+  const KEYS = { ArrowRight: 1, ArrowLeft: -1 };
+  canvas.addEventListener("keydown", event => {
+    if (event.key === " ") { event.preventDefault(); start(); return; }
+    if (page.phase !== "cutting") return;
+    if (event.key in KEYS) stylus.keys.add(event.key);
+    else if (event.key === "ArrowUp") tilt(told.notch);
+    else if (event.key === "ArrowDown") tilt(-told.notch);
+    else return;
+    stylus.slowly = event.shiftKey;
+    event.preventDefault();
+  });
+  canvas.addEventListener("keyup", event => {
+    stylus.keys.delete(event.key);
+    stylus.slowly = event.shiftKey;
+  });
+  canvas.addEventListener("blur", () => stylus.keys.clear());
+
+  function moveByKeys(milliseconds) {
+    const speed = stylus.slowly ? 0.003 : 0.015; // m/s
+    for (const key of stylus.keys) move(KEYS[key] * speed * milliseconds / 1e3);
+  }
+
+  function moveByGamepad(milliseconds) {
+    for (const pad of navigator.getGamepads?.() ?? []) {
+      if (!pad) continue;
+      const push = Math.abs(pad.axes[0]) > 0.12 ? pad.axes[0] : 0;
+      move(push * 0.0254 * milliseconds / 1e3);
+      const pull = pad.buttons[7]?.value ?? 0;
+      if (pull > 0.02) stylus.angle = upright - pull * (upright - told.inclined);
+    }
+  }
+
+  // Buttons and choices
+
+  byId("start").addEventListener("click", start);
+  byId("next").addEventListener("click", () => {
+    page.chosen = (page.chosen + 1) % told.specimens.length;
+    byId("specimen").value = page.chosen;
+    prepare();
+    start();
+  });
+  byId("stop").addEventListener("click", () => finish("given up"));
+  byId("specimen").addEventListener("change", event => { page.chosen = Number(event.target.value); prepare(); });
+  byId("save").addEventListener("click", () => {
+    const operator = byId("operator");
+    if (!operator.reportValidity()) return;
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(new Blob([page.cut.csv(operator.value, page.practised)], { type: "text/csv" }));
+    link.download = `${page.cut.name}.csv`;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 1e4);
+  });
+  byId("language").addEventListener("change", event => speak(event.target.value));
+
+  function speak(language) {
+    texts = told.texts[language];
+    document.documentElement.lang = language;
+    document.title = texts.title;
+    for (const each of document.querySelectorAll("[data-text]")) each.textContent = texts[each.dataset.text];
+    for (const each of document.querySelectorAll("[data-label]")) each.setAttribute("aria-label", texts[each.dataset.label]);
+    byId("operator").title = texts.bad_operator;
+    byId("specimen").replaceChildren(...told.specimens.map(({ specimen_class: kind, episode }, k) => {
+      const option = element("option", `${texts[`class_${kind}`]}, ${say(texts.number, { number: episode + 1 })}`);
+      option.value = k;
+      return option;
+    }));
+    byId("specimen").value = page.chosen;
+    byId("language").value = language;
+    if (page.cut) show();
+  }
+
+  byId("language").replaceChildren(...Object.entries(told.texts).map(([code, each]) => {
+    const option = element("option", each.language_name);
+    option.value = code;
+    return option;
+  }));
+  const wanted = navigator.language?.slice(0, 2);
+  prepare();
+  speak(told.language === "en" && wanted in told.texts ? wanted : told.language);
+  requestAnimationFrame(frame);
+  window.cutenvPage = { page, stylus, law, start, told }; // for tests, and for whoever looks inside
+})();

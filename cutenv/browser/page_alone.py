@@ -1,0 +1,175 @@
+"""Page that cuts in a browser without a server: law, specimens, drawing and texts in one file that fetches nothing."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import hashlib
+import itertools
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import cutenv
+from cutenv._base import resources
+from cutenv._base.arrays import Array
+from cutenv._base.atomic_file import atomic_write
+from cutenv._base.document import render
+from cutenv._base.validation import in_range, one_of
+from cutenv.browser.stylus_steps import HandCut
+from cutenv.cutting.dtypes import READING
+from cutenv.cutting.simulate import CUT
+from cutenv.play.devices import INCLINED, LEAD, NOTCH, TRAVEL
+from cutenv.play.hand_model import PLAYED_HAND
+from cutenv.task.cuts import EPISODE
+from cutenv.task.reward import ENDS, FORCE_ALLOWED, TERMS
+from cutenv.task_quantities import ANGLE_TOLERANCE, TIP_TOLERANCE
+from cutenv.tissue import measured_liver
+from cutenv.tissue.specimen import CLASSES, LENGTH, SPACING
+from cutenv.viewer.drawn_slab import Slab
+
+LAW = "browser/law.wasm"
+"""The compiled task, below ``assets``."""
+LANGUAGES = ("en", "de")
+OFFERED = ("liver", "uniform", "vascular")
+"""Classes of specimens that a page offers by default."""
+_HERE = Path(__file__).parent / "page"
+_SCRIPTS = ("law.js", "record.js", "drawing.js", "page.js")
+_TIPS = 61  # positions of the tip for which the page holds the field; between them it is interpolated
+
+
+def write_page_alone(path: Path, **options: Any) -> int:
+    """Write the page of :func:`page_alone`, as a whole or not at all; return its size [bytes].
+
+    Parameters
+    ----------
+    path : Path
+        Page to write (.html).
+    **options
+        Those of :func:`page_alone`.
+
+    Raises
+    ------
+    OSError
+        If the page cannot be written.
+    """
+    document = page_alone(**options).encode("utf-8")
+    with atomic_write(path) as part:
+        part.write_bytes(document)
+    return len(document)
+
+
+def page_alone(
+    *, specimen_classes: Sequence[str] = OFFERED, count: int = 4, seed: int = 0, language: str = "en"
+) -> str:
+    """Return a page that cuts, shows numbers and saves records.
+
+    Parameters
+    ----------
+    specimen_classes : sequence of str
+        Classes of specimens to offer.
+    count : int
+        Number of specimens of each class, episodes 0 to ``count`` - 1 of ``seed``.
+    seed : int
+        Seed of specimens, targets and noise.
+    language : {"en", "de"}
+        Language until the reader chooses.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range.
+    ModuleNotFoundError
+        If Jinja2 is not installed.
+    """
+    for each in specimen_classes:
+        one_of("specimen_class", each, CLASSES)
+    one_of("language", language, LANGUAGES)
+    in_range("seed", seed, 0, 2**53, "1", "Give a whole number from 0.")
+    numbers = range(round(in_range("count", count, 1, 100, "1", "Give how many specimens of each class.")))
+    told = page_data() | {
+        "language": language,
+        "specimens": [specimen_data(each, seed, k) for each, k in itertools.product(specimen_classes, numbers)],
+    }
+    values = {
+        "data": json.dumps(told, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
+        "law": _base64(resources.path(LAW).read_bytes()),
+        "code": "\n".join((_HERE / name).read_text(encoding="utf-8") for name in _SCRIPTS),
+        "words": told["texts"][language],
+        "language": language,
+    }
+    return render(_HERE / "page_alone.html", values, filters={"digest": _digest})
+
+
+def page_data() -> dict[str, Any]:
+    """Return what every page needs to know, whatever the specimen: layouts, hand, limits, slab, texts; SI units."""
+    return {
+        "version": cutenv.__version__,
+        "layout": {"cut": layout(CUT), "episode": layout(EPISODE), "reading": layout(READING)},
+        "hand": dataclasses.asdict(PLAYED_HAND),
+        "ends": ENDS,
+        "terms": TERMS,
+        "force_allowed_per_depth": FORCE_ALLOWED,
+        "tip_tolerance": TIP_TOLERANCE,
+        "angle_tolerance": ANGLE_TOLERANCE,
+        "lead": LEAD,
+        "travel": TRAVEL,
+        "notch": NOTCH,
+        "inclined": INCLINED,
+        "spacing": SPACING,
+        "length": LENGTH,
+        "slab": _slab_data(),
+        "texts": {each: json.loads((_HERE / f"texts.{each}.json").read_text(encoding="utf-8")) for each in LANGUAGES},
+    }
+
+
+def specimen_data(specimen_class: str, seed: int, episode: int) -> dict[str, Any]:
+    """Return a cut at its start: its key, and the records of its whole state as base64; hidden truth included."""
+    cut = HandCut(specimen_class=specimen_class, seed=seed, episode=episode)
+    return {
+        "specimen_class": specimen_class,
+        "seed": seed,
+        "episode": episode,
+        "cut": _base64(cut.cuts.tobytes()),
+        "task": _base64(cut.episodes.tobytes()),
+    }
+
+
+def layout(kind: np.dtype[Any]) -> dict[str, Any]:
+    """Return a structured dtype's size and offsets of fields [bytes], those of parts as "part.field"."""
+    offsets: dict[str, int] = {}
+    for name, (field, offset, *_) in (kind.fields or {}).items():
+        offsets[name] = offset
+        for inner, (_, further, *_) in (field.base.fields or {}).items():
+            offsets[f"{name}.{inner}"] = offset + further
+    return {"size": kind.itemsize, "offsets": offsets}
+
+
+def _slab_data() -> dict[str, Any]:
+    """Return the finite-element field for drawing: places at rest, and displacement by tip for a unit of lag."""
+    model = measured_liver().cut_model()
+    slab = Slab(model, (1, 1))
+    tips = np.linspace(0.0, model.length, _TIPS)
+    fields = np.stack([slab.displacement(min(max(tip, 1e-3), model.length - 1e-3), 1.0) for tip in tips.tolist()])
+    return {
+        "width": model.width,
+        "shape": slab.rest.shape[:3],
+        "rest": _single(slab.rest),
+        "tips": _TIPS,
+        "fields": _single(fields),
+    }
+
+
+def _single(values: Array) -> str:
+    return _base64(values.astype("<f4").tobytes())
+
+
+def _base64(content: bytes) -> str:
+    return base64.b64encode(content).decode("ascii")
+
+
+def _digest(code: str) -> str:
+    return _base64(hashlib.sha256(code.encode()).digest())

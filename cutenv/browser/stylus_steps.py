@@ -1,0 +1,143 @@
+"""Milliseconds of a cut that a hand leads: one function, compiled for Python and for the browser."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from cutenv._base.arrays import Array, StructArray
+from cutenv._engine.jit import njit
+from cutenv.cutting.drive import Hand
+from cutenv.cutting.dtypes import READING, TICK
+from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.play.hand_model import PLAYED_HAND, speed_over
+from cutenv.task.assessment import succeeded
+from cutenv.task.cuts import step_one
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, speed_action
+from cutenv.task.reward import ENDS
+
+
+@njit
+def follow_stylus(
+    cuts: StructArray,
+    episodes: StructArray,
+    stylus: Array,
+    lag: float,
+    acceleration: float,
+    actions: Array,
+    observations: StructArray,
+    readings: StructArray,
+    outcome: Array,
+) -> int:
+    """Advance one cut by a millisecond for each place of a person's hand, until it ends; return their number.
+
+    Parameters
+    ----------
+    cuts, episodes : Records, shape (1,)
+        :data:`~cutenv.cutting.simulate.CUT` and :data:`~cutenv.task.cuts.EPISODE`, changed in place.
+    stylus : array, shape (n, 2)
+        Wanted position of the hand [m] and angle of the blade [rad].
+    lag, acceleration : float
+        Of the hand [s], [m/s2].
+    actions, observations : array, shape (1, 2), (1, 12) float32
+        Memory of the calls.
+    readings : Records, shape (n, 1)
+        :data:`~cutenv.cutting.dtypes.READING`, filled up to the end.
+    outcome : array, shape (2,)
+        Filled: index of the end in :data:`~cutenv.task.reward.ENDS`, 0 while the cut goes on; 1 for a success.
+    """
+    done = end = 0
+    for i in range(len(stylus)):
+        speed = speed_over(stylus[i, 0] - cuts[0].states[0].hand, lag, acceleration)
+        # An action is of single precision, as an agent's.
+        for k, action in enumerate((speed_action(speed), (stylus[i, 1] - ANGLE_CENTRE) / ANGLE_SCALE)):
+            actions[0, k] = min(max(float(np.float32(action)), -1.0), 1.0)
+        done = i + 1
+        end = step_one(cuts, episodes, 1, True, actions, observations, readings[i:done])[1]
+        if end != 0:
+            break
+    outcome[0] = end
+    outcome[1] = 1.0 if end != 0 and succeeded(episodes[0].tasks[0], episodes[0].progresses[0]) else 0.0
+    return done
+
+
+class HandCut:
+    """Cut by a person's hand that is given as positions and angles: what the page simulates, in Python.
+
+    It is the cut of :class:`cutenv.play.PlayedCut` with the same key, without its window's needs.
+
+    Parameters
+    ----------
+    specimen_class : str
+        "uniform", "liver", "vascular" or "mixed".
+    seed, episode : int
+        Key of specimen, target and noise.
+    deadline : float
+        Time for the cut [s].
+    hand : Hand
+        Coupling between the person and the blade.
+
+    Attributes
+    ----------
+    end : str
+        Cause of the end, one of the environment's ends; empty while the cut goes on.
+    success : bool
+        True once the cut has ended in success.
+    """
+
+    def __init__(
+        self,
+        *,
+        specimen_class: str = "liver",
+        seed: int = 0,
+        episode: int = 0,
+        deadline: float = 30.0,
+        hand: Hand = PLAYED_HAND,
+    ) -> None:
+        self._env = GentleCutEnv(
+            specimen_class=specimen_class,
+            deadline_s=deadline,
+            control_hz=round(1.0 / TICK),
+            drive="hand",
+            **dataclasses.asdict(hand),
+        )
+        self._env.reset(seed=seed, options={"episode": episode})
+        self.hand = hand
+        self.end, self.success = "", False
+        self._action, self._observation = np.zeros((1, 2)), np.zeros((1, len(COMPONENTS)), np.float32)
+
+    @property
+    def cuts(self) -> StructArray:
+        """State of tissue, blade, drive and sensor, :data:`~cutenv.cutting.simulate.CUT`, shape (1,)."""
+        return self._env.plant.cuts
+
+    @property
+    def episodes(self) -> StructArray:
+        """State of the task, :data:`~cutenv.task.cuts.EPISODE`, shape (1,)."""
+        return self._env.cutting.episode
+
+    @property
+    def measured_depth(self) -> Array:
+        """Depth of cut along the line as measured beforehand, shape (301,) [m]: that of the record."""
+        return self._env.plant.depth
+
+    def follow(self, stylus: Any) -> StructArray:
+        """Advance by a millisecond for each row of ``stylus``, until the cut ends; return the readings.
+
+        Parameters
+        ----------
+        stylus : array_like, shape (n, 2)
+            Wanted position of the hand, from the clamp [m], and angle of the blade [rad].
+        """
+        places = np.ascontiguousarray(stylus, dtype=np.float64).reshape(-1, 2)
+        readings, outcome = np.zeros((len(places), 1), READING), np.zeros(2)
+        if self.end:
+            return readings[:0, 0]
+        done = follow_stylus(
+            self.cuts, self.episodes, places, self.hand.motor_lag, self.hand.acceleration, self._action,
+            self._observation, readings, outcome,
+        )  # fmt: skip
+        self.end, self.success = ENDS[int(outcome[0])], bool(outcome[1])
+        return readings[:done, 0]

@@ -1,0 +1,52 @@
+"""Write a page of one file that cuts in a browser: nothing to install, no server, no network."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from cutenv.browser.page_alone import LANGUAGES, OFFERED, write_page_alone
+from cutenv.commands.options import command_parser, made_folder, reports_errors
+from cutenv.tissue.specimen import CLASSES
+
+
+@reports_errors("single-page")
+def main(argv: Sequence[str]) -> int:
+    """Run the command; return 0, or 2 if an option is bad."""
+    arguments = _parser().parse_args(argv)
+    made_folder("PAGE", arguments.page.parent)
+    size = write_page_alone(
+        arguments.page,
+        specimen_classes=arguments.specimen_class or OFFERED,
+        count=arguments.count,
+        seed=arguments.seed,
+        language=arguments.language,
+    )
+    print(f"page: {arguments.page} ({size / 1e6:.1f} MB); open it in a browser, also from a stick or by mail")
+    if arguments.open:
+        import webbrowser
+
+        webbrowser.open(arguments.page.resolve().as_uri())
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command_parser(
+        "single-page",
+        __doc__,
+        examples=("cut.html --open", "klasse.html --language de --specimen-class vascular --count 10 --seed 7"),
+        note="The page saves records that 'cutenv score' and 'cutenv study' read.",
+    )
+    parser.add_argument("page", type=Path, metavar="PAGE", help="page to write (.html)")
+    parser.add_argument(
+        "--specimen-class",
+        action="append",
+        choices=CLASSES,
+        help=f"class of specimens, may be repeated; default {', '.join(OFFERED)}",
+    )
+    parser.add_argument("--count", type=int, default=4, metavar="N", help="specimens of each class; default 4")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of specimens and targets; default 0")
+    parser.add_argument("--language", choices=LANGUAGES, default="en", help="language of the page; default en")
+    parser.add_argument("--open", action="store_true", help="open the page in the browser")
+    return parser

@@ -1,0 +1,137 @@
+"""Build the law of the page: WebAssembly from the kernels that Python runs, assets/browser/law.wasm.
+
+    python scripts/build_browser_law.py            # build it
+    python scripts/build_browser_law.py --check    # build it and compare with the one that is kept; 1 if they differ
+
+Numba translates the kernels to LLVM's intermediate code, without optimising and for no processor in particular;
+llvmlite's own back end makes WebAssembly of it, and the linker comes from the wheel ``ziglang``.  Nothing is computed
+anew: the arithmetic is that of IEEE 754 in the order of the source, so its results are Python's to the last bit
+(tests/browser).  Calls of Python and of Numba's runtime, all in branches that are never taken, become traps.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+BUILT = Path(__file__).parents[1] / "assets" / "browser" / "law.wasm"
+_ENTRY = "follow"
+_LAYOUT = "e-m:e-p:32:32-p10:8:8-p20:8:8-i64:64-i128:128-n32:64-S128-ni:1:10:20"  # of data, for wasm32
+_TRIPLE = "wasm32-unknown-unknown"
+_RUNTIME = ("NRT_", "Py", "numba_")  # begin the names of functions of Numba's runtime and of Python
+_FEATURES = "+bulk-memory,+bulk-memory-opt,+mutable-globals,+nontrapping-fptoint,+sign-ext"  # of browsers since 2022
+
+
+def main() -> int:
+    """Build; return 1 if the result is to be compared and differs."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true", help="compare with the file that is kept")
+    arguments = parser.parse_args()
+    content = linked(compiled(intermediate_code()))
+    if arguments.check:
+        same = BUILT.read_bytes() == content
+        print(f"{BUILT.name}: {len(content)} bytes, {'as kept' if same else 'NOT as kept: build it again'}")
+        return 0 if same else 1
+    BUILT.parent.mkdir(parents=True, exist_ok=True)
+    BUILT.write_bytes(content)
+    print(f"{BUILT}: {len(content)} bytes")
+    return 0
+
+
+def intermediate_code() -> str:
+    """Return LLVM's intermediate code of the entry and all that it calls."""
+    # Numba reads these when it is imported.  Its cache would hold code for this processor.
+    os.environ |= {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+    with tempfile.TemporaryDirectory() as cache:
+        os.environ["NUMBA_CACHE_DIR"] = cache
+        import warnings
+
+        import numba
+        from numba.core import types
+        from numba.np.numpy_support import from_dtype
+
+        from cutenv.browser.stylus_steps import follow_stylus
+        from cutenv.cutting.dtypes import READING
+        from cutenv.cutting.simulate import CUT
+        from cutenv.task.cuts import EPISODE
+
+        library: Any = numba  # which has no types
+        carray, pointer = library.carray, library.types.CPointer
+        cut, episode, reading = (pointer(from_dtype(kind)) for kind in (CUT, EPISODE, READING))
+        number, single = pointer(types.float64), pointer(types.float32)
+
+        def follow(
+            cuts: Any, episodes: Any, stylus: Any, count: Any, lag: Any, acceleration: Any, actions: Any,
+            observations: Any, readings: Any, outcome: Any,
+        ) -> Any:  # fmt: skip
+            return follow_stylus(
+                carray(cuts, (1,)), carray(episodes, (1,)), carray(stylus, (count, 2)), lag, acceleration,
+                carray(actions, (1, 2)), carray(observations, (1, 12)), carray(readings, (count, 1)),
+                carray(outcome, (2,)),
+            )  # fmt: skip
+
+        kind = types.int32(
+            cut, episode, number, types.int32, types.float64, types.float64, number, single, reading, number
+        )  # fmt: skip
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", numba.NumbaWarning)  # of what cannot be cached
+            made: Any = library.cfunc(kind, nopython=True, error_model="numpy")(follow)
+        code: str = made._library.get_llvm_str()
+        return code.replace(made.native_name, _ENTRY)
+
+
+def compiled(code: str) -> bytes:
+    """Return an object file for WebAssembly."""
+    import llvmlite.binding as llvm
+
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    code = re.sub(r'^target datalayout = ".*"', f'target datalayout = "{_LAYOUT}"', code, flags=re.M)
+    code = re.sub(r'^target triple = ".*"', f'target triple = "{_TRIPLE}"', code, flags=re.M)
+    code = re.sub(r"^declare (\w+) @(?!llvm\.)([\w.]+)\((.*?)\).*$", _defined, code, flags=re.M)
+    module: Any = llvm.parse_assembly(f"{code}\ndeclare void @llvm.trap()\n")
+    for each in (*module.functions, *module.global_variables):
+        if not each.is_declaration:
+            each.linkage = "external" if each.name == _ENTRY else "internal"
+    target: Any = llvm.Target.from_triple(_TRIPLE)
+    machine = target.create_target_machine(cpu="generic", features=_FEATURES, opt=2)
+    tuning: Any = llvm.create_pipeline_tuning_options(speed_level=2)
+    tuning.loop_vectorization = tuning.slp_vectorization = False
+    builder: Any = llvm.create_pass_builder(machine, tuning)
+    builder.getModulePassManager().run(module, builder)
+    content: bytes = machine.emit_object(module)
+    return content
+
+
+def _defined(declared: re.Match[str]) -> str:
+    """Return a function in the place of a declared one that the browser does not have."""
+    kind, name, parameters = declared.groups()
+    if name == "sqrt":  # an instruction of WebAssembly
+        return (
+            "declare double @llvm.sqrt.f64(double)\ndefine internal double @sqrt(double %x) {\n"
+            "  %root = call double @llvm.sqrt.f64(double %x)\n  ret double %root\n}"
+        )
+    if not name.startswith(_RUNTIME):
+        raise RuntimeError(f"the kernels call {name}, which is not part of the engine: it would differ by machine.")
+    return f"define internal {kind} @{name}({parameters}) noinline {{\n  call void @llvm.trap()\n  unreachable\n}}"
+
+
+def linked(content: bytes) -> bytes:
+    """Return a module that exports the entry, its memory and where free memory begins; it imports nothing."""
+    with tempfile.TemporaryDirectory() as folder:
+        part, whole = Path(folder) / "law.o", Path(folder) / "law.wasm"
+        part.write_bytes(content)
+        exports = [f"--export={name}" for name in (_ENTRY, "__heap_base")]
+        linker = [sys.executable, "-m", "ziglang", "wasm-ld", "--no-entry", "--strip-all", *exports]
+        subprocess.run([*linker, "-o", str(whole), str(part)], check=True)
+        return whole.read_bytes()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
