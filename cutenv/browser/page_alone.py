@@ -31,7 +31,7 @@ from cutenv.tissue import measured_liver
 from cutenv.tissue.specimen import CLASSES, LENGTH, SPACING
 from cutenv.viewer.drawn_slab import Slab
 
-LAW = "browser/law.wasm"
+LAW_PROGRAM = "browser/law.wasm"
 """The compiled task, below ``assets``."""
 LANGUAGES = ("en", "de")
 OFFERED = ("liver", "uniform", "vascular")
@@ -96,7 +96,7 @@ def page_alone(
     }
     values = {
         "data": json.dumps(told, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
-        "law": _base64(resources.path(LAW).read_bytes()),
+        "law": _base64(resources.path(LAW_PROGRAM).read_bytes()),
         "code": "\n".join((_HERE / name).read_text(encoding="utf-8") for name in _SCRIPTS),
         "words": told["texts"][language],
         "language": language,

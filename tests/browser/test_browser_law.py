@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cutenv._base import resources
-from cutenv.browser.page_alone import LAW
+from cutenv.browser.page_alone import LAW_PROGRAM
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.cutting.dtypes import READING
 from cutenv.play import PlayedCut, Stylus
@@ -36,7 +36,7 @@ class Compiled:
 
     def __init__(self, cut: HandCut) -> None:
         self._store = wasmtime.Store()
-        module = wasmtime.Module(self._store.engine, resources.path(LAW).read_bytes())
+        module = wasmtime.Module(self._store.engine, resources.path(LAW_PROGRAM).read_bytes())
         assert not module.imports
         self._exports = wasmtime.Instance(self._store, module, []).exports(self._store)
         self._hand = cut.hand
