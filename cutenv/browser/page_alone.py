@@ -24,8 +24,9 @@ from cutenv.cutting.dtypes import READING
 from cutenv.cutting.simulate import CUT
 from cutenv.play.devices import INCLINED, LEAD, NOTCH, TRAVEL
 from cutenv.play.hand_model import PLAYED_HAND
+from cutenv.task.assessment import NEAR_TARGET
 from cutenv.task.cuts import EPISODE
-from cutenv.task.reward import ENDS, FORCE_ALLOWED, TERMS
+from cutenv.task.reward import ENDS, FORCE_ALLOWED, TERMS, TIME_AT_REST
 from cutenv.task_quantities import ANGLE_TOLERANCE, TIP_TOLERANCE
 from cutenv.tissue import measured_liver
 from cutenv.tissue.specimen import CLASSES, LENGTH, SPACING
@@ -115,6 +116,8 @@ def page_data() -> dict[str, Any]:
         "force_allowed_per_depth": FORCE_ALLOWED,
         "tip_tolerance": TIP_TOLERANCE,
         "angle_tolerance": ANGLE_TOLERANCE,
+        "near_target": NEAR_TARGET,
+        "time_at_rest": TIME_AT_REST,
         "lead": LEAD,
         "travel": TRAVEL,
         "notch": NOTCH,

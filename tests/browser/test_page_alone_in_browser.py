@@ -153,6 +153,22 @@ def test_a_fast_flick_does_not_run_the_cut_away(page: chromium.Browser) -> None:
     page.value("document.getElementById('stop').click()")
 
 
+def test_near_the_target_it_says_what_is_still_missing(page: chromium.Browser) -> None:
+    start(page)
+    assert page.value("document.getElementById('missing').textContent") == ""
+    to_the_target = """(() => {
+      const { page, stylus } = cutenvPage, { cut } = page;
+      while (cut.blade < cut.target - 0.004 && !cut.end) cut.advance([[cut.hand + 0.002, 0.5 * Math.PI]]);
+      stylus.position = cut.hand;
+    })()"""
+    page.value(to_the_target)
+    wait(page, "document.getElementById('missing').textContent.includes('still pull')")
+    page.value("cutenvPage.page.cut.advance(Array.from({ length: 200 }, () => [cutenvPage.page.cut.hand, 1.2]))")
+    wait(page, "/upright|pull/.test(document.getElementById('missing').textContent)")
+    page.value("document.getElementById('stop').click()")
+    assert page.value("document.getElementById('missing').textContent") == ""
+
+
 @pytest.mark.parametrize("language", ["en", "de"])
 @pytest.mark.parametrize("dark", [False, True])
 def test_it_fits_a_telephone_and_can_be_read(

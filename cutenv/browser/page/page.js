@@ -128,7 +128,18 @@
     byId("time").textContent = say(texts.of, { value: fixed(cut.last("time"), 1), most: fixed(cut.deadline, 0) });
     byId("tilt").value = Math.round(stylus.angle * 180 / Math.PI);
     byId("countdown").textContent = page.phase === "countdown" ? String(Math.max(1, Math.ceil((1500 - (performance.now() - page.from)) / 500))) : "";
+    byId("missing").textContent = page.phase === "cutting" ? missing(cut, force) : "";
     canvas.setAttribute("aria-label", say(texts.picture, { force: fixed(force, 1), distance: fixed(distance, 0) }));
+  }
+
+  // What is still missing to finish, once the blade has come near the target; from what a rig measures, too.
+  function missing(cut, force) {
+    const progress = name => law.number("episode", `progresses.${name}`);
+    if (!cut.count || progress("furthest") < cut.target - told.near_target) return "";
+    if (Math.abs(upright - cut.angle) > told.angle_tolerance) return say(texts.missing_upright, { angle: fixed(cut.angle * 180 / Math.PI, 0) });
+    const rested = progress("quiet");
+    if (rested > 0) return say(texts.missing_still, { time: fixed(Math.max(told.time_at_rest - rested, 0), 1) });
+    return say(texts.missing_back, { force: fixed(Math.max(force, 0), 1) });
   }
 
   function element(kind, text) {
