@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.columns import UNITS, Column, header_of, parse_header
+from cutenv.recording.csv_file import read_metadata
 from cutenv.recording.files import load, load_one, save
 from cutenv.recording.operators import OperatorRow, load_operators
 from cutenv.recording.provenance import Provenance
@@ -36,6 +37,7 @@ __all__ = [
     "load_one",
     "load_operators",
     "parse_header",
+    "read_metadata",
     "read_record",
     "save",
 ]
