@@ -10,7 +10,7 @@ from cutenv.recording.columns import UNITS, Column, header_of, parse_header
 from cutenv.recording.csv_file import read_metadata
 from cutenv.recording.files import load, load_one, save
 from cutenv.recording.operators import OperatorRow, load_operators
-from cutenv.recording.provenance import Provenance
+from cutenv.recording.provenance import Provenance, TissueHandling
 from cutenv.recording.record_errors import RecordError
 from cutenv.recording.schema import SCHEMA
 
@@ -31,6 +31,7 @@ __all__ = [
     "Provenance",
     "RecordError",
     "RecordingFailed",
+    "TissueHandling",
     "header_of",
     "load",
     "load_foreign",
