@@ -145,7 +145,9 @@ def _compared(
     }
     counts = Counter(settings)
     reference = max(held, key=lambda setting: (len(held[setting]), counts[setting]))
-    others = sorted((each for each in held if each != reference), key=lambda each: (each.angle, each.speed))
+    others = sorted(
+        (each for each in held if each != reference), key=lambda each: (round(math.degrees(each.angle)), each.speed)
+    )
     count = len(set(specimens.tolist()))
     degrees = len(values) - count - len(others)
     if count < 2 or not others or degrees < 1:

@@ -27,7 +27,7 @@ FEEDBACK = {
 
 
 class ShownFeedback(NamedTuple):
-    """What a person sees at one moment: the present force, its trace, and after the cut score and advice."""
+    """Parts of the feedback that are shown at one moment: the present force, its trace, and after the cut the result."""
 
     force: bool = True
     trace: bool = True

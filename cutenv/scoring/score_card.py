@@ -43,7 +43,7 @@ class Scored:
 
 @dataclass(frozen=True, kw_only=True)
 class ScriptScore:
-    """What a script got on the very specimen of a cut: overall score, and outcome in a few words."""
+    """Overall score of a script on the very specimen of a cut, and its outcome in a few words."""
 
     name: str
     overall_score: float
