@@ -34,6 +34,7 @@ _EXTRAS_OF_MODULE = {
     "sb3_contrib": ("rl",),
     "serial": ("rig",),
     "stable_baselines3": ("rl",),
+    "statsmodels": ("stats",),
     "tomlkit": ("rig",),
     "torch": ("rl",),
     "tqdm": ("view", "data", "rl", "vision"),

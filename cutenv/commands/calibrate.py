@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import sys
+from collections import Counter
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 from cutenv._base.atomic_file import atomic_write
 from cutenv.commands.inputs import read_records
 from cutenv.commands.options import add_record_options, command_parser, made_folder, reports_errors, watched
 from cutenv.measurement.calibration import RESAMPLES, check_resamples, measure_cuts, tissue_of
+from cutenv.measurement.measured_cut import MeasuredCut
+from cutenv.measurement.within_specimens import compare_settings
+from cutenv.recording import Provenance, TissueHandling
 from cutenv.tissue import CutModel, TissueDescription
+from cutenv.trace import Trace
 
 
 @reports_errors("calibrate")
@@ -20,9 +27,11 @@ def main(argv: Sequence[str]) -> int:
     arguments = _parser().parse_args(argv)
     _check_outputs(arguments)
     check_resamples(arguments.resamples)
+    if arguments.within_specimens and find_spec("statsmodels") is None:
+        raise ModuleNotFoundError("comparing within specimens needs statsmodels", name="statsmodels")
     model = CutModel(element=arguments.element, formulation=arguments.formulation, poisson=arguments.poisson)
     records = read_records(arguments)
-    for note in records.notes:
+    for note in [*records.notes, *differences_in_handling(records.traces)]:
         print(f"note: {note}", file=sys.stderr)
     cuts, unmeasured = measure_cuts(records.traces, model, progress=lambda cuts: watched(cuts, "measuring", "cut"))
     if unmeasured and not arguments.skip_bad:
@@ -32,6 +41,7 @@ def main(argv: Sequence[str]) -> int:
     tissue = tissue_of(
         cuts, model, name=arguments.name or arguments.out.stem, resamples=arguments.resamples, refused=refused
     )
+    compared = settings_table(cuts) if arguments.within_specimens else ""
     if arguments.report:  # first, for it may need an extra: a tissue without its card would look finished
         from cutenv.report.calibration_card import ValidationCard, calibration_headline, write_validation_card
 
@@ -40,6 +50,8 @@ def main(argv: Sequence[str]) -> int:
     with atomic_write(arguments.out) as part:
         part.write_text(tissue.to_json() + "\n", encoding="utf-8")
     print(summary(tissue))
+    if compared:
+        print(f"\n{compared}")
     if arguments.report:
         print(f"\n{calibration_headline(card)}\ncard: {arguments.report} and {data}")
     print(f"tissue: {arguments.out}")
@@ -60,6 +72,42 @@ def summary(tissue: TissueDescription) -> str:
         lines.append(f"  {each.name:25s} {getattr(tissue, each.name):11.4g}  {interval:24s}{why}".rstrip())
     lines += [f"note: {note}" for note in about.notes]
     return "\n".join(lines)
+
+
+def settings_table(cuts: Sequence[MeasuredCut]) -> str:
+    """Return how modulus and resistance of every setting stand to the reference setting, within specimens, as text."""
+    lines = []
+    for found in compare_settings(cuts):
+        lines.append(
+            f"{found.quantity} over that at {found.reference}, within {found.specimens} specimens, 95 % intervals"
+        )
+        lines += [
+            f"  {each.setting!s:25s} {each.ratio:11.3f}  {each.low:.3f} to {each.high:.3f}, {each.cuts} cuts"
+            for each in found.effects
+        ]
+        spread = f"standard deviation {100 * found.between_sd:.0f} % between specimens"
+        lines.append(f"  {spread}, {100 * found.within_sd:.0f} % between cuts of one at the same setting")
+        if found.without_reference:
+            lines.append(f"  note: no reference cut on {', '.join(found.without_reference)}")
+    return "\n".join(lines)
+
+
+def differences_in_handling(traces: Sequence[Trace]) -> list[str]:
+    """Return a note for each part of the tissue's handling in which the records differ.
+
+    Raises
+    ------
+    ValueError
+        If a record's handling is not valid.
+    """
+    handled = [Provenance.from_metadata(trace.metadata).handling or TissueHandling() for trace in traces]
+    notes = []
+    for part in dataclasses.fields(TissueHandling):
+        counts = Counter(getattr(each, part.name) for each in handled)
+        if len(counts) > 1:
+            said = ", ".join(f"{'not noted' if value is None else value} ({n} cuts)" for value, n in counts.items())
+            notes.append(f"the tissue's handling differs in {part.name}: {said}")
+    return notes
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
@@ -97,6 +145,12 @@ def _parser() -> argparse.ArgumentParser:
         default=RESAMPLES,
         metavar="N",
         help=f"bootstrap resamples for the intervals; default {RESAMPLES}",
+    )
+    parser.add_argument(
+        "--within-specimens",
+        action="store_true",
+        help="compare speeds and angles within specimens too, by a mixed model whose random effect is the specimen; "
+        "needs cutenv[stats]",
     )
     model = parser.add_argument_group("finite-element model that the moduli belong to")
     model.add_argument("--element", default="quad8", choices=["quad4", "quad8"], help="element; default quad8")

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cutenv.commands.options import (
     add_specimen_class,
@@ -18,7 +19,11 @@ from cutenv.commands.options import (
     target_length,
 )
 
+if TYPE_CHECKING:
+    from cutenv.play.course_progress import CourseProgress
+
 _EXTRA = ("pygame", "pymunk")
+_DEFAULT_CLASS = "liver"
 
 
 @reports_errors("play")
@@ -34,6 +39,7 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.play.play_window import PlayWindow
     from cutenv.viewer.window import open_display
 
+    course = _course_of(arguments)
     length = target_length(arguments)
     open_display()  # before what takes half a minute where it has to be compiled
     print("preparing the first specimen ...", file=sys.stderr, flush=True)
@@ -41,7 +47,7 @@ def main(argv: Sequence[str]) -> int:
         made_folder("--picture", arguments.picture.parent)
     session = Session(
         MouseDevice(),
-        specimen_class=arguments.specimen_class,
+        specimen_class=arguments.specimen_class or _DEFAULT_CLASS,
         target_length=length,
         seed=secrets.randbelow(2**31) if arguments.seed is None else arguments.seed,
         folder=arguments.out,
@@ -50,6 +56,7 @@ def main(argv: Sequence[str]) -> int:
         countdown=0.0 if arguments.scripted else COUNTDOWN,
         cuts=1 if arguments.scripted and arguments.cuts is None else arguments.cuts,
         handle=True,
+        course=course,
     )
     window = PlayWindow(session, scripted=arguments.scripted)
     try:
@@ -57,26 +64,68 @@ def main(argv: Sequence[str]) -> int:
     finally:
         for path in session.records:
             print(f"record: {path}")
-    if session.card is not None:
+    if session.card is not None and session.sight().shown.result:
         print(session.card.headline())
-    if session.records:
         print(f"in full: cutenv score {session.records[-1]}")
+    if course is not None:
+        print(f"{course.verdict} {course.ahead()}".strip())
     if arguments.picture is not None:
         window.save(arguments.picture)
     return 0
+
+
+def _course_of(arguments: argparse.Namespace) -> CourseProgress | None:
+    """Return the progress of the operator in the course, None without one.
+
+    Raises
+    ------
+    ValueError
+        If the course is not valid or done, there is no code, or an option says what the course says.
+    """
+    if arguments.course is None:
+        return None
+    from cutenv.play.course import named_course
+    from cutenv.play.course_progress import CourseProgress
+
+    given = {"--specimen-class": arguments.specimen_class, "--target-length": arguments.target_length}
+    given |= {"--seed": arguments.seed, "--practice": arguments.practice or None}
+    twice = [option for option, value in given.items() if value is not None]
+    if twice:
+        raise ValueError(f"{' and '.join(twice)} cannot be given with --course, which sets it.")
+    if arguments.operator is None:
+        raise ValueError("--course needs --operator CODE, such as P07: it goes on where that person stopped.")
+    progress = CourseProgress(named_course(arguments.course), arguments.operator, arguments.out)
+    for reason in progress.unread:
+        print(f"note: not counted: {reason}", file=sys.stderr)
+    if progress.task is None:
+        raise ValueError(f"{progress.ahead()} The records are in {arguments.out}.")
+    print(progress.ahead(), file=sys.stderr, flush=True)
+    return progress
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = command_parser(
         "play",
         __doc__,
-        examples=("--operator P07", "--specimen-class uniform --practice", "--cuts 10 --target-length 80mm --out cuts"),
+        examples=(
+            "--operator P07",
+            "--specimen-class uniform --practice",
+            "--cuts 10 --target-length 80mm --out cuts",
+            "--course first --operator P07",
+        ),
         note="Space begins and goes on, r repeats, c chooses the class, p shows what is hidden, m frees the mouse,\n"
         "F11 fills the screen, esc ends.\n"
         "Training feedback for research; not validated for assessment or credentialing of people.",
     )
-    add_specimen_class(parser, "liver")
+    add_specimen_class(parser, _DEFAULT_CLASS)
+    parser.set_defaults(specimen_class=None)  # so that it is known whether it was given
     add_target_length(parser, "drawn from 60mm to 100mm")
+    parser.add_argument(
+        "--course",
+        metavar="COURSE",
+        help="file of a course, or the name of one that comes with cutenv (first, force-shown): goes on with the "
+        "operator's next task, as the records in --out tell",
+    )
     parser.add_argument("--operator", metavar="CODE", help="anonymous code in the records, such as P07")
     parser.add_argument(
         "--seed", type=int, metavar="N", help="seed of the specimens, for the same ones again; default a new one"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import re
 import sys
 from collections.abc import Sequence
@@ -30,6 +31,7 @@ def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the records or the options are bad."""
     arguments = _parser().parse_args(argv)
     from cutenv.commands.inputs import read_records, without_target
+    from cutenv.envs.difficulty import scripts_on_specimen_of
     from cutenv.report.score_page import ScoredRecord, write_score_page, write_summary
     from cutenv.scoring import score
 
@@ -45,6 +47,7 @@ def main(argv: Sequence[str]) -> int:
     for trace in records.traces:
         aimed = target if target is not None else trace.metadata.get("target_length_m")
         card = score(trace, target_length=aimed, reference=fitting_reference(reference, trace))
+        card = dataclasses.replace(card, scripts=scripts_on_specimen_of(trace))
         name = re.sub(r"[^\w.-]+", "_", card.name) + "_score.html"
         scored = ScoredRecord(trace=trace, card=card, target_length=aimed)
         write_score_page(arguments.out / name, scored)

@@ -21,7 +21,7 @@ from cutenv.commands.options import (
 from cutenv.recording import OperatorRow, load_operators
 from cutenv.scoring import METRICS, score
 from cutenv.scoring.score_card import DISCLAIMER
-from cutenv.scoring.study import StudiedCut, Study
+from cutenv.scoring.study import StudiedCut, Study, condition_of
 
 SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
 
@@ -30,6 +30,7 @@ SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the records, the table or the options are bad."""
     arguments = _parser().parse_args(argv)
+    from cutenv.report.crossover_table import crossover_lines
     from cutenv.report.study_page import write_study
     from cutenv.report.study_table import table_lines
 
@@ -46,6 +47,7 @@ def main(argv: Sequence[str]) -> int:
             operator=row.operator,
             group=row.group,
             session=row.session,
+            condition=condition_of(records.traces[i].metadata),
         )
         for row, i in watched(assigned(rows, records, arguments.operators), "scoring", "cut")
     ]
@@ -58,7 +60,7 @@ def main(argv: Sequence[str]) -> int:
         target_group=arguments.criterion_group,
         target=arguments.criterion,
     )
-    print("\n".join(table_lines(study)))
+    print("\n".join([*table_lines(study), *crossover_lines(study)]))
     for each in records.refused:
         print(f"note: left out: {each.name}: {each.reason}")
     if arguments.out is not None:

@@ -21,6 +21,7 @@ def missing_to_finish(
     angle: float,
     rested: float,
     withdrawn: float,
+    force_shown: bool = True,
 ) -> tuple[str, ...]:
     """Return what is still missing to finish a cut that has come near its target, most urgent first.
 
@@ -38,6 +39,8 @@ def missing_to_finish(
         Time for which the blade has been at rest and unloaded [s].
     withdrawn : float
         Distance drawn back since the tissue was last loaded [m].
+    force_shown : bool
+        False to name no force, nor the distance that follows from it.
     """
     missing = []
     if abs(0.5 * math.pi - angle) > ANGLE_TOLERANCE:
@@ -46,7 +49,8 @@ def missing_to_finish(
     if rested == 0.0 and (abs(speed) < SPEED_AT_REST or force > friction + FORCE_UNLOADED):
         # While the blade draws back, friction lowers the force: nothing is felt once friction holds what still pulls.
         back = max((elastic - friction) / stiffness, _SHORTEST_RETREAT)
-        missing.append(f"{max(force, 0.0):.1f} N still pull: draw back {back * 1e3:.0f} mm")
+        words = f"{max(force, 0.0):.1f} N still pull: draw back {back * 1e3:.0f} mm"
+        missing.append(words if force_shown else "it still pulls: draw back")
     else:
         words = f"hold still for {max(TIME_AT_REST - rested, 0.0):.1f} s"
         if rested == 0.0:

@@ -8,7 +8,8 @@ import textwrap
 import numpy as np
 
 from cutenv._base.unit_table import NAMED_UNITS
-from cutenv.play.play_session import GIVEN_UP, ViewState
+from cutenv.play.course_progress import GIVEN_UP
+from cutenv.play.play_session import ViewState
 from cutenv.scoring import ScoreCard
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.viewer import palette
@@ -44,11 +45,13 @@ def _panel(canvas: Canvas, layout: Layout, bottom: float) -> None:
 
 def draw_ready_card(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     """Draw the instructions, and the choices for the next cut."""
-    _panel(canvas, layout, 416.0)
+    _panel(canvas, layout, 416.0 + 24.0 * bool(sight.task))
     x, target = _LEFT + _EDGE, sight.moment.target * 1e3
     canvas.text(f"Cut {target:.0f} mm, gently", (x, _TOP + 40), size=36)
     practice = "on" if sight.practice else "off"
     whose = f"under the code {sight.operator}" if sight.operator else "without a name"
+    choices = f"Tissue: {sight.specimen_class} (c: another).   Practice: {practice} (p)."
+    course = textwrap.wrap(sight.task, 84) or [choices]
     lines = (
         ("Move the mouse along the cut: your hand follows, the blade hangs on it.", palette.INK),
         ("The wheel leans the blade, down to 45°, and raises it again.", palette.INK),
@@ -58,7 +61,7 @@ def draw_ready_card(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
         (f"Bring the tip of the cut, which is hidden, to {target:.1f} mm, within 3 mm.", palette.INK),
         ("To finish, near the target: blade upright, draw back until nothing pulls, hold still.", palette.INK),
         ("", palette.INK),
-        (f"Tissue: {sight.specimen_class} (c: another).   Practice: {practice} (p).", palette.QUIET),
+        *((words, palette.TARGET if sight.task else palette.QUIET) for words in course),
         (f"Every cut is recorded, {whose}.", palette.QUIET),
     )  # fmt: skip
     for k, (words, colour) in enumerate(lines):
@@ -78,16 +81,19 @@ def draw_countdown(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
 def draw_end_card(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     """Draw the end card: score, numbers, faults and advice."""
     card, moment = sight.card, sight.moment
-    faults = fault_lines(card)
-    foot = _TOP + 340 + sum(step for _, step, _ in faults)  # top of the text below the faults
+    verdict = [line for words in sight.verdict for line in textwrap.wrap(words, 92)]
+    faults = fault_lines(card, _MOST_FAULTS - bool(verdict)) if sight.shown.result else []
+    below = _TOP + 340 + sum(step for _, step, _ in faults) if sight.shown.result else _TOP + 84.0  # the faults
+    foot = below + 22 * len(verdict) + 10 * bool(verdict)
     _panel(canvas, layout, foot + 64)
     x, right = _LEFT + _EDGE, _RIGHT - _EDGE
-    ended = moment.verdict or GIVEN_UP
+    ended = (moment.verdict or GIVEN_UP) if sight.shown.result else "the cut has ended"
     colour = palette.SUCCESS if moment.success else palette.FAILURE
+    colour = colour if sight.shown.result else palette.INK
     canvas.text(ended[:1].upper() + ended[1:], (x, _TOP + 34), size=30, colour=colour)
     if card is None:
         canvas.text("Nothing was cut: nothing to score, and no record.", (x, _TOP + 80), size=20)
-    else:
+    elif sight.shown.result:
         _draw_score(canvas, card, x, right)
         _draw_metrics(canvas, card, x, right, _TOP + 132)
         y = _TOP + 318
@@ -95,12 +101,14 @@ def draw_end_card(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
             colour = palette.FAILURE if fault else palette.INK
             canvas.text(words, (x if fault else x + 14, y), size=20 if fault else 17, colour=colour)
             y += step
+    for k, words in enumerate(verdict):
+        canvas.text(words, (x, below + 22 * k), size=18, colour=palette.TARGET)
     if sight.saved is not None:
         words = f"record: {sight.saved.name}" + ", marked as practice" * sight.practised
         canvas.text(words, (x, foot), size=15, colour=palette.QUIET)
     canvas.text(DISCLAIMER, (x, foot + 19), size=15, colour=palette.QUIET)
-    done = sight.count is not None and sight.finished >= sight.count
-    keys = "space: end" if done else "space: next specimen     r: again     c: class     p: practice"
+    more = "space: next specimen" + "     r: again     c: class     p: practice" * (not sight.task)
+    keys = "space: end" if sight.done else more
     canvas.text(keys, (x, foot + 42), size=17, colour=palette.TARGET)
 
 
@@ -134,7 +142,7 @@ def _draw_metrics(canvas: Canvas, card: ScoreCard, x: float, right: float, top: 
             canvas.text(words, (right, y), size=16, colour=palette.QUIET, anchor="midright")
 
 
-def fault_lines(card: ScoreCard | None) -> list[tuple[str, int, bool]]:
+def fault_lines(card: ScoreCard | None, most: int = _MOST_FAULTS) -> list[tuple[str, int, bool]]:
     """Return faults and advice: text, distance to the next line [px], and whether the line names a fault."""
     if card is None:
         return []
@@ -145,7 +153,7 @@ def fault_lines(card: ScoreCard | None) -> list[tuple[str, int, bool]]:
     for fault in sorted(card.faults, key=lambda fault: fault.kind in ("lurch", "pause")):
         said.setdefault(fault.try_next, []).append(fault.says)
     lines = []
-    for advice, faults in list(said.items())[:_MOST_FAULTS]:
+    for advice, faults in list(said.items())[:most]:
         words = "; ".join(faults)
         lines += [(line, 21, True) for line in textwrap.wrap(words[:1].upper() + words[1:], 80)]
         lines += [(line, 21, False) for line in textwrap.wrap(f"Next time: {advice}.", 100)]

@@ -16,7 +16,6 @@ from cutenv.viewer.readout import draw_rows
 from cutenv.viewer.scene import (
     ForceTrace,
     Layout,
-    Moment,
     blade_from_the_side,
     front_from_the_side,
 )
@@ -24,10 +23,8 @@ from cutenv.viewer.scene import (
 LAYOUT = Layout(
     scale=3200.0, cut_line=214.0, blade_end=572.0, chart_top=618.0, chart_bottom=692.0, column=600.0
 )  # fmt: skip
-HELP = (
-    "space: next   r: again   c: class   p: practice   m: free mouse   F11: full screen   esc: end        "
-    "mouse: hand   wheel, arrows: tilt"
-)
+HELP = "space: next   {choices}m: free mouse   F11: full screen   esc: end        mouse: hand   wheel, arrows: tilt"
+_CHOICES = "r: again   c: class   p: practice   "
 
 _SMALL, _NORMAL = 16, 19
 _MARGIN = 16
@@ -71,17 +68,22 @@ class PlayPicture:
         canvas.paste(self._standing)
         depth = depth_below(moment.depth, moment.blade)
         allowed, limit = moment.force_allowed_per_depth * depth, moment.force_limit_per_depth * depth
-        tint = force_colour(moment.force, allowed, limit)
+        tint = force_colour(moment.force, allowed, limit) if sight.shown.force else palette.STEEL
         views.draw_slab(canvas, layout, moment, self._slab)
         _draw_hand(canvas, layout, sight)
         views.draw_blade_from_above(canvas, layout, moment, tint)
         if sight.practice:
             views.draw_tip_from_above(canvas, layout, moment, "tip")
         _draw_side(canvas, layout, sight, depth, tint)
-        chart.draw_present(canvas, layout, moment, self._trace)
+        chart.draw_present(canvas, layout, moment, self._trace, force_shown=sight.shown.trace)
         _draw_header(canvas, layout, sight)
-        _draw_force(canvas, layout, sight, allowed, limit, tint)
-        _draw_recent(canvas, layout, sight, self._trace.high)
+        _draw_title(canvas, layout, sight)
+        if sight.shown.force:
+            _draw_force(canvas, layout, sight, allowed, limit, tint)
+        if sight.shown.trace:
+            _draw_recent(canvas, layout, sight, self._trace.high)
+        else:
+            canvas.text(sight.feedback_words, (layout.column, 230), size=_NORMAL, colour=palette.QUIET)
         _draw_numbers(canvas, layout, sight)
         _draw_missing(canvas, layout, sight)
         if sight.practice:
@@ -104,23 +106,25 @@ class PlayPicture:
             self._trace = ForceTrace()
             self._slab = drawn_slab_of(sight.model)
         scale = self._trace.low, self._trace.high
-        new = sight.readings[self._drawn :]
+        # A hidden force does not stretch the axis either: all of it is drawn once it is shown.
+        new = sight.readings[self._drawn :] if sight.shown.trace else sight.readings[:0]
         felt = self._trace.add(new if len(new) else None)
-        self._drawn = len(sight.readings)
+        self._drawn += len(new)
         if fresh or (self._trace.low, self._trace.high) != scale:
-            self._standing = self._draw_standing(sight.moment)
+            self._standing = self._draw_standing(sight)
             chart.draw_force(self._standing, self.layout, self._trace, self._trace.whole())
         elif felt:
             chart.draw_force(self._standing, self.layout, self._trace, self._trace.latest())
 
-    def _draw_standing(self, moment: Moment) -> Canvas:
-        layout, model = self.layout, self._slab.model
+    def _draw_standing(self, sight: ViewState) -> Canvas:
+        layout, model, moment = self.layout, self._slab.model, sight.moment
         canvas = Canvas(layout.width, layout.height, palette.PAPER)
         views.draw_clamp(canvas, layout, model.width)
         views.draw_section_at_rest(canvas, layout, moment)
         views.draw_ruler(canvas, layout, model.length)
         chart.draw_axes(canvas, layout, moment, self._trace)
-        canvas.text(HELP, (layout.clamp - 20, layout.height - 13), size=_SMALL, colour=palette.QUIET)
+        words = HELP.format(choices="" if sight.task else _CHOICES)
+        canvas.text(words, (layout.clamp - 20, layout.height - 13), size=_SMALL, colour=palette.QUIET)
         return canvas
 
 
@@ -130,6 +134,8 @@ def _draw_header(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     if sight.phase == "ended":
         ground = palette.SUCCESS if moment.success else palette.FAILURE
         words = moment.verdict or "given up"
+        if not sight.shown.result:
+            ground, words = palette.HEADER_COLOUR, "the cut has ended"
     canvas.bar(0, 0, layout.width, layout.header, ground)
     middle = layout.header / 2 + 1
     canvas.text(words[:1].upper() + words[1:], (_MARGIN, middle), size=25, colour=palette.PAPER)
@@ -202,16 +208,21 @@ def _zigzag(start: Points, end: Points) -> Points:
     return points
 
 
+def _draw_title(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
+    """Draw what is cut, and by whom."""
+    title = sight.specimen_class if sight.task else f"{sight.specimen_class}, number {sight.number + 1}"
+    if sight.count is not None:
+        title += f"; {sight.finished} of {sight.count} cut"
+    canvas.text(title, (layout.column, 62), size=_NORMAL, colour=palette.INK)
+    if sight.operator:
+        right = layout.width - _MARGIN
+        canvas.text(sight.operator, (right, 62), size=_NORMAL, colour=palette.QUIET, anchor="midright")
+
+
 def _draw_force(canvas: Canvas, layout: Layout, sight: ViewState, allowed: float, limit: float, tint: Colour) -> None:
     """Draw the force as a number, and as a bar coloured by its share of the force allowed here."""
     left, right = layout.column, layout.width - _MARGIN
     force = sight.moment.force
-    title = f"{sight.specimen_class}, number {sight.number + 1}"
-    if sight.count is not None:
-        title += f"; {sight.finished} of {sight.count} cut"
-    canvas.text(title, (left, 62), size=_NORMAL, colour=palette.INK)
-    if sight.operator:
-        canvas.text(sight.operator, (right, 62), size=_NORMAL, colour=palette.QUIET, anchor="midright")
     canvas.text(f"{round(force, 2) + 0.0:.2f} N", (left, 98), size=46, colour=palette.FORCE)
     canvas.text("force on the blade", (right, 90), size=_SMALL, colour=palette.QUIET, anchor="midright")
     canvas.text(f"limit here {limit:.1f} N", (right, 110), size=_SMALL, colour=palette.LIMIT, anchor="midright")
@@ -256,10 +267,12 @@ def _draw_numbers(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     to_target = (moment.target - moment.blade) * 1e3
     rows: list[tuple[str, str, Colour]] = [
         ("blade to target", f"{round(to_target, 1) + 0.0:.1f} mm", palette.TARGET),
-        ("hand ahead of the blade", f"{round((sight.hand - moment.blade) * 1e3, 1) + 0.0:.1f} mm", _HAND),
         ("speed of the blade", f"{round(moment.speed * 100, 1) + 0.0:.1f} cm/s", palette.INK),
         ("angle of the blade", f"{math.degrees(moment.angle):.0f}°", palette.INK),
     ]
+    if sight.shown.force:  # the spring between hand and blade shows it too
+        ahead = f"{round((sight.hand - moment.blade) * 1e3, 1) + 0.0:.1f} mm"
+        rows.insert(1, ("hand ahead of the blade", ahead, _HAND))
     if sight.chosen_class != sight.specimen_class:
         rows.append(("next class", sight.chosen_class, palette.INK))
     draw_rows(canvas, layout, 296, 25, rows, size=21)

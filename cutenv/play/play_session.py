@@ -16,6 +16,8 @@ from cutenv._base.arrays import StructArray
 from cutenv._base.validation import in_range, one_of
 from cutenv.cutting.drive import Hand
 from cutenv.cutting.dtypes import TICK
+from cutenv.play.course import FEEDBACK, ShownFeedback, shown_feedback
+from cutenv.play.course_progress import GIVEN_UP, CourseProgress
 from cutenv.play.devices import MouseDevice
 from cutenv.play.hand_model import PLAYED_HAND
 from cutenv.play.handle_body import Handle, HandlePose
@@ -24,6 +26,7 @@ from cutenv.play.played_cut import FEWEST_READINGS, UPDATES_HZ, PlayedCut
 from cutenv.recording import Provenance, save
 from cutenv.scoring import ScoreCard
 from cutenv.tissue import CutModel
+from cutenv.tissue.grid import depth_below
 from cutenv.tissue.specimen import CLASSES
 from cutenv.viewer.scene import Moment
 
@@ -33,8 +36,6 @@ COUNTDOWN = 3.0
 """Duration of the countdown before every cut [s]."""
 LONGEST_STALL = 0.25
 """Longest stall that is made up for [s]; time beyond it is lost to the cut, and the record states it."""
-GIVEN_UP = "given up"
-"""End of a cut that the person abandoned: repeated, or the window closed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +62,11 @@ class ViewState:
     card: ScoreCard | None
     saved: Path | None
     operator: str | None
+    shown: ShownFeedback
+    feedback_words: str
+    task: str
+    verdict: tuple[str, ...]
+    done: bool
 
 
 class Session:
@@ -92,6 +98,8 @@ class Session:
         Coupling between the person and the blade.
     handle : bool
         True to simulate a handle for the picture (needs pymunk).
+    course : CourseProgress, optional
+        Course of the person: it gives specimens, targets and feedback, and ends the session when it is done.
     now : callable
         Returns date and time of day, for the records.
 
@@ -116,9 +124,11 @@ class Session:
         deadline: float = 30.0,
         hand: Hand = PLAYED_HAND,
         handle: bool = False,
+        course: CourseProgress | None = None,
         now: Callable[[], datetime] = lambda: datetime.now().astimezone(),
     ) -> None:
         self.device = device
+        operator = operator if course is None else course.operator
         self.chosen_class = one_of("specimen_class", specimen_class, CLASSES)
         self.seed = seed
         self.folder = folder
@@ -127,6 +137,7 @@ class Session:
         self.practice = practice
         self.count = None if cuts is None else round(in_range("cuts", cuts, 1, 10_000, "1", "Give how many."))
         self._target_length, self._deadline = target_length, deadline
+        self.course = course
         self._countdown = in_range("countdown", countdown, 0.0, 60.0, "s", "Give seconds.")
         self._hand, self._with_handle, self._now = hand, handle, now
         self.number = 0
@@ -146,6 +157,7 @@ class Session:
         self.saved: Path | None = None
         """Record of that cut, if there is a folder."""
         self._felt: FeltForce | None = None
+        self._task, self._feedback = "", "always"
         self._prepare()
         # Compile now, on a cut that is discarded, rather than while the clock of the first one runs.
         self.cut.tick(self._stylus)
@@ -165,28 +177,38 @@ class Session:
     def go_on(self) -> None:
         """Begin, or after a cut prepare the next specimen; do nothing during a cut, or when all cuts are done."""
         if self.phase == "ended" and not self.done:
-            self.number += 1
+            self.number += 1 if self.course is None else 0  # a course has seeds, each with one specimen
             self._attempts = 0
             self._prepare()
         self.begin()
 
     def repeat(self) -> None:
-        """Cut the same specimen again; a cut in progress is abandoned, and recorded as such."""
-        if self.phase == "ready":
+        """Cut the same specimen again; a cut in progress is abandoned, and recorded as such. Not in a course."""
+        if self.phase == "ready" or self.course is not None:
             return
         self._give_up()
         self._prepare(self.cut.specimen_class)
         self.begin()
 
     def choose_class(self, specimen_class: str | None = None) -> None:
-        """Choose the class of the next specimen, by default the following one; at once if no cut has begun."""
+        """Choose the class of the next specimen, by default the following one; at once if no cut has begun.
+
+        A course chooses by itself.
+        """
+        if self.course is not None:
+            return
         after = CLASSES[(CLASSES.index(self.chosen_class) + 1) % len(CLASSES)]
         self.chosen_class = one_of("specimen_class", specimen_class or after, CLASSES)
         if self.phase == "ready":
             self._prepare()
 
     def show_hidden(self, practice: bool | None = None) -> None:
-        """Switch practice on or off, by default to the other; a cut in which it was ever on is marked."""
+        """Switch practice on or off, by default to the other; a cut in which it was ever on is marked.
+
+        A course has none.
+        """
+        if self.course is not None:
+            return
         self.practice = not self.practice if practice is None else practice
         self._practised |= self.practice and self.phase in ("countdown", "cutting")
 
@@ -197,8 +219,9 @@ class Session:
 
     @property
     def done(self) -> bool:
-        """True when the requested number of cuts is finished."""
-        return self.count is not None and self.finished >= self.count
+        """True when the requested number of cuts is finished, or the course is done."""
+        over = self.course is not None and self.course.task is None
+        return over or (self.count is not None and self.finished >= self.count)
 
     # Time
 
@@ -256,6 +279,10 @@ class Session:
 
     def _prepare(self, specimen_class: str | None = None) -> None:
         """Prepare the present specimen, of the chosen class or, for a repetition, of the class it had."""
+        if self.course is not None:
+            self.course.verdict = ""
+            self.chosen_class, self.seed, self._target_length = self.course.specimen()
+            self._task, self._feedback = self.course.ahead(), self.course.metadata()["feedback"]
         self.cut = PlayedCut(
             specimen_class=specimen_class or self.chosen_class,
             seed=self.seed,
@@ -314,23 +341,30 @@ class Session:
             device=type(self.device).__name__,
             hand=dataclasses.asdict(self._hand),
             stalled_s=round(self._stalled, 3),
+            **({} if self.course is None else self.course.metadata()),
         )
         if self.folder is not None:
             self.saved = _unused(self.folder, name)
             save(trace, self.saved)
             self.records.append(self.saved)
         self.card = self.cut.card(trace)
+        if self.course is not None:
+            self.course.add(self.card, end)
 
     def sight(self) -> ViewState:
         """Return the state to be drawn now."""
+        moment = Moment.of(self.cut.plant, self.cut.cutting)
+        costs = moment.force > moment.force_allowed_per_depth * depth_below(moment.depth, moment.blade)
+        shown = shown_feedback(self._feedback, ended=self.phase == "ended", costs=costs)
+        missing = self.cut.missing(practice=self.practice, force_shown=shown.force)
         return ViewState(
             phase=self.phase,
             countdown=self._countdown_ticks * TICK,
-            moment=Moment.of(self.cut.plant, self.cut.cutting),
+            moment=moment,
             readings=self.cut.readings,
             hand=self.cut.hand,
             pose=self.cut.pose,
-            missing=self.cut.missing(practice=self.practice) if self.phase == "cutting" else (),
+            missing=missing if self.phase == "cutting" else (),
             practice=self.practice,
             practised=self._practised,
             truth=self.cut.truth,
@@ -344,6 +378,11 @@ class Session:
             card=self.card,
             saved=self.saved,
             operator=self.operator,
+            shown=shown,
+            feedback_words=f"force: {FEEDBACK[self._feedback]}",
+            task=self._task,
+            done=self.done,
+            verdict=() if self.course is None else (self.course.verdict, self.course.ahead()),
         )
 
 

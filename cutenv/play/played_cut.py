@@ -151,10 +151,11 @@ class PlayedCut:
                 depth=float(depth_below(self.plant.depth, state["blade"])),
             )
 
-    def missing(self, *, practice: bool) -> tuple[str, ...]:
+    def missing(self, *, practice: bool, force_shown: bool = True) -> tuple[str, ...]:
         """Return what is still missing to finish, empty while the blade has not come near the target.
 
         It is told from what a rig measures; in ``practice``, a tip that is short of the target is all that is missing.
+        Without ``force_shown`` no force is named.
         """
         progress = self.cutting.progress[0]
         if self.end or not self._count or progress["furthest"] < self.target_length - NEAR_TARGET:
@@ -173,6 +174,7 @@ class PlayedCut:
             angle=float(reading["angle"]),
             rested=float(progress["quiet"]),
             withdrawn=float(progress["loaded_at"]) - float(reading["position"]),
+            force_shown=force_shown,
         )
 
     def trace(self, **metadata: object) -> Trace:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.columns import UNITS, Column, header_of, parse_header
+from cutenv.recording.csv_file import read_metadata
 from cutenv.recording.files import load, load_one, save
 from cutenv.recording.operators import OperatorRow, load_operators
-from cutenv.recording.provenance import Provenance
+from cutenv.recording.provenance import Provenance, TissueHandling
 from cutenv.recording.record_errors import RecordError
 from cutenv.recording.schema import SCHEMA
 
@@ -30,12 +31,14 @@ __all__ = [
     "Provenance",
     "RecordError",
     "RecordingFailed",
+    "TissueHandling",
     "header_of",
     "load",
     "load_foreign",
     "load_one",
     "load_operators",
     "parse_header",
+    "read_metadata",
     "read_record",
     "save",
 ]

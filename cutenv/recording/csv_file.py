@@ -113,6 +113,22 @@ def read(path: Path) -> list[CutTable]:
     ]
 
 
+def read_metadata(path: Path) -> dict[str, Any]:
+    """Return the metadata that all cuts of a file share, without reading its rows; {} if it has none.
+
+    Raises
+    ------
+    ValueError
+        If the lines above the rows are damaged; the message names file and line.
+    """
+    try:
+        with path.open(encoding=_ENCODING) as file:
+            metadata: dict[str, Any] = _head(file).facts.get(("metadata", None), {})
+            return metadata
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
 def is_own(path: Path) -> bool:
     """Return whether the file begins like a record of this package: with its schema, or headers that have units."""
     with path.open(encoding="latin-1") as file:  # any bytes will do: only the beginning counts

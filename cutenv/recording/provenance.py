@@ -1,14 +1,15 @@
-"""Provenance of a record: rig, sensor, blade, specimen, day, operator, consent, calibration."""
+"""Provenance of a record: rig, sensor, blade, specimen and its handling, day, operator, consent, calibration."""
 
 from __future__ import annotations
 
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from datetime import datetime
 from typing import Any
 
+from cutenv._base.validation import in_range, one_of
 from cutenv.recording.schema import to_json
 
 _TEXTS = ("rig", "sensor", "blade", "specimen")
@@ -19,6 +20,51 @@ _CODE = re.compile(
     rf"[a-z]{{0,3}}[-_]?[0-9]{{1,6}}[a-z]?|(?:{_ROLES})[-_]?[0-9]{{1,6}}|(?=.*[0-9])(?=.*[a-f])[0-9a-f]{{8,64}}",
     re.IGNORECASE,
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TissueHandling:
+    """Handling of a piece of tissue before and during its cuts; unknown parts are None.
+
+    Parameters
+    ----------
+    hours_post_mortem : float, optional
+        Time from death to the cut [h], 0 to 1000.
+    storage : str, optional
+        How it was kept, such as "saline, 4 degrees".
+    temperature_C : float, optional
+        Temperature at the cut, -5 to 60.
+    preconditioning_cycles : int, optional
+        Loading cycles before the cut, 0 for none.
+    capsule : {"kept", "removed"}, optional
+        The organ's capsule.
+    fixation : str, optional
+        How it was held, such as "nails at the clamp".
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a part has a wrong type or is out of range.
+    """
+
+    hours_post_mortem: float | None = None
+    storage: str | None = None
+    temperature_C: float | None = None
+    preconditioning_cycles: int | None = None
+    capsule: str | None = None
+    fixation: str | None = None
+
+    def __post_init__(self) -> None:
+        for name, low, high, unit in (
+            ("hours_post_mortem", 0.0, 1000.0, "h"),
+            ("temperature_C", -5.0, 60.0, "°C"),
+            ("preconditioning_cycles", 0.0, 1e6, "1"),
+        ):
+            if getattr(self, name) is not None:
+                in_range(name, getattr(self, name), low, high, unit, "Leave out what is not known.")
+        for name in ("storage", "fixation"):
+            _check_text(name, getattr(self, name))
+        one_of("capsule", self.capsule, (None, "kept", "removed"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +83,8 @@ class Provenance:
         True if the operator agreed to the record's use.
     calibration : mapping, optional
         Calibration of the sensor, in JSON's types: ``{"gain_N_per_V": 4.98, "offset_N": 0.02}``.
+    handling : TissueHandling, optional
+        What was done with the tissue.
 
     Raises
     ------
@@ -62,6 +110,7 @@ class Provenance:
     operator: str | None = None
     consent: bool | None = None
     calibration: Mapping[str, Any] | None = None
+    handling: TissueHandling | None = None
 
     def __post_init__(self) -> None:
         for name in _TEXTS:
@@ -74,11 +123,17 @@ class Provenance:
             raise TypeError(f"consent must be True, False or None (not known), got {self.consent!r}.")
         if self.calibration is not None:
             object.__setattr__(self, "calibration", _json_copy(self.calibration))
+        if not (self.handling is None or isinstance(self.handling, TissueHandling)):
+            raise TypeError(
+                f"handling must be a TissueHandling, or a mapping in a record's metadata, got {self.handling!r}."
+            )
 
     @property
     def metadata(self) -> dict[str, Any]:
         """Known parts, as metadata of a :class:`cutenv.trace.Trace`."""
         known = {part.name: getattr(self, part.name) for part in fields(self)}
+        if self.handling is not None:
+            known["handling"] = {name: value for name, value in asdict(self.handling).items() if value is not None}
         return {name: value for name, value in known.items() if value is not None}
 
     @classmethod
@@ -90,7 +145,12 @@ class Provenance:
         TypeError, ValueError
             As for the fields themselves.
         """
-        return cls(**{part.name: metadata[part.name] for part in fields(cls) if part.name in metadata})
+        known = {part.name: metadata[part.name] for part in fields(cls) if part.name in metadata}
+        if isinstance(known.get("handling"), Mapping):
+            for name in known["handling"]:
+                one_of("handling", name, [part.name for part in fields(TissueHandling)])
+            known["handling"] = TissueHandling(**known["handling"])
+        return cls(**known)
 
     def __repr__(self) -> str:
         return f"Provenance({', '.join(f'{name}={value!r}' for name, value in self.metadata.items())})"

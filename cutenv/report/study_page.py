@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cutenv.report.crossover_table import crossover_rows
 from cutenv.report.page import estimate_text, spoken, write_page
 from cutenv.report.study_figures import groups_figure, learning_figure, reliability_figure, typeset
 from cutenv.report.study_table import correlation_text, cuts_needed, spread, three_digits, write_cards
@@ -73,6 +74,7 @@ def write_study(path: Path, study: Study) -> Path:
         typeset=typeset,
         groups_figure=groups_figure,
         learning_figure=learning_figure,
+        crossed=crossover_rows(study),
         reliability_figure=reliability_figure,
     )
     cards = path.with_suffix(".csv")

@@ -42,6 +42,15 @@ class Scored:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ScriptScore:
+    """Overall score of a script on the very specimen of a cut, and its outcome in a few words."""
+
+    name: str
+    overall_score: float
+    outcome: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class ScoreCard:
     """The metrics and the score of one cut.
 
@@ -70,6 +79,8 @@ class ScoreCard:
         Faults in order of time.
     notes : tuple of str
         Assumptions and warnings.
+    scripts : tuple of ScriptScore
+        What scripts got on this very specimen, for its difficulty; empty if that is unknown.
     """
 
     name: str
@@ -83,6 +94,7 @@ class ScoreCard:
     reference: str
     faults: tuple[TechniqueFault, ...]
     notes: tuple[str, ...]
+    scripts: tuple[ScriptScore, ...] = ()
 
     def __getitem__(self, name: str) -> float:
         """Return the value of a metric; raise ValueError with the reason if it is unavailable."""
@@ -127,6 +139,7 @@ class ScoreCard:
                 name: {"unit": self.unit(name), "direction": METRICS[name].direction, **dataclasses.asdict(scored)}
                 for name, scored in self.metrics.items()
             },
+            "scripts_on_this_specimen": [dataclasses.asdict(each) for each in self.scripts],
             "faults": [dataclasses.asdict(fault) for fault in self.faults],
             "notes": list(self.notes),
             "disclaimer": DISCLAIMER,
@@ -136,6 +149,8 @@ class ScoreCard:
     def __str__(self) -> str:
         lines = [self.name, self.headline()]
         lines += [f"  {p.part:24s} {p.points:6.1f} of {p.most:3.0f} points: {p.reason}" for p in self.points]
+        if self.scripts:
+            lines.append(f"  scripts on this very specimen: {self.difficulty()}")
         for name, scored in self.metrics.items():
             if scored.value is None:
                 lines.append(f"  {name:24s} unavailable: {scored.unavailable}")
@@ -143,7 +158,7 @@ class ScoreCard:
             place = "" if scored.percentile is None else f"better than {scored.percentile:.0f} % of the reference"
             value, unit = self.readable(name)
             lines.append(f"  {name:24s} {value:>11s} {unit:6s} {place}".rstrip())
-            lines += [f'  "better than" compares with {self.reference}'] if self.reference else []
+        lines += [f'  "better than" compares with {self.reference}'] if self.reference else []
         lines += [f"  fault: {fault.says}; {fault.try_next}" for fault in self.faults]
         lines += [f"  note: {note}" for note in (*self.notes, DISCLAIMER)]
         return "\n".join(lines)
@@ -154,6 +169,10 @@ class ScoreCard:
             return f"no overall score: {self.no_score}"
         of = self.outcome or f"of the force alone, compared with {self.reference}"
         return f"overall score {self.overall_score:.0f} of 100: {of}"
+
+    def difficulty(self) -> str:
+        """Return what scripts got on this very specimen, in a line; "" if that is unknown."""
+        return ", ".join(f"{each.name} {each.overall_score:.0f}" for each in self.scripts)
 
     def _repr_html_(self) -> str:
         rows = "".join(

@@ -43,9 +43,13 @@ def draw_force(canvas: Canvas, layout: Layout, trace: ForceTrace, force: Points)
         canvas.line(layout.in_chart(force, trace.low, trace.high), palette.FORCE)
 
 
-def draw_present(canvas: Canvas, layout: Layout, moment: Moment, trace: ForceTrace) -> None:
-    """Draw the target, and the present force."""
+def draw_present(
+    canvas: Canvas, layout: Layout, moment: Moment, trace: ForceTrace, *, force_shown: bool = True
+) -> None:
+    """Draw the target, and the present force if it is shown."""
     draw_target(canvas, layout, moment, layout.chart_top, layout.chart_bottom)
+    if not force_shown:
+        return
     now = layout.in_chart(np.array([moment.blade, moment.force]), trace.low, trace.high)
     canvas.line(np.array([[now[0], layout.chart_top], now]), palette.QUIET)
     canvas.disc(now, 5, palette.FORCE)

@@ -1,6 +1,7 @@
 """Studies of people by the metrics of their cuts: learning, reliability, separation. No claim of skill is made."""
 
 from cutenv.scoring.study.bootstrap import BootstrapEstimate
+from cutenv.scoring.study.crossover import Crossover, condition_of, crossover, crossovers
 from cutenv.scoring.study.estimate import Estimate
 from cutenv.scoring.study.learning import Cusum, LearningCurve, cusum, learning_curve
 from cutenv.scoring.study.pass_mark import ErrorRate, PassMark, Proficiency, pass_mark, proficiency
@@ -13,6 +14,7 @@ from cutenv.scoring.study.validity_evidence import ValidityEvidence, validity_ev
 
 __all__ = [
     "BootstrapEstimate",
+    "Crossover",
     "Cusum",
     "ErrorRate",
     "Estimate",
@@ -31,6 +33,9 @@ __all__ = [
     "StudiedCut",
     "Study",
     "ValidityEvidence",
+    "condition_of",
+    "crossover",
+    "crossovers",
     "cusum",
     "intraclass_correlation",
     "learning_curve",

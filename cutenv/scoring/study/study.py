@@ -43,6 +43,8 @@ class StudiedCut:
         Session of the cut; "" if the study has none.
     marks : mapping of str to float
         Mark by each rater who gave one, on any scale.
+    condition : str
+        Condition of a crossover under which it was made, see :mod:`cutenv.scoring.study.crossover`; "" if none.
     """
 
     card: ScoreCard
@@ -50,6 +52,7 @@ class StudiedCut:
     group: str = ""
     session: str = ""
     marks: Mapping[str, float] = field(default_factory=dict)
+    condition: str = ""
 
 
 @dataclass(frozen=True)

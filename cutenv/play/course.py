@@ -1,0 +1,305 @@
+"""Course: a TOML file of tasks in order, each with specimens, a mark to reach, repetitions, and when force is shown."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cutenv._base import resources
+from cutenv._base.unit_table import Unit, shown_unit
+from cutenv._base.validation import in_range, one_of
+from cutenv.recording.provenance import check_operator
+from cutenv.scoring import METRICS, ScoreCard
+from cutenv.tissue.specimen import CLASSES
+
+FEEDBACK = {
+    "always": "shown",
+    "above-limit": "shown where it costs",
+    "afterwards": "shown after the cut",
+    "never": "not shown",
+}
+"""Rules of when a person sees the force, with their words."""
+
+
+class ShownFeedback(NamedTuple):
+    """Parts of the feedback that are shown at one moment: the present force, its trace, and after the cut the result."""
+
+    force: bool = True
+    trace: bool = True
+    result: bool = True
+
+
+def shown_feedback(rule: str, *, ended: bool, costs: bool) -> ShownFeedback:
+    """Return what a rule of :data:`FEEDBACK` shows.
+
+    Parameters
+    ----------
+    rule : str
+        The rule.
+    ended : bool
+        True after the cut.
+    costs : bool
+        True while the force is so high that it costs.
+    """
+    after = ended and rule != "never"
+    whole = rule == "always" or after
+    return ShownFeedback(force=whole or (rule == "above-limit" and costs), trace=whole, result=after or not ended)
+
+
+SHIPPED_COURSES = {path.stem: path for path in sorted(resources.path("courses").glob("*.toml"))}
+"""Courses that come with the package, by name."""
+_SCORE = "overall_score"
+_LONGEST = 200  # characters of a name or an explanation
+_MOST_SEED = 2**31 - 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkedMetric:
+    """Metric that a mark may limit: its name, the unit of the limit, and whether more is better."""
+
+    name: str
+    unit: Unit
+    more: bool
+
+
+def _marked_metrics() -> dict[str, MarkedMetric]:
+    marked = {_SCORE: MarkedMetric(name=_SCORE, unit=Unit("1", "1"), more=True)}
+    for name, metric in METRICS.items():
+        unit = shown_unit(metric.unit.replace("F", "N"))
+        suffix = "" if unit.sign == "1" else "_" + unit.sign.replace("/", "_per_").replace(" ", "_")
+        if metric.direction != "none":
+            marked[name + suffix] = MarkedMetric(name=name, unit=unit, more=metric.direction == "higher")
+    return marked
+
+
+MARKED_METRICS: Mapping[str, MarkedMetric] = _marked_metrics()
+"""Metrics that a mark may limit, by the key in a course's file, which ends with the unit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CourseTask:
+    """One task of a course.
+
+    Attributes
+    ----------
+    name : str
+        Name, which no other task of the course has.
+    specimen_class : str
+        "uniform", "liver", "vascular" or "mixed".
+    feedback : str
+        One of :data:`FEEDBACK`.
+    repetitions : int
+        Number of cuts in a row that reach the mark; without a mark, number of finished cuts.
+    mark : mapping of str to float
+        Limits by key of :data:`MARKED_METRICS`, in the unit of the key; empty if every finished cut counts.
+    seeds : tuple of int
+        Seeds of the specimens, one after the other and then from the first again; () if each cut draws a new one.
+    target_length : float or None
+        Length of the cuts [m]; None if it is drawn from 0.060 to 0.100.
+    crossover : bool
+        True for the two tasks that exchange their feedback for operators with an even number.
+    """
+
+    name: str
+    specimen_class: str
+    feedback: str = "always"
+    repetitions: int = 1
+    mark: Mapping[str, float] = field(default_factory=dict)
+    seeds: tuple[int, ...] = ()
+    target_length: float | None = None
+    crossover: bool = False
+
+    def misses(self, card: ScoreCard) -> tuple[str, ...]:
+        """Return in words by what a cut misses the mark; () if it reaches it."""
+        return tuple(words for key, limit in self.mark.items() if (words := _missed(key, limit, card)))
+
+    def demand(self) -> str:
+        """Return in words what has to be reached, and how often."""
+        times = f"{self.repetitions} cut{'s' * (self.repetitions > 1)}"
+        if not self.mark:
+            return times
+        limits = " and ".join(_limit(key, limit) for key, limit in self.mark.items())
+        return limits + (f", {times} in a row" if self.repetitions > 1 else "")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Course:
+    """Course of several tasks in order."""
+
+    name: str
+    about: str
+    tasks: tuple[CourseTask, ...]
+
+    def for_operator(self, operator: str) -> Course:
+        """Return the course as one person goes through it: a crossover's feedback exchanged for an even number.
+
+        The number is the first one in the code, so that codes counted from 1 on are divided into equal halves.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the code may identify a person.
+        """
+        check_operator(operator)
+        digits = re.search(r"\d+", operator)
+        assert digits is not None  # every valid code has a number
+        pair = [task for task in self.tasks if task.crossover]
+        if not pair or int(digits[0]) % 2:
+            return self
+        other = {pair[0].name: pair[1].feedback, pair[1].name: pair[0].feedback}
+        tasks = (dataclasses.replace(task, feedback=other.get(task.name, task.feedback)) for task in self.tasks)
+        return dataclasses.replace(self, tasks=tuple(tasks))
+
+
+def named_course(given: str) -> Course:
+    """Read a course by the path of its file, or by the name of one that comes with the package.
+
+    Raises
+    ------
+    ValueError
+        If it is neither, or the file is no course, see :func:`read_course`.
+    """
+    if given in SHIPPED_COURSES:
+        return read_course(SHIPPED_COURSES[given])
+    if not Path(given).is_file():
+        names = ", ".join(SHIPPED_COURSES)
+        raise ValueError(f"course {given!r} is neither a file nor one that comes with cutenv ({names}).")
+    return read_course(Path(given))
+
+
+def read_course(path: Path) -> Course:
+    """Read the file of a course.
+
+    Raises
+    ------
+    ValueError
+        If it is not TOML, or a key is unknown, missing, of a wrong type or out of range; names file, task, key, value
+        and cure.
+    FileNotFoundError
+        If there is no such file.
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: it is not UTF-8 text. Save it as UTF-8.") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{path}: it is not TOML: {error}.") from None
+    try:
+        _known_keys(content, ("name", "about", "task"))
+        given = content.get("task")
+        if not isinstance(given, list) or not given or not all(isinstance(each, dict) for each in given):
+            raise ValueError("it has no tasks. Begin each task with a line [[task]].")
+        tasks = tuple(_task(number, each) for number, each in enumerate(given, 1))
+        for task in tasks:
+            if sum(other.name == task.name for other in tasks) > 1:
+                raise ValueError(f"two tasks are called {task.name!r}. Give each a name of its own.")
+        pair = [task for task in tasks if task.crossover]
+        if pair and (len(pair) != 2 or pair[0].feedback == pair[1].feedback):
+            raise ValueError(
+                "crossover = true must stand in two tasks with different feedback, which are compared; "
+                f"here it stands in {len(pair)} ({', '.join(f'{each.name!r}: {each.feedback}' for each in pair)})."
+            )
+        return Course(name=_text("name", content), about=_text("about", content, ""), tasks=tasks)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _task(number: int, given: Mapping[str, Any]) -> CourseTask:
+    called = f" ({given['name']!r})" if isinstance(given.get("name"), str) else ""
+    try:
+        _known_keys(given, _TASK_KEYS)
+        if "specimen_class" not in given:
+            raise ValueError(f"specimen_class is missing. Give one of {', '.join(CLASSES)}.")
+        _text("name", given)
+        return CourseTask(**{_FIELDS.get(key, key): _TASK_KEYS[key](given[key]) for key in given})
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"task {number}{called}: {error}") from None
+
+
+def _known_keys(given: Mapping[str, Any], known: Mapping[str, Any] | tuple[str, ...]) -> None:
+    for key in given:
+        one_of("key", key, known)
+
+
+def _text(key: str, given: Mapping[str, Any], default: str | None = None) -> str:
+    value = given.get(key, default)
+    if value is None:
+        raise ValueError(f'{key} is missing. Write {key} = "..." above.')
+    if not isinstance(value, str) or (not value.strip() and default is None) or len(value) > _LONGEST:
+        raise ValueError(f"{key} = {value!r} must be a text of 1 to {_LONGEST} characters.")
+    return value.strip()
+
+
+def _whole(key: str, value: Any, low: int, high: int, cure: str) -> int:
+    if not isinstance(value, int):
+        raise TypeError(f"{key} must be a whole number, got {value!r}. {cure}")
+    return int(in_range(key, value, low, high, "1", cure))
+
+
+def _length(value: Any) -> float:
+    return in_range("target_length_mm", value, 15.0, 130.0, "mm", "Write 80 for 8 cm.") / 1e3
+
+
+def _seeds(value: Any) -> tuple[int, ...]:
+    cure = "Give whole numbers, such as seeds = [1, 2, 3], or leave the key out for a new specimen each time."
+    if not isinstance(value, list) or not value:
+        raise TypeError(f"seeds must be a list of whole numbers, got {value!r}. {cure}")
+    return tuple(_whole("seeds", each, 0, _MOST_SEED, cure) for each in value)
+
+
+def _mark(value: Any) -> dict[str, float]:
+    cure = "Write mark = { overall_score = 60 }, or leave the key out."
+    if not isinstance(value, dict) or not value:
+        raise TypeError(f"mark must be limits by name, got {value!r}. {cure}")
+    for key in value:
+        one_of("mark", key, MARKED_METRICS)
+    return {
+        key: in_range(f"mark {key}", limit, 0.0 if key == _SCORE else -1e6, 100.0 if key == _SCORE else 1e6, "1", cure)
+        for key, limit in value.items()
+    }
+
+
+def _crossover(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise TypeError(f"crossover must be true or false, got {value!r}.")
+    return value
+
+
+_FIELDS = {"target_length_mm": "target_length"}
+_TASK_KEYS: Mapping[str, Callable[[Any], Any]] = {
+    "name": str.strip,
+    "specimen_class": lambda value: one_of("specimen_class", value, CLASSES),
+    "feedback": lambda value: one_of("feedback", value, FEEDBACK),
+    "repetitions": lambda value: _whole("repetitions", value, 1, 1000, "Give how many cuts."),
+    "mark": _mark,
+    "seeds": _seeds,
+    "target_length_mm": _length,
+    "crossover": _crossover,
+}
+"""Keys of a task in the file, and what reads their values."""
+
+
+def _limit(key: str, limit: float) -> str:
+    about = MARKED_METRICS[key]
+    name = "score" if key == _SCORE else about.name.replace("_", " ")
+    return f"{name} {_shown(limit, about)} or {'more' if about.more else 'less'}"
+
+
+def _missed(key: str, limit: float, card: ScoreCard) -> str:
+    """Return by what a cut misses a limit, in words; "" if it keeps it."""
+    about = MARKED_METRICS[key]
+    value = card.overall_score if key == _SCORE else card.metrics[about.name].value
+    if value is None:
+        return f"{_limit(key, limit)}: not known"
+    value = about.unit.from_si(value)
+    kept = value >= limit if about.more else value <= limit
+    return "" if kept else f"{_limit(key, limit)}: here {_shown(value, about)}"
+
+
+def _shown(value: float, about: MarkedMetric) -> str:
+    return f"{value:.3g}" + (f" {about.unit.sign}" if about.unit.sign != "1" else "")

@@ -1,0 +1,142 @@
+"""Progress of one person through a course, read from the records on disk: nothing else is kept that could be lost."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cutenv.play.course import FEEDBACK, Course, CourseTask
+from cutenv.recording import load_one, read_metadata
+from cutenv.scoring import ScoreCard, score
+
+GIVEN_UP = "given up"
+"""End of a cut that the person abandoned: repeated, or the window closed."""
+
+
+class CourseSpecimen(NamedTuple):
+    """Specimen of the next cut: class, seed, and target length [m], None if it is drawn."""
+
+    specimen_class: str
+    seed: int
+    target_length: float | None
+
+
+class CourseProgress:
+    """Progress of one person through a course: which task is next, and whether marks were reached.
+
+    Parameters
+    ----------
+    course : Course
+        The course.
+    operator : str
+        Anonymous code of the person.
+    folder : Path, optional
+        Folder of the records, in which the person's cuts of this course are looked for; they are scored again, by the
+        marks that stand in the course now.
+
+    Attributes
+    ----------
+    unread : list of str
+        Files in the folder that cannot be read, with the reasons; they do not count.
+    verdict : str
+        What the last cut of this session reached, in words; "" before the first.
+    """
+
+    def __init__(self, course: Course, operator: str, folder: Path | None = None) -> None:
+        self.course = course.for_operator(operator)
+        self.operator = operator
+        self.unread: list[str] = []
+        self.verdict = ""
+        self._counted: dict[str, list[bool]] = {task.name: [] for task in self.course.tasks}
+        found = []
+        for path in sorted(folder.glob("*.csv")) if folder is not None and folder.is_dir() else ():
+            try:
+                facts = read_metadata(path)
+                if self._is_ours(facts):
+                    found.append((str(facts.get("date", "")), path.name, facts, score(load_one(path))))
+            except (OSError, ValueError) as error:
+                self.unread.append(str(error))
+        for _, _, facts, card in sorted(found, key=lambda each: each[:2]):
+            self._count(facts["task"], card, str(facts.get("end", "")))
+
+    @property
+    def task(self) -> CourseTask | None:
+        """Present task: the first that is not done; None when the course is."""
+        return next((task for task in self.course.tasks if not self._is_done(task)), None)
+
+    def specimen(self) -> CourseSpecimen:
+        """Return the specimen of the next cut; a task without seeds draws one at every call.
+
+        Raises
+        ------
+        ValueError
+            If the course is done.
+        """
+        task = self.task
+        if task is None:
+            raise ValueError(f"course {self.course.name!r} is done: there is no next specimen.")
+        made = len(self._counted[task.name])
+        seed = task.seeds[made % len(task.seeds)] if task.seeds else secrets.randbelow(2**31)
+        return CourseSpecimen(task.specimen_class, seed, task.target_length)
+
+    def metadata(self) -> dict[str, Any]:
+        """Return what the record of the next cut has to note, so that the progress can be read from it."""
+        task = self.task
+        assert task is not None  # no cut is made after the last task
+        facts: dict[str, Any] = {"course": self.course.name, "task": task.name, "feedback": task.feedback}
+        return facts | ({"crossover": True} if task.crossover else {})
+
+    def add(self, card: ScoreCard, end: str) -> None:
+        """Count a cut of the present task, and say in :attr:`verdict` whether it reached the mark."""
+        task = self.task
+        assert task is not None
+        misses = self._count(task.name, card, end)
+        if not task.mark:
+            self.verdict = "Not counted: the cut was given up." if misses else "This cut counts."
+        elif task.feedback == "never":  # by how much would be feedback
+            self.verdict = "Mark missed." if misses else "Mark reached."
+        else:
+            self.verdict = f"Mark missed: {'; '.join(misses)}." if misses else "Mark reached."
+
+    def ahead(self) -> str:
+        """Return in words what comes next."""
+        task = self.task
+        if task is None:
+            return f"Course {self.course.name!r}: all {len(self.course.tasks)} tasks are done."
+        number = self.course.tasks.index(task) + 1
+        done, many = self._in_row(task), task.repetitions > 1
+        so_far = f", {done} of {task.repetitions} so far" if many else ""
+        force = FEEDBACK[task.feedback]
+        return f"Task {number} of {len(self.course.tasks)}, {task.name}: {task.demand()}{so_far}. Force: {force}."
+
+    def _is_ours(self, facts: dict[str, Any]) -> bool:
+        named = (facts.get("course"), facts.get("operator"))
+        return named == (self.course.name, self.operator) and facts.get("task") in self._counted
+
+    def _count(self, name: str, card: ScoreCard, end: str) -> tuple[str, ...]:
+        """Count a cut of a task; return why it does not count towards its repetitions, () if it does."""
+        task = next(task for task in self.course.tasks if task.name == name)
+        misses = (GIVEN_UP,) if end == GIVEN_UP else task.misses(card)
+        self._counted[name].append(not misses)
+        return misses
+
+    def _in_row(self, task: CourseTask) -> int:
+        """Return the number of cuts that count towards the repetitions now: in a row if there is a mark."""
+        counted = self._counted[task.name]
+        return _longest_end(counted) if task.mark else sum(counted)
+
+    def _is_done(self, task: CourseTask) -> bool:
+        counted = self._counted[task.name]
+        if not task.mark:
+            return sum(counted) >= task.repetitions
+        return any(_longest_end(counted[: n + 1]) >= task.repetitions for n in range(len(counted)))
+
+
+def _longest_end(counted: Iterable[bool]) -> int:
+    """Return how many at the end are true without a break."""
+    length = 0
+    for each in counted:
+        length = length + 1 if each else 0
+    return length

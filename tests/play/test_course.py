@@ -1,0 +1,235 @@
+"""Courses: the file, what each person goes through, progress from the records on disk, and what the window shows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from played import DATE, TARGET, run
+
+from cutenv import cli
+from cutenv.play.course import FEEDBACK, SHIPPED_COURSES, Course, CourseTask, named_course, read_course, shown_feedback
+from cutenv.play.course_progress import GIVEN_UP, CourseProgress
+from cutenv.play.devices import simple_hand
+from cutenv.play.play_session import Session
+from cutenv.recording import load_one
+
+GOOD = """
+name = "two"
+[[task]]
+name = "first"
+specimen_class = "uniform"
+mark = { overall_score = 1, tip_error_mm = 50 }
+repetitions = 2
+seeds = [6, 7]
+target_length_mm = 70
+[[task]]
+name = "second"
+specimen_class = "liver"
+feedback = "never"
+"""
+
+
+def written(folder: Path, text: str = GOOD) -> Path:
+    path = folder / "course.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def task(**changes: object) -> CourseTask:
+    given = {"name": "one", "specimen_class": "liver", "seeds": (6,), "target_length": TARGET}
+    return CourseTask(**(given | changes))  # type: ignore[arg-type]
+
+
+def course(*tasks: CourseTask) -> Course:
+    return Course(name="made up", about="", tasks=tasks)
+
+
+def cut(progress: CourseProgress, folder: Path | None = None) -> Session:
+    """The next cut of a course by a simple hand."""
+    played = Session(simple_hand(TARGET), folder=folder, countdown=0.0, course=progress, now=lambda: DATE)
+    played.begin()
+    run(played)
+    return played
+
+
+def test_the_file_says_what_the_course_holds(tmp_path: Path) -> None:
+    first, second = read_course(written(tmp_path)).tasks
+    assert (first.seeds, first.target_length, first.feedback) == ((6, 7), 0.07, "always")
+    assert first.demand() == "score 1 or more and tip error 50 mm or less, 2 cuts in a row"
+    assert (second.feedback, second.demand(), second.seeds) == ("never", "1 cut", ())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (
+            'feedback = "never"',
+            'feedback = "newer"',
+            "task 2 ('second'): feedback must be one of .*Did you mean 'never'",
+        ),
+        ("repetitions = 2", "repetitions = 0", "task 1 ('first'): repetitions = 0 is outside 1 to 1000"),
+        ("repetitions = 2", "repetition = 2", "task 1 ('first'): key must be one of .*Did you mean 'repetitions'"),
+        (
+            "tip_error_mm",
+            "tip_error",
+            "mark must be one of .*Did you mean 'tip_error_mm'|mark 'tip_error' is not known",
+        ),
+        ("overall_score = 1,", "overall_score = 101,", "mark overall_score = 101 is outside 0 to 100"),
+        ('specimen_class = "liver"', "", "task 2 ('second'): specimen_class is missing. Give one of"),
+        ('specimen_class = "liver"', 'specimen_class = "kidney"', "specimen_class must be one of .*got 'kidney'"),
+        ("seeds = [6, 7]", "seeds = 6", "seeds must be a list of whole numbers, got 6"),
+        ("target_length_mm = 70", "target_length_mm = 7", "target_length_mm = 7 mm is outside 15 to 130 mm"),
+        ('name = "second"', 'name = "first"', "two tasks are called 'first'"),
+        ('feedback = "never"', "crossover = true", "crossover = true must stand in two tasks"),
+        ('name = "two"', "name = 2", "name = 2 must be a text"),
+        ("[[task]]", "[task", "it is not TOML"),
+    ],
+)
+def test_a_wrong_file_is_refused_by_task_key_value_and_cure(tmp_path: Path, old: str, new: str, said: str) -> None:
+    path = written(tmp_path, GOOD.replace(old, new))
+    with pytest.raises(ValueError, match=said.replace("(", r"\(").replace(")", r"\)")) as error:
+        read_course(path)
+    assert str(path) in str(error.value)
+
+
+def test_the_courses_that_come_along_are_valid_and_named_in_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert {named_course(name).name for name in SHIPPED_COURSES} == {"first cuts", "force shown or not"}
+    with pytest.raises(SystemExit):
+        cli.main(["play", "--help"])
+    helped = capsys.readouterr().out
+    assert all(name in helped for name in SHIPPED_COURSES)
+    with pytest.raises(ValueError, match="neither a file nor one that comes with cutenv \\(first, force-shown\\)"):
+        named_course("last")
+
+
+def test_a_crossover_exchanges_the_feedback_of_half_of_the_people_and_leaves_the_specimens() -> None:
+    given = named_course("force-shown")
+    rules = {code: [each.feedback for each in given.for_operator(code).tasks] for code in ("P01", "P02", "S13", "S14")}
+    assert rules["P01"] == rules["S13"] == ["always", "always", "never"]
+    assert rules["P02"] == rules["S14"] == ["always", "never", "always"]
+    assert [each.seeds for each in given.for_operator("P02").tasks] == [each.seeds for each in given.tasks]
+
+
+def test_a_person_goes_on_where_the_records_say(tmp_path: Path) -> None:
+    given = course(task(mark={"overall_score": 1.0}, repetitions=2, seeds=(6, 8)), task(name="two", feedback="never"))
+    progress = CourseProgress(given, "P07", tmp_path)
+    assert progress.specimen()[:2] == ("liver", 6)
+    played = cut(progress, tmp_path)
+    assert played.sight().verdict == (
+        "Mark reached.",
+        "Task 1 of 2, one: score 1 or more, 2 cuts in a row, 1 of 2 so far. Force: shown.",
+    )
+    facts = load_one(played.saved).metadata
+    assert (facts["course"], facts["task"], facts["feedback"]) == ("made up", "one", "always")
+    again = CourseProgress(given, "P07", tmp_path)  # another day
+    assert (again.ahead(), again.specimen().seed) == (progress.ahead(), 8)
+    assert CourseProgress(given, "P08", tmp_path).specimen().seed == 6  # somebody else
+    cut(again, tmp_path)
+    third = CourseProgress(given, "P07", tmp_path)
+    assert third.task is not None
+    assert third.task.name == "two"
+    last = cut(third, tmp_path)
+    assert last.done
+    assert CourseProgress(given, "P07", tmp_path).task is None
+    harder = course(task(mark={"overall_score": 101.0}, repetitions=2))  # the mark of now counts
+    assert CourseProgress(harder, "P07", tmp_path).task is not None
+
+
+def test_a_miss_breaks_the_row_and_a_cut_that_was_given_up_is_one(tmp_path: Path) -> None:
+    played = cut(CourseProgress(course(task(mark={"overall_score": 1.0}, repetitions=2)), "P07"))
+    card = played.card
+    assert card is not None
+    progress = CourseProgress(course(task(mark={"overall_score": 1.0}, repetitions=2)), "P07")
+    for end in ("finished", GIVEN_UP, "finished"):
+        progress.add(card, end)
+    assert "1 of 2 so far" in progress.ahead()
+    progress.add(card, "finished")
+    assert progress.task is None
+    free = CourseProgress(course(task(repetitions=2)), "P07")
+    for end in ("finished", GIVEN_UP):
+        free.add(card, end)
+    assert free.verdict == "Not counted: the cut was given up."
+    assert "1 of 2 so far" in free.ahead()
+
+
+def test_a_damaged_record_is_named_and_does_not_count(tmp_path: Path) -> None:
+    (tmp_path / "broken.csv").write_text('# cutenv-record/1\n# metadata: {"course": \ntime_s\n', encoding="utf-8")
+    (reason,) = CourseProgress(course(task()), "P07", tmp_path).unread
+    assert "broken.csv" in reason
+
+
+@pytest.mark.parametrize(
+    ("rule", "cutting", "costly", "after"),
+    [
+        ("always", (True, True, True), (True, True, True), (True, True, True)),
+        ("above-limit", (False, False, True), (True, False, True), (True, True, True)),
+        ("afterwards", (False, False, True), (False, False, True), (True, True, True)),
+        ("never", (False, False, True), (False, False, True), (False, False, False)),
+    ],
+)
+def test_each_rule_shows_what_it_says(rule: str, cutting: object, costly: object, after: object) -> None:
+    assert shown_feedback(rule, ended=False, costs=False) == cutting
+    assert shown_feedback(rule, ended=False, costs=True) == costly
+    assert shown_feedback(rule, ended=True, costs=False) == after
+
+
+@pytest.mark.parametrize("rule", FEEDBACK)
+def test_the_window_keeps_a_hidden_force_to_itself(rule: str) -> None:
+    pytest.importorskip("pygame", reason='playing is an extra: pip install "cutenv[play]"')
+    from cutenv.play.picture import PlayPicture
+
+    progress = CourseProgress(course(task(feedback=rule)), "P07")
+    played = Session(simple_hand(TARGET), countdown=0.0, course=progress)
+    painter = PlayPicture()
+    played.begin()
+    for k in range(150):
+        played.advance(k / 60.0)
+    sight = played.sight()
+    assert 0.5 < sight.moment.force < sight.moment.force_limit_per_depth * 0.02
+    calm = painter.draw(sight).picture()
+    for readings in (played.cut.cutting.readings, played.cut.readings):
+        readings["force"][-1] *= 0.5  # what is seen of the force is the sensor's
+    other = painter.draw(played.sight()).picture()
+    assert np.array_equal(calm, other) == (rule != "always")
+
+
+def test_in_a_course_no_key_changes_what_is_cut_or_shown() -> None:
+    played = Session(simple_hand(TARGET), countdown=0.0, course=CourseProgress(course(task()), "P07"))
+    played.choose_class("vascular")
+    played.show_hidden()
+    played.begin()
+    played.advance(0.0)
+    played.advance(0.2)
+    played.repeat()
+    assert (played.chosen_class, played.practice, played.phase) == ("liver", False, "cutting")
+
+
+def test_the_command_walks_a_course_and_refuses_what_it_sets(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("pygame", reason='playing is an extra: pip install "cutenv[play]"')
+    pytest.importorskip("pymunk", reason='playing is an extra: pip install "cutenv[play]"')
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    options = ["play", "--course", str(written(tmp_path)), "--out", str(tmp_path / "cuts")]
+    assert cli.main(options) == 2
+    assert "--course needs --operator CODE" in capsys.readouterr().err
+    options += ["--operator", "P07"]
+    assert cli.main([*options, "--seed", "3"]) == 2
+    assert "--seed cannot be given with --course" in capsys.readouterr().err
+    assert cli.main([*options, "--scripted", "--cuts", "3"]) == 0
+    said = capsys.readouterr()
+    assert "Task 1 of 2, first" in said.err
+    assert said.out.splitlines()[-1] == "This cut counts. Course 'two': all 2 tasks are done."
+    assert "overall score" not in said.out  # the last task shows nothing
+    assert cli.main(options) == 2
+    assert "all 2 tasks are done" in capsys.readouterr().err
+
+
+def test_a_course_is_read_without_the_window() -> None:
+    import subprocess
+    import sys
+
+    code = "import sys, cutenv.play.course, cutenv.play.course_progress; print('pygame' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"
