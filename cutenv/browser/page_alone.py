@@ -95,14 +95,19 @@ def page_alone(
         "language": language,
         "specimens": [specimen_data(each, seed, k) for each, k in itertools.product(specimen_classes, numbers)],
     }
-    values = {
+    return page_text("page_alone.html", told)
+
+
+def page_text(template: str, told: dict[str, Any], **values: Any) -> str:
+    """Return a page that cuts, filled with what it is told, the law, its scripts and further values of its template."""
+    filled = {
         "data": json.dumps(told, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
         "law": _base64(resources.path(LAW_PROGRAM).read_bytes()),
         "code": "\n".join((_HERE / name).read_text(encoding="utf-8") for name in _SCRIPTS),
-        "words": told["texts"][language],
-        "language": language,
+        "words": told["texts"][told["language"]],
+        **values,
     }
-    return render(_HERE / "page_alone.html", values, filters={"digest": _digest})
+    return render(_HERE / template, filled, filters={"digest": _digest})
 
 
 def page_data() -> dict[str, Any]:
@@ -129,9 +134,9 @@ def page_data() -> dict[str, Any]:
     }
 
 
-def specimen_data(specimen_class: str, seed: int, episode: int) -> dict[str, Any]:
+def specimen_data(specimen_class: str, seed: int, episode: int, target_length: float | None = None) -> dict[str, Any]:
     """Return a cut at its start: its key, and the records of its whole state as base64; hidden truth included."""
-    cut = HandCut(specimen_class=specimen_class, seed=seed, episode=episode)
+    cut = HandCut(specimen_class=specimen_class, seed=seed, episode=episode, target_length=target_length)
     return {
         "specimen_class": specimen_class,
         "seed": seed,

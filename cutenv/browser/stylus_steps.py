@@ -74,6 +74,8 @@ class HandCut:
         "uniform", "liver", "vascular" or "mixed".
     seed, episode : int
         Key of specimen, target and noise.
+    target_length : float, optional
+        Length of the cut [m]; drawn from 0.060 to 0.100 by default.
     deadline : float
         Time for the cut [s].
     hand : Hand
@@ -93,11 +95,13 @@ class HandCut:
         specimen_class: str = "liver",
         seed: int = 0,
         episode: int = 0,
+        target_length: float | None = None,
         deadline: float = 30.0,
         hand: Hand = PLAYED_HAND,
     ) -> None:
         self._env = GentleCutEnv(
             specimen_class=specimen_class,
+            target_length=target_length,
             deadline_s=deadline,
             control_hz=round(1.0 / TICK),
             drive="hand",
@@ -117,6 +121,11 @@ class HandCut:
     def episodes(self) -> StructArray:
         """State of the task, :data:`~cutenv.task.cuts.EPISODE`, shape (1,)."""
         return self._env.cutting.episode
+
+    @property
+    def target_length(self) -> float:
+        """Target length [m]."""
+        return self._env.cutting.target_length
 
     @property
     def measured_depth(self) -> Array:

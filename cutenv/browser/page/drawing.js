@@ -82,7 +82,8 @@ class Drawing {
     this.pen.fillText(text, x, y);
   }
 
-  draw(cut, { texts, showTip }) {
+  draw(cut, { texts, showTip, seen }) {
+    this.seen = seen;
     this.fit();
     this.drawAbove(cut, texts, showTip);
     this.drawSide(cut, texts, showTip);
@@ -175,6 +176,7 @@ class Drawing {
   }
 
   tint(cut) {
+    if (!this.seen.force) return this.colour.steel;
     const depth = cut.depthAt(cut.depth, cut.blade), force = Math.abs(cut.last("force"));
     if (force > cut.limitPerDepth * depth) return this.colour.limit;
     return force > this.told.force_allowed_per_depth * depth ? this.colour.costs : this.colour.steel;
@@ -249,9 +251,9 @@ class Drawing {
     this.stroke(allowed(this.told.force_allowed_per_depth), this.colour.costs, 1.5, [6, 4]);
     this.stroke(allowed(cut.limitPerDepth), this.colour.limit, 1.5);
     this.stroke([this.charted(cut.target, this.low), this.charted(cut.target, this.high)], this.colour.target, 1.5);
-    if (this.path.length) this.stroke(this.path.map(([along, force]) => this.charted(along, force)), this.colour.ink, 1.2);
+    if (this.path.length && this.seen.trace) this.stroke(this.path.map(([along, force]) => this.charted(along, force)), this.colour.ink, 1.2);
     pen.restore();
-    const [x, y] = this.charted(cut.blade, cut.last("force"));
+    const [x, y] = this.charted(cut.blade, this.seen.force ? cut.last("force") : 0);
     pen.beginPath();
     pen.arc(x, y, 4, 0, 2 * Math.PI);
     pen.fillStyle = this.colour.ink;

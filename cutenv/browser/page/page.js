@@ -21,8 +21,15 @@
   const page = { phase: "ready", chosen: 0, cut: null, practised: false, from: 0, given: 0 };
   const stylus = { position: 0, angle: upright, keys: new Set(), pointer: null };
 
-  function prepare() {
-    page.cut = new HandCut(law, told.specimens[page.chosen]);
+  // A server hands out each specimen, and says what is shown of the force; the page alone has its own.
+  async function prepare() {
+    if (told.served) {
+      page.handedOut = await ask("POST", "cuts");
+      byId("course").textContent = page.handedOut.ahead ?? page.handedOut.error;
+      page.done = !page.handedOut.cut;
+      if (page.done) { show(); return; }
+    }
+    page.cut = new HandCut(law, page.handedOut ?? told.specimens[page.chosen]);
     page.practised = false;
     page.phase = "ready";
     stylus.position = 0;
@@ -31,9 +38,13 @@
     show();
   }
 
-  function start() {
-    if (page.phase === "cutting") return;
-    if (page.phase === "ended") prepare();
+  async function start() {
+    if (page.phase === "cutting" || page.phase === "countdown" || page.busy) return;
+    if (page.phase === "ended") {
+      page.busy = true;
+      try { await prepare(); } finally { page.busy = false; }
+      if (page.done || page.phase !== "ready") return;
+    }
     page.phase = "countdown";
     page.from = performance.now();
     show();
@@ -44,8 +55,81 @@
   function finish(end) {
     page.cut.end ||= end;
     page.phase = "ended";
+    if (told.served) keep();
     show();
     byId("card").focus({ preventScroll: false });
+  }
+
+  // The server
+
+  const CRC = Array.from({ length: 256 }, (_, value) => {
+    for (let bit = 0; bit < 8; bit++) value = value & 1 ? 0xedb88320 ^ (value >>> 1) : value >>> 1;
+    return value >>> 0;
+  });
+
+  async function ask(method, path, body, headers = {}) {
+    try {
+      const answer = await fetch(path, { method, body, headers });
+      return { ...await answer.json(), status: answer.status };
+    } catch (error) {
+      return { error: String(error.message ?? error), status: 0 };
+    }
+  }
+
+  // Send the movements of the hand; the server repeats the cut, and keeps it if its law finds these readings.
+  async function keep() {
+    const { cut, handedOut } = page, movements = new Float64Array(cut.inputs.flat());
+    if (cut.count < 100) { byId("kept").textContent = ""; return; }
+    page.busy = true;
+    show();
+    byId("kept").textContent = texts.saving;
+    const digest = crc32(cut.bytes());
+    const said = await ask("POST", `cuts/${handedOut.id}`, movements, { "X-Readings": digest, "X-Stalled": String(cut.stalled) });
+    page.busy = false;
+    if (said.error) {
+      byId("kept").textContent = say(texts.unsaved, { reason: said.error });
+      const again = element("button", texts.retry);
+      again.addEventListener("click", keep);
+      if (said.status === 0 || said.status >= 500) byId("kept").append(" ", again);
+    } else {
+      const told = said.score === null ? texts.saved_no_score : say(texts.saved, { score: fixed(said.score, 0) });
+      byId("kept").textContent = [told, said.verdict].filter(Boolean).join(" ");
+      byId("ahead-words").textContent = said.ahead;
+      byId("points").hidden = !said.points.length;
+      byId("points").replaceChildren(...said.points.map(({ part, points, most }) =>
+        row("td", part, say(texts.points_of, { value: fixed(points, 0), most: fixed(most, 0) }))));
+    }
+    await tellHistory();
+    show();
+  }
+
+  // CRC-32 as in zlib: the browser's own digests exist only under https.
+  function crc32(numbers) {
+    let sum = 0xffffffff;
+    for (const byte of new Uint8Array(numbers.buffer)) sum = CRC[(sum ^ byte) & 0xff] ^ (sum >>> 8);
+    return ((sum ^ 0xffffffff) >>> 0).toString(16).padStart(8, "0");
+  }
+
+  async function tellHistory() {
+    const cuts = await ask("GET", "cuts");
+    const rows = Object.values(cuts).filter(each => each?.state).reverse().map(({ when, state, outcome, score }) =>
+      row("td", new Date(when).toLocaleString(document.documentElement.lang),
+        state === "saved" ? outcome : texts[`state_${state}`], score ?? "–"));
+    byId("history").replaceChildren(row("th", texts.when, texts.outcome, texts.score), ...rows);
+  }
+
+  function row(kind, ...cells) {
+    const made = document.createElement("tr");
+    made.append(...cells.map(cell => element(kind, cell)));
+    return made;
+  }
+
+  // What a course's rule shows of the force now, as cutenv.play.course.shown_feedback.
+  function shown() {
+    const rule = page.handedOut?.feedback ?? "always", ended = page.phase === "ended", { cut } = page;
+    const costs = cut.last("force") > told.force_allowed_per_depth * cut.depthAt(cut.depth, cut.blade);
+    const after = ended && rule !== "never", whole = rule === "always" || after;
+    return { force: whole || (rule === "above-limit" && costs), trace: whole, result: after || !ended };
   }
 
   // Once for each picture: the milliseconds that are due, under where the hand is now.
@@ -66,28 +150,37 @@
       moveByKeys(due);
       moveByGamepad(due);
       stylus.position = within(within(stylus.position, page.cut.hand - told.lead, page.cut.hand + told.lead), 0, told.travel);
-      page.practised ||= byId("practice").checked;
+      page.practised ||= practising();
       if (due > 0) {
         page.cut.advance(Array.from({ length: due }, () => [stylus.position, stylus.angle]));
         page.given += due;
       }
       if (page.cut.end) finish(page.cut.end);
     }
-    drawing.draw(page.cut, { texts, showTip: byId("practice").checked || page.phase === "ended" });
+    const seen = shown();
+    drawing.draw(page.cut, { texts, seen, showTip: practising() || (page.phase === "ended" && seen.result) });
     if (page.phase !== "ended") tell();
     requestAnimationFrame(frame);
   }
 
   // Words and numbers beside the picture
 
+  const practising = () => byId("practice")?.checked ?? false;
+
   function show() {
     const { cut } = page, at = page.phase;
+    byId("start").disabled = Boolean(page.busy || page.done);
+    if (page.done) byId("card").hidden = true;
+    if (!cut) return;
     byId("task").textContent = say(texts.task, { target: fixed(1e3 * cut.target, 1) });
     byId("start").hidden = at === "cutting" || at === "countdown";
     byId("start").textContent = at === "ended" ? texts.again : texts.start;
-    byId("next").hidden = at !== "ended";
+    if (told.served) byId("start").textContent = at === "ended" ? texts.next : texts.start;
+    byId("next").hidden = at !== "ended" || Boolean(told.served);
     byId("stop").hidden = at !== "cutting";
-    for (const name of ["specimen", "language"]) byId(name).disabled = at === "cutting" || at === "countdown";
+    for (const name of ["specimen", "language"]) {
+      if (byId(name)) byId(name).disabled = at === "cutting" || at === "countdown";
+    }
     byId("card").hidden = at !== "ended";
     byId("advice").hidden = at === "ended";
     tell();
@@ -100,9 +193,11 @@
     const rows = [[texts.result_off, off], [texts.result_peak, `${fixed(found.peak, 1)} N`],
       [texts.result_longest, `${millimetres(found.longest)} mm`], [texts.result_time, `${fixed(found.time, 1)} s`],
       [texts.result_return, fixed(reward, 2)]];
-    byId("results").replaceChildren(...rows.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
+    const toldRows = shown().result ? rows : [];
+    if (!shown().result) byId("verdict").textContent = texts.ended;
+    byId("results").replaceChildren(...toldRows.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
     byId("practised").hidden = !page.practised;
-    byId("save").disabled = cut.count < 100;
+    if (byId("save")) byId("save").disabled = cut.count < 100;
   }
 
   function verdict(cut, found, millimetres) {
@@ -117,8 +212,9 @@
   function tell() {
     const { cut } = page, force = cut.last("force"), depth = cut.depthAt(cut.depth, cut.blade);
     const limit = cut.limitPerDepth * depth, distance = 1e3 * (cut.target - cut.blade);
-    byId("force").textContent = `${fixed(force, 1)} N`;
-    byId("bar").style.width = `${100 * within(Math.abs(force) / limit, 0, 1)}%`;
+    const seen = shown().force;
+    byId("force").textContent = seen ? `${fixed(force, 1)} N` : "–";
+    byId("bar").style.width = seen ? `${100 * within(Math.abs(force) / limit, 0, 1)}%` : "0";
     byId("bar").className = force > told.force_allowed_per_depth * depth ? "costs" : "";
     for (const name of ["costs", "costs-word"]) byId(name).style.left = `${100 * told.force_allowed_per_depth / cut.limitPerDepth}%`;
     byId("distance").textContent = `${fixed(distance, 1)} mm`;
@@ -129,7 +225,7 @@
     byId("tilt").value = Math.round(stylus.angle * 180 / Math.PI);
     byId("countdown").textContent = page.phase === "countdown" ? String(Math.max(1, Math.ceil((1500 - (performance.now() - page.from)) / 500))) : "";
     byId("missing").textContent = page.phase === "cutting" ? missing(cut, force) : "";
-    canvas.setAttribute("aria-label", say(texts.picture, { force: fixed(force, 1), distance: fixed(distance, 0) }));
+    canvas.setAttribute("aria-label", say(texts.picture, { force: seen ? fixed(force, 1) : "–", distance: fixed(distance, 0) }));
   }
 
   // What is still missing to finish, once the blade has come near the target; from what a rig measures, too.
@@ -139,7 +235,7 @@
     if (Math.abs(upright - cut.angle) > told.angle_tolerance) return say(texts.missing_upright, { angle: fixed(cut.angle * 180 / Math.PI, 0) });
     const rested = progress("quiet");
     if (rested > 0) return say(texts.missing_still, { time: fixed(Math.max(told.time_at_rest - rested, 0), 1) });
-    return say(texts.missing_back, { force: fixed(Math.max(force, 0), 1) });
+    return say(texts.missing_back, { force: shown().force ? fixed(Math.max(force, 0), 1) : "…" });
   }
 
   function element(kind, text) {
@@ -211,15 +307,15 @@
   // Buttons and choices
 
   byId("start").addEventListener("click", start);
-  byId("next").addEventListener("click", () => {
+  byId("next").addEventListener("click", async () => {
     page.chosen = (page.chosen + 1) % told.specimens.length;
     byId("specimen").value = page.chosen;
-    prepare();
+    await prepare();
     start();
   });
   byId("stop").addEventListener("click", () => finish("given up"));
-  byId("specimen").addEventListener("change", event => { page.chosen = Number(event.target.value); prepare(); });
-  byId("save").addEventListener("click", () => {
+  byId("specimen")?.addEventListener("change", event => { page.chosen = Number(event.target.value); prepare(); });
+  byId("save")?.addEventListener("click", () => {
     const operator = byId("operator");
     if (!operator.reportValidity()) return;
     const link = document.createElement("a");
@@ -236,6 +332,10 @@
     document.title = texts.title;
     for (const each of document.querySelectorAll("[data-text]")) each.textContent = texts[each.dataset.text];
     for (const each of document.querySelectorAll("[data-label]")) each.setAttribute("aria-label", texts[each.dataset.label]);
+    byId("language").value = language;
+    if (told.served) tellHistory();
+    if (page.cut) show();
+    if (told.served) return;
     byId("operator").title = texts.bad_operator;
     byId("specimen").replaceChildren(...told.specimens.map(({ specimen_class: kind, episode }, k) => {
       const option = element("option", `${texts[`class_${kind}`]}, ${say(texts.number, { number: episode + 1 })}`);
@@ -243,8 +343,6 @@
       return option;
     }));
     byId("specimen").value = page.chosen;
-    byId("language").value = language;
-    if (page.cut) show();
   }
 
   byId("language").replaceChildren(...Object.entries(told.texts).map(([code, each]) => {
@@ -253,8 +351,8 @@
     return option;
   }));
   const wanted = navigator.language?.slice(0, 2);
-  prepare();
+  await prepare();
   speak(told.language === "en" && wanted in told.texts ? wanted : told.language);
-  requestAnimationFrame(frame);
+  if (page.cut) requestAnimationFrame(frame);
   window.cutenvPage = { page, stylus, law, start, told }; // for tests, and for whoever looks inside
 })();

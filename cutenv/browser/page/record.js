@@ -9,6 +9,7 @@ class HandCut {
     this.specimen = specimen;
     law.begin(specimen);
     this.columns = Object.fromEntries(READING.map(name => [name, []]));
+    this.parts = [];
     this.inputs = [];
     this.target = law.number("episode", "tasks.target");
     this.deadline = law.number("episode", "tasks.deadline");
@@ -26,12 +27,21 @@ class HandCut {
     if (this.end) return;
     this.begun ??= new Date();
     const readings = this.law.advance(stylus), width = READING.length;
+    this.parts.push(readings);
     for (let i = 0; i < readings.length / width; i++) {
       READING.forEach((name, k) => this.columns[name].push(readings[width * i + k]));
       this.inputs.push(stylus[i]);
     }
     this.end = this.law.end;
     this.success = this.law.success;
+  }
+
+  // All readings as they lie in memory.
+  bytes() {
+    const all = new Float64Array(READING.length * this.count);
+    let place = 0;
+    for (const part of this.parts) { all.set(part, place); place += part.length; }
+    return all;
   }
 
   get count() { return this.columns.time.length; }

@@ -1,0 +1,277 @@
+"""Database of a class, beside its records: codes, consents, cuts that were handed out, and who is signed in."""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
+from typing import Any, NamedTuple
+
+from sqlalchemy import (
+    Column,
+    Connection,
+    Engine,
+    ForeignKey,
+    Index,
+    Integer,
+    MetaData,
+    String,
+    Table,
+    create_engine,
+    delete,
+    event,
+    insert,
+    select,
+    update,
+)
+from sqlalchemy.exc import IntegrityError
+
+from cutenv.recording.provenance import check_operator
+
+TEACHER = ""
+"""Code of the teacher's sessions."""
+GOING_ON, SAVED, REFUSED, UNFINISHED = "going on", "saved", "refused", "unfinished"
+"""States of a cut that was handed out."""
+_SESSION = timedelta(hours=12)
+_LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # no I and no O, which look like digits
+
+_metadata = MetaData()
+_people = Table(
+    "people",
+    _metadata,
+    Column("code", String(64), primary_key=True),
+    Column("created", String(32), nullable=False),
+    Column("consented", String(32)),
+)
+_cuts = Table(
+    "cuts",
+    _metadata,
+    Column("id", String(32), primary_key=True),
+    Column("code", String(64), ForeignKey("people.code", ondelete="CASCADE"), nullable=False),
+    Column("specimen_class", String(16), nullable=False),
+    Column("seed", Integer, nullable=False),
+    Column("target_length_um", Integer),  # whole, so that every database gives it back
+    Column("task", String(200)),
+    Column("handed_out", String(32), nullable=False),
+    Column("state", String(16), nullable=False),
+    Column("record", String(200)),
+    Column("outcome", String(200)),
+    Column("score", Integer),
+    Column("reason", String(500)),
+    Index("cuts_by_code", "code", "handed_out"),
+)
+_sessions = Table(
+    "sessions",
+    _metadata,
+    Column("token_hash", String(64), primary_key=True),
+    Column("code", String(64), nullable=False),
+    Column("expires", String(32), nullable=False),
+)
+
+
+class HandedOutCut(NamedTuple):
+    """One cut that was handed out; ``target_length`` [m] is None if it is drawn, ``score`` None without one."""
+
+    id: str
+    code: str
+    specimen_class: str
+    seed: int
+    target_length: float | None
+    task: str
+    handed_out: str
+    state: str
+    record: str
+    outcome: str
+    score: int | None
+    reason: str
+
+
+class ClassStore:
+    """Database of one class.
+
+    Parameters
+    ----------
+    url : str
+        Address as SQLAlchemy has it: ``sqlite:///class.db``, ``postgresql+psycopg://...``.
+
+    Raises
+    ------
+    sqlalchemy.exc.SQLAlchemyError
+        If it cannot be opened.
+    """
+
+    def __init__(self, url: str) -> None:
+        self._engine: Engine = create_engine(url)
+        if self._engine.dialect.name == "sqlite":
+            event.listen(self._engine, "connect", _prepare_sqlite)
+        _metadata.create_all(self._engine)
+
+    def close(self) -> None:
+        """Close all connections."""
+        self._engine.dispose()
+
+    @contextmanager
+    def _transaction(self) -> Iterator[Connection]:
+        with self._engine.begin() as connection:
+            yield connection
+
+    # People
+
+    def add_codes(self, count: int) -> list[str]:
+        """Add ``count`` new codes, such as "KRT48213", and return them; they are drawn, so nobody guesses them."""
+        made: list[str] = []
+        while len(made) < count:
+            code = "".join(secrets.choice(_LETTERS) for _ in range(3)) + f"{secrets.randbelow(10**6):06d}"
+            if self.add_code(code):
+                made.append(code)
+        return made
+
+    def add_code(self, code: str) -> bool:
+        """Add a code of one's own; return False if it is there already.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it may identify a person.
+        """
+        check_operator(code)
+        try:
+            with self._transaction() as connection:
+                connection.execute(insert(_people).values(code=code, created=_now()))
+        except IntegrityError:
+            return False
+        return True
+
+    def codes(self) -> list[tuple[str, bool]]:
+        """Return all codes in order, and whether their people consented."""
+        with self._transaction() as connection:
+            rows = connection.execute(select(_people).order_by(_people.c.created, _people.c.code)).all()
+        return [(row.code, row.consented is not None) for row in rows]
+
+    def knows(self, code: str) -> bool:
+        """Return whether there is such a code."""
+        with self._transaction() as connection:
+            return connection.execute(select(_people.c.code).where(_people.c.code == code)).first() is not None
+
+    def consent(self, code: str) -> None:
+        """Note that the person agreed to what is stored."""
+        with self._transaction() as connection:
+            connection.execute(update(_people).where(_people.c.code == code).values(consented=_now()))
+
+    def delete(self, code: str) -> bool:
+        """Delete a person: code, sessions and cuts; return False if there was none. The records are the caller's."""
+        with self._transaction() as connection:
+            connection.execute(delete(_cuts).where(_cuts.c.code == code))
+            connection.execute(delete(_sessions).where(_sessions.c.code == code))
+            return connection.execute(delete(_people).where(_people.c.code == code)).rowcount > 0
+
+    # Sessions
+
+    def sign_in(self, code: str) -> str:
+        """Return a new token of a person, or of the :data:`TEACHER`; only its hash is stored."""
+        token = secrets.token_urlsafe(32)
+        expires = (datetime.now(UTC) + _SESSION).isoformat(timespec="seconds")
+        with self._transaction() as connection:
+            connection.execute(delete(_sessions).where(_sessions.c.expires < _now()))
+            connection.execute(insert(_sessions).values(token_hash=_hash(token), code=code, expires=expires))
+        return token
+
+    def signed_in(self, token: str) -> str | None:
+        """Return whose token it is; None if it is nobody's, or too old."""
+        with self._transaction() as connection:
+            row = connection.execute(select(_sessions).where(_sessions.c.token_hash == _hash(token))).first()
+        return None if row is None or row.expires < _now() else str(row.code)
+
+    def sign_out(self, token: str) -> None:
+        """Forget a token."""
+        with self._transaction() as connection:
+            connection.execute(delete(_sessions).where(_sessions.c.token_hash == _hash(token)))
+
+    # Cuts
+
+    def hand_out(
+        self, code: str, specimen_class: str, seed: int, target_length: float | None = None, task: str = ""
+    ) -> HandedOutCut:
+        """Hand out a cut; one that the person left unfinished is noted as such."""
+        number = secrets.token_hex(16)
+        length = None if target_length is None else round(1e6 * target_length)
+        with self._transaction() as connection:
+            left = (_cuts.c.code == code) & (_cuts.c.state == GOING_ON)
+            connection.execute(update(_cuts).where(left).values(state=UNFINISHED))
+            values = dict(
+                id=number, code=code, specimen_class=specimen_class, seed=seed, target_length_um=length, task=task,
+                handed_out=_now(), state=GOING_ON,
+            )  # fmt: skip
+            connection.execute(insert(_cuts).values(**values))
+        return self.cut(number, code)
+
+    def cut(self, number: str, code: str) -> HandedOutCut:
+        """Return a person's own cut.
+
+        Raises
+        ------
+        LookupError
+            If the person has no such cut.
+        """
+        for cut in self._found(_cuts.c.id == number, _cuts.c.code == code):
+            return cut
+        raise LookupError(f"no cut {number!r} was handed out to this person.")
+
+    def finish(
+        self,
+        number: str,
+        state: str,
+        *,
+        record: str = "",
+        outcome: str = "",
+        score: float | None = None,
+        reason: str = "",
+    ) -> None:
+        """Note how a cut ended: :data:`SAVED` with the name of its record, or :data:`REFUSED` with the reason."""
+        values = {
+            "state": state,
+            "record": record,
+            "outcome": outcome[:200],
+            "score": None if score is None else round(score),
+            "reason": reason[:500],
+        }
+        with self._transaction() as connection:
+            connection.execute(update(_cuts).where(_cuts.c.id == number).values(**values))
+
+    def cuts(self, code: str | None = None) -> list[HandedOutCut]:
+        """Return the cuts of a person, or of all, in order."""
+        return list(self._found(*([] if code is None else [_cuts.c.code == code])))
+
+    def close_unfinished(self) -> int:
+        """Note every cut that goes on as unfinished, after a restart; return how many there were."""
+        with self._transaction() as connection:
+            changed = update(_cuts).where(_cuts.c.state == GOING_ON).values(state=UNFINISHED)
+            return int(connection.execute(changed).rowcount)
+
+    def _found(self, *conditions: Any) -> Iterator[HandedOutCut]:
+        with self._transaction() as connection:
+            rows: Sequence[Any] = connection.execute(
+                select(_cuts).where(*conditions).order_by(_cuts.c.handed_out, _cuts.c.id)
+            ).all()
+        for row in rows:
+            length = None if row.target_length_um is None else row.target_length_um / 1e6
+            yield HandedOutCut(
+                row.id, row.code, row.specimen_class, row.seed, length, row.task or "", row.handed_out, row.state,
+                row.record or "", row.outcome or "", row.score, row.reason or "",
+            )  # fmt: skip
+
+
+def _prepare_sqlite(connection: Any, _: Any) -> None:
+    # A write-ahead log lets many read while one writes, and survives a kill; writers wait for each other.
+    for setting in ("journal_mode=WAL", "foreign_keys=ON", "busy_timeout=15000", "synchronous=FULL"):
+        connection.execute(f"PRAGMA {setting}")
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="microseconds")
+
+
+def _hash(token: str) -> str:
+    return hashlib.sha256(token.encode()).hexdigest()

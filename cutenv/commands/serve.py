@@ -1,0 +1,121 @@
+"""Serve a class: people cut in their browsers with a code, and their teacher sees, exports and deletes records."""
+
+from __future__ import annotations
+
+import argparse
+import ipaddress
+import socket
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from cutenv._base.validation import in_range
+from cutenv.browser.page_alone import LANGUAGES
+from cutenv.commands.options import command_parser, made_folder, reports_errors
+from cutenv.play.course import SHIPPED_COURSES, named_course
+from cutenv.tissue.specimen import CLASSES
+
+
+@reports_errors("serve")
+def main(argv: Sequence[str]) -> int:
+    """Run the server until Ctrl-C; return 0, or 2 if an option is bad."""
+    arguments = _parser().parse_args(argv)
+    port = round(in_range("--port", arguments.port, 0, 65535, "1", "Give a port such as 8800; 0 takes a free one."))
+    if (arguments.certificate is None) != (arguments.key is None):
+        raise ValueError("--certificate and --key belong together: give the files of both, or of none.")
+    for option in ("certificate", "key"):
+        path = getattr(arguments, option)
+        if path is not None and not path.is_file():
+            raise ValueError(f"--{option} {path} is no file. Give the path of a PEM file.")
+    course = None if arguments.course is None else named_course(arguments.course)
+    made_folder("FOLDER", arguments.folder)
+
+    import uvicorn
+
+    from cutenv.classroom.class_server import class_app, new_token
+    from cutenv.classroom.class_store import ClassStore
+    from cutenv.classroom.lesson import Lesson
+
+    store = ClassStore(arguments.database or f"sqlite:///{arguments.folder / 'class.db'}")
+    lost = store.close_unfinished()
+    lesson = Lesson(store, arguments.folder / "records", course, arguments.specimen_class)
+    secure = arguments.certificate is not None
+    token = new_token()
+    app = class_app(lesson, token, title=arguments.title, language=arguments.language, secure=secure)
+    listening = _listening(arguments.host, port)
+    address = f"http{'s' * secure}://{_shown_host(arguments.host)}:{listening.getsockname()[1]}/"
+    if lost:
+        print(f"note: {lost} cut{'s were' * (lost > 1) or ' was'} not finished when the server ended", file=sys.stderr)
+    if not secure and not _is_loopback(arguments.host):
+        print("note: without --certificate codes travel unencrypted; use it on a network of your own", file=sys.stderr)
+    print(f"class: {address}\nteacher: {address}teacher with the token {token}\nend with Ctrl-C", flush=True)
+    if arguments.open:
+        import webbrowser
+
+        webbrowser.open(f"{address}teacher")
+    tls: dict[str, Any] = {"ssl_certfile": arguments.certificate, "ssl_keyfile": arguments.key} if secure else {}
+    settings = uvicorn.Config(
+        app, log_level="warning", server_header=False, timeout_keep_alive=30, limit_concurrency=500, **tls
+    )
+    try:
+        uvicorn.Server(settings).run(sockets=[listening])
+    except KeyboardInterrupt:
+        pass  # it has let the requests at hand end
+    finally:
+        store.close()
+    return 0
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((host, port))
+    except OSError as error:
+        listening.close()
+        raise ValueError(
+            f"cannot listen on {host} port {port}: {error.strerror}. Choose another --port or --host."
+        ) from None
+    return listening
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _shown_host(host: str) -> str:
+    if host in ("0.0.0.0", "::"):
+        return socket.gethostname()
+    return f"[{host}]" if ":" in host else host
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command_parser(
+        "serve",
+        __doc__,
+        examples=("class --open", "class --course first --host 0.0.0.0 --certificate cert.pem --key key.pem"),
+        note="FOLDER holds everything: copy it for a backup; another machine goes on from the copy.",
+    )
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="folder of the class: its database and records")
+    parser.add_argument(
+        "--course", metavar="COURSE", help=f"course.toml, or one that is shipped: {', '.join(SHIPPED_COURSES)}"
+    )
+    parser.add_argument(
+        "--specimen-class", choices=CLASSES, default="liver", help="specimens without a course; default liver"
+    )
+    parser.add_argument("--title", default="cutenv", help="name of the class on its pages")
+    parser.add_argument("--language", choices=LANGUAGES, default="en", help="language of the pages; default en")
+    parser.add_argument(
+        "--host", default="127.0.0.1", help="address to listen on; default 127.0.0.1, this machine alone"
+    )
+    parser.add_argument("--port", type=int, default=8800, help="port; default 8800, 0 takes a free one")
+    parser.add_argument("--certificate", type=Path, metavar="FILE", help="certificate (PEM), for https")
+    parser.add_argument("--key", type=Path, metavar="FILE", help="its private key (PEM)")
+    parser.add_argument("--database", metavar="URL", help="postgresql+psycopg://...; default SQLite in FOLDER")
+    parser.add_argument("--open", action="store_true", help="open the teacher's page in the browser")
+    return parser

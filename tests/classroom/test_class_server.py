@@ -1,0 +1,326 @@
+"""A class's server: cuts confirmed by the law, pages of people and teacher, and a list of attacks."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import zipfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
+pytest.importorskip("httpx", reason="asks the server in its tests: pip install 'cutenv[dev]'")
+
+from starlette.testclient import TestClient
+
+from cutenv.browser import HandCut
+from cutenv.classroom import ClassStore, Lesson
+from cutenv.classroom.class_server import LARGEST_BODY, Trials, class_app
+from cutenv.play.course import named_course
+from cutenv.recording import load_one
+from cutenv.scoring import score
+
+TOKEN = "the teacher's secret"
+
+
+class Room:
+    """A class with its server, its clients, and hands that move by a script."""
+
+    def __init__(self, folder: Path, course: str | None = None) -> None:
+        self.store = ClassStore(f"sqlite:///{folder / 'class.db'}")
+        self.lesson = Lesson(self.store, folder / "records", None if course is None else named_course(course))
+        self.app = class_app(self.lesson, TOKEN)
+
+    def client(self) -> TestClient:
+        return TestClient(self.app, base_url="http://class", follow_redirects=False)
+
+    def person(self, code: str) -> TestClient:
+        self.store.add_code(code)
+        client = self.client()
+        assert client.post("/", data={"code": code, "consent": "yes"}).status_code == 303
+        return client
+
+    def teacher(self) -> TestClient:
+        client = self.client()
+        assert client.post("/teacher", data={"token": TOKEN}).status_code == 303
+        return client
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Iterator[Room]:
+    made = Room(tmp_path)
+    yield made
+    made.store.close()
+
+
+def hand(count: int = 900, speed: float = 2e-5) -> Any:
+    return np.stack([np.arange(count) * speed, np.full(count, np.pi / 2)], axis=-1)
+
+
+def cut_once(client: TestClient, movements: Any = None, **changed: Any) -> tuple[Any, dict[str, Any]]:
+    """Begin and finish a cut as the page does; the answer, and what was handed out."""
+    handed_out = client.post("/cuts").json()
+    stylus = hand() if movements is None else movements
+    made = HandCut(specimen_class=handed_out["specimen_class"], seed=handed_out["seed"])
+    digest = f"{zlib.crc32(made.follow(stylus).tobytes()):08x}"
+    sent = {"content": stylus.astype("<f8").tobytes(), "headers": {"X-Readings": digest}} | changed
+    return client.post(f"/cuts/{handed_out['id']}", **sent), handed_out
+
+
+def test_a_cut_is_repeated_scored_and_kept(room: Room) -> None:
+    client = room.person("P07")
+    answer, handed_out = cut_once(client)
+    assert answer.status_code == 200, answer.text
+    (path,) = (room.lesson.folder / "P07").glob("*.csv")
+    trace = load_one(path)
+    assert trace.metadata["operator"] == "P07"
+    assert trace.metadata["specimen_seed"] == handed_out["seed"]
+    made = HandCut(specimen_class=handed_out["specimen_class"], seed=handed_out["seed"])
+    assert trace.force.tobytes() == made.follow(hand())["force"].tobytes()
+    overall = score(
+        trace, target_length=trace.metadata["target_length_m"], reference=room.lesson._reference
+    ).overall_score
+    assert overall is not None
+    assert answer.json()["score"] == round(overall)
+    (told,) = client.get("/cuts").json()
+    assert (told["state"], told["score"]) == ("saved", round(overall))
+
+
+def test_a_course_leads_from_task_to_task_and_hides_what_it_is_to_hide(tmp_path: Path) -> None:
+    course = tmp_path / "course.toml"
+    course.write_text(
+        'name = "two"\n[[task]]\nname = "first"\nspecimen_class = "uniform"\nseeds = [5]\nfeedback = "never"\n'
+        '[[task]]\nname = "second"\nspecimen_class = "liver"\nfeedback = "above-limit"\n'
+    )
+    room = Room(tmp_path, str(course))
+    client = room.person("P01")
+    first = client.post("/cuts").json()
+    assert (first["specimen_class"], first["seed"], first["feedback"]) == ("uniform", 5, "never")
+    stylus = np.concatenate([hand(4000, 3e-5), np.full((26_000, 2), [0.12, np.pi / 2])])
+    made = HandCut(specimen_class="uniform", seed=5)
+    readings = made.follow(stylus)
+    digest = f"{zlib.crc32(readings.tobytes()):08x}"
+    content = stylus[: len(readings)].tobytes()
+    answer = client.post(f"/cuts/{first['id']}", content=content, headers={"X-Readings": digest}).json()
+    assert (answer["score"], answer["outcome"], answer["points"]) == (None, "", [])
+    assert client.post("/cuts").json()["feedback"] == "above-limit"
+    again = Lesson(room.store, room.lesson.folder, named_course(str(course))).progress("P01")
+    assert again is not None
+    assert again.task is not None
+    assert again.task.name == "second", "progress is read from the records after a restart"
+    room.store.close()
+
+
+# Attacks
+
+
+def test_movements_that_the_law_does_not_confirm_are_refused_and_said_to_be(room: Room) -> None:
+    client = room.person("P07")
+    answer, _ = cut_once(client, headers={"X-Readings": "00000000"})
+    assert answer.status_code == 422
+    assert "not those of the law" in answer.json()["error"]
+    assert [cut.state for cut in room.store.cuts("P07")] == ["refused"]
+    assert not list(room.lesson.folder.rglob("*.csv"))
+
+
+def test_a_record_cannot_be_sent_twice(room: Room) -> None:
+    client = room.person("P07")
+    answer, handed_out = cut_once(client)
+    assert answer.status_code == 200
+    again = client.post(f"/cuts/{handed_out['id']}", content=hand().tobytes(), headers={"X-Readings": "0" * 8})
+    assert again.status_code == 422
+    assert "saved already" in again.json()["error"]
+    assert len(list(room.lesson.folder.rglob("*.csv"))) == 1
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"x", b"\0" * 15, b"\0" * 16 * 99, b"\0" * 16 * 30_001, np.full((200, 2), np.nan).tobytes(),
+     np.full((200, 2), 1e300).tobytes(), b"<script>" * 400],
+    ids=["empty", "a letter", "half a movement", "too short", "too long", "nan", "far", "text"],
+)  # fmt: skip
+def test_what_cannot_be_a_cut_is_refused(room: Room, content: bytes) -> None:
+    client = room.person("P07")
+    answer, _ = cut_once(client, content=content)
+    assert answer.status_code == 422
+    assert answer.json()["error"]
+
+
+def test_somebody_elses_cut_is_not_there(room: Room) -> None:
+    owner, other = room.person("P01"), room.person("P02")
+    handed_out = owner.post("/cuts").json()
+    answer = other.post(f"/cuts/{handed_out['id']}", content=hand().tobytes(), headers={"X-Readings": "0" * 8})
+    assert answer.status_code == 404
+    assert other.get("/cuts").json() == []
+
+
+@pytest.mark.parametrize(
+    ("method", "path"),
+    [("GET", "/cuts"), ("POST", "/cuts"), ("POST", "/cuts/1"), ("GET", "/teacher/records.zip"),
+     ("POST", "/teacher/codes"), ("POST", "/teacher/delete"), ("GET", "/teacher/sheet"), ("GET", "/teacher/P01/x"),
+     ("GET", "/teacher/P01/records.zip")],
+)  # fmt: skip
+def test_nobody_gets_in_without_signing_in(room: Room, method: str, path: str) -> None:
+    room.store.add_code("P01")
+    assert room.client().request(method, path).status_code == 401
+    if path.startswith("/teacher"):
+        assert room.person("P02").request(method, path).status_code == 401, "a person is no teacher"
+
+
+@pytest.mark.parametrize("cookie", ["", "x", "' OR 1=1 --", "\x00", "a" * 5000])
+def test_a_made_up_cookie_is_nobodys(room: Room, cookie: str) -> None:
+    client = room.client()
+    for name in ("cutenv_person", "cutenv_teacher"):
+        header = {"Cookie": f"{name}={cookie}".encode("latin-1")}
+        assert client.get("/cuts", headers=header).status_code in (400, 401)
+        assert client.get("/teacher/sheet", headers=header).status_code in (400, 401)
+
+
+@pytest.mark.parametrize(
+    "code", ["' OR '1'='1", "P01'; DROP TABLE people; --", "../../etc", "<script>alert(1)</script>"]
+)
+def test_injection_into_sql_and_page_is_just_a_wrong_code(room: Room, code: str) -> None:
+    room.store.add_code("P01")
+    answer = room.client().post("/", data={"code": code, "consent": "yes"})
+    assert answer.status_code == 403
+    assert "<script>alert" not in answer.text
+    assert room.store.knows("P01")
+
+
+@pytest.mark.parametrize("path", ["../class.db", "..%2fclass.db", "%2e%2e/%2e%2e/etc/passwd", "..\\class.db"])
+def test_no_path_of_a_client_is_opened(room: Room, path: str) -> None:
+    teacher = room.teacher()
+    for address in (f"/teacher/{path}/records.zip", f"/teacher/P01/{path}", f"/{path}"):
+        assert teacher.get(address).status_code in (404, 401)
+    assert teacher.post("/teacher/delete", data={"code": "..", "again": ".."}).status_code == 404
+    assert room.lesson.folder.is_dir()
+
+
+def test_guessing_codes_is_slowed_down(room: Room) -> None:
+    room.store.add_code("P01")
+    client = room.client()
+    answers = [client.post("/", data={"code": f"X{n}", "consent": "yes"}).status_code for n in range(12)]
+    assert answers == [403] * 10 + [429] * 2
+    assert client.post("/", data={"code": "P01", "consent": "yes"}).status_code == 429
+
+
+def test_the_brake_lets_go_after_a_minute() -> None:
+    now = [0.0]
+    trials = Trials(most=2, clock=lambda: now[0])
+    trials.failed("a")
+    trials.failed("a")
+    with pytest.raises(Exception, match="Wait a minute"):
+        trials.check("a")
+    trials.check("b")
+    now[0] = 61.0
+    trials.check("a")
+
+
+def test_another_site_cannot_act_for_a_person(room: Room) -> None:
+    client = room.person("P07")
+    assert client.post("/cuts", headers={"Origin": "http://evil.example"}).status_code == 403
+    assert client.post("/cuts", headers={"Origin": "http://class"}).status_code == 200
+    cookie = room.client().post("/", data={"code": "P07", "consent": "yes"}).headers["set-cookie"].lower()
+    assert "httponly" in cookie
+    assert "samesite=strict" in cookie
+
+
+def test_a_huge_request_is_refused_before_it_is_read(room: Room) -> None:
+    client = room.person("P07")
+    assert client.post("/cuts/x", content=b"\0" * (LARGEST_BODY + 1)).status_code == 413
+    assert client.post("/cuts/x", content=iter([b"\0" * 65536] * 20)).status_code == 413
+
+
+def test_every_page_forbids_what_it_does_not_need(room: Room) -> None:
+    for answer in (room.client().get("/"), room.teacher().get("/teacher"), room.person("P07").get("/cut")):
+        assert answer.status_code == 200
+        assert "frame-ancestors 'none'" in answer.headers["content-security-policy"]
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        assert not re.search(r"""(src|href)=["']?https?://""", answer.text), "a page asks another host"
+
+
+def test_without_consent_nobody_cuts(room: Room) -> None:
+    room.store.add_code("P07")
+    answer = room.client().post("/", data={"code": "P07"})
+    assert answer.status_code == 403
+    assert "cutenv_person" not in answer.headers.get("set-cookie", "")
+    assert room.store.codes() == [("P07", False)]
+
+
+# The teacher
+
+
+def test_the_teacher_makes_codes_and_sees_exports_and_deletes(room: Room) -> None:
+    teacher = room.teacher()
+    assert teacher.post("/teacher/codes", data={"count": "3"}).status_code == 303
+    codes = [code for code, _ in room.store.codes()]
+    sheet = teacher.get("/teacher/sheet").text
+    assert len(codes) == 3
+    assert all(code in sheet for code in codes)
+    client = room.client()
+    assert client.post("/", data={"code": codes[0].lower(), "consent": "yes"}).status_code == 303
+    answer, handed_out = cut_once(client)
+    assert answer.status_code == 200
+    page = teacher.get("/teacher").text
+    assert f"teacher/{codes[0]}/{handed_out['id']}" in page
+    card = teacher.get(f"/teacher/{codes[0]}/{handed_out['id']}")
+    assert card.status_code == 200
+    assert codes[0] in card.text
+    for path in ("/teacher/records.zip", f"/teacher/{codes[0]}/records.zip"):
+        with zipfile.ZipFile(io.BytesIO(teacher.get(path).content)) as archive:
+            names = archive.namelist()
+            (row,) = csv.DictReader(io.StringIO(archive.read("cuts.csv").decode()))
+        assert row["state"] == "saved"
+        assert f"{codes[0]}/{row['record']}" in names
+    assert teacher.post("/teacher/delete", data={"code": codes[0], "again": "x"}).status_code == 422
+    assert teacher.post("/teacher/delete", data={"code": codes[0], "again": codes[0]}).status_code == 303
+    assert not (room.lesson.folder / codes[0]).exists()
+    assert client.get("/cuts").status_code == 401, "who was deleted is signed out"
+    assert codes[0] not in teacher.get("/teacher").text
+
+
+@pytest.mark.parametrize("count", ["0", "501", "x", "", "-3", "1e2"])
+def test_a_bad_number_of_codes_is_named(room: Room, count: str) -> None:
+    answer = room.teacher().post("/teacher/codes", data={"count": count})
+    assert answer.status_code == 422
+    assert "count" in answer.json()["error"]
+
+
+def test_signing_out_ends_the_session(room: Room) -> None:
+    teacher = room.teacher()
+    token = teacher.cookies["cutenv_teacher"]
+    teacher.post("/leave")
+    assert room.store.signed_in(token) is None
+
+
+def test_a_cut_that_was_left_is_unfinished(room: Room) -> None:
+    client = room.person("P07")
+    client.post("/cuts")
+    client.post("/cuts")
+    assert [cut.state for cut in room.store.cuts("P07")] == ["unfinished", "going on"]
+    assert room.store.close_unfinished() == 1
+    assert [cut.state for cut in room.store.cuts("P07")] == ["unfinished", "unfinished"]
+
+
+def test_a_full_disk_is_told_and_the_cut_can_be_sent_again(room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
+    client = room.person("P07")
+    full = OSError(28, "No space left on device")
+
+    def refuse(*_: Any) -> None:
+        raise full
+
+    with monkeypatch.context() as patched:
+        patched.setattr("cutenv.classroom.lesson.save", refuse)
+        answer, handed_out = cut_once(client)
+    assert answer.status_code == 507
+    assert "No space left" in answer.json()["error"]
+    made = HandCut(specimen_class=handed_out["specimen_class"], seed=handed_out["seed"])
+    headers = {"X-Readings": f"{zlib.crc32(made.follow(hand()).tobytes()):08x}"}
+    assert client.post(f"/cuts/{handed_out['id']}", content=hand().tobytes(), headers=headers).status_code == 200
+    assert len(list(room.lesson.folder.rglob("*.csv"))) == 1
