@@ -27,7 +27,8 @@ class Wing(NamedTuple):
 
 ROWS = (
     (
-        Wing("programs", "what a person starts", ("cli", "commands", "play", "browser", "classroom", "sim_to_real"), "#5b7db1"),
+        Wing("programs", "what a person starts",
+             ("cli", "commands", "play", "browser", "classroom", "sim_to_real"), "#5b7db1"),
         Wing("learning", "training, evaluation", ("learning", "sb3"), "#5b7db1"),
     ),
     (Wing("environments", "Gymnasium, and nowhere below", ("envs",), "#3f8f6b"),),

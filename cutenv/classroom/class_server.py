@@ -199,6 +199,11 @@ def class_app(
     async def begin(request: Request) -> Response:
         return JSONResponse(await run_in_threadpool(lesson.begin, await person(request)))
 
+    async def begun(request: Request) -> Response:
+        code = await person(request)
+        await run_in_threadpool(lesson.store.begun, request.path_params["number"], code)
+        return JSONResponse({})
+
     async def finish(request: Request) -> Response:
         code = await person(request)
         try:
@@ -310,6 +315,7 @@ def class_app(
         routes=[
             get("/", enter_page), post("/", enter), post("/leave", leave), get("/cut", cut_page),
             post("/cuts", begin), get("/cuts", history), post("/cuts/{number:str}", finish),
+            post("/cuts/{number:str}/begun", begun),
             get("/teacher", teacher_page), post("/teacher", teacher_sign_in), post("/teacher/codes", add_codes),
             get("/teacher/sheet", sheet), get("/teacher/records.zip", records), post("/teacher/delete", remove),
             get("/teacher/{code:str}/records.zip", records), get("/teacher/{code:str}/{number:str}", card),

@@ -32,7 +32,7 @@ from cutenv.recording.provenance import check_operator
 
 TEACHER = ""
 """Code of the teacher's sessions."""
-GOING_ON, SAVED, REFUSED, UNFINISHED = "going on", "saved", "refused", "unfinished"
+PREPARED, GOING_ON, SAVED, REFUSED, UNFINISHED = "prepared", "going on", "saved", "refused", "unfinished"
 """States of a cut that was handed out."""
 _SESSION = timedelta(hours=12)
 _LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # no I and no O, which look like digits
@@ -191,21 +191,32 @@ class ClassStore:
 
     # Cuts
 
+    def prepared(self, code: str) -> HandedOutCut | None:
+        """Return the cut that was handed out to a person and not begun, or None; one left unfinished is noted so."""
+        left = (_cuts.c.code == code) & (_cuts.c.state == GOING_ON)
+        with self._transaction() as connection:
+            connection.execute(update(_cuts).where(left).values(state=UNFINISHED))
+        return next(self._found(_cuts.c.code == code, _cuts.c.state == PREPARED), None)
+
     def hand_out(
         self, code: str, specimen_class: str, seed: int, target_length: float | None = None, task: str = ""
     ) -> HandedOutCut:
-        """Hand out a cut; one that the person left unfinished is noted as such."""
+        """Hand out a new cut."""
         number = secrets.token_hex(16)
         length = None if target_length is None else round(1e6 * target_length)
         with self._transaction() as connection:
-            left = (_cuts.c.code == code) & (_cuts.c.state == GOING_ON)
-            connection.execute(update(_cuts).where(left).values(state=UNFINISHED))
             values = dict(
                 id=number, code=code, specimen_class=specimen_class, seed=seed, target_length_um=length, task=task,
-                handed_out=_now(), state=GOING_ON,
+                handed_out=_now(), state=PREPARED,
             )  # fmt: skip
             connection.execute(insert(_cuts).values(**values))
         return self.cut(number, code)
+
+    def begun(self, number: str, code: str) -> None:
+        """Note that a person has begun a cut; does nothing if there is no such cut to begin."""
+        mine = (_cuts.c.id == number) & (_cuts.c.code == code) & (_cuts.c.state == PREPARED)
+        with self._transaction() as connection:
+            connection.execute(update(_cuts).where(mine).values(state=GOING_ON))
 
     def cut(self, number: str, code: str) -> HandedOutCut:
         """Return a person's own cut.
@@ -243,6 +254,29 @@ class ClassStore:
     def cuts(self, code: str | None = None) -> list[HandedOutCut]:
         """Return the cuts of a person, or of all, in order."""
         return list(self._found(*([] if code is None else [_cuts.c.code == code])))
+
+    def content(self) -> dict[str, list[dict[str, Any]]]:
+        """Return everything but the sessions, as rows by table, for a backup."""
+        with self._transaction() as connection:
+            return {
+                table.name: [dict(row) for row in connection.execute(select(table)).mappings()]
+                for table in (_people, _cuts)
+            }
+
+    def fill(self, content: dict[str, list[dict[str, Any]]]) -> None:
+        """Fill an empty database from :meth:`content`.
+
+        Raises
+        ------
+        ValueError
+            If it is not empty.
+        """
+        with self._transaction() as connection:
+            if connection.execute(select(_people.c.code)).first() is not None:
+                raise ValueError("the database holds a class already. Restore into a new folder or an empty database.")
+            for table in (_people, _cuts):
+                if rows := content[table.name]:
+                    connection.execute(insert(table), rows)
 
     def close_unfinished(self) -> int:
         """Note every cut that goes on as unfinished, after a restart; return how many there were."""

@@ -20,7 +20,7 @@ import numpy as np
 import cutenv
 from cutenv.browser.page_alone import specimen_data
 from cutenv.browser.stylus_steps import HandCut
-from cutenv.classroom.class_store import GOING_ON, REFUSED, SAVED, ClassStore, HandedOutCut
+from cutenv.classroom.class_store import GOING_ON, PREPARED, REFUSED, SAVED, ClassStore, HandedOutCut
 from cutenv.plant.protocol import recorded_trace
 from cutenv.play.course import Course
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
@@ -81,14 +81,14 @@ class Lesson:
         """Hand out the next cut: what the page needs to know; only ``ahead`` and ``done`` if the course is done."""
         with self.lock(code):
             progress = self.progress(code)
-            if progress is None:
-                cut = self.store.hand_out(code, self.specimen_class, secrets.randbelow(2**31))
-                said = {"ahead": "", "feedback": "always"}
-            elif progress.task is None:
+            if progress is not None and progress.task is None:
                 return {"done": True, "ahead": progress.ahead()}
+            cut = self.store.prepared(code)  # whoever loads the page again gets the same specimen
+            if progress is None or progress.task is None:
+                cut = cut or self.store.hand_out(code, self.specimen_class, secrets.randbelow(2**31))
+                said = {"ahead": "", "feedback": "always"}
             else:
-                specimen = progress.specimen()
-                cut = self.store.hand_out(code, *specimen, task=progress.task.name)
+                cut = cut or self.store.hand_out(code, *progress.specimen(), task=progress.task.name)
                 said = {"ahead": progress.ahead(), "feedback": progress.task.feedback}
             data = specimen_data(cut.specimen_class, cut.seed, 0, cut.target_length)
             return data | said | {"id": cut.id, "done": False}
@@ -117,7 +117,7 @@ class Lesson:
         """
         with self.lock(code):
             handed_out = self.store.cut(number, code)
-            if handed_out.state != GOING_ON:
+            if handed_out.state not in (PREPARED, GOING_ON):
                 raise RefusedCut(f"this cut is {handed_out.state} already.")
             try:
                 cut, readings = self._repeated(handed_out, movements, digest)

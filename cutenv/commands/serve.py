@@ -33,11 +33,20 @@ def main(argv: Sequence[str]) -> int:
 
     import uvicorn
 
+    from cutenv.classroom.class_backup import restore_backup, write_backup
     from cutenv.classroom.class_server import class_app, new_token
     from cutenv.classroom.class_store import ClassStore
     from cutenv.classroom.lesson import Lesson
 
     store = ClassStore(arguments.database or f"sqlite:///{arguments.folder / 'class.db'}")
+    if arguments.backup is not None:
+        count = write_backup(store, arguments.folder / "records", arguments.backup)
+        print(f"backup: {arguments.backup} ({count} records)")
+        return 0
+    if arguments.restore is not None:
+        count = restore_backup(store, arguments.folder / "records", arguments.restore)
+        print(f"restored: {count} records into {arguments.folder}; 'cutenv serve {arguments.folder}' goes on")
+        return 0
     lost = store.close_unfinished()
     lesson = Lesson(store, arguments.folder / "records", course, arguments.specimen_class)
     secure = arguments.certificate is not None
@@ -98,8 +107,12 @@ def _parser() -> argparse.ArgumentParser:
     parser = command_parser(
         "serve",
         __doc__,
-        examples=("class --open", "class --course first --host 0.0.0.0 --certificate cert.pem --key key.pem"),
-        note="FOLDER holds everything: copy it for a backup; another machine goes on from the copy.",
+        examples=(
+            "class --open",
+            "class --backup monday.zip",
+            "class --course first --host 0.0.0.0 --certificate cert.pem --key key.pem",
+        ),
+        note="--backup may run beside the server; --restore makes a class from it, on any machine.",
     )
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="folder of the class: its database and records")
     parser.add_argument(
@@ -117,5 +130,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--certificate", type=Path, metavar="FILE", help="certificate (PEM), for https")
     parser.add_argument("--key", type=Path, metavar="FILE", help="its private key (PEM)")
     parser.add_argument("--database", metavar="URL", help="postgresql+psycopg://...; default SQLite in FOLDER")
+    parser.add_argument("--backup", type=Path, metavar="ZIP", help="write all that is stored to a file, and end")
+    parser.add_argument("--restore", type=Path, metavar="ZIP", help="fill a new FOLDER from such a file, and end")
     parser.add_argument("--open", action="store_true", help="open the teacher's page in the browser")
     return parser

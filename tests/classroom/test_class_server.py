@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
-pytest.importorskip("httpx", reason="asks the server in its tests: pip install 'cutenv[dev]'")
+pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
 
 from starlette.testclient import TestClient
 
@@ -162,8 +162,8 @@ def test_somebody_elses_cut_is_not_there(room: Room) -> None:
 
 @pytest.mark.parametrize(
     ("method", "path"),
-    [("GET", "/cuts"), ("POST", "/cuts"), ("POST", "/cuts/1"), ("GET", "/teacher/records.zip"),
-     ("POST", "/teacher/codes"), ("POST", "/teacher/delete"), ("GET", "/teacher/sheet"), ("GET", "/teacher/P01/x"),
+    [("GET", "/cuts"), ("POST", "/cuts"), ("POST", "/cuts/1"), ("POST", "/cuts/1/begun"),
+     ("GET", "/teacher/records.zip"), ("POST", "/teacher/codes"), ("POST", "/teacher/delete"), ("GET", "/teacher/sheet"), ("GET", "/teacher/P01/x"),
      ("GET", "/teacher/P01/records.zip")],
 )  # fmt: skip
 def test_nobody_gets_in_without_signing_in(room: Room, method: str, path: str) -> None:
@@ -299,10 +299,16 @@ def test_signing_out_ends_the_session(room: Room) -> None:
     assert room.store.signed_in(token) is None
 
 
+def test_loading_the_page_again_brings_no_other_specimen(room: Room) -> None:
+    client = room.person("P07")
+    first, again = client.post("/cuts").json(), client.post("/cuts").json()
+    assert (first["id"], first["seed"]) == (again["id"], again["seed"])
+
+
 def test_a_cut_that_was_left_is_unfinished(room: Room) -> None:
     client = room.person("P07")
-    client.post("/cuts")
-    client.post("/cuts")
+    for _ in range(2):
+        assert client.post(f"/cuts/{client.post('/cuts').json()['id']}/begun").status_code == 200
     assert [cut.state for cut in room.store.cuts("P07")] == ["unfinished", "going on"]
     assert room.store.close_unfinished() == 1
     assert [cut.state for cut in room.store.cuts("P07")] == ["unfinished", "unfinished"]

@@ -45,6 +45,7 @@
       try { await prepare(); } finally { page.busy = false; }
       if (page.done || page.phase !== "ready") return;
     }
+    if (told.served) ask("POST", `cuts/${page.handedOut.id}/begun`);
     page.phase = "countdown";
     page.from = performance.now();
     show();
@@ -112,7 +113,7 @@
 
   async function tellHistory() {
     const cuts = await ask("GET", "cuts");
-    const rows = Object.values(cuts).filter(each => each?.state).reverse().map(({ when, state, outcome, score }) =>
+    const rows = Object.values(cuts).filter(each => each?.state && each.state !== "prepared").reverse().map(({ when, state, outcome, score }) =>
       row("td", new Date(when).toLocaleString(document.documentElement.lang),
         state === "saved" ? outcome : texts[`state_${state}`], score ?? "–"));
     byId("history").replaceChildren(row("th", texts.when, texts.outcome, texts.score), ...rows);

@@ -1,0 +1,65 @@
+"""Backup of a class in one ZIP: the records, and the rows of the database as JSON, which fit every database."""
+
+from __future__ import annotations
+
+import json
+import re
+import zipfile
+from pathlib import Path
+from typing import Any
+
+from cutenv._base.atomic_file import atomic_write
+from cutenv.classroom.class_store import SAVED, ClassStore
+
+BACKUP_SCHEMA = "cutenv-class/1"
+_ROWS = "class.json"
+_RECORD = re.compile(r"records/([A-Za-z0-9_-]{1,64})/([A-Za-z0-9_.-]{1,200}\.csv)")
+
+
+def write_backup(store: ClassStore, records: Path, path: Path) -> int:
+    """Write a class to a ZIP file, as a whole or not at all; return the number of records.
+
+    It may run while people cut: rows are read first, so every saved cut among them has its record.
+    """
+    content = store.content()
+    count = 0
+    with atomic_write(path) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(_ROWS, json.dumps({"schema": BACKUP_SCHEMA, **content}, indent=1))
+        for row in content["cuts"]:
+            record = records / row["code"] / str(row["record"])
+            if row["state"] == SAVED and record.is_file():
+                archive.write(record, f"records/{row['code']}/{row['record']}")
+                count += 1
+    return count
+
+
+def restore_backup(store: ClassStore, records: Path, path: Path) -> int:
+    """Fill an empty class from a backup; return the number of records.
+
+    Raises
+    ------
+    ValueError
+        If the file is no backup, or the class is not empty; nothing is written then.
+    FileNotFoundError
+        If there is no such file.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            content: dict[str, Any] = json.loads(archive.read(_ROWS))
+            if content.get("schema") != BACKUP_SCHEMA:
+                raise ValueError(f"{path}: its schema is {content.get('schema')!r}, not {BACKUP_SCHEMA!r}.")
+            names = [name for name in archive.namelist() if name != _ROWS]
+            for name in names:
+                if not _RECORD.fullmatch(name):
+                    raise ValueError(f"{path}: {name!r} is no record of a class. Give a file from --backup.")
+            if any(records.rglob("*.csv")):
+                raise ValueError(f"{records} holds records already. Restore into a new folder.")
+            store.fill(content)
+            for name in names:
+                target = records.parent / name
+                target.parent.mkdir(parents=True, exist_ok=True)
+                with atomic_write(target) as part:
+                    part.write_bytes(archive.read(name))
+    except (zipfile.BadZipFile, KeyError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path} is no backup of a class ({error}). Give a file from --backup.") from None
+    return len(names)
