@@ -63,7 +63,7 @@ def _orders(each: Crossover) -> str:
     first, second = each.conditions
     began = f"{each.people[0]} began with {first}, {each.people[1]} with {second}"
     if each.order is None:
-        return f"{began}: the difference holds what they learned meanwhile, which this order cannot take out."
+        return f"{began}: the difference holds what they learned meanwhile and the other specimens."
     return f"{began}."
 
 
