@@ -37,7 +37,8 @@ def crossover_rows(study: Study) -> CrossoverRows | None:
     rows = []
     for metric, each in found.items():
         unit = shown_unit(study.cuts[0].card.unit(metric)) if metric in METRICS else Unit("1", "1")
-        name = spoken(metric) + (f" [{unit.sign}]" if unit.sign != "1" else "")
+        sign = unit.sign.replace("s2", "s²")
+        name = spoken(metric) + (f" [{sign}]" if sign != "1" else "")
         if isinstance(each, NotEstimable):
             rows.append(CrossoverRow(name, [each.reason, "", ""], False))
             continue
