@@ -27,7 +27,7 @@ FEEDBACK = {
 
 
 class ShownFeedback(NamedTuple):
-    """Parts of the feedback that are shown at one moment: the present force, its trace, and after the cut the result."""
+    """Parts of the feedback at one moment: the present force, its trace, and after the cut the result."""
 
     force: bool = True
     trace: bool = True

@@ -265,14 +265,13 @@ def _draw_recent(canvas: Canvas, layout: Layout, sight: ViewState, highest: floa
 def _draw_numbers(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     moment = sight.moment
     to_target = (moment.target - moment.blade) * 1e3
+    ahead = f"{round((sight.hand - moment.blade) * 1e3, 1) + 0.0:.1f} mm"
     rows: list[tuple[str, str, Colour]] = [
         ("blade to target", f"{round(to_target, 1) + 0.0:.1f} mm", palette.TARGET),
+        ("hand ahead of the blade", ahead if sight.shown.force else "not shown", _HAND),  # a spring: it tells the force
         ("speed of the blade", f"{round(moment.speed * 100, 1) + 0.0:.1f} cm/s", palette.INK),
         ("angle of the blade", f"{math.degrees(moment.angle):.0f}°", palette.INK),
     ]
-    if sight.shown.force:  # the spring between hand and blade shows it too
-        ahead = f"{round((sight.hand - moment.blade) * 1e3, 1) + 0.0:.1f} mm"
-        rows.insert(1, ("hand ahead of the blade", ahead, _HAND))
     if sight.chosen_class != sight.specimen_class:
         rows.append(("next class", sight.chosen_class, palette.INK))
     draw_rows(canvas, layout, 296, 25, rows, size=21)

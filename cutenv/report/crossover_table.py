@@ -37,7 +37,8 @@ def crossover_rows(study: Study) -> CrossoverRows | None:
     rows = []
     for metric, each in found.items():
         unit = shown_unit(study.cuts[0].card.unit(metric)) if metric in METRICS else Unit("1", "1")
-        name = spoken(metric) + (f" [{unit.sign}]" if unit.sign != "1" else "")
+        sign = unit.sign.replace("s2", "s²")
+        name = spoken(metric) + (f" [{sign}]" if sign != "1" else "")
         if isinstance(each, NotEstimable):
             rows.append(CrossoverRow(name, [each.reason, "", ""], False))
             continue
@@ -63,7 +64,7 @@ def _orders(each: Crossover) -> str:
     first, second = each.conditions
     began = f"{each.people[0]} began with {first}, {each.people[1]} with {second}"
     if each.order is None:
-        return f"{began}: the difference holds what they learned meanwhile, which this order cannot take out."
+        return f"{began}: the difference holds what they learned meanwhile and the other specimens."
     return f"{began}."
 
 

@@ -13,7 +13,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 DATA = [
-    ROOT / "assets" / folder for folder in ("derived", "policies", "reference", "tables")
+    ROOT / "assets" / folder for folder in ("courses", "derived", "policies", "reference", "tables")
 ]  # pictures are for the README
 ASSETS = {path.relative_to(ROOT).as_posix() for folder in DATA for path in folder.rglob("*") if path.is_file()}
 CODE = (".py", ".js", ".css", ".html")

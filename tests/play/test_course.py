@@ -212,13 +212,16 @@ def test_the_command_walks_a_course_and_refuses_what_it_sets(
     pytest.importorskip("pygame", reason='playing is an extra: pip install "cutenv[play]"')
     pytest.importorskip("pymunk", reason='playing is an extra: pip install "cutenv[play]"')
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    options = ["play", "--course", str(written(tmp_path)), "--out", str(tmp_path / "cuts")]
+    short = (
+        GOOD.replace("repetitions = 2", "repetitions = 1").replace("_mm = 70", "_mm = 20") + "target_length_mm = 20\n"
+    )
+    options = ["play", "--course", str(written(tmp_path, short)), "--out", str(tmp_path / "cuts")]
     assert cli.main(options) == 2
     assert "--course needs --operator CODE" in capsys.readouterr().err
     options += ["--operator", "P07"]
     assert cli.main([*options, "--seed", "3"]) == 2
     assert "--seed cannot be given with --course" in capsys.readouterr().err
-    assert cli.main([*options, "--scripted", "--cuts", "3"]) == 0
+    assert cli.main([*options, "--scripted", "--cuts", "2"]) == 0
     said = capsys.readouterr()
     assert "Task 1 of 2, first" in said.err
     assert said.out.splitlines()[-1] == "This cut counts. Course 'two': all 2 tasks are done."

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from made_up_study import sawing
@@ -9,6 +11,7 @@ from scipy.stats import t as student
 from scipy.stats import ttest_rel
 
 from cutenv.report.crossover_table import crossover_lines, crossover_rows
+from cutenv.report.study_page import write_study
 from cutenv.scoring import score
 from cutenv.scoring.study import StudiedCut, Study, condition_of, crossover, crossovers
 
@@ -87,7 +90,7 @@ def test_the_condition_is_in_the_records_of_a_crossover_alone() -> None:
     assert condition_of({"feedback": "never"}) == ""
 
 
-def test_a_study_tells_it_for_every_metric_in_millimetres_and_newtons() -> None:
+def test_a_study_tells_it_for_every_metric_in_millimetres_and_newtons(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     cuts = []
     for n in range(6):
@@ -103,6 +106,9 @@ def test_a_study_tells_it_for_every_metric_in_millimetres_and_newtons() -> None:
     assert (row.name, row.apart) == ("force rate [N/s]", True)
     text = "\n".join(crossover_lines(study))
     assert "3 began with always, 3 with never." in text
+    pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
+    write_study(tmp_path / "study.html", study)
+    assert "always minus never, within operators" in (tmp_path / "study.html").read_text(encoding="utf-8")
     assert "force rate [N/s]" in text
     plain = Study(name="made up", cuts=[StudiedCut(card=cut.card, operator=cut.operator) for cut in cuts])
     assert crossover_lines(plain) == []

@@ -31,8 +31,8 @@ class Crossover:
     difference : Estimate
         Difference between the conditions, the mean of both orders. With one order alone, the plain paired difference.
     order : Estimate or None
-        Change from a person's first half to the second, whatever the conditions: learning or fatigue. None if all had
-        the same order: then it is part of the difference, and nobody can tell them apart.
+        Change from a person's first half to the second, whatever the conditions: learning, fatigue and other specimens.
+        None if all had the same order: then it is part of the difference, and nobody can tell them apart.
     carry_over : Estimate or None
         Difference between the orders in the mean of both halves: what the first condition leaves behind, or people who
         differ. Few people do not show it, and it should not decide which analysis is made.
