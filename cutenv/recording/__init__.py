@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.columns import UNITS, Column, header_of, parse_header
 from cutenv.recording.files import load, load_one, save
-from cutenv.recording.operators import OperatorRow, load_operators
+from cutenv.recording.operators import OperatorRow, load_operators, recorded_operators
 from cutenv.recording.provenance import Provenance
 from cutenv.recording.record_errors import RecordError
 from cutenv.recording.schema import SCHEMA
@@ -37,6 +37,7 @@ __all__ = [
     "load_operators",
     "parse_header",
     "read_record",
+    "recorded_operators",
     "save",
 ]
 

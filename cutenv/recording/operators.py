@@ -1,4 +1,4 @@
-"""Table of a study: operator, group, session and order of each record."""
+"""Operator, group, session and order of each record of a study, from a table or from the records."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from cutenv.recording.provenance import check_operator
 from cutenv.recording.record_errors import RecordError
@@ -96,6 +98,42 @@ def load_operators(path: str | os.PathLike[str], *, raters: Sequence[str] = ()) 
         raise RecordError(path, f"it has no rows below its headers. {_CURE}")
     _check_unique(path, rows)
     return rows
+
+
+def recorded_operators(records: Sequence[Mapping[str, Any]]) -> list[OperatorRow]:
+    """Return the operators that records name themselves, as a table would; the sessions are an operator's days.
+
+    Parameters
+    ----------
+    records : sequence of mapping
+        Metadata of each record; "operator" is needed. With a "date" in every record they are in order of time, and
+        without they stay in the order given, as one session.
+
+    Raises
+    ------
+    ValueError
+        If a record names no operator; lists these records.
+    """
+    names = [str(each.get("name", number)) for number, each in enumerate(records, 1)]
+    without = [name for name, each in zip(names, records, strict=True) if not each.get("operator")]
+    if without:
+        raise ValueError(f"no operator is named in {', '.join(without)}; give a table of operators.")
+    dates = [str(each.get("date") or "") for each in records]
+    times = [datetime.fromisoformat(date).timestamp() for date in dates] if all(dates) else range(len(records))
+    days: dict[str, set[str]] = {}
+    for each, date in zip(records, dates, strict=True):
+        days.setdefault(each["operator"], set()).add(date[:10])
+    return [
+        OperatorRow(
+            record=name,
+            operator=each["operator"],
+            group="",
+            session=str(1 + sorted(days[each["operator"]]).index(date[:10])) if all(dates) else "",
+            order=time,
+            line=line,
+        )
+        for line, (name, each, date, time) in enumerate(zip(names, records, dates, times, strict=True), 1)
+    ]
 
 
 def _check_unique(path: Path, rows: list[OperatorRow]) -> None:

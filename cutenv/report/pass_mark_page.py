@@ -8,9 +8,6 @@ from pathlib import Path
 from cutenv.report.page import spoken, write_page
 from cutenv.report.pass_mark_figures import curves_figure, proficiency_figure, raters_figure
 from cutenv.report.pass_mark_table import (
-    amount,
-    correlation_of,
-    in_print,
     mark_text,
     method_name,
     observed_text,
@@ -20,7 +17,7 @@ from cutenv.report.pass_mark_table import (
     write_pass_marks,
     write_people,
 )
-from cutenv.report.study_table import correlation_text
+from cutenv.report.study_table import amount, correlation_text, in_print
 from cutenv.scoring import METRICS
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import (
@@ -148,7 +145,7 @@ def _warnings(standard: Standard) -> list[str]:
     said = list(dict.fromkeys(note for note in notes if note))
     if isinstance(standard.separation, Separation):
         P = standard.separation.superiority
-        if P.low <= 0.5 <= P.high:
+        if P.low is not None and not P.excludes(0.5):
             said.append("the groups may not differ: the interval of the probability of superiority holds 0.5")
     return said
 
@@ -179,7 +176,7 @@ def _rated(standard: Standard, rater: str) -> list[str]:
     found = standard.raters[rater]
     if isinstance(found, NotEstimable):
         return [f"no evidence: {found.reason}", "", ""]
-    return [correlation_of(found.rank), correlation_of(found.linear), str(found.cuts)]
+    return [correlation_text(found.rank), correlation_text(found.linear), str(found.cuts)]
 
 
 def _agreement(setting: StandardSetting) -> list[list[str]] | str:
@@ -189,5 +186,5 @@ def _agreement(setting: StandardSetting) -> list[list[str]] | str:
     return [
         ["agreement, ICC(A,1)", correlation_text(each.agreement), "marks taken as they are; it needs one scale"],
         ["consistency, ICC(C,1)", correlation_text(each.consistency), "a severe rater does not count"],
-        ["ranks, mean over pairs", correlation_of(each.rank), "only the order counts; for any scales"],
+        ["ranks, mean over pairs", correlation_text(each.rank), "only the order counts; for any scales"],
     ]

@@ -46,7 +46,8 @@ def test_the_page_fits_shows_its_pictures_and_can_be_read(browser: Browser, page
     check_can_be_read(browser)
     shown = browser.value("[...document.images].map(i => [i.complete, i.clientWidth / i.naturalWidth])")
     assert len(shown) == 2 + 5  # groups, reliability, and five metrics cut by cut
-    assert all(complete and 0.85 <= scale <= 1.25 for complete, scale in shown)
+    assert all(complete for complete, _ in shown)
+    assert all(0.85 <= scale <= 1.25 for _, scale in shown if scale)  # what is folded has no width
 
 
 @pytest.mark.parametrize("width", [DESK, PHONE])
@@ -76,7 +77,9 @@ def test_a_group_that_is_too_small_is_said_to_be(tmp_path: Path) -> None:
     of = study()
     few = Study(name="few", cuts=[cut for cut in of.cuts if cut.operator != "E04"])
     write_study(tmp_path / "few.html", few)
-    assert "fewer than 4 operators in a group (5 and 3)" in (tmp_path / "few.html").read_text(encoding="utf-8")
+    read = " ".join(Page((tmp_path / "few.html").read_text(encoding="utf-8")).text.split())
+    assert "Too few operators to say whether novice and expert differ beyond these people" in read
+    assert "difference (5 and 3, of at least 4 in each)" in read
 
 
 def test_without_groups_nothing_is_said_of_groups(tmp_path: Path) -> None:

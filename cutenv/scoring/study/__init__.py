@@ -1,6 +1,5 @@
 """Studies of people by the metrics of their cuts: learning, reliability, separation. No claim of skill is made."""
 
-from cutenv.scoring.study.bootstrap import BootstrapEstimate
 from cutenv.scoring.study.estimate import Estimate
 from cutenv.scoring.study.learning import Cusum, LearningCurve, cusum, learning_curve
 from cutenv.scoring.study.pass_mark import ErrorRate, PassMark, Proficiency, pass_mark, proficiency
@@ -12,7 +11,6 @@ from cutenv.scoring.study.study import Findings, NotEstimable, StudiedCut, Study
 from cutenv.scoring.study.validity_evidence import ValidityEvidence, validity_evidence
 
 __all__ = [
-    "BootstrapEstimate",
     "Cusum",
     "ErrorRate",
     "Estimate",
