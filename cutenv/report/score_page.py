@@ -12,7 +12,7 @@ from cutenv._base.unit_table import shown_unit
 from cutenv.report.page import number, write_page, write_text
 from cutenv.report.score_figure import score_figure
 from cutenv.scoring import METRICS, ScoreCard
-from cutenv.scoring.score_card import DISCLAIMER
+from cutenv.scoring.score_card import DISCLAIMER, DOUBT
 from cutenv.trace import Trace
 
 ON_TOP = {
@@ -71,7 +71,7 @@ def write_score_page(path: Path, scored: ScoredRecord) -> Path:
     """
     card, trace = scored.card, scored.trace
     kind = "open" if card.overall_score is None else ("good" if card.overall_score >= 50.0 else "bad")
-    if kind == "good" and _SPOILS & {fault.kind for fault in card.faults}:
+    if kind == "good" and (_SPOILS & {f.kind for f in card.faults} or any(n.startswith(DOUBT) for n in card.notes)):
         kind = "open"  # not shown in green, however gentle the rest was
     aimed = "" if scored.target_length is None else f", aimed at {1e3 * scored.target_length:.0f} mm"
     length = f"{trace.duration:.1f} s at {trace.sample_rate:.0f} Hz"
@@ -81,6 +81,7 @@ def write_score_page(path: Path, scored: ScoredRecord) -> Path:
         subtitle=f"{_origin(trace)}{length}{aimed}; tip: {card.tip_source}.",
         kind=kind,
         score_figure=score_figure,
+        doubt=DOUBT,
         directions={"lower": "lower", "higher": "higher", "none": "not rewarded"},
         sentence=lambda text: text[0].upper() + text[1:] + ".",
         **vars(scored),

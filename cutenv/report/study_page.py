@@ -114,11 +114,13 @@ def study_headline(study: Study) -> str:
                 f"None of {len(separated)} metrics distinguishes {first} from {second}: every interval contains 0.5."
             )
     overall = next((each.reliability for each in study.findings if each.metric == OVERALL), None)
-    if isinstance(overall, OneWay):
+    if isinstance(overall, OneWay) and overall.single.value > 0.0:
         said.append(
             f"Reliability of the overall score, ICC: {_interval(overall.single)} of one cut, {_interval(overall.mean)} "
             f"of the mean of {_an(study.who)}'s cuts."
         )
+    elif isinstance(overall, OneWay):
+        said.append(f"The overall score tells no {study.who} from another here.")
     reliable = [(each, each.reliability) for each in study.findings if isinstance(each.reliability, OneWay)]
     if reliable:
         best, found = max(reliable, key=lambda pair: pair[1].single.value)
@@ -235,4 +237,4 @@ def _meaning(found: Findings) -> str:
 
 def _interval(each: Estimate) -> str:
     """Return an estimate within a sentence."""
-    return interval_text(each).replace("[", "(").replace(",", " to").replace("]", ")")
+    return correlation_text(each).replace("[", "(").replace(",", " to").replace("]", ")")

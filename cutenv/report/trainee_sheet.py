@@ -107,7 +107,7 @@ def write_class_list(folder: Path, study: Study, *, mark: float | None = None) -
 def sheet_figure(study: Study, operator: str, mark: float | None, width: float) -> Figure:
     """Draw the score of one person's cuts, filled where a cut succeeded, above the mean of the class and the mark."""
     own = [cut.card for cut in study.cuts if cut.operator == operator]
-    figure = new_figure(width, 2.9)
+    figure = new_figure(width, 2.6)
     axes = figure.subplots()
     plain_axes(axes)
     if len(study.operators) >= _FEWEST_OF_CLASS:
