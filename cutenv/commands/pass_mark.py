@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import sys
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import add_study_options, command_parser, reports_errors
+from cutenv.commands.options import add_study_options, command_parser, reports_errors, watched
 
 if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
     from cutenv.scoring.study.pass_mark import Method
@@ -63,8 +64,8 @@ def main(argv: Sequence[str]) -> int:
     for each in refused:
         print(f"note: left out: {each.name}: {each.reason}")
     if arguments.out is not None:
-        print("drawing the page ...", file=sys.stderr, flush=True)
-        people, everything = write_pass_mark_page(arguments.out, setting)
+        drawn = functools.partial(watched, description="drawing", unit="metric")
+        people, everything = write_pass_mark_page(arguments.out, setting, progress=drawn)
         print(f"\npage: {arguments.out}\npeople: {people}\neverything: {everything}")
     return 0
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 
@@ -31,7 +32,9 @@ from cutenv.scoring.study.bootstrap import FEWEST_FOR_AN_INTERVAL
 from cutenv.scoring.study.study import NotEstimable
 
 
-def write_pass_mark_page(path: Path, setting: StandardSetting) -> tuple[Path, Path]:
+def write_pass_mark_page(
+    path: Path, setting: StandardSetting, *, progress: Callable[[Iterable[Standard]], Iterable[Standard]] = iter
+) -> tuple[Path, Path]:
     """Write pass marks as one self-contained page, every person's row as CSV and all numbers as JSON beside it.
 
     Parameters
@@ -40,6 +43,8 @@ def write_pass_mark_page(path: Path, setting: StandardSetting) -> tuple[Path, Pa
         Path of the page (.html), in a folder that exists.
     setting : StandardSetting
         What to write.
+    progress : callable
+        Wrapper of the metrics that shows how far the drawing is.
 
     Returns
     -------
@@ -56,6 +61,7 @@ def write_pass_mark_page(path: Path, setting: StandardSetting) -> tuple[Path, Pa
         path,
         "pass_mark.html",
         setting=setting,
+        progress=progress,
         subtitle=f"{cuts} cuts of {people} people{_groups(setting)}. {DISCLAIMER}",
         headline=pass_mark_headline(setting),
         disclaimer=DISCLAIMER,

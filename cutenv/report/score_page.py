@@ -10,7 +10,7 @@ from pathlib import Path
 from cutenv._base.atomic_file import atomic_write
 from cutenv._base.unit_table import shown_unit
 from cutenv.report.page import number, write_page, write_text
-from cutenv.report.score_figure import score_figure
+from cutenv.report.score_figure import score_figure, summary_figure
 from cutenv.scoring import METRICS, ScoreCard
 from cutenv.scoring.score_card import DISCLAIMER, DOUBT
 from cutenv.trace import Trace
@@ -117,13 +117,16 @@ def write_summary(folder: Path, records: Sequence[tuple[ScoredRecord, str]]) -> 
     scores = [card.overall_score for card in cards if card.overall_score is not None]
     known = [card.outcome for card in cards if card.outcome]
     successes = sum(outcome.startswith("success") for outcome in known)
+    said = f"{successes} of {len(known)} cuts succeeded." if known else ""
     write_page(
         target,
         "summary.html",
-        subtitle=cards[0].reference,
+        subtitle=f"Force alone compares with {cards[0].reference}." if not known and cards[0].reference else "",
+        headline=f"Mean score {number(sum(scores) / len(scores), 0)} of 100. {said}".rstrip() if scores else said,
+        summary_figure=summary_figure,
         records=records,
         mean_score=number(sum(scores) / len(scores), 0) if scores else "",
-        successes=f"{successes} of {len(known)} succeeded" if known else "",
+        successes=f"{successes} of {len(known)}" if known else "",
         means=[_mean(cards, name) for name in ("tip_error", "largest_jump", "peak_force", "duration")],
         **_SHARED,
     )

@@ -120,7 +120,9 @@ def study_headline(study: Study) -> str:
             f"of the mean of {_an(study.who)}'s cuts."
         )
     elif isinstance(overall, OneWay):
-        said.append(f"The overall score tells no {study.who} from another here.")
+        said.append(
+            f"The overall score of one cut says next to nothing about who made it, ICC {_interval(overall.single)}."
+        )
     reliable = [(each, each.reliability) for each in study.findings if isinstance(each.reliability, OneWay)]
     if reliable:
         best, found = max(reliable, key=lambda pair: pair[1].single.value)

@@ -66,7 +66,6 @@ def write_trainee_sheet(folder: Path, study: Study, operator: str, *, mark: floa
             for part, (points, most) in mean_points(cards[-RECENT:]).items()
         ],
         of_class=people >= _FEWEST_OF_CLASS,
-        people=people,
         history=[(k, cut, _score(cut.card)) for k, cut in enumerate(own, 1)],
         scored=any(card.overall_score is not None for card in cards),
         sheet_figure=sheet_figure,
@@ -112,7 +111,8 @@ def sheet_figure(study: Study, operator: str, mark: float | None, width: float) 
     plain_axes(axes)
     if len(study.operators) >= _FEWEST_OF_CLASS:
         by_number = _by_number(study)
-        axes.plot(range(1, len(by_number) + 1), by_number, color=_CLASS, linewidth=2.0, label="mean of the class")
+        name = f"mean of {len(study.operators)} people"
+        axes.plot(range(1, len(by_number) + 1), by_number, color=_CLASS, linewidth=2.0, label=name)
     score = np.array([np.nan if card.overall_score is None else card.overall_score for card in own])
     at, succeeded = np.arange(1, len(own) + 1), np.array([card.outcome.startswith("success") for card in own])
     axes.plot(at, score, color=_OWN, linewidth=1.2, label=label(operator))

@@ -146,7 +146,7 @@ class ScoreCard:
             place = "" if scored.percentile is None else f"better than {scored.percentile:.0f} % of the reference"
             value, unit = self.readable(name)
             lines.append(f"  {name:24s} {value:>11s} {unit:6s} {place}".rstrip())
-            lines += [f'  "better than" compares with {self.reference}'] if self.reference else []
+        lines += [f'  "better than" compares with {self.reference}'] if self.reference else []
         lines += [f"  fault: {fault.says}; {fault.try_next}" for fault in self.faults]
         lines += [f"  note: {note}" for note in (*self.notes, DISCLAIMER)]
         return "\n".join(lines)

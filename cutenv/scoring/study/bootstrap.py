@@ -45,9 +45,10 @@ def over_people(value: float, replicates: Array, people: int) -> Estimate:
         return Estimate(value=value, note=f"no interval: it takes {FEWEST_FOR_AN_INTERVAL} people, here {people}")
     known = replicates[np.isfinite(replicates)]
     without = 1.0 - len(known) / len(replicates)
-    note = f"{100.0 * without:.0f} % of the resamples have no such value" if without > _MENTIONED else ""
+    share = f"{100.0 * without:.0f} % of the resamples have no such value"
     if without > _TOO_MANY:
-        return Estimate(value=value, note=f"no interval: {note}")
+        return Estimate(value=value, note=f"no interval: {share}")
+    note = f"uncertain interval: {share}" if without > _MENTIONED else ""
     reach = math.sqrt(people / (people - 1.0)) * float(student.ppf(0.5 * (1.0 + CONFIDENCE), people - 1))
     tail = float(norm.cdf(-reach))
     low, high = np.quantile(known, (tail, 1.0 - tail))
