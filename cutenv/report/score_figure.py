@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from cutenv.report.score_page import ScoredRecord
-
 
 _FORCE, _RAMP, _FAULT, _LIMIT, _TARGET, _SPEED, _ANGLE = (
     "0.55", "#0072b2", "#d55e00", "#b00020", "#009e73", "#0072b2", "#8a3ffc",
@@ -71,16 +69,16 @@ def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, wid
     return figure
 
 
-def summary_figure(records: Sequence[ScoredRecord], width: float) -> Figure:
-    """Draw the overall score of many cuts, a row for each person, filled where a cut succeeded."""
-    people = list(dict.fromkeys(str(each.trace.metadata.get("operator") or "") for each in records))
+def summary_figure(cuts: Sequence[tuple[str, ScoreCard]], width: float) -> Figure:
+    """Draw the overall score of many cuts, each with its operator or "", a row for each, filled for a success."""
+    people = list(dict.fromkeys(operator for operator, _ in cuts))
     figure = new_figure(width, 0.9 + 0.26 * len(people))
     axes = figure.subplots()
-    for each in records:
-        row = people.index(str(each.trace.metadata.get("operator") or ""))
-        if each.card.overall_score is not None:
-            filled = "full" if each.card.outcome.startswith("success") else "none"
-            axes.plot(each.card.overall_score, -row, "o", color=_RAMP, markersize=6, alpha=0.8, fillstyle=filled)
+    for operator, card in cuts:
+        if card.overall_score is not None:
+            filled = "full" if card.outcome.startswith("success") else "none"
+            row = people.index(operator)
+            axes.plot(card.overall_score, -row, "o", color=_RAMP, markersize=6, alpha=0.8, fillstyle=filled)
     axes.set_yticks(-np.arange(len(people)), [label(each or "cuts") for each in people])
     axes.set_ylim(-len(people) + 0.4, 0.6)
     axes.set_xlim(-2.0, 102.0)

@@ -124,6 +124,7 @@ def write_summary(folder: Path, records: Sequence[tuple[ScoredRecord, str]]) -> 
         subtitle=f"Force alone compares with {cards[0].reference}." if not known and cards[0].reference else "",
         headline=f"Mean score {number(sum(scores) / len(scores), 0)} of 100. {said}".rstrip() if scores else said,
         summary_figure=summary_figure,
+        cuts=[(str(r.trace.metadata.get("operator") or ""), r.card) for r, _ in records],
         records=records,
         mean_score=number(sum(scores) / len(scores), 0) if scores else "",
         successes=f"{successes} of {len(known)}" if known else "",

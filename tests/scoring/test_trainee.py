@@ -1,4 +1,4 @@
-"""What a trainee is told: where the points went, what to try next, and how often cuts succeeded."""
+"""Feedback to a trainee: where the points went, what to try next, and how often cuts succeeded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person can try next: the parts of the score that cost most lately, each with advice."""
+"""Advice on what a person can try next: the parts of the score that cost most lately, each with advice."""
 
 from __future__ import annotations
 
