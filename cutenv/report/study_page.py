@@ -13,10 +13,12 @@ from cutenv.report.study_figures import groups_figure, learning_figure, reliabil
 from cutenv.report.study_table import (
     amount,
     correlation_text,
+    count,
     cuts_needed,
     digits_of,
     in_print,
     interval_text,
+    shared_reason,
     spread,
     write_cards,
 )
@@ -61,14 +63,14 @@ def write_study(
     ImportError
         If matplotlib is not installed; the message gives the command that installs it.
     """
-    cuts, people = len(study.cuts), len(study.operators)
+    cuts, people = count(len(study.cuts), "cut"), count(len(study.operators), study.who)
     groups = [group for group in dict.fromkeys(study.group_of.values()) if group]
     by = f" in {len(groups)} groups ({', '.join(groups)})" if len(groups) > 1 else ""
     write_page(
         path,
         "study.html",
         study=study,
-        subtitle=f"{cuts} cuts of {people} {study.who}s{by}. {DISCLAIMER}",
+        subtitle=f"{cuts} of {people}{by}. {DISCLAIMER}",
         headline=study_headline(study),
         disclaimer=DISCLAIMER,
         meaning=_meaning,
@@ -77,6 +79,8 @@ def write_study(
         retested=any(isinstance(found.retest, Intraclass) for found in study.findings),
         an=_an(study.who),
         apart=_apart,
+        without_groups=shared_reason([found.separation for found in study.findings]),
+        without_reliability=shared_reason([found.reliability for found in study.findings]),
         caption=_caption,
         changes=_changes,
         means_and_spread=partial(_means_and_spread, study, groups if study.groups else []),
@@ -113,24 +117,28 @@ def study_headline(study: Study) -> str:
             said.append(
                 f"None of {len(separated)} metrics distinguishes {first} from {second}: every interval contains 0.5."
             )
-    overall = next((each.reliability for each in study.findings if each.metric == OVERALL), None)
-    if isinstance(overall, OneWay) and overall.single.value > 0.0:
+    reliable = [
+        (each.metric, each.reliability)
+        for each in study.findings
+        if isinstance(each.reliability, OneWay) and each.reliability.single.low is not None
+    ]
+    overall = dict(reliable).get(OVERALL)
+    if overall is not None and overall.single.value > 0.0:
         said.append(
             f"Reliability of the overall score, ICC: {_interval(overall.single)} of one cut, {_interval(overall.mean)} "
             f"of the mean of {_an(study.who)}'s cuts."
         )
-    elif isinstance(overall, OneWay):
+    elif overall is not None:
         said.append(
             f"The overall score of one cut says next to nothing about who made it, ICC {_interval(overall.single)}."
         )
-    reliable = [(each, each.reliability) for each in study.findings if isinstance(each.reliability, OneWay)]
     if reliable:
         best, found = max(reliable, key=lambda pair: pair[1].single.value)
         said.append(
-            f"The most reliable metric of a single cut is {spoken(best.metric)}, "
+            f"The most reliable metric of a single cut is {spoken(best)}, "
             f"ICC {_interval(found.single)}; its mean over {_an(study.who)}'s cuts {_interval(found.mean)}."
         )
-    return " ".join(said) or "Too few people or cuts for any statement about people: there are metrics only."
+    return " ".join(said) or f"Too few {study.who}s or cuts for a statement beyond these people."
 
 
 def _means_and_spread(study: Study, groups: Sequence[str], found: Findings) -> list[str]:

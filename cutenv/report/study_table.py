@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -40,8 +41,9 @@ _WORDS = (
 
 def table_lines(study: Study) -> list[str]:
     """Return the study's numbers as aligned text: metrics by person, reliability, separation, notes."""
+    unknown = shared_reason([found.reliability for found in study.findings])
     lines = [
-        f"{study.name}: {len(study.cuts)} cuts of {len(study.operators)} {study.who}s",
+        f"{study.name}: {count(len(study.cuts), 'cut')} of {count(len(study.operators), study.who)}",
         "",
         f"{'metric':24s} {'unit':6s} {'mean':>9s} {'SD between':>11s} {'SD within':>10s}  "
         f"{'ICC of one cut':21s} {'ICC of the mean':21s} {'cuts for 0.8':>12s}",
@@ -49,7 +51,7 @@ def table_lines(study: Study) -> list[str]:
     for found in study.findings:
         reliability = found.reliability
         told = (
-            reliability.reason
+            reliability.reason * (not unknown)
             if isinstance(reliability, NotEstimable)
             else f"{correlation_text(reliability.single):21s} {correlation_text(reliability.mean):21s} "
             f"{cuts_needed(reliability):>12s}"
@@ -62,7 +64,9 @@ def table_lines(study: Study) -> list[str]:
         words.append(_WORDS[1])
         first, second = study.groups
         lines += ["", f"{'metric':24s} P({first} > {second}){'':4s} Hedges' g"]
-        for found in study.findings:
+        if nothing := shared_reason([found.separation for found in study.findings]):
+            lines[-1] = f"no difference of {first} and {second}: {nothing}"
+        for found in study.findings * (not nothing):
             lines.append(f"{spoken(found.metric):24s} {_both(found.separation, 'superiority', 'difference')}")
     if len(study.sessions) > 1:
         words.append(_WORDS[2])
@@ -70,7 +74,19 @@ def table_lines(study: Study) -> list[str]:
         for found in study.findings:
             lines.append(f"{spoken(found.metric):24s} {_both(found.retest, 'agreement', 'consistency')}")
     lines += ["", *(line for text in words for line in textwrap.wrap(text, 110, subsequent_indent="  "))]
-    return [*lines, "", *(f"note: {note}" for note in (*study.notes, DISCLAIMER))]
+    notes = [f"no reliability: {unknown}"] * bool(unknown)
+    return [*lines, "", *(f"note: {note}" for note in (*notes, *study.notes, DISCLAIMER))]
+
+
+def shared_reason(found: Sequence[object]) -> str:
+    """Return the reason why none of several statistics could be computed, if it is one and the same, else ""."""
+    reasons = {each.reason if isinstance(each, NotEstimable) else "" for each in found}
+    return reasons.pop() if len(reasons) == 1 else ""
+
+
+def count(number: int, noun: str) -> str:
+    """Return a number with its noun."""
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def write_cards(path: Path, study: Study) -> None:

@@ -358,7 +358,9 @@ def test_one_person_in_a_group_gets_metrics_reasons_and_no_nan() -> None:
     assert isinstance(found.reliability, NotEstimable)
     assert found.separation == NotEstimable("fewer than 2 operators in a group (1 and 1)")
     assert found.cusums == NotEstimable("no operator's cuts differ")
-    assert "nan" not in "\n".join(table_lines(of))
+    said = "\n".join(table_lines(of))
+    assert "nan" not in said
+    assert "no difference of N and E: fewer than 2 operators in a group (1 and 1)" in said
 
 
 def test_few_people_get_values_without_intervals_and_one_honest_word() -> None:

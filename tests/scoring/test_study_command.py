@@ -122,7 +122,7 @@ def test_a_file_of_several_cuts_is_one_row_or_a_row_for_each(
     table = tmp_path / "who.csv"
     table.write_text("record,operator\nsession.csv,P1\n", encoding="utf-8")
     assert run(tmp_path, table, "--metric", "peak_force") == 0
-    assert "3 cuts of 1 operators" in capsys.readouterr().out
+    assert "3 cuts of 1 operator" in capsys.readouterr().out
     table.write_text("record,operator\nsession 1,P1\nsession 2,P2\nsession 3,P1\n", encoding="utf-8")
     assert run(tmp_path, table, "--metric", "peak_force") == 0
     assert "3 cuts of 2 operators" in capsys.readouterr().out
@@ -170,7 +170,7 @@ def test_a_bad_record_is_left_out_only_when_asked_to(tmp_path: Path, capsys: pyt
     assert "--skip-bad" in capsys.readouterr().err
     assert run(tmp_path, table, "--metric", "peak_force", "--skip-bad") == 0
     said = capsys.readouterr().out
-    assert "2 cuts of 1 operators" in said
+    assert "2 cuts of 1 operator" in said
     assert "left out: b.csv" in said
 
 

@@ -212,7 +212,10 @@ class Study:
         groups = max(
             (each.separation.people for each in findings if isinstance(each.separation, Separation)), default=()
         )
-        people = max((each.reliability.people for each in findings if isinstance(each.reliability, OneWay)), default=2)
+        people = max(
+            (each.reliability.people for each in findings if isinstance(each.reliability, OneWay)),
+            default=FEWEST_PEOPLE,
+        )
         curves = [
             c for each in findings for c in each.curves.values() if isinstance(c, LearningCurve) and c.low is None
         ]
