@@ -16,6 +16,8 @@ from cutenv.recording.record_errors import RecordError
 
 NEEDED = ("record", "operator")
 OPTIONAL = ("group", "session", "order")
+MARKS = "rater"
+"""Beginning of the columns of marks, which are left alone unless they are asked for."""
 _CURE = f"Give {' and '.join(NEEDED)}, and where the study has them {', '.join(OPTIONAL)}."
 
 
@@ -59,7 +61,8 @@ def load_operators(path: str | os.PathLike[str], *, raters: Sequence[str] = ()) 
         File with the columns ``record`` and ``operator``, and if the study has them ``group``, ``session``, ``order``
         (a number).
     raters : sequence of str
-        Columns with the marks of one rater each: a number, or nothing where the rater gave none.
+        Columns with the marks of one rater each: a number, or nothing where the rater gave none. Other columns that
+        begin with "rater" are left alone.
 
     Returns
     -------
@@ -155,7 +158,8 @@ def _check_unique(path: Path, rows: list[OperatorRow]) -> None:
 
 def _check_headers(path: Path, headers: list[str], raters: tuple[str, ...]) -> None:
     missing = [name for name in (*NEEDED, *raters) if name not in headers]
-    unknown = [name for name in headers if name not in (*NEEDED, *OPTIONAL, *raters)]
+    known = (*NEEDED, *OPTIONAL, *raters)
+    unknown = [name for name in headers if name not in known and not name.startswith(MARKS)]
     if missing or unknown or len(set(headers)) < len(headers):
         wrong = [f"lacks {', '.join(missing)}"] * bool(missing)
         wrong += [f"has unknown columns {', '.join(map(repr, unknown))}"] * bool(unknown)
@@ -168,7 +172,7 @@ def _row(path: Path, line: int, headers: list[str], cells: list[str], raters: tu
         raise RecordError(path, f"line {line} has {len(cells)} cells for {len(headers)} columns.")
     cell = dict(zip(headers, cells, strict=True))
     for name, text in cell.items():
-        if not text and name not in raters:
+        if not text and name not in raters and not name.startswith(MARKS):
             raise RecordError(path, f"line {line} has no {name}. Fill it in, or leave the column out for all.")
     try:
         check_operator(cell["operator"])

@@ -174,9 +174,9 @@ def test_a_bad_record_is_left_out_only_when_asked_to(tmp_path: Path, capsys: pyt
     assert "left out: b.csv" in said
 
 
-def test_a_table_of_semicolons_is_read_alike(tmp_path: Path) -> None:
+def test_a_table_of_semicolons_is_read_alike_and_raters_are_left_alone(tmp_path: Path) -> None:
     table = tmp_path / "who.csv"
-    table.write_bytes("\ufeffRecord;Operator;Group;Session;Order\r\na.csv;P07;novice;2;3\r\n".encode())
+    table.write_bytes("\ufeffRecord;Operator;Group;Session;Order;Rater_a\r\na.csv;P07;novice;2;3;\r\n".encode())
     (row,) = load_operators(table)
     assert (row.record, row.operator, row.group, row.session, row.order) == ("a.csv", "P07", "novice", "2", 3.0)
 
