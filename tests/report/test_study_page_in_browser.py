@@ -11,7 +11,7 @@ from chromium import Browser
 
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
 
-from made_up_study import study
+from made_up_study import EXPERTS, NOVICES, study
 from reading import Page
 from test_page_in_browser import (
     DESK,
@@ -23,6 +23,7 @@ from test_page_in_browser import (
 )
 
 from cutenv.report.study_page import study_headline, write_study
+from cutenv.report.trainee_sheet import write_class_list, write_trainee_sheet
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import Study
 
@@ -37,6 +38,16 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def sheets(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of one sheet and the class list."""
+    folder = tmp_path_factory.mktemp("sheets")
+    of = study()
+    write_trainee_sheet(folder, of, "N02", mark=50.0)
+    write_class_list(folder, of, mark=50.0)
+    return folder
+
+
 @SCREENS
 def test_the_page_fits_shows_its_pictures_and_can_be_read(browser: Browser, page: Path, width: int, dark: bool) -> None:
     browser.open(page, width, dark=dark)
@@ -48,6 +59,24 @@ def test_the_page_fits_shows_its_pictures_and_can_be_read(browser: Browser, page
     assert len(shown) == 2 + 5  # groups, reliability, and five metrics cut by cut
     assert all(complete for complete, _ in shown)
     assert all(0.85 <= scale <= 1.25 for _, scale in shown if scale)  # what is folded has no width
+
+
+@SCREENS
+def test_sheets_and_class_list_fit_and_can_be_read(browser: Browser, sheets: Path, width: int, dark: bool) -> None:
+    for name in ("N02.html", "class.html"):
+        browser.open(sheets / name, width, dark=dark)
+        check_fits(browser, width)
+        check_fetches_nothing(browser, sheets / name)
+        check_can_be_read(browser)
+    assert browser.value("[...document.querySelectorAll('tbody a')].map(link => link.getAttribute('href'))") == [
+        f"{code}.html" for code in (*NOVICES, *EXPERTS)
+    ]
+
+
+def test_a_sheet_shows_nobody_else(sheets: Path) -> None:
+    document = (sheets / "N02.html").read_text(encoding="utf-8")
+    assert "N02_16" in document
+    assert not any(code in document for code in (*NOVICES, *EXPERTS) if code != "N02")
 
 
 @pytest.mark.parametrize("width", [DESK, PHONE])
