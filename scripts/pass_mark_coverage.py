@@ -17,7 +17,7 @@ from benchmark.table import markdown_table
 from scipy.stats import norm
 from tqdm import tqdm
 
-from cutenv.scoring.study import BootstrapEstimate, pass_mark, rater_correlation
+from cutenv.scoring.study import Estimate, pass_mark, rater_correlation
 from cutenv.scoring.study.pass_mark import METHODS, NormalCurve, crossing
 
 PEOPLE = (5, 6, 8, 10, 15, 20, 30, 60)
@@ -91,7 +91,7 @@ def _shares(people: int, trials: int, rng: np.random.Generator) -> list[float]:
     return [float(np.mean(each)) for each in held.values()]
 
 
-def _rated(people: int, rng: np.random.Generator) -> BootstrapEstimate:
+def _rated(people: int, rng: np.random.Generator) -> Estimate:
     """Return the correlation in one trial: half of the variance, of metric and of marks, is between people."""
     pair = [[1.0, CORRELATION], [CORRELATION, 1.0]]
     between = np.repeat(rng.multivariate_normal((0.0, 0.0), pair, people), CUTS, axis=0)
@@ -100,7 +100,7 @@ def _rated(people: int, rng: np.random.Generator) -> BootstrapEstimate:
     return rater_correlation(values, marks, made_by, better="higher", rng=rng).linear
 
 
-def _holds(each: BootstrapEstimate, truth: float) -> bool:
+def _holds(each: Estimate, truth: float) -> bool:
     return each.low is not None and each.high is not None and each.low <= truth <= each.high
 
 

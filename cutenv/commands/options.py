@@ -138,6 +138,29 @@ def add_record_options(
     )
 
 
+def add_study_options(parser: argparse.ArgumentParser, *, columns: str) -> None:
+    """Add the options of a command that studies the cuts of several people; ``columns`` names the table's last ones."""
+    add_record_options(
+        parser, metavar="FOLDER", about="folder of records (CSV, Parquet or HDF5), or the records themselves"
+    )
+    parser.add_argument(
+        "--operators",
+        type=Path,
+        metavar="TABLE.csv",
+        help=f"table with columns record, operator (an anonymous code, P07), and where known {columns}; default the "
+        "operators and dates in the records: an operator's days are the sessions",
+    )
+    parser.add_argument(
+        "--reference",
+        default="baselines",
+        metavar="SET",
+        help="cuts that the overall score of a record of force alone compares with, as for cutenv score; default "
+        "baselines",
+    )
+    add_target_length(parser, "the records' own")
+    parser.add_argument("--name", metavar="NAME", help="title; default the table's name, or the folder's")
+
+
 def add_cut(parser: argparse.ArgumentParser) -> None:
     """Add ``--cut``, see :func:`cutenv.commands.inputs.chosen_cut`."""
     parser.add_argument("--cut", type=int, metavar="N", help="number of the cut in the file, from 1; default the first")

@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import sys
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import (
-    add_record_options,
-    add_target_length,
-    command_parser,
-    reports_errors,
-    target_length,
-    watched,
-)
+from cutenv.commands.options import add_study_options, command_parser, reports_errors, watched
 
 if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
     from cutenv.scoring.study.pass_mark import Method
@@ -34,14 +28,11 @@ def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the records, the table or the options are bad."""
     arguments = _parser().parse_args(argv)
     from cutenv._base.validation import in_range
-    from cutenv.commands.inputs import read_records, without_target
-    from cutenv.commands.score import fitting_reference, reference_set
-    from cutenv.commands.study import assigned, check_page, record_files
+    from cutenv.commands.studied_cuts import check_page, studied_cuts, study_name
     from cutenv.recording import load_operators
     from cutenv.report.pass_mark_page import write_pass_mark_page
     from cutenv.report.pass_mark_table import pass_mark_lines
-    from cutenv.scoring import score
-    from cutenv.scoring.study import StandardSetting, StudiedCut
+    from cutenv.scoring.study import StandardSetting
     from cutenv.scoring.study.standard_setting import check_metrics, other_group
 
     check_page(arguments.out)
@@ -49,32 +40,16 @@ def main(argv: Sequence[str]) -> int:
     check_metrics(arguments.metric or ())
     in_range("--sd", arguments.sd, 0.1, 4.0, "1", "In standard deviations; 1 or 2 is usual.")
     in_range("--in-a-row", arguments.in_a_row, 1, 100, "1")
-    rows = load_operators(arguments.operators, raters=arguments.raters or ())
+    if arguments.operators is None and (arguments.raters or arguments.passing or arguments.failing):
+        raise ValueError("groups and raters' marks stand in a table: name it with --operators.")
+    rows = None if arguments.operators is None else load_operators(arguments.operators, raters=arguments.raters or ())
     if arguments.passing is not None or not given:
-        other_group([row.group for row in rows], arguments.passing, arguments.failing)
-    reference = reference_set(arguments.reference)
-    length = target_length(arguments)
-    arguments.records = record_files(arguments)
-    records = read_records(arguments)
-    for note in [*records.notes, *without_target(records.traces, length)]:
-        print(f"note: {note}", file=sys.stderr)
-    cuts = [
-        StudiedCut(
-            card=score(
-                records.traces[i],
-                target_length=length,
-                reference=fitting_reference(reference, records.traces[i]),
-            ),
-            operator=row.operator,
-            group=row.group,
-            session=row.session,
-            marks=row.marks,
-        )
-        for row, i in watched(assigned(rows, records, arguments.operators), "scoring", "cut")
-    ]
+        other_group([row.group for row in rows or ()], arguments.passing, arguments.failing)
+    name = study_name(arguments)
+    cuts, refused = studied_cuts(arguments, rows)
     print("working out marks and their intervals ...", file=sys.stderr, flush=True)
     setting = StandardSetting(
-        name=arguments.name or arguments.operators.stem,
+        name=name,
         cuts=cuts,
         passing=arguments.passing,
         failing=arguments.failing,
@@ -86,11 +61,11 @@ def main(argv: Sequence[str]) -> int:
         best_mark=arguments.best_mark,
     )
     print("\n".join(pass_mark_lines(setting)))
-    for each in records.refused:
+    for each in refused:
         print(f"note: left out: {each.name}: {each.reason}")
     if arguments.out is not None:
-        print("drawing the page ...", file=sys.stderr, flush=True)
-        people, everything = write_pass_mark_page(arguments.out, setting)
+        drawn = functools.partial(watched, description="drawing", unit="metric")
+        people, everything = write_pass_mark_page(arguments.out, setting, progress=drawn)
         print(f"\npage: {arguments.out}\npeople: {people}\neverything: {everything}")
     return 0
 
@@ -99,7 +74,7 @@ def _given(marks: Sequence[str]) -> dict[str, float]:
     """Return a teacher's marks by metric, in the metric's unit; raise ValueError for what is none."""
     from cutenv._base.validation import one_of
     from cutenv.scoring import METRICS
-    from cutenv.scoring.study.standard_setting import OVERALL
+    from cutenv.scoring.study.study import OVERALL
 
     given: dict[str, float] = {}
     for text in marks:
@@ -135,17 +110,7 @@ def _parser() -> argparse.ArgumentParser:
             100,
         ),
     )
-    add_record_options(
-        parser, metavar="FOLDER", about="folder of records (CSV, Parquet or HDF5), or the records themselves"
-    )
-    parser.add_argument(
-        "--operators",
-        type=Path,
-        required=True,
-        metavar="TABLE.csv",
-        help="table with columns record, operator (an anonymous code, P07), and where known group, session, order, and "
-        "a column of marks for each rater",
-    )
+    add_study_options(parser, columns="group, session, order, and a column of marks for each rater")
     parser.add_argument(
         "--out", type=Path, metavar="FILE.html", help="page to write; people as .csv and everything as .json beside it"
     )
@@ -191,12 +156,4 @@ def _parser() -> argparse.ArgumentParser:
         default="highest",
         help="end of the raters' scale that is best; default highest",
     )
-    parser.add_argument(
-        "--reference",
-        default="baselines",
-        metavar="SET",
-        help="cuts that the overall score compares with, as for cutenv score; default baselines",
-    )
-    add_target_length(parser, "the records' own")
-    parser.add_argument("--name", metavar="NAME", help="title of the page; default the table's name")
     return parser

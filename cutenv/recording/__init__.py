@@ -9,7 +9,7 @@ from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.columns import UNITS, Column, header_of, parse_header
 from cutenv.recording.csv_file import read_metadata
 from cutenv.recording.files import load, load_one, save
-from cutenv.recording.operators import OperatorRow, load_operators
+from cutenv.recording.operators import OperatorRow, load_operators, recorded_operators
 from cutenv.recording.provenance import Provenance, TissueHandling
 from cutenv.recording.record_errors import RecordError
 from cutenv.recording.schema import SCHEMA
@@ -40,6 +40,7 @@ __all__ = [
     "parse_header",
     "read_metadata",
     "read_record",
+    "recorded_operators",
     "save",
 ]
 

@@ -1,4 +1,4 @@
-"""Table of a study: operator, group, session and order of each record."""
+"""Operator, group, session and order of each record of a study, from a table or from the records."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from cutenv.recording.provenance import check_operator
 from cutenv.recording.record_errors import RecordError
 
 NEEDED = ("record", "operator")
 OPTIONAL = ("group", "session", "order")
+MARKS = "rater"
+"""Beginning of the columns of marks, which are left alone unless they are asked for."""
 _CURE = f"Give {' and '.join(NEEDED)}, and where the study has them {', '.join(OPTIONAL)}."
 
 
@@ -57,7 +61,8 @@ def load_operators(path: str | os.PathLike[str], *, raters: Sequence[str] = ()) 
         File with the columns ``record`` and ``operator``, and if the study has them ``group``, ``session``, ``order``
         (a number).
     raters : sequence of str
-        Columns with the marks of one rater each: a number, or nothing where the rater gave none.
+        Columns with the marks of one rater each: a number, or nothing where the rater gave none. Other columns that
+        begin with "rater" are left alone.
 
     Returns
     -------
@@ -98,6 +103,42 @@ def load_operators(path: str | os.PathLike[str], *, raters: Sequence[str] = ()) 
     return rows
 
 
+def recorded_operators(records: Sequence[Mapping[str, Any]]) -> list[OperatorRow]:
+    """Return the operators that records name themselves, as a table would; the sessions are an operator's days.
+
+    Parameters
+    ----------
+    records : sequence of mapping
+        Metadata of each record; "operator" is needed. With a "date" in every record they are in order of time, and
+        without they stay in the order given, as one session.
+
+    Raises
+    ------
+    ValueError
+        If a record names no operator; lists these records.
+    """
+    names = [str(each.get("name", number)) for number, each in enumerate(records, 1)]
+    without = [name for name, each in zip(names, records, strict=True) if not each.get("operator")]
+    if without:
+        raise ValueError(f"no operator is named in {', '.join(without)}; give a table of operators.")
+    dates = [str(each.get("date") or "") for each in records]
+    times = [datetime.fromisoformat(date).timestamp() for date in dates] if all(dates) else range(len(records))
+    days: dict[str, set[str]] = {}
+    for each, date in zip(records, dates, strict=True):
+        days.setdefault(each["operator"], set()).add(date[:10])
+    return [
+        OperatorRow(
+            record=name,
+            operator=each["operator"],
+            group="",
+            session=str(1 + sorted(days[each["operator"]]).index(date[:10])) if all(dates) else "",
+            order=time,
+            line=line,
+        )
+        for line, (name, each, date, time) in enumerate(zip(names, records, dates, times, strict=True), 1)
+    ]
+
+
 def _check_unique(path: Path, rows: list[OperatorRow]) -> None:
     records: dict[str, int] = {}
     places: dict[tuple[str, float], int] = {}
@@ -117,7 +158,8 @@ def _check_unique(path: Path, rows: list[OperatorRow]) -> None:
 
 def _check_headers(path: Path, headers: list[str], raters: tuple[str, ...]) -> None:
     missing = [name for name in (*NEEDED, *raters) if name not in headers]
-    unknown = [name for name in headers if name not in (*NEEDED, *OPTIONAL, *raters)]
+    known = (*NEEDED, *OPTIONAL, *raters)
+    unknown = [name for name in headers if name not in known and not name.startswith(MARKS)]
     if missing or unknown or len(set(headers)) < len(headers):
         wrong = [f"lacks {', '.join(missing)}"] * bool(missing)
         wrong += [f"has unknown columns {', '.join(map(repr, unknown))}"] * bool(unknown)
@@ -130,7 +172,7 @@ def _row(path: Path, line: int, headers: list[str], cells: list[str], raters: tu
         raise RecordError(path, f"line {line} has {len(cells)} cells for {len(headers)} columns.")
     cell = dict(zip(headers, cells, strict=True))
     for name, text in cell.items():
-        if not text and name not in raters:
+        if not text and name not in raters and not name.startswith(MARKS):
             raise RecordError(path, f"line {line} has no {name}. Fill it in, or leave the column out for all.")
     try:
         check_operator(cell["operator"])

@@ -36,5 +36,5 @@ def label(text: str) -> str:
 def plain_axes(axes: Axes, grid: Literal["x", "y"] = "y") -> None:
     """Remove the box around the drawing, and add faint grid lines across the axis that is read."""
     axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(axis=grid, color="0.9", linewidth=0.8)
+    axes.grid(axis=grid, color="0.5", alpha=0.25, linewidth=0.8)  # seen on white and on dark ground
     axes.set_axisbelow(True)

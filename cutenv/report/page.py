@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from cutenv._base.atomic_file import atomic_write
 from cutenv._base.document import render
@@ -21,11 +21,15 @@ _ESTIMATE = re.compile(r"([-−+<\d., %]+) (\[[-−+<\d., %]+\])")
 
 
 class EmbeddedFigure(NamedTuple):
-    """Figure as an address that holds its drawing, and its size on the page [px], 96 to an inch."""
+    """Figure as an address that holds its drawing, and its size on the page [px], 96 to an inch.
+
+    A drawing has no ground of its own, and a dark page shows it with light and dark exchanged; photos stay as they are.
+    """
 
     address: str
     width: int
     height: int
+    kind: Literal["drawing", "photo"]
 
 
 def write_page(path: Path, template: str | Path, **values: Any) -> None:
@@ -80,10 +84,11 @@ def estimate_text(mean: float, low: float, high: float, digits: int) -> str:
 
 def _embedded(figure: Figure) -> EmbeddedFigure:
     drawing = io.BytesIO()
-    figure.savefig(drawing, format="svg", metadata={"Date": None})
+    kind: Literal["drawing", "photo"] = "photo" if any(axes.images for axes in figure.axes) else "drawing"
+    figure.savefig(drawing, format="svg", metadata={"Date": None}, transparent=kind == "drawing")
     address = "data:image/svg+xml;base64," + base64.b64encode(drawing.getvalue()).decode("ascii")
     width, height = 96.0 * figure.get_size_inches()
-    return EmbeddedFigure(address, round(width), round(height))
+    return EmbeddedFigure(address, round(width), round(height), kind)
 
 
 def _parted(text: str) -> tuple[str, str]:

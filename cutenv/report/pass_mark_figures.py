@@ -1,7 +1,4 @@
-"""Figures of pass marks: the groups' curves with the marks, people's passes cut by cut, and a metric against raters.
-
-They have no ground of their own, so that the page can show them on a dark one.
-"""
+"""Figures of pass marks: the groups' curves with the marks, people's passes cut by cut, and a metric against raters."""
 
 from __future__ import annotations
 
@@ -12,15 +9,15 @@ from scipy.stats import norm
 
 from cutenv.report.figure import PHONE_WIDTH, label, new_figure, plain_axes
 from cutenv.report.page import spoken
-from cutenv.report.pass_mark_table import in_print, method_name
+from cutenv.report.pass_mark_table import method_name
+from cutenv.report.study_table import in_print
 from cutenv.scoring.study import PassMark, Standard, StandardSetting
 from cutenv.scoring.study.estimate import FEWEST_PEOPLE
 from cutenv.scoring.study.pass_mark import passes
 from cutenv.scoring.study.raters import mean_mark
-from cutenv.scoring.study.standard_setting import value_of
+from cutenv.scoring.study.study import value_of
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _FAILING, _PASSING, _OTHERS = "#d55e00", "#0072b2", "#6b6b6b"
@@ -31,7 +28,8 @@ _LINES = ("-", "--", "-.", ":")
 def curves_figure(setting: StandardSetting, standard: Standard, width: float) -> Figure:
     """Draw each person's mean and the normal curve of each group, with the mark of every method."""
     figure = new_figure(width, 3.6 if width < PHONE_WIDTH else 3.3)
-    axes = _clear(figure)
+    axes = figure.subplots()
+    plain_axes(axes, "x")
     factor, _ = in_print(standard)
     groups = [(setting.failing, _FAILING), (setting.passing, _PASSING)]
     means = {
@@ -85,7 +83,8 @@ def proficiency_figure(setting: StandardSetting, standard: Standard, width: floa
     people = [*standard.series]
     tall = 0.2 if len(people) <= _FEW_ROWS else 0.15
     figure = new_figure(width, 1.1 + tall * len(people))
-    axes = _clear(figure)
+    axes = figure.subplots()
+    plain_axes(axes, "x")
     colours = _colours(setting)
     for row, (operator, values) in enumerate(standard.series.items()):
         colour = colours.get(setting.group_of[operator], _OTHERS)
@@ -106,7 +105,7 @@ def proficiency_figure(setting: StandardSetting, standard: Standard, width: floa
 def raters_figure(setting: StandardSetting, standard: Standard, width: float) -> Figure:
     """Draw a metric of every rated cut against its mark, or the mean mark of several raters."""
     figure = new_figure(width, 3.4)
-    axes = _clear(figure)
+    axes = figure.subplots()
     factor, _ = in_print(standard)
     table = np.array([[cut.marks.get(rater, np.nan) for rater in setting.raters] for cut in setting.cuts])
     mark = mean_mark(table) if len(setting.raters) > 1 else table[:, 0]
@@ -131,15 +130,6 @@ def raters_figure(setting: StandardSetting, standard: Standard, width: float) ->
 def _colours(setting: StandardSetting) -> dict[str, str]:
     groups = ((setting.failing, _FAILING), (setting.passing, _PASSING))
     return {group: colour for group, colour in groups if group is not None}
-
-
-def _clear(figure: Figure) -> Axes:
-    """Return axes on a figure without a ground."""
-    axes: Axes = figure.subplots()
-    figure.patch.set_alpha(0.0)
-    axes.patch.set_alpha(0.0)
-    plain_axes(axes, "x")
-    return axes
 
 
 def _quantity(standard: Standard, of: str = "") -> str:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 
 from cutenv.report.page import spoken, write_page
 from cutenv.report.pass_mark_figures import curves_figure, proficiency_figure, raters_figure
 from cutenv.report.pass_mark_table import (
-    amount,
-    correlation_of,
-    in_print,
     mark_text,
     method_name,
     observed_text,
@@ -20,7 +18,7 @@ from cutenv.report.pass_mark_table import (
     write_pass_marks,
     write_people,
 )
-from cutenv.report.study_table import correlation_text
+from cutenv.report.study_table import amount, correlation_text, in_print
 from cutenv.scoring import METRICS
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import (
@@ -34,7 +32,9 @@ from cutenv.scoring.study.bootstrap import FEWEST_FOR_AN_INTERVAL
 from cutenv.scoring.study.study import NotEstimable
 
 
-def write_pass_mark_page(path: Path, setting: StandardSetting) -> tuple[Path, Path]:
+def write_pass_mark_page(
+    path: Path, setting: StandardSetting, *, progress: Callable[[Iterable[Standard]], Iterable[Standard]] = iter
+) -> tuple[Path, Path]:
     """Write pass marks as one self-contained page, every person's row as CSV and all numbers as JSON beside it.
 
     Parameters
@@ -43,6 +43,8 @@ def write_pass_mark_page(path: Path, setting: StandardSetting) -> tuple[Path, Pa
         Path of the page (.html), in a folder that exists.
     setting : StandardSetting
         What to write.
+    progress : callable
+        Wrapper of the metrics that shows how far the drawing is.
 
     Returns
     -------
@@ -59,6 +61,7 @@ def write_pass_mark_page(path: Path, setting: StandardSetting) -> tuple[Path, Pa
         path,
         "pass_mark.html",
         setting=setting,
+        progress=progress,
         subtitle=f"{cuts} cuts of {people} people{_groups(setting)}. {DISCLAIMER}",
         headline=pass_mark_headline(setting),
         disclaimer=DISCLAIMER,
@@ -148,7 +151,7 @@ def _warnings(standard: Standard) -> list[str]:
     said = list(dict.fromkeys(note for note in notes if note))
     if isinstance(standard.separation, Separation):
         P = standard.separation.superiority
-        if P.low <= 0.5 <= P.high:
+        if P.low is not None and not P.excludes(0.5):
             said.append("the groups may not differ: the interval of the probability of superiority holds 0.5")
     return said
 
@@ -179,7 +182,7 @@ def _rated(standard: Standard, rater: str) -> list[str]:
     found = standard.raters[rater]
     if isinstance(found, NotEstimable):
         return [f"no evidence: {found.reason}", "", ""]
-    return [correlation_of(found.rank), correlation_of(found.linear), str(found.cuts)]
+    return [correlation_text(found.rank), correlation_text(found.linear), str(found.cuts)]
 
 
 def _agreement(setting: StandardSetting) -> list[list[str]] | str:
@@ -189,5 +192,5 @@ def _agreement(setting: StandardSetting) -> list[list[str]] | str:
     return [
         ["agreement, ICC(A,1)", correlation_text(each.agreement), "marks taken as they are; it needs one scale"],
         ["consistency, ICC(C,1)", correlation_text(each.consistency), "a severe rater does not count"],
-        ["ranks, mean over pairs", correlation_of(each.rank), "only the order counts; for any scales"],
+        ["ranks, mean over pairs", correlation_text(each.rank), "only the order counts; for any scales"],
     ]

@@ -13,12 +13,11 @@ import numpy as np
 
 from cutenv._base.atomic_file import atomic_write
 from cutenv.report.page import number, significant, spoken, write_text
-from cutenv.report.study_figures import typeset
-from cutenv.report.study_table import correlation_text
+from cutenv.report.study_table import amount, correlation_text, in_print
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import (
-    BootstrapEstimate,
     ErrorRate,
+    Estimate,
     PassMark,
     RaterAgreement,
     Standard,
@@ -32,18 +31,6 @@ PASS_MARK_SCHEMA = "cutenv-pass-mark/1"
 _SMALLEST_SHARE = 0.001  # below it a normal curve of a few people says nothing
 
 
-def in_print(standard: Standard) -> tuple[float, str]:
-    """Return the factor and the unit in which a metric is shown to people: lengths in mm."""
-    return (1e3, "mm") if standard.unit == "m" else (1.0, "" if standard.unit == "1" else typeset(standard.unit))
-
-
-def amount(standard: Standard, value: float) -> str:
-    """Return a value of a metric with its unit; scores with one decimal."""
-    factor, unit = in_print(standard)
-    shown = number(value, 1) if standard.metric == "overall_score" else significant(factor * value, 3)
-    return f"{shown} {unit}".rstrip()
-
-
 def method_name(setting: StandardSetting, standard: Standard, method: Method) -> str:
     """Return a method's name for people, with the name of the group that is to pass."""
     if method not in ("expert mean", "expert mean and SD"):
@@ -53,7 +40,7 @@ def method_name(setting: StandardSetting, standard: Standard, method: Method) ->
     return name if method == "expert mean" else f"{name} {way} {setting.spread:g} SD"
 
 
-def mark_text(standard: Standard, mark: BootstrapEstimate) -> str:
+def mark_text(standard: Standard, mark: Estimate) -> str:
     """Return a mark with its interval; tables of pages show the interval in small type."""
     factor, _ = in_print(standard)
     digits = 1 if standard.metric == "overall_score" else _digits(factor * mark.value)
@@ -77,12 +64,6 @@ def theory_text(rate: ErrorRate) -> str:
         return f"< {100.0 * _SMALLEST_SHARE:.1f} %"
     interval = "" if each.low is None or each.high is None else f" [{_percent(each.low)}, {_percent(each.high)}]"
     return f"{_percent(each.value)} %{interval}"
-
-
-def correlation_of(each: BootstrapEstimate) -> str:
-    """Return a correlation with its interval."""
-    interval = "" if each.low is None or each.high is None else f" [{number(each.low, 2)}, {number(each.high, 2)}]"
-    return f"{number(each.value, 2)}{interval}"
 
 
 def wanted(standard: Standard, value: float) -> str:
@@ -184,13 +165,13 @@ def _rater_lines(setting: StandardSetting) -> list[str]:
         told = (
             f"no evidence: {found.reason}"
             if isinstance(found, NotEstimable)
-            else f"{correlation_of(found.rank)} in ranks, {correlation_of(found.linear)} linear; {found.cuts} cuts"
+            else f"{correlation_text(found.rank)} in ranks, {correlation_text(found.linear)} linear; {found.cuts} cuts"
         )
         lines.append(f"  {spoken(first.metric)} against {rater}: {told}")
     if isinstance(setting.agreement, RaterAgreement):
         each = setting.agreement
         icc = f"ICC(A,1) {correlation_text(each.agreement)}, for one scale only"
-        lines.append(f"  raters with each other: {correlation_of(each.rank)} in ranks; {icc}")
+        lines.append(f"  raters with each other: {correlation_text(each.rank)} in ranks; {icc}")
     return ["", *lines] if lines else []
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv.measurement import loading_segments
-from cutenv.report.figure import PHONE_WIDTH, label, new_figure
+from cutenv.report.figure import PHONE_WIDTH, label, new_figure, plain_axes
 from cutenv.scoring import ScoreCard
 from cutenv.task_quantities import FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
 from cutenv.trace import Trace
@@ -62,11 +63,27 @@ def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, wid
         panels[-1].set_ylim(min(40.0, math.degrees(trace.angle.min()) - 5.0), 95.0)
     panels[-1].set_xlabel("blade [cm]" if along else "time [s]")
     for axes in panels:
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(axis="y", color="0.92", linewidth=0.8)
-        axes.set_axisbelow(True)
+        plain_axes(axes)
     columns = 2 if width < PHONE_WIDTH else 5
     figure.legend(loc="outside upper left", ncols=columns, frameon=False, fontsize=9)
+    return figure
+
+
+def summary_figure(cuts: Sequence[tuple[str, ScoreCard]], width: float) -> Figure:
+    """Draw the overall score of many cuts, each with its operator or "", a row for each, filled for a success."""
+    people = list(dict.fromkeys(operator for operator, _ in cuts))
+    figure = new_figure(width, 0.9 + 0.26 * len(people))
+    axes = figure.subplots()
+    for operator, card in cuts:
+        if card.overall_score is not None:
+            filled = "full" if card.outcome.startswith("success") else "none"
+            row = people.index(operator)
+            axes.plot(card.overall_score, -row, "o", color=_RAMP, markersize=6, alpha=0.8, fillstyle=filled)
+    axes.set_yticks(-np.arange(len(people)), [label(each or "cuts") for each in people])
+    axes.set_ylim(-len(people) + 0.4, 0.6)
+    axes.set_xlim(-2.0, 102.0)
+    axes.set_xlabel("overall score")
+    plain_axes(axes, "x")
     return figure
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from cutenv._base.atomic_file import atomic_write
 from cutenv._base.unit_table import shown_unit
 from cutenv.report.page import number, write_page, write_text
-from cutenv.report.score_figure import score_figure
+from cutenv.report.score_figure import score_figure, summary_figure
 from cutenv.scoring import METRICS, ScoreCard
-from cutenv.scoring.score_card import DISCLAIMER
+from cutenv.scoring.score_card import DISCLAIMER, DOUBT
 from cutenv.trace import Trace
 
 ON_TOP = {
@@ -71,7 +71,7 @@ def write_score_page(path: Path, scored: ScoredRecord) -> Path:
     """
     card, trace = scored.card, scored.trace
     kind = "open" if card.overall_score is None else ("good" if card.overall_score >= 50.0 else "bad")
-    if kind == "good" and _SPOILS & {fault.kind for fault in card.faults}:
+    if kind == "good" and (_SPOILS & {f.kind for f in card.faults} or any(n.startswith(DOUBT) for n in card.notes)):
         kind = "open"  # not shown in green, however gentle the rest was
     aimed = "" if scored.target_length is None else f", aimed at {1e3 * scored.target_length:.0f} mm"
     length = f"{trace.duration:.1f} s at {trace.sample_rate:.0f} Hz"
@@ -81,6 +81,7 @@ def write_score_page(path: Path, scored: ScoredRecord) -> Path:
         subtitle=f"{_origin(trace)}{length}{aimed}; tip: {card.tip_source}.",
         kind=kind,
         score_figure=score_figure,
+        doubt=DOUBT,
         directions={"lower": "lower", "higher": "higher", "none": "not rewarded"},
         sentence=lambda text: text[0].upper() + text[1:] + ".",
         **vars(scored),
@@ -116,13 +117,17 @@ def write_summary(folder: Path, records: Sequence[tuple[ScoredRecord, str]]) -> 
     scores = [card.overall_score for card in cards if card.overall_score is not None]
     known = [card.outcome for card in cards if card.outcome]
     successes = sum(outcome.startswith("success") for outcome in known)
+    said = f"{successes} of {len(known)} cuts succeeded." if known else ""
     write_page(
         target,
         "summary.html",
-        subtitle=cards[0].reference,
+        subtitle=f"Force alone compares with {cards[0].reference}." if not known and cards[0].reference else "",
+        headline=f"Mean score {number(sum(scores) / len(scores), 0)} of 100. {said}".rstrip() if scores else said,
+        summary_figure=summary_figure,
+        cuts=[(str(r.trace.metadata.get("operator") or ""), r.card) for r, _ in records],
         records=records,
         mean_score=number(sum(scores) / len(scores), 0) if scores else "",
-        successes=f"{successes} of {len(known)} succeeded" if known else "",
+        successes=f"{successes} of {len(known)}" if known else "",
         means=[_mean(cards, name) for name in ("tip_error", "largest_jump", "peak_force", "duration")],
         **_SHARED,
     )

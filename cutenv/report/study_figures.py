@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cutenv.report.figure import PHONE_WIDTH, label, new_figure, plain_axes
+from cutenv.report.page import spoken
+from cutenv.report.study_table import in_print, interval_text
 from cutenv.scoring.study import Estimate, Findings, Intraclass, LearningCurve, OneWay, Separation, Study
 
 if TYPE_CHECKING:
@@ -26,6 +28,7 @@ def learning_figure(study: Study, found: Findings, width: float) -> Figure:
     figure = new_figure(width, (5.4 if phone else 5.0) if summed else 3.0)
     panels = figure.subplots(2 if summed else 1, 1, sharex=True, squeeze=False)[:, 0]
     colours = _colours(study)
+    factor, _ = in_print(found)
     told: set[str] = set()
     for operator, values in found.series.items():
         group = study.group_of[operator]
@@ -33,16 +36,22 @@ def learning_figure(study: Study, found: Findings, width: float) -> Figure:
         name = (group or f"each {study.who}") if group not in told else None
         told.add(group)
         panels[0].plot(
-            number, values, ".-", color=colours[group], linewidth=0.8, markersize=4, alpha=0.4,
+            number, factor * values, ".-", color=colours[group], linewidth=0.8, markersize=4, alpha=0.4,
             label=None if name is None else label(name),
         )  # fmt: skip
+    seen = panels[0].get_ylim()  # that of the cuts: an interval may reach to where no cut can be
     for group, curve in found.curves.items():
-        if isinstance(curve, LearningCurve):
-            panels[0].fill_between(curve.number, curve.low, curve.high, color=colours[group], alpha=0.2, linewidth=0)
-            name = f"mean{label(f' of {group}') * bool(group)}, 95 % interval"
-            panels[0].plot(curve.number, curve.mean, color=colours[group], linewidth=2.4, label=name)
+        if not isinstance(curve, LearningCurve):
+            continue
+        name = f"mean{label(f' of {group}') * bool(group)}"
+        if curve.low is not None and curve.high is not None:
+            low, high = factor * curve.low, factor * curve.high
+            panels[0].fill_between(curve.number, low, high, color=colours[group], alpha=0.2, linewidth=0)
+            name += ", 95 % interval"
+        panels[0].plot(curve.number, factor * curve.mean, color=colours[group], linewidth=2.4, label=name)
+    panels[0].set_ylim(min(seen[0], factor * found.target), max(seen[1], factor * found.target))
     panels[0].axhline(
-        found.target, color=_TARGET, linestyle="--", linewidth=1.2, label=label(f"target: {found.target_is}")
+        factor * found.target, color=_TARGET, linestyle="--", linewidth=1.2, label=label(f"target: {found.target_is}")
     )
     panels[0].set_ylabel(_quantity(found))
     if isinstance(found.cusums, Mapping):
@@ -80,7 +89,8 @@ def groups_figure(study: Study, width: float) -> Figure:
     groups = list(dict.fromkeys(study.group_of.values()))
     for axes, found in zip(panels, findings, strict=False):
         for place, group in enumerate(groups):
-            means = np.sort([v.mean() for operator, v in found.series.items() if study.group_of[operator] == group])
+            own = [v.mean() for operator, v in found.series.items() if study.group_of[operator] == group]
+            means = in_print(found)[0] * np.sort(own)
             shift = 0.09 * (np.arange(len(means)) % 5 - 2)
             marker = _MARKERS[place % len(_MARKERS)]
             axes.plot(place + shift, means, marker, color=colours[group], markersize=5, alpha=0.75, markeredgewidth=0)
@@ -91,8 +101,7 @@ def groups_figure(study: Study, width: float) -> Figure:
         axes.tick_params(axis="y", labelsize=8)
         axes.set_title(_quantity(found).replace(" [", "\n["), fontsize=9, loc="left")
         if isinstance(found.separation, Separation):
-            p = found.separation.superiority
-            axes.set_xlabel(f"P = {p.value:.2f}\n[{p.low:.2f}, {p.high:.2f}]", fontsize=8)
+            axes.set_xlabel(f"P = {interval_text(found.separation.superiority)}".replace(" [", "\n["), fontsize=8)
         plain_axes(axes)
     for axes in panels[len(findings) :]:
         axes.remove()
@@ -111,8 +120,9 @@ def reliability_figure(study: Study, width: float) -> Figure:
         estimates = _estimates(found)
         for k, (name, colour, marker, each) in enumerate(estimates):
             place = -row - 0.22 * (k - 0.5 * (len(estimates) - 1)) - 0.12 * phone
-            low = max(each.low, -1.0)  # the lower end of a mean's interval is unbounded
-            axes.plot([low, each.high], [place, place], color=colour, linewidth=2.2, solid_capstyle="butt")
+            if each.low is not None and each.high is not None:
+                low = max(each.low, -1.0)  # the lower end of a mean's interval is unbounded
+                axes.plot([low, each.high], [place, place], color=colour, linewidth=2.2, solid_capstyle="butt")
             axes.plot(
                 max(each.value, -1.0), place, marker, color=colour, markersize=6,
                 label=None if name in told else name,
@@ -128,7 +138,7 @@ def reliability_figure(study: Study, width: float) -> Figure:
     axes.set_ylim(-len(findings) + 0.4, 0.6)
     axes.set_xlim(left=max(-1.0, min(-0.1, axes.get_xlim()[0])), right=1.02)
     axes.axvline(0.0, color="0.6", linewidth=0.8, zorder=0.5)
-    axes.set_xlabel("intraclass correlation, 95 % interval")
+    axes.set_xlabel("intraclass correlation (ICC)")
     plain_axes(axes, "x")
     figure.legend(loc="outside upper left", ncols=1 if phone else 3, frameon=False, fontsize=9)
     return figure
@@ -150,10 +160,5 @@ def _colours(study: Study) -> dict[str, str]:
 
 
 def _quantity(found: Findings) -> str:
-    unit = "" if found.unit == "1" else f" [{typeset(found.unit)}]"
-    return label(found.metric.replace("_", " ")) + unit
-
-
-def typeset(unit: str) -> str:
-    """Return a unit in print typography."""
-    return unit.replace("s2", "s²")
+    _, unit = in_print(found)
+    return label(spoken(found.metric)) + (f" [{unit}]" if unit else "")

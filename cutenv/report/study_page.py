@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from cutenv.report.crossover_table import crossover_rows
-from cutenv.report.page import estimate_text, spoken, write_page
-from cutenv.report.study_figures import groups_figure, learning_figure, reliability_figure, typeset
-from cutenv.report.study_table import correlation_text, cuts_needed, spread, three_digits, write_cards
+from cutenv.report.page import spoken, write_page
+from cutenv.report.study_figures import groups_figure, learning_figure, reliability_figure
+from cutenv.report.study_table import (
+    amount,
+    correlation_text,
+    count,
+    cuts_needed,
+    digits_of,
+    in_print,
+    interval_text,
+    shared_reason,
+    spread,
+    write_cards,
+)
 from cutenv.scoring import METRICS
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import (
@@ -24,11 +35,14 @@ from cutenv.scoring.study import (
     Separation,
     Study,
 )
+from cutenv.scoring.study.study import OVERALL, direction_of
 
 _BETTER = {"lower": "less is better", "higher": "more is better", "none": "neither way is better"}
 
 
-def write_study(path: Path, study: Study) -> Path:
+def write_study(
+    path: Path, study: Study, *, progress: Callable[[Iterable[Findings]], Iterable[Findings]] = iter
+) -> Path:
     """Write a study as one self-contained page, and every card as a row of a CSV beside it.
 
     Parameters
@@ -37,6 +51,8 @@ def write_study(path: Path, study: Study) -> Path:
         Path of the page (.html), in a folder that exists.
     study : Study
         Study to write.
+    progress : callable
+        Wrapper of the metrics that shows how far the drawing is.
 
     Returns
     -------
@@ -48,22 +64,24 @@ def write_study(path: Path, study: Study) -> Path:
     ImportError
         If matplotlib is not installed; the message gives the command that installs it.
     """
-    cuts, people = len(study.cuts), len(study.operators)
+    cuts, people = count(len(study.cuts), "cut"), count(len(study.operators), study.who)
     groups = [group for group in dict.fromkeys(study.group_of.values()) if group]
     by = f" in {len(groups)} groups ({', '.join(groups)})" if len(groups) > 1 else ""
     write_page(
         path,
         "study.html",
         study=study,
-        subtitle=f"{cuts} cuts of {people} {study.who}s{by}. {DISCLAIMER}",
+        subtitle=f"{cuts} of {people}{by}. {DISCLAIMER}",
         headline=study_headline(study),
         disclaimer=DISCLAIMER,
-        metrics=METRICS,
-        better=_BETTER,
+        meaning=_meaning,
+        progress=progress,
         groups=groups if study.groups else [],
         retested=any(isinstance(found.retest, Intraclass) for found in study.findings),
         an=_an(study.who),
-        apart=lambda found: not _holds(found.separation, 0.5),
+        apart=_apart,
+        without_groups=shared_reason([found.separation for found in study.findings]),
+        without_reliability=shared_reason([found.reliability for found in study.findings]),
         caption=_caption,
         changes=_changes,
         means_and_spread=partial(_means_and_spread, study, groups if study.groups else []),
@@ -71,7 +89,7 @@ def write_study(path: Path, study: Study) -> Path:
         reliability=_reliability,
         retest=lambda found: [correlation_text(found.agreement), correlation_text(found.consistency)],
         separation=_separation,
-        typeset=typeset,
+        unit=lambda found: in_print(found)[1],
         groups_figure=groups_figure,
         learning_figure=learning_figure,
         crossed=crossover_rows(study),
@@ -87,9 +105,11 @@ def study_headline(study: Study) -> str:
     said = []
     separated = [each for each in study.findings if isinstance(each.separation, Separation)]
     if separated and study.groups is not None:
-        apart = [each for each in separated if not _holds(each.separation, 0.5)]
+        apart = [each for each in separated if _apart(each)]
         first, second = study.groups
-        if apart:
+        if all(_value_alone(each.separation) for each in separated):
+            said.append(f"Too few {study.who}s to say whether {first} and {second} differ beyond these people.")
+        elif apart:
             said.append(
                 f"{len(apart)} of {len(separated)} metrics distinguish {first} from {second} "
                 "(95 % interval without 0.5). "
@@ -99,14 +119,28 @@ def study_headline(study: Study) -> str:
             said.append(
                 f"None of {len(separated)} metrics distinguishes {first} from {second}: every interval contains 0.5."
             )
-    reliable = [(each, each.reliability) for each in study.findings if isinstance(each.reliability, OneWay)]
+    reliable = [
+        (each.metric, each.reliability)
+        for each in study.findings
+        if isinstance(each.reliability, OneWay) and each.reliability.single.low is not None
+    ]
+    overall = dict(reliable).get(OVERALL)
+    if overall is not None and overall.single.value > 0.0:
+        said.append(
+            f"Reliability of the overall score, ICC: {_interval(overall.single)} of one cut, {_interval(overall.mean)} "
+            f"of the mean of {_an(study.who)}'s cuts."
+        )
+    elif overall is not None:
+        said.append(
+            f"The overall score of one cut says next to nothing about who made it, ICC {_interval(overall.single)}."
+        )
     if reliable:
         best, found = max(reliable, key=lambda pair: pair[1].single.value)
         said.append(
-            f"The most reliable metric of a single cut is {spoken(best.metric)}, "
-            f"ICC {_interval(found.single, 2)}; its mean over {_an(study.who)}'s cuts {_interval(found.mean, 2)}."
+            f"The most reliable metric of a single cut is {spoken(best)}, "
+            f"ICC {_interval(found.single)}; its mean over {_an(study.who)}'s cuts {_interval(found.mean)}."
         )
-    return " ".join(said) or "Too few people or cuts for any statement about people: there are metrics only."
+    return " ".join(said) or f"Too few {study.who}s or cuts for a statement beyond these people."
 
 
 def _means_and_spread(study: Study, groups: Sequence[str], found: Findings) -> list[str]:
@@ -115,8 +149,8 @@ def _means_and_spread(study: Study, groups: Sequence[str], found: Findings) -> l
         [v.mean() for operator, v in found.series.items() if study.group_of[operator] == group] for group in groups
     ]
     return [
-        three_digits(mean),
-        *("" if not means else three_digits(float(np.mean(means))) for means in of_groups),
+        mean,
+        *("" if not means else digits_of(found, float(np.mean(means))) for means in of_groups),
         between,
         within,
         str(sum(len(values) for values in found.series.values())),
@@ -125,7 +159,7 @@ def _means_and_spread(study: Study, groups: Sequence[str], found: Findings) -> l
 
 def _separation(found: Findings) -> list[str]:
     assert isinstance(found.separation, Separation)
-    return [_estimate(each, 2) for each in (found.separation.superiority, found.separation.difference)]
+    return [interval_text(each) for each in (found.separation.superiority, found.separation.difference)]
 
 
 def _reliability(told: OneWay) -> list[str]:
@@ -141,10 +175,10 @@ def _people(study: Study, found: Findings) -> list[tuple[str, list[str]]]:
         cells = [
             *([study.group_of[operator]] if study.groups else []),
             str(len(values)),
-            three_digits(float(values.mean())),
-            "" if len(values) < 2 else three_digits(float(values.std(ddof=1))),
-            three_digits(float(values[0])),
-            three_digits(float(values[-1])),
+            digits_of(found, float(values.mean())),
+            "" if len(values) < 2 else digits_of(found, float(values.std(ddof=1))),
+            digits_of(found, float(values[0])),
+            digits_of(found, float(values[-1])),
             "" if cusum is None else str(cusum.reached_at or "no"),
             "" if cusum is None else str(cusum.left_at or "no"),
         ]
@@ -153,23 +187,25 @@ def _people(study: Study, found: Findings) -> list[tuple[str, list[str]]]:
 
 
 def _caption(found: Findings) -> str:
-    target = f"Target {three_digits(found.target)}{_unit(found)} ({found.target_is})"
+    target = f"Target {amount(found, found.target)} ({found.target_is})"
     if isinstance(found.cusums, NotEstimable):
         return f"{target}. No cumulative sums: {found.cusums.reason}."
     reached = sum(each.reached_at is not None for each in found.cusums.values())
-    deviation = f"standard deviation of single cuts {three_digits(found.scale)}{_unit(found)}"
+    deviation = f"standard deviation of single cuts {amount(found, found.scale)}"
     return f"{target}; {deviation}. {reached} of {len(found.cusums)} reach it."
 
 
 def _change(group: str, curve: LearningCurve | NotEstimable, found: Findings) -> str:
     if isinstance(curve, NotEstimable):
         return ""
-    change = Estimate(value=float(curve.change[-1]), low=float(curve.change_low[-1]), high=float(curve.change_high[-1]))
-    open_ = ", an interval that holds 0" if change.low <= 0.0 <= change.high else ""
+    interval = ""
+    if curve.change_low is not None and curve.change_high is not None:
+        low, high = float(curve.change_low[-1]), float(curve.change_high[-1])
+        open_ = ", an interval that holds 0" if low <= 0.0 <= high else ""
+        interval = f" ({digits_of(found, low)} to {digits_of(found, high)}){open_}"
     return (
         f"{_of(group)} the first cut to number {curve.number[-1]} ({curve.people[-1]} of them, paired) it changes by "
-        f"{three_digits(change.value)}{_unit(found)} "
-        f"({three_digits(change.low)} to {three_digits(change.high)}){open_}."
+        f"{amount(found, float(curve.change[-1]))}{interval}."
     )
 
 
@@ -177,8 +213,12 @@ def _changes(found: Findings) -> str:
     return " ".join(_change(group, curve, found) for group, curve in found.curves.items())
 
 
-def _holds(told: Separation | NotEstimable, value: float) -> bool:
-    return isinstance(told, Separation) and told.superiority.low <= value <= told.superiority.high
+def _apart(found: Findings) -> bool:
+    return isinstance(found.separation, Separation) and found.separation.superiority.excludes(0.5)
+
+
+def _value_alone(told: Separation | NotEstimable) -> bool:
+    return isinstance(told, Separation) and told.superiority.low is None
 
 
 def _larger(apart: list[Findings], group: str, is_first: bool) -> str:
@@ -199,14 +239,14 @@ def _an(noun: str) -> str:
     return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
 
 
-def _unit(found: Findings) -> str:
-    return "" if found.unit == "1" else f" {typeset(found.unit)}"
+def _meaning(found: Findings) -> str:
+    better = _BETTER[direction_of(found.metric)]
+    if found.metric == OVERALL:
+        return f"Score of one cut from 0 to 100, the sum of its points ({better})."
+    about = METRICS[found.metric]
+    return f"{about.meaning} ({about.formula}; {better}.)"
 
 
-def _estimate(each: Estimate, digits: int) -> str:
-    return estimate_text(each.value, each.low, each.high, digits)
-
-
-def _interval(each: Estimate, digits: int) -> str:
+def _interval(each: Estimate) -> str:
     """Return an estimate within a sentence."""
-    return _estimate(each, digits).replace("[", "(").replace(",", " to").replace("]", ")")
+    return correlation_text(each).replace("[", "(").replace(",", " to").replace("]", ")")

@@ -4,46 +4,89 @@ from __future__ import annotations
 
 import csv
 import math
+import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from cutenv._base.atomic_file import atomic_write
-from cutenv.report.page import number, significant
+from cutenv._base.unit_table import shown_unit
+from cutenv.report.page import estimate_text, number, significant, spoken
 from cutenv.scoring.score_card import DISCLAIMER
-from cutenv.scoring.study import Estimate, Findings, Intraclass, NotEstimable, OneWay, Separation, Study, numbered
+from cutenv.scoring.study import (
+    Estimate,
+    Findings,
+    Intraclass,
+    NotEstimable,
+    OneWay,
+    Separation,
+    Standard,
+    Study,
+    numbered,
+)
 
-_LONGEST = 1e4  # number of cuts beyond which "how many" is meaningless
+_LONGEST = 100  # number of cuts beyond which nobody would make them
+_WORDS = (
+    "ICC, the intraclass correlation: the share of a metric's variance that lies between people, and not between the "
+    "cuts of one person. 1 is a metric that is always the same for the same person, 0 one that tells nobody from "
+    'another. "Cuts for 0.8" is the number of cuts whose mean has an ICC of 0.8.',
+    "P, the probability of superiority: how likely the mean of one of the first group is above that of one of the "
+    "second. 0.5 is no difference. Hedges' g: difference of the groups' means in standard deviations between people.",
+    "Sessions: the ICC of session means. A change of everybody from one session to the next counts against agreement, "
+    "and not against consistency.",
+)
+"""Explanation of what the table shows: reliability, groups, sessions."""
 
 
 def table_lines(study: Study) -> list[str]:
     """Return the study's numbers as aligned text: metrics by person, reliability, separation, notes."""
+    unknown = shared_reason([found.reliability for found in study.findings])
     lines = [
-        f"{study.name}: {len(study.cuts)} cuts of {len(study.operators)} {study.who}s",
+        f"{study.name}: {count(len(study.cuts), 'cut')} of {count(len(study.operators), study.who)}",
         "",
         f"{'metric':24s} {'unit':6s} {'mean':>9s} {'SD between':>11s} {'SD within':>10s}  "
         f"{'ICC of one cut':21s} {'ICC of the mean':21s} {'cuts for 0.8':>12s}",
     ]
     for found in study.findings:
-        mean, between, within = spread(found)
         reliability = found.reliability
         told = (
-            reliability.reason
+            reliability.reason * (not unknown)
             if isinstance(reliability, NotEstimable)
             else f"{correlation_text(reliability.single):21s} {correlation_text(reliability.mean):21s} "
             f"{cuts_needed(reliability):>12s}"
         )
-        lines.append(f"{found.metric:24s} {found.unit:6s} {mean:9.4g} {between:>11s} {within:>10s}  {told}".rstrip())
+        mean, between, within = spread(found)
+        name = f"{spoken(found.metric):24s} {in_print(found)[1]:6s}"
+        lines.append(f"{name} {mean:>9s} {between:>11s} {within:>10s}  {told}".rstrip())
+    words = list(_WORDS[:1])
     if study.groups is not None:
+        words.append(_WORDS[1])
         first, second = study.groups
         lines += ["", f"{'metric':24s} P({first} > {second}){'':4s} Hedges' g"]
-        for found in study.findings:
-            lines.append(f"{found.metric:24s} {_both(found.separation, 'superiority', 'difference')}")
+        if nothing := shared_reason([found.separation for found in study.findings]):
+            lines[-1] = f"no difference of {first} and {second}: {nothing}"
+        for found in study.findings * (not nothing):
+            lines.append(f"{spoken(found.metric):24s} {_both(found.separation, 'superiority', 'difference')}")
     if len(study.sessions) > 1:
-        lines += ["", f"{'metric':24s} {'ICC(A,1) of sessions':21s} ICC(C,1)"]
+        words.append(_WORDS[2])
+        lines += ["", f"{'metric':24s} {'sessions, agreement':21s} sessions, consistency"]
         for found in study.findings:
-            lines.append(f"{found.metric:24s} {_both(found.retest, 'agreement', 'consistency')}")
-    return [*lines, "", *(f"note: {note}" for note in (*study.notes, DISCLAIMER))]
+            lines.append(f"{spoken(found.metric):24s} {_both(found.retest, 'agreement', 'consistency')}")
+    lines += ["", *(line for text in words for line in textwrap.wrap(text, 110, subsequent_indent="  "))]
+    notes = [f"no reliability: {unknown}"] * bool(unknown)
+    return [*lines, "", *(f"note: {note}" for note in (*notes, *study.notes, DISCLAIMER))]
+
+
+def shared_reason(found: Sequence[object]) -> str:
+    """Return the reason why none of several statistics could be computed, if it is one and the same, else ""."""
+    reasons = {each.reason if isinstance(each, NotEstimable) else "" for each in found}
+    return reasons.pop() if len(reasons) == 1 else ""
+
+
+def count(number: int, noun: str) -> str:
+    """Return a number with its noun."""
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def write_cards(path: Path, study: Study) -> None:
@@ -68,29 +111,49 @@ def _suffix(unit: str) -> str:
     return unit.removeprefix("1").replace("/", "_per_").replace(" ", "_").strip("_")
 
 
-def spread(found: Findings) -> tuple[float, str, str]:
+def typeset(unit: str) -> str:
+    """Return a unit in print typography."""
+    return unit.replace("s2", "s\u00b2")
+
+
+def in_print(found: Findings | Standard) -> tuple[float, str]:
+    """Return the factor and the unit in which a metric is shown to people: lengths in mm, pure numbers without unit."""
+    unit = shown_unit(found.unit)
+    return unit.from_si(1.0), "" if unit.sign == "1" else typeset(unit.sign)
+
+
+def amount(found: Findings | Standard, value: float) -> str:
+    """Return a value of a metric with its unit, see :func:`digits_of`."""
+    return f"{digits_of(found, value)} {in_print(found)[1]}".rstrip()
+
+
+def digits_of(found: Findings | Standard, value: float) -> str:
+    """Return a value of a metric as people read it: lengths in mm, scores with one decimal."""
+    return number(value, 1) if found.metric == "overall_score" else three_digits(in_print(found)[0] * value)
+
+
+def spread(found: Findings) -> tuple[str, str, str]:
     """Return the mean over people, and standard deviations between and within them as text, "" if not known."""
-    means = [float(values.mean()) for values in found.series.values()]
+    mean = digits_of(found, float(np.mean([float(values.mean()) for values in found.series.values()])))
     if isinstance(found.reliability, OneWay):
-        return (
-            float(np.mean(means)),
-            three_digits(found.reliability.between_sd),
-            three_digits(found.reliability.within_sd),
-        )
-    return float(np.mean(means)), "", three_digits(found.scale) if found.scale > 0.0 else ""
+        told = found.reliability
+        return mean, digits_of(found, told.between_sd), digits_of(found, told.within_sd)
+    return mean, "", digits_of(found, found.scale) if found.scale > 0.0 else ""
 
 
 def cuts_needed(told: OneWay) -> str:
-    """Return the number of cuts whose mean would reach a reliability of 0.8, in words if none would."""
+    """Return the number of cuts whose mean would reach a reliability of 0.8, in words if it is out of reach."""
     cuts = told.cuts_for(0.8)
-    return "none will do" if math.isinf(cuts) or cuts > _LONGEST else str(max(1, math.ceil(cuts)))
+    if math.isinf(cuts):
+        return "none will do"
+    return f"more than {_LONGEST}" if cuts > _LONGEST else str(max(1, math.ceil(cuts)))
 
 
 def _both(told: Separation | Intraclass | NotEstimable, first: str, second: str) -> str:
     """Return two estimates beside each other, or the reason why there are none."""
     if isinstance(told, NotEstimable):
         return told.reason
-    shown = correlation_text if isinstance(told, Intraclass) else _plain_interval
+    shown = correlation_text if isinstance(told, Intraclass) else interval_text
     return f"{shown(getattr(told, first)):21s} {shown(getattr(told, second))}"
 
 
@@ -100,12 +163,17 @@ def correlation(value: float) -> str:
 
 
 def correlation_text(each: Estimate) -> str:
-    """Return a correlation with its interval as text."""
+    """Return a correlation as text, with its interval if there is one."""
+    if each.low is None or each.high is None:
+        return correlation(each.value)
     return f"{correlation(each.value)} [{correlation(each.low)}, {correlation(each.high)}]"
 
 
-def _plain_interval(each: Estimate) -> str:
-    return f"{each.value:.2f} [{each.low:.2f}, {each.high:.2f}]"
+def interval_text(each: Estimate) -> str:
+    """Return a value as text, with its interval if there is one."""
+    if each.low is None or each.high is None:
+        return number(each.value, 2)
+    return estimate_text(each.value, each.low, each.high, 2)
 
 
 def three_digits(value: float) -> str:

@@ -25,7 +25,10 @@ from cutenv.tissue import TissueDescription, measured_liver
 from cutenv.trace import Trace
 
 SCORE_SCHEMA = "cutenv-score/2"
+DOUBT = "doubtful"
+"""First word of a note on a record that can hardly be true."""
 _SAME_DEPTH = 1e-6  # [m]
+_LONG = 0.03  # [m], advance over which a real depth changes
 _ROUNDED_OFF = 1e-9  # rounding residue of a computed zero
 FEWEST_WEIGHT = 0.5
 """Weight of the leading metrics that must be known for an overall score: with less it would be another score."""
@@ -249,7 +252,7 @@ def score(
         no_score=no_score,
         reference="" if reference is None else f"{reference.name} ({len(reference)} cuts: {reference.about})",
         faults=faults,
-        notes=(*_notes(cut, points, outcome), *_doubted_depth(cut, faults)),
+        notes=(*_notes(cut, points, outcome), *_doubted_depth(cut)),
     )
 
 
@@ -320,15 +323,21 @@ def _notes(cut: ScoredCut, points: Sequence[ScorePoints], outcome: str) -> list[
     return notes + validity_warnings(cut.trace, cut.quality)
 
 
-def _doubted_depth(cut: ScoredCut, faults: Sequence[TechniqueFault]) -> list[str]:
-    """Return a note if lurches were found with one depth for the whole cut, which bulging tissue does not have."""
-    depth = cut.trace.depth
-    lurched = any(fault.kind == "lurch" for fault in faults)
-    if not lurched or cut.tip_source == "truth" or depth is None or np.ptp(depth) > _SAME_DEPTH:
+def _doubted_depth(cut: ScoredCut) -> list[str]:
+    """Return a note if the depth never changes along a real cut: tissue is not so even, so nobody measured it."""
+    depth, position = cut.trace.depth, cut.trace.position
+    simulated = (
+        cut.truth is not None or cut.noted_end is not None or cut.trace.metadata.get("specimen_class") == "uniform"
+    )
+    if depth is None or position is None or simulated:
+        return []
+    advance = float(np.ptp(position))
+    if advance < _LONG or np.ptp(depth) > _SAME_DEPTH:
         return []
     return [
-        f"record: the depth of cut is {1e3 * float(depth[0]):.3g} mm all along. If the tissue bulges, tip and lurches "
-        "are estimated wrong: measure the depth by place"
+        f"{DOUBT}: the depth of cut is {1e3 * float(depth[0]):.4g} mm at every reading of {100.0 * advance:.1f} cm. "
+        "Soft tissue bulges and is never so even: it was set, not measured, and tip, runs and points rest on it. "
+        "Give the depth along the cut: by caliper at some places, or from film (cutenv depth)"
     ]
 
 

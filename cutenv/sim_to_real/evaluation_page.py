@@ -6,8 +6,7 @@ from pathlib import Path
 
 from cutenv._base.unit_table import shown_unit
 from cutenv.report.page import spoken, write_page
-from cutenv.report.study_figures import typeset
-from cutenv.report.study_table import three_digits
+from cutenv.report.study_table import three_digits, typeset
 from cutenv.sim_to_real import ComparedCut, Finding
 from cutenv.sim_to_real.evaluation_figures import clock_figure, differences_figure, force_figure, typical_pair
 from cutenv.sim_to_real.evaluation_result import Evaluation, bars, interval, rounded_text

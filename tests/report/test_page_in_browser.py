@@ -71,11 +71,18 @@ def test_the_page_fits_shows_its_pictures_and_can_be_read(browser: Browser, page
     check_can_be_read(browser)
 
 
-@SCREENS
-def test_pictures_keep_a_white_card(browser: Browser, page: Path, width: int, dark: bool) -> None:
-    browser.open(page, width, dark=dark)
-    cards = "[...document.querySelectorAll('picture')].map(card => getComputedStyle(card).backgroundColor)"
-    assert browser.value(cards) == ["rgb(255, 255, 255)"] * 5
+def test_pictures_are_dark_where_dark_is_wanted_and_white_in_print(browser: Browser, page: Path) -> None:
+    ground = "getComputedStyle(document.querySelector('picture')).backgroundColor"
+    turned = "getComputedStyle(document.images[0]).filter"
+    browser.open(page, DESK, dark=True)
+    assert browser.value(ground) == "rgb(27, 33, 40)"
+    assert browser.value(turned).startswith("invert(1)")
+    browser.tell("Emulation.setEmulatedMedia", media="print")
+    try:
+        assert browser.value(ground) == "rgb(255, 255, 255)"
+        assert browser.value(turned) == "none"
+    finally:
+        browser.tell("Emulation.setEmulatedMedia", media="")
 
 
 def test_what_is_folded_fits_a_phone_too(browser: Browser, page: Path) -> None:

@@ -66,20 +66,6 @@ def test_what_is_folded_fits_too(browser: Browser, page: Path, width: int) -> No
     check_fits(browser, width)
 
 
-def test_pictures_are_dark_where_dark_is_wanted_and_white_in_print(browser: Browser, page: Path) -> None:
-    ground = "getComputedStyle(document.querySelector('picture')).backgroundColor"
-    turned = "getComputedStyle(document.images[0]).filter"
-    browser.open(page, DESK, dark=True)
-    assert browser.value(ground) == "rgb(27, 33, 40)"
-    assert browser.value(turned).startswith("invert(1)")
-    browser.tell("Emulation.setEmulatedMedia", media="print")
-    try:
-        assert browser.value(ground) == "rgb(255, 255, 255)"
-        assert browser.value(turned) == "none"
-    finally:
-        browser.tell("Emulation.setEmulatedMedia", media="")
-
-
 def test_the_page_says_what_it_found_and_what_it_is_not(page: Path, setting: StandardSetting) -> None:
     read = Page(page.read_text(encoding="utf-8"))
     assert read.text.count(DISCLAIMER) >= 3

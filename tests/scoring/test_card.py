@@ -23,9 +23,10 @@ from cutenv.scoring.points import (
     WAY_POINTS,
 )
 from cutenv.scoring.reference import FEWEST_REFERENCE_CUTS
-from cutenv.scoring.score_card import FEWEST_WEIGHT
+from cutenv.scoring.score_card import DOUBT, FEWEST_WEIGHT
 from cutenv.scoring.scored_cut import TIP_AT_END
 from cutenv.task_quantities import CLOSE, TIP_TOLERANCE
+from cutenv.trace import Trace
 
 UPRIGHT = "upright, and back"
 ALONE = "force alone, 30 Hz"
@@ -82,13 +83,20 @@ def test_the_card_is_printed_in_the_units_of_people() -> None:
     assert re.search(rf"tip_error +{re.escape(tip_error)} mm +better than \d+ % of the reference", str(card))
 
 
-def test_a_lurch_that_rests_on_one_depth_for_the_whole_cut_is_doubted() -> None:
+def test_one_depth_for_a_whole_cut_is_doubted_unless_it_is_simulated() -> None:
     trace = dataclasses.replace(cut(UPRIGHT), metadata={})
-    false = changed(trace, depth=np.full(len(trace), float(trace.depth.max())))
-    doubt = "mm all along. If the tissue bulges, tip and lurches are estimated wrong"
-    assert any(fault.kind == "lurch" for fault in score(false, target_length=TARGET).faults)
-    assert any(doubt in note for note in score(false, target_length=TARGET).notes)
-    assert not any(doubt in note for note in score(trace, target_length=TARGET).notes)
+    even = changed(trace, depth=np.full(len(trace), float(trace.depth.max())))
+    short = changed(even, position=0.2 * even.position)
+
+    def doubts(of: Trace) -> list[str]:
+        return [note for note in score(of, target_length=TARGET).notes if note.startswith(DOUBT)]
+
+    (doubt,) = doubts(even)
+    assert "mm at every reading of" in doubt
+    assert "caliper" in doubt
+    assert not doubts(trace)
+    assert not doubts(short)
+    assert not doubts(even.with_metadata({"specimen_class": "uniform"}))
 
 
 def test_without_a_reference_force_alone_has_metrics_and_no_claim() -> None:

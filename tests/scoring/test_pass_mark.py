@@ -104,7 +104,7 @@ def test_a_value_at_the_mark_passes() -> None:
     [
         ([1, 2], [5, 6, 7], r"fewer than 3 people in a group \(2 and 3\)"),
         ([1, 1, 1], [5, 6, 7], "nobody differs in the non-passing group"),
-        ([5, 6, 7], [1, 2, 3], r"wrong order: the passing one is no better \(6 against 2\)"),
+        ([5, 6, 7], [1, 2, 3], r"wrong order: the passing one is no better"),
         ([0, 10, 20], [10, 11, 12], "overlap wholly"),
     ],
 )
@@ -142,7 +142,7 @@ def test_the_interval_of_a_mean_is_students() -> None:
 
 def test_resamples_without_a_mark_are_told() -> None:
     replicates = np.where(np.arange(BOOTSTRAP_SIZE) % 5 == 0, np.nan, np.linspace(0.0, 1.0, BOOTSTRAP_SIZE))
-    assert over_people(0.5, replicates, 10).note == "20 % of the resamples have no such value"
+    assert over_people(0.5, replicates, 10).note == "uncertain interval: 20 % of the resamples have no such value"
     assert over_people(0.5, np.where(replicates > 0.4, np.nan, replicates), 10).low is None
 
 

@@ -106,7 +106,7 @@ def test_a_shift_of_everybody_counts_against_agreement_only() -> None:
 def test_full_agreement_is_one_without_any_width() -> None:
     found = intraclass_correlation(np.array([[1.0, 1.0], [2.0, 2.0], [4.0, 4.0]]))
     for form in FORMS:
-        assert dataclasses.astuple(getattr(found, form)) == (1.0, 1.0, 1.0)
+        assert getattr(found, form) == Estimate(value=1.0, low=1.0, high=1.0)
 
 
 @given(tables.filter(rows_differ))
@@ -263,16 +263,16 @@ def test_full_separation_of_few_people_still_has_a_width() -> None:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: intraclass_correlation([[1, 2], [2, 3]]), r"ratings has shape \(2, 2\); give 3 rows"),
+        (lambda: intraclass_correlation([[1, 2]]), r"ratings has shape \(1, 2\); give 2 rows"),
         (lambda: intraclass_correlation([[1], [2], [3]]), r"shape \(3, 1\)"),
         (lambda: intraclass_correlation([[1, 2], [2, math.nan], [3, 3]]), "ratings = nan .*Leave out rows with gaps"),
         (lambda: intraclass_correlation([[1, 2], [2, 1], [1.5, 1.5]]), "ratings: the means of the rows do not differ"),
         (lambda: intraclass_correlation([[5, 5]] * 3), "do not differ at all"),
         (lambda: intraclass_correlation([[1, 2], [2, 3], [4, 4]], confidence=95), "confidence = 95 is outside"),
-        (lambda: one_way_reliability([[1, 2], [2, 3]]), "series has 2 rows; give 3 or more"),
+        (lambda: one_way_reliability([[1, 2]]), "series has 1 rows; give 2 or more"),
         (lambda: one_way_reliability([[1, 2], [2, 3], [1]]), r"series\[2\] has shape \(1,\); give 2 values or more"),
         (lambda: one_way_reliability([[1, 2], [2, 3], [1, math.inf]]), r"series\[2\] = inf"),
-        (lambda: separation([[1], [2], [3]], [[1], [2], [3], [4]]), "first has 3 rows; give 4 or more"),
+        (lambda: separation([[1]], [[1], [2], [3], [4]]), "first has 1 rows; give 2 or more"),
         (
             lambda: separation([[1], [2], [3], [4]], [[1], [2], [], [3]]),
             r"second\[2\] has shape \(0,\)|second\[2\] must be",
@@ -282,7 +282,7 @@ def test_full_separation_of_few_people_still_has_a_width() -> None:
         (lambda: cusum([1.0, 2.0], math.nan, 1.0), "target = nan"),
         (lambda: cusum([1.0, 2.0], 0.0, 1.0, slack=0.0), "slack = 0 is outside"),
         (lambda: cusum([1.0, 2.0], 0.0, 1.0, sign=0), "sign must be 1"),
-        (lambda: learning_curve([[1, 2], [2, 3]]), "series has 2 rows"),
+        (lambda: learning_curve([[1, 2]]), "series has 1 rows"),
     ],
 )
 def test_what_says_nothing_is_refused_with_field_value_and_cure(call: object, message: str) -> None:
@@ -348,27 +348,68 @@ def test_missing_values_are_left_out_and_told() -> None:
     of = Study(name="few", cuts=cuts, metrics=("force_rate",))
     assert of.findings[0].missing == 3
     assert of.findings[0].series["P01"].tolist() == [5.0, 2.0]
-    assert of.notes == ("force_rate is missing in 3 of 9 cuts: made up",)
+    assert of.notes[0] == "force_rate is missing in 3 of 9 cuts: made up"
 
 
-def test_too_few_people_get_metrics_reasons_and_no_nan() -> None:
+def test_one_person_in_a_group_gets_metrics_reasons_and_no_nan() -> None:
     cuts = [cut(code, {"force_rate": value}, group=code[0]) for code in ("N1", "E1") for value in (1.0, 1.0)]
     of = Study(name="two", cuts=cuts, metrics=("force_rate",))
     found = of.findings[0]
-    assert found.reliability == NotEstimable("fewer than 3 operators with two cuts or more")
-    assert found.separation == NotEstimable("fewer than 4 operators in a group (1 and 1)")
+    assert isinstance(found.reliability, NotEstimable)
+    assert found.separation == NotEstimable("fewer than 2 operators in a group (1 and 1)")
     assert found.cusums == NotEstimable("no operator's cuts differ")
-    assert "nan" not in "\n".join(table_lines(of))
+    said = "\n".join(table_lines(of))
+    assert "nan" not in said
+    assert "no difference of N and E: fewer than 2 operators in a group (1 and 1)" in said
+
+
+def test_few_people_get_values_without_intervals_and_one_honest_word() -> None:
+    cuts = [
+        cut(f"{group}{i}", {"force_rate": 10.0 * (group == "N") + i + k}, group=group)
+        for group, people in (("N", 3), ("E", 2))
+        for i in range(people)
+        for k in (0.0, 0.5)
+    ]
+    of = Study(name="few", cuts=cuts, metrics=("force_rate",))
+    found = of.findings[0]
+    assert isinstance(found.separation, Separation)
+    assert found.separation.superiority == Estimate(value=1.0)
+    assert found.separation.difference.low is None
+    assert isinstance(found.reliability, OneWay)
+    assert found.reliability.single.low is not None  # of five people
+    assert isinstance(found.curves["E"], LearningCurve)
+    assert found.curves["E"].change.tolist() == [0.0, 0.5]
+    assert found.curves["N"].low is found.curves["E"].change_low is None  # type: ignore[union-attr]
+    (note,) = of.notes
+    assert note.startswith(
+        "too few operators for an interval of the groups' difference (3 and 2, of at least 4 in each)"
+    )
+    two = one_way_reliability([[1.0, 2.0], [5.0, 6.0]])
+    full = one_way_reliability([[1.0, 2.0], [5.0, 6.0], [3.0, 3.5]])
+    assert (two.single.low, two.single.value > 0.9, full.single.low is None) == (None, True, False)
+
+
+def test_the_overall_score_is_studied_as_a_metric_is() -> None:
+    def scored(operator: str, value: float) -> StudiedCut:
+        of = cut(operator, {})
+        return dataclasses.replace(of, card=dataclasses.replace(of.card, overall_score=value, no_score=""))
+
+    of = Study(name="score", cuts=[scored(f"P{i}", 10.0 * i + k) for i in range(4) for k in (0.0, 3.0)])
+    (found,) = of.findings
+    assert (found.metric, found.unit) == ("overall_score", "1")
+    assert found.series["P2"].tolist() == [20.0, 23.0]
+    assert not isinstance(found.cusums, NotEstimable)
+    assert found.cusums["P3"].reaching[-1] > found.cusums["P0"].reaching[-1]  # more is better
 
 
 def test_of_three_groups_two_must_be_named() -> None:
     cuts = [cut(f"{g}{i}", {"force_rate": float(i)}, group=g) for g in "ABC" for i in (1, 2, 3, 5)]
     unnamed = Study(name="three", cuts=cuts, metrics=("force_rate",))
-    assert unnamed.notes == ("of the groups A, B, C no two were named: their separation is not computed",)
+    assert unnamed.notes[0] == "of the groups A, B, C no two were named: their separation is not computed"
     assert unnamed.findings[0].separation == NotEstimable("the study has no two groups")
     named = Study(name="three", cuts=cuts, metrics=("force_rate",), groups=("C", "A"))
     assert isinstance(named.findings[0].separation, Separation)
-    assert named.notes == ()
+    assert not any("no two were named" in note for note in named.notes)
 
 
 def card_in_numbers() -> ScoreCard:
@@ -383,7 +424,7 @@ def card_in_numbers() -> ScoreCard:
         ([cut("P1", {}, group="a"), cut("P1", {}, group="b")], {}, "operator P1 is in groups 'a' and 'b'"),
         ([cut("P1", {})], {"metrics": ("force_rates",)}, "Did you mean 'force_rate'"),
         ([cut("P1", {})], {"metrics": ("force_rate",)}, "force_rate is missing in 1 of 1 cuts: made up"),
-        ([cut("P1", {})], {}, "no metric could be computed from these cuts: force_rate is missing"),
+        ([cut("P1", {})], {}, "no metric could be computed from these cuts: overall_score is missing"),
         ([cut("P1", {}, group="a")], {"groups": ("a", "c")}, "group must be one of 'a', got 'c'"),
         ([cut("P1", {}, group="a")], {"target_group": "c"}, "target group must be one of"),
         ([cut("P1", {})], {"target": 1.0}, "needs exactly one metric"),

@@ -77,13 +77,40 @@ def test_the_page_is_no_record_of_the_next_run(records: Path, capsys: pytest.Cap
     (records / "study.csv").unlink()
 
 
-def test_order_is_the_tables_and_not_the_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def numbers_made(folder: Path, *options: str) -> list[tuple[str, str, str, str]]:
+    """Record, operator, session and number of every card that the command writes."""
+    assert command.main([str(folder), "--metric", "peak_force", "--out", str(folder / "study.html"), *options]) == 0
+    with (folder / "study.csv").open(newline="", encoding="utf-8") as file:
+        return [(r["record"], r["operator"], r["session"], r["number"]) for r in csv.DictReader(file)]
+
+
+def test_order_is_the_tables_and_not_the_files(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
     table = few(tmp_path, "operator,record,order", "P1,b.csv,2", "P1,c.csv,3", "P1,a,1")
-    records = command.read_records(
-        command._parser().parse_args([str(tmp_path / f"{n}.csv") for n in "cab"] + ["--operators", "x"])
-    )
-    found = command.assigned(load_operators(table), records, table)
-    assert [records.traces[i].metadata["name"] for _, i in found] == ["a", "b", "c"]
+    found = numbers_made(tmp_path, "--operators", str(table))
+    assert [(record, number) for record, _, _, number in found] == [("a", "1"), ("b", "2"), ("c", "3")]
+
+
+def test_without_a_table_operators_and_days_are_those_of_the_records(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
+    made = {"a": ("P2", "2026-03-09T10:00:00"), "b": ("P1", "2026-03-01T09:00:00"), "c": ("P2", "2026-03-02T09:00:00")}
+    for name, (operator, date) in made.items():
+        time = np.arange(100) / 100.0
+        trace = Trace(time=time, force=2.0 + np.sin(9.0 * time), metadata={"operator": operator, "date": date})
+        save(trace, tmp_path / f"{name}.csv")
+    assert numbers_made(tmp_path, "--sheets", str(tmp_path / "sheets"), "--mark", "50") == [
+        ("b", "P1", "1", "1"), ("c", "P2", "1", "1"), ("a", "P2", "2", "2"),
+    ]  # fmt: skip
+    with (tmp_path / "sheets" / "class.csv").open(newline="", encoding="utf-8") as file:
+        assert [(row["operator"], row["cuts"]) for row in csv.DictReader(file)] == [("P1", "1"), ("P2", "2")]
+    assert DISCLAIMER in (tmp_path / "sheets" / "P2.html").read_text(encoding="utf-8")
+    capsys.readouterr()
+    (tmp_path / "study.csv").unlink()
+    save(Trace(time=time, force=2.0 + np.sin(9.0 * time)), tmp_path / "d.csv")
+    assert command.main([str(tmp_path)]) == 2
+    assert "no operator is named in d; give a table of operators" in capsys.readouterr().err
 
 
 def test_a_file_of_several_cuts_is_one_row_or_a_row_for_each(
@@ -95,7 +122,7 @@ def test_a_file_of_several_cuts_is_one_row_or_a_row_for_each(
     table = tmp_path / "who.csv"
     table.write_text("record,operator\nsession.csv,P1\n", encoding="utf-8")
     assert run(tmp_path, table, "--metric", "peak_force") == 0
-    assert "3 cuts of 1 operators" in capsys.readouterr().out
+    assert "3 cuts of 1 operator" in capsys.readouterr().out
     table.write_text("record,operator\nsession 1,P1\nsession 2,P2\nsession 3,P1\n", encoding="utf-8")
     assert run(tmp_path, table, "--metric", "peak_force") == 0
     assert "3 cuts of 2 operators" in capsys.readouterr().out
@@ -112,6 +139,8 @@ def test_a_file_of_several_cuts_is_one_row_or_a_row_for_each(
         (["a,P1", "d,P1"], [], "no row for b.csv, c.csv; no record for d"),
         (["a,P1", "b,P1", "c,P1"], ["--out", "page.pdf"], "must end in .html"),
         (["a,P1", "b,P1", "c,P1"], ["--out", "a_file/page.html"], "is a file; give a folder"),
+        (["a,P1", "b,P1", "c,P1"], ["--mark", "101"], "--mark = 101 is outside"),
+        (["a,P1", "b,P1", "c,P1"], ["--metric", "tip_eror"], "Did you mean 'tip_error'?"),
         (["a,P1", "b,P1", "c,P1"], ["--criterion", "1"], "needs exactly one metric"),
         (["a,P1", "b,P1", "c,P1"], ["--groups", "x", "y"], "group must be one of"),
         (["a,P1", "b,P1", "c,P1"], ["--metric", "tip_error"], "tip_error is missing in 3 of 3 cuts"),
@@ -141,13 +170,13 @@ def test_a_bad_record_is_left_out_only_when_asked_to(tmp_path: Path, capsys: pyt
     assert "--skip-bad" in capsys.readouterr().err
     assert run(tmp_path, table, "--metric", "peak_force", "--skip-bad") == 0
     said = capsys.readouterr().out
-    assert "2 cuts of 1 operators" in said
+    assert "2 cuts of 1 operator" in said
     assert "left out: b.csv" in said
 
 
-def test_a_table_of_semicolons_is_read_alike(tmp_path: Path) -> None:
+def test_a_table_of_semicolons_is_read_alike_and_raters_are_left_alone(tmp_path: Path) -> None:
     table = tmp_path / "who.csv"
-    table.write_bytes("\ufeffRecord;Operator;Group;Session;Order\r\na.csv;P07;novice;2;3\r\n".encode())
+    table.write_bytes("\ufeffRecord;Operator;Group;Session;Order;Rater_a\r\na.csv;P07;novice;2;3;\r\n".encode())
     (row,) = load_operators(table)
     assert (row.record, row.operator, row.group, row.session, row.order) == ("a.csv", "P07", "novice", "2", 3.0)
 

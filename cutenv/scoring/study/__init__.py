@@ -1,6 +1,5 @@
 """Studies of people by the metrics of their cuts: learning, reliability, separation. No claim of skill is made."""
 
-from cutenv.scoring.study.bootstrap import BootstrapEstimate
 from cutenv.scoring.study.crossover import Crossover, condition_of, crossover, crossovers
 from cutenv.scoring.study.estimate import Estimate
 from cutenv.scoring.study.learning import Cusum, LearningCurve, cusum, learning_curve
@@ -13,7 +12,6 @@ from cutenv.scoring.study.study import Findings, NotEstimable, StudiedCut, Study
 from cutenv.scoring.study.validity_evidence import ValidityEvidence, validity_evidence
 
 __all__ = [
-    "BootstrapEstimate",
     "Crossover",
     "Cusum",
     "ErrorRate",

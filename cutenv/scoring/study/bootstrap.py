@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
 from cutenv._base.arrays import Array
-from cutenv.scoring.study.estimate import CONFIDENCE
+from cutenv.scoring.study.estimate import CONFIDENCE, Estimate
 
 FEWEST_FOR_AN_INTERVAL = 5
 """Smallest number of people with an interval; with fewer that of the experts' mean held the truth too rarely."""
@@ -20,27 +19,7 @@ _MENTIONED = 0.05  # share of resamples without a value from which it is mention
 _TOO_MANY = 0.5  # share of resamples without a value from which there is no interval
 
 
-@dataclass(frozen=True, kw_only=True)
-class BootstrapEstimate:
-    """A value, and its 95 % interval over people if there are enough of them.
-
-    Attributes
-    ----------
-    value : float
-        The value.
-    low, high : float or None
-        Ends of the interval; None if there is none.
-    note : str
-        Reason why there is no interval, or a warning about it; "" if there is nothing to say.
-    """
-
-    value: float
-    low: float | None = None
-    high: float | None = None
-    note: str = ""
-
-
-def over_people(value: float, replicates: Array, people: int) -> BootstrapEstimate:
+def over_people(value: float, replicates: Array, people: int) -> Estimate:
     """Return a value with its interval from the values of the resamples.
 
     Parameters
@@ -54,7 +33,7 @@ def over_people(value: float, replicates: Array, people: int) -> BootstrapEstima
 
     Returns
     -------
-    BootstrapEstimate
+    Estimate
 
     Notes
     -----
@@ -63,16 +42,15 @@ def over_people(value: float, replicates: Array, people: int) -> BootstrapEstima
     Student's t and by sqrt(n/(n - 1)). How often it holds the truth is printed by ``scripts/pass_mark_coverage.py``.
     """
     if people < FEWEST_FOR_AN_INTERVAL:
-        return BootstrapEstimate(
-            value=value, note=f"no interval: it takes {FEWEST_FOR_AN_INTERVAL} people, here {people}"
-        )
+        return Estimate(value=value, note=f"no interval: it takes {FEWEST_FOR_AN_INTERVAL} people, here {people}")
     known = replicates[np.isfinite(replicates)]
     without = 1.0 - len(known) / len(replicates)
-    note = f"{100.0 * without:.0f} % of the resamples have no such value" if without > _MENTIONED else ""
+    share = f"{100.0 * without:.0f} % of the resamples have no such value"
     if without > _TOO_MANY:
-        return BootstrapEstimate(value=value, note=f"no interval: {note}")
+        return Estimate(value=value, note=f"no interval: {share}")
+    note = f"uncertain interval: {share}" if without > _MENTIONED else ""
     reach = math.sqrt(people / (people - 1.0)) * float(student.ppf(0.5 * (1.0 + CONFIDENCE), people - 1))
     tail = float(norm.cdf(-reach))
     low, high = np.quantile(known, (tail, 1.0 - tail))
     # The value itself lies inside, also where rounding or few distinct resamples put an end beside it.
-    return BootstrapEstimate(value=value, low=min(float(low), value), high=max(float(high), value), note=note)
+    return Estimate(value=value, low=min(float(low), value), high=max(float(high), value), note=note)

@@ -1,9 +1,10 @@
-"""A value with its confidence interval, and the input checks of a study's statistics."""
+"""A value with its confidence interval, if people are enough for one, and the input checks of a study's statistics."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,24 +12,53 @@ from numpy.typing import ArrayLike
 from cutenv._base.arrays import Array
 from cutenv._base.validation import array_in_range
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+    T = TypeVar("T", bound=DataclassInstance)
+
 CONFIDENCE = 0.95
 """Default level of confidence of every interval."""
 FEWEST_PEOPLE = 3
-"""Smallest number of people (rows, groups) for statistics about people."""
+"""Smallest number of people (rows) for an interval."""
+FEWEST_COMPARED = 2
+"""Smallest number of people (rows) for any statistics about people."""
 _LARGEST = 1e12
 _NO_VARIATION = 1e-12  # relative to the largest value: less is rounding
 
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """A value with its confidence interval."""
+    """A value, with its confidence interval over people if there are enough of them.
+
+    Attributes
+    ----------
+    value : float
+        The value.
+    low, high : float or None
+        Ends of the interval; None if there is none.
+    note : str
+        Reason why there is no interval, or a warning about it; "" if there is nothing to say.
+    """
 
     value: float
-    low: float
-    high: float
+    low: float | None = None
+    high: float | None = None
+    note: str = ""
 
     def __str__(self) -> str:
-        return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
+        interval = "" if self.low is None or self.high is None else f" [{self.low:.3g}, {self.high:.3g}]"
+        return f"{self.value:.3g}{interval}"
+
+    def excludes(self, value: float) -> bool:
+        """Return True if there is an interval and it does not hold a value."""
+        return self.low is not None and self.high is not None and not self.low <= value <= self.high
+
+
+def without_intervals(found: T) -> T:
+    """Return a result with the values of its estimates alone."""
+    values = {part.name: getattr(found, part.name) for part in fields(found)}
+    return replace(found, **{name: Estimate(value=v.value) for name, v in values.items() if isinstance(v, Estimate)})
 
 
 def series_of(name: str, series: Sequence[ArrayLike], *, fewest: int, people: int = FEWEST_PEOPLE) -> tuple[Array, ...]:

@@ -11,8 +11,10 @@ from scipy.stats import t as student
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
-from cutenv.scoring.study.estimate import CONFIDENCE, FEWEST_PEOPLE, series_of, values_of
+from cutenv.scoring.study.estimate import CONFIDENCE, FEWEST_COMPARED, FEWEST_PEOPLE, series_of, values_of
 
+FEWEST_IN_CURVE = 4
+"""Smallest number of people for an interval of a learning curve: with fewer it is wider than the scale."""
 SLACK, THRESHOLD = 0.5, 4.0
 """Defaults of :func:`cusum`, in standard deviations of single cuts."""
 
@@ -60,7 +62,7 @@ class LearningCurve:
     people : ndarray of int
         Number of people who made it.
     mean, low, high : ndarray
-        Mean over these people, and interval by Student's t.
+        Mean over these people, and interval by Student's t; no interval (None) of fewer than four people.
     change, change_low, change_high : ndarray
         Paired change from each person's own first cut; 0 at the first.
     """
@@ -68,11 +70,11 @@ class LearningCurve:
     number: NDArray[np.int_]
     people: NDArray[np.int_]
     mean: Array
-    low: Array
-    high: Array
+    low: Array | None
+    high: Array | None
     change: Array
-    change_low: Array
-    change_high: Array
+    change_low: Array | None
+    change_high: Array | None
 
 
 def cusum(
@@ -130,8 +132,8 @@ def learning_curve(series: Sequence[ArrayLike], *, confidence: float = CONFIDENC
     Parameters
     ----------
     series : sequence of array_like
-        The values of each person's cuts in their order: 3 people or more, 2 cuts each or more. People may differ in
-        number of cuts; the curve ends where fewer than 3 are left.
+        The values of each person's cuts in their order: 2 people or more, 2 cuts each or more. People may differ in
+        number of cuts; the curve ends where fewer than 3 are left, of 2 people with the first who ends.
     confidence : float
         Level of the pointwise intervals, 0.5 to 0.999.
 
@@ -144,25 +146,27 @@ def learning_curve(series: Sequence[ArrayLike], *, confidence: float = CONFIDENC
     TypeError, ValueError
         If there are too few people or cuts.
     """
-    columns = series_of("series", series, fewest=2)
+    columns = series_of("series", series, fewest=2, people=FEWEST_COMPARED)
     level = in_range("confidence", confidence, 0.5, 0.999, "1")
-    last = sorted((len(column) for column in columns), reverse=True)[FEWEST_PEOPLE - 1]
+    people = min(len(columns), FEWEST_PEOPLE)
+    last = sorted((len(column) for column in columns), reverse=True)[people - 1]
     rows = []
     for i in range(last):
         here = [column for column in columns if len(column) > i]
         values = np.array([column[i] for column in here])
         change = values - np.array([column[0] for column in here])
         rows.append((i + 1, len(here), *_interval(values, level), *_interval(change, level)))
-    number, people, mean, low, high, change, change_low, change_high = np.array(rows).T
+    number, there, mean, low, high, change, change_low, change_high = np.array(rows).T
+    enough = len(columns) >= FEWEST_IN_CURVE
     return LearningCurve(
         number=number.astype(int),
-        people=people.astype(int),
+        people=there.astype(int),
         mean=mean,
-        low=low,
-        high=high,
+        low=low if enough else None,
+        high=high if enough else None,
         change=change,
-        change_low=change_low,
-        change_high=change_high,
+        change_low=change_low if enough else None,
+        change_high=change_high if enough else None,
     )
 
 

@@ -11,8 +11,8 @@ from scipy.stats import norm
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
-from cutenv.scoring.study.bootstrap import BOOTSTRAP_SIZE, BootstrapEstimate, over_people
-from cutenv.scoring.study.estimate import FEWEST_PEOPLE, values_of, vanishes
+from cutenv.scoring.study.bootstrap import BOOTSTRAP_SIZE, over_people
+from cutenv.scoring.study.estimate import FEWEST_PEOPLE, Estimate, values_of, vanishes
 
 Better = Literal["higher", "lower"]
 Method = Literal["contrasting groups", "expert mean", "expert mean and SD", "set by the teacher"]
@@ -32,7 +32,7 @@ class ErrorRate:
     ----------
     observed, people : int
         Number of people judged wrongly, and number of people in the group.
-    theoretical : BootstrapEstimate or None
+    theoretical : Estimate or None
         Share under the group's normal curve, 0 to 1; None if there is no curve.
     no_curve : str
         Reason why there is no curve.
@@ -40,7 +40,7 @@ class ErrorRate:
 
     observed: int
     people: int
-    theoretical: BootstrapEstimate | None
+    theoretical: Estimate | None
     no_curve: str = ""
 
 
@@ -52,7 +52,7 @@ class PassMark:
     ----------
     method : str
         One of :data:`METHODS`.
-    mark : BootstrapEstimate
+    mark : Estimate
         The mark; who reaches it passes. In the unit of the values.
     false_passes : ErrorRate
         People of the non-passing group who pass.
@@ -61,7 +61,7 @@ class PassMark:
     """
 
     method: Method
-    mark: BootstrapEstimate
+    mark: Estimate
     false_passes: ErrorRate
     false_fails: ErrorRate
 
@@ -168,7 +168,7 @@ def pass_mark(
     sizes = {"contrasting groups": min(map(len, groups)), "set by the teacher": 0}.get(method, len(groups[1]))
     return PassMark(
         method=method,
-        mark=BootstrapEstimate(value=mark) if given is not None else over_people(mark, marks[1:], sizes),
+        mark=Estimate(value=mark) if given is not None else over_people(mark, marks[1:], sizes),
         false_passes=_errors(groups[0], curves[0], mark, sign, wrong=1.0),
         false_fails=_errors(groups[1], curves[1], mark, sign, wrong=-1.0),
     )
@@ -221,11 +221,10 @@ def _check_contrast(failing: Array, passing: Array, sign: float) -> None:
         if vanishes(float(values.var(ddof=1)), values):
             raise ValueError(f"nobody differs in the {name} group, so it has no curve")
     first, second = (NormalCurve(values.mean(), values.std(ddof=1)) for values in (failing, passing))
-    means = f"{first.mean:.4g} against {second.mean:.4g}"
     if sign * (second.mean - first.mean) <= 0.0:
-        raise ValueError(f"the groups stand in the wrong order: the passing one is no better ({means})")
+        raise ValueError("the groups stand in the wrong order: the passing one is no better")
     if np.isnan(crossing(first, second)):
-        raise ValueError(f"the groups overlap wholly: no mark between their means parts them ({means})")
+        raise ValueError("the groups overlap wholly: no mark between their means parts them")
 
 
 def _curves(values: Array, rng: np.random.Generator) -> NormalCurve:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import one_of
-from cutenv.scoring.study.bootstrap import BOOTSTRAP_SIZE, BootstrapEstimate, over_people
+from cutenv.scoring.study.bootstrap import BOOTSTRAP_SIZE, over_people
 from cutenv.scoring.study.estimate import Estimate, vanishes
 from cutenv.scoring.study.reliability import intraclass_correlation
 
@@ -27,14 +27,14 @@ class RaterCorrelation:
 
     Attributes
     ----------
-    rank, linear : BootstrapEstimate
+    rank, linear : Estimate
         Spearman's and Pearson's correlation.
     cuts, people : int
         Number of rated cuts, and of the people who made them.
     """
 
-    rank: BootstrapEstimate
-    linear: BootstrapEstimate
+    rank: Estimate
+    linear: Estimate
     cuts: int
     people: int
 
@@ -49,7 +49,7 @@ class RaterAgreement:
         ICC(A,1): one rater's marks taken as they are; a severe rater counts as disagreement. It needs one scale.
     consistency : Estimate
         ICC(C,1): a severe rater does not count, another unit of the scale does.
-    rank : BootstrapEstimate
+    rank : Estimate
         Spearman's correlation, mean over the pairs of raters; for any scales.
     raters, cuts, people : int
         Numbers of raters, of the cuts that all rated, and of the people who made them.
@@ -57,7 +57,7 @@ class RaterAgreement:
 
     agreement: Estimate
     consistency: Estimate
-    rank: BootstrapEstimate
+    rank: Estimate
     raters: int
     cuts: int
     people: int

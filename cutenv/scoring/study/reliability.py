@@ -11,7 +11,15 @@ from scipy.stats import f as fisher
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import array_in_range, in_range
-from cutenv.scoring.study.estimate import CONFIDENCE, FEWEST_PEOPLE, Estimate, series_of, vanishes
+from cutenv.scoring.study.estimate import (
+    CONFIDENCE,
+    FEWEST_COMPARED,
+    FEWEST_PEOPLE,
+    Estimate,
+    series_of,
+    vanishes,
+    without_intervals,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +99,8 @@ def intraclass_correlation(ratings: ArrayLike, *, confidence: float = CONFIDENCE
     Parameters
     ----------
     ratings : array_like of shape (n, k)
-        A row for each person (3 or more), a column for each session or rater (2 or more); any one unit.
+        A row for each person (2 or more; with 2 there is no interval), a column for each session or rater (2 or more);
+        any one unit.
     confidence : float
         Level of the intervals, 0.5 to 0.999.
 
@@ -111,10 +120,10 @@ def intraclass_correlation(ratings: ArrayLike, *, confidence: float = CONFIDENCE
     a negative estimate is replaced by 0.
     """
     table = array_in_range("ratings", ratings, -1e12, 1e12, "1", "Leave out rows with gaps.")
-    if table.ndim != 2 or table.shape[0] < FEWEST_PEOPLE or table.shape[1] < 2:
+    if table.ndim != 2 or table.shape[0] < FEWEST_COMPARED or table.shape[1] < 2:
         raise ValueError(
-            f"ratings has shape {table.shape}; give {FEWEST_PEOPLE} rows (people) or more and 2 columns (sessions) or "
-            "more."
+            f"ratings has shape {table.shape}; give {FEWEST_COMPARED} rows (people) or more and 2 columns (sessions) "
+            "or more."
         )
     n, k = table.shape
     rows, columns, grand = table.mean(axis=1), table.mean(axis=0), float(table.mean())
@@ -130,20 +139,21 @@ def intraclass_correlation(ratings: ArrayLike, *, confidence: float = CONFIDENCE
     one, one_mean = _of_ratio(MSR, MSW, k, _quantile(p, n - 1, n * (k - 1)), _quantile(p, n * (k - 1), n - 1))
     consistent, consistent_mean = _of_ratio(MSR, MSE, k, _quantile(p, n - 1, error), _quantile(p, error, n - 1))
     agreement = _agreement(MSR, MSC, MSE, n, k, p)
-    return Intraclass(
+    found = Intraclass(
         one_way=one,
         agreement=agreement,
         consistency=consistent,
         one_way_of_means=one_mean,
         agreement_of_means=Estimate(
             value=(MSR - MSE) / (MSR + (MSC - MSE) / n),
-            low=_of_mean(agreement.low, k),
-            high=_of_mean(agreement.high, k),
+            low=None if agreement.low is None else _of_mean(agreement.low, k),
+            high=None if agreement.high is None else _of_mean(agreement.high, k),
         ),
         consistency_of_means=consistent_mean,
         rows=n,
         columns=k,
     )
+    return without_intervals(found) if n < FEWEST_PEOPLE else found
 
 
 def one_way_reliability(series: Sequence[ArrayLike], *, confidence: float = CONFIDENCE) -> OneWay:
@@ -152,7 +162,8 @@ def one_way_reliability(series: Sequence[ArrayLike], *, confidence: float = CONF
     Parameters
     ----------
     series : sequence of array_like
-        The values of each person's cuts: 3 people or more, 2 cuts each or more; any one unit.
+        The values of each person's cuts: 2 people or more, 2 cuts each or more; any one unit. With fewer than 3 people
+        there is no interval.
     confidence : float
         Level of the intervals, 0.5 to 0.999.
 
@@ -171,7 +182,7 @@ def one_way_reliability(series: Sequence[ArrayLike], *, confidence: float = CONF
     and its exact interval, else an approximate one. Thomas & Hultquist, Annals of Statistics 6 (1978) 582-587,
     doi 10.1214/aos/1176344202.
     """
-    columns = series_of("series", series, fewest=2)
+    columns = series_of("series", series, fewest=2, people=FEWEST_COMPARED)
     p = 0.5 * (1.0 + in_range("confidence", confidence, 0.5, 0.999, "1"))
     sizes = np.array([len(column) for column in columns])
     n, total = len(columns), int(sizes.sum())
@@ -181,7 +192,7 @@ def one_way_reliability(series: Sequence[ArrayLike], *, confidence: float = CONF
     MSW = sum(float(np.sum((column - column.mean()) ** 2)) for column in columns) / (total - n)
     _check_rows_differ("series", MSB, np.concatenate(columns))
     single, mean = _of_ratio(MSB, MSW, k, _quantile(p, n - 1, total - n), _quantile(p, total - n, n - 1))
-    return OneWay(
+    found = OneWay(
         single=single,
         mean=mean,
         cuts=k,
@@ -190,6 +201,7 @@ def one_way_reliability(series: Sequence[ArrayLike], *, confidence: float = CONF
         between_sd=float(np.sqrt(max(MSB - MSW, 0.0) / k)),
         within_sd=float(np.sqrt(MSW)),
     )
+    return without_intervals(found) if n < FEWEST_PEOPLE else found
 
 
 def _of_ratio(MSR: float, MSE: float, k: float, F_low: float, F_high: float) -> tuple[Estimate, Estimate]:

@@ -14,10 +14,10 @@ from scipy.stats import norm
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
-from cutenv.scoring.study.estimate import CONFIDENCE, Estimate, series_of, vanishes
+from cutenv.scoring.study.estimate import CONFIDENCE, FEWEST_COMPARED, Estimate, series_of, vanishes, without_intervals
 
 FEWEST_IN_A_GROUP = 4
-"""Smallest number of people in a group: of 3 against 3, full separation occurs by chance in 1 of 10 studies."""
+"""Smallest number of people in a group for an interval: 3 against 3 separate fully by chance in 1 of 10 studies."""
 _EDGE = 1e-9  # distance from 0 and 1, where Newcombe's variance vanishes
 
 
@@ -50,7 +50,8 @@ def separation(
     Parameters
     ----------
     first, second : sequence of array_like
-        The values of each person's cuts, one or more; 4 people or more in each group; one unit.
+        The values of each person's cuts, one or more; 2 people or more in each group; one unit. With fewer than 4 in a
+        group there is no interval.
     confidence : float
         Level of the intervals, 0.5 to 0.999.
 
@@ -74,12 +75,13 @@ def separation(
     """
     level = in_range("confidence", confidence, 0.5, 0.999, "1")
     a, b = (
-        np.array([column.mean() for column in series_of(name, series, fewest=1, people=FEWEST_IN_A_GROUP)])
+        np.array([column.mean() for column in series_of(name, series, fewest=1, people=FEWEST_COMPARED)])
         for name, series in (("first", first), ("second", second))
     )
-    return Separation(
+    found = Separation(
         superiority=_superiority(a, b, level), difference=_difference(a, b, level), people=(len(a), len(b))
     )
+    return without_intervals(found) if min(found.people) < FEWEST_IN_A_GROUP else found
 
 
 def _superiority(a: Array, b: Array, level: float) -> Estimate:

@@ -10,8 +10,7 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
 from cutenv.scoring.metric import METRICS
-from cutenv.scoring.score_card import ScoreCard
-from cutenv.scoring.study.estimate import FEWEST_PEOPLE
+from cutenv.scoring.study.estimate import FEWEST_COMPARED
 from cutenv.scoring.study.pass_mark import (
     IN_A_ROW,
     METHODS,
@@ -25,11 +24,9 @@ from cutenv.scoring.study.pass_mark import (
 )
 from cutenv.scoring.study.raters import RaterAgreement, RaterCorrelation, mean_mark, rater_agreement, rater_correlation
 from cutenv.scoring.study.reliability import OneWay, one_way_reliability
-from cutenv.scoring.study.separation import FEWEST_IN_A_GROUP, Separation, separation
-from cutenv.scoring.study.study import NotEstimable, StudiedCut, leading_metrics, told
+from cutenv.scoring.study.separation import Separation, separation
+from cutenv.scoring.study.study import OVERALL, NotEstimable, StudiedCut, direction_of, leading_metrics, told, value_of
 
-OVERALL = "overall_score"
-"""Name of the overall score among the metrics."""
 ALL_RATERS = "all raters"
 """Name under which the mean of the raters' marks is held."""
 
@@ -210,7 +207,7 @@ class StandardSetting:
             return None
         made_by = np.array([cut.operator for cut in self.cuts])
         series = {each: own for each in self.operators if len(own := values[(made_by == each) & np.isfinite(values)])}
-        better: Better = "higher" if metric == OVERALL or METRICS[metric].direction == "higher" else "lower"
+        better: Better = "higher" if direction_of(metric) == "higher" else "lower"
         groups = [
             [own for operator, own in series.items() if group is not None and self.group_of[operator] == group]
             for group in (self.failing, self.passing)
@@ -237,11 +234,11 @@ class StandardSetting:
                 operator: proficiency(own, chosen.mark.value, better=better, in_a_row=self.in_a_row)
                 for operator, own in series.items()
             },
-            separation=NotEstimable(f"fewer than {FEWEST_IN_A_GROUP} people in a group")
-            if few < FEWEST_IN_A_GROUP
+            separation=NotEstimable(f"fewer than {FEWEST_COMPARED} people in a group")
+            if few < FEWEST_COMPARED
             else told(separation, groups[1], groups[0]),
-            reliability=NotEstimable(f"fewer than {FEWEST_PEOPLE} people with two cuts or more")
-            if len(several) < FEWEST_PEOPLE
+            reliability=NotEstimable(f"fewer than {FEWEST_COMPARED} people with two cuts or more")
+            if len(several) < FEWEST_COMPARED
             else told(one_way_reliability, several),
             raters=self._correlations(values, better, rng),
         )
@@ -274,14 +271,6 @@ class StandardSetting:
             )
             for rater, marks in columns.items()
         }
-
-
-def value_of(card: ScoreCard, metric: str) -> tuple[float | None, str]:
-    """Return the value of a metric or of the overall score, and the reason if there is none."""
-    if metric == OVERALL:
-        return card.overall_score, card.no_score
-    scored = card.metrics[metric]
-    return scored.value, scored.unavailable
 
 
 def check_metrics(names: Sequence[str]) -> None:

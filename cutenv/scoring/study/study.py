@@ -10,11 +10,11 @@ import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
-from cutenv.scoring.metric import METRICS
+from cutenv.scoring.metric import METRICS, Direction
 from cutenv.scoring.metric_weights import ForceOnlyWeights, weights_by_metric
 from cutenv.scoring.score_card import ScoreCard
-from cutenv.scoring.study.estimate import FEWEST_PEOPLE
-from cutenv.scoring.study.learning import Cusum, LearningCurve, cusum, learning_curve
+from cutenv.scoring.study.estimate import FEWEST_COMPARED, FEWEST_PEOPLE
+from cutenv.scoring.study.learning import FEWEST_IN_CURVE, Cusum, LearningCurve, cusum, learning_curve
 from cutenv.scoring.study.reliability import Intraclass, OneWay, intraclass_correlation, one_way_reliability
 from cutenv.scoring.study.separation import FEWEST_IN_A_GROUP, Separation, separation
 
@@ -22,7 +22,9 @@ STUDIED = (
     "tip_error", "overshoot", "largest_jump", "uncontrolled_share", "force_rate", "force_jerk", "force_drops",
     "mean_force_drop", "duration",
 )  # fmt: skip
-"""Metrics that are studied if none are named and the records have positions."""
+"""Metrics that are studied, beside the overall score, if none are named and the records have positions."""
+OVERALL = "overall_score"
+"""Name of the overall score among the metrics."""
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -41,6 +43,8 @@ class StudiedCut:
         Group of the operator; "" if the study has none.
     session : str
         Session of the cut; "" if the study has none.
+    date : str
+        Date and time of the cut in ISO 8601; "" if it is not known.
     marks : mapping of str to float
         Mark by each rater who gave one, on any scale.
     condition : str
@@ -51,6 +55,7 @@ class StudiedCut:
     operator: str
     group: str = ""
     session: str = ""
+    date: str = ""
     marks: Mapping[str, float] = field(default_factory=dict)
     condition: str = ""
 
@@ -69,20 +74,20 @@ class Findings:
     Attributes
     ----------
     metric, unit : str
-        Name of the metric, and its unit on the cards.
+        Name of the metric, or "overall_score", and its unit on the cards.
     series : mapping of str to ndarray
         Values of each operator's cuts, in order; cuts without a value are left out.
     missing : int
         Number of cuts without a value.
-    reliability : OneWay or Untold
+    reliability : OneWay or NotEstimable
         Reliability of single cuts and of means, over operators with two cuts or more.
-    retest : Intraclass or Untold
+    retest : Intraclass or NotEstimable
         Test-retest reliability of session means, over operators who were at every session.
-    separation : Separation or Untold
+    separation : Separation or NotEstimable
         Separation of the study's two groups, the first above the second.
-    curves : mapping of str to LearningCurve or Untold
+    curves : mapping of str to LearningCurve or NotEstimable
         Learning curve by group, over the number of the cut; operators with two cuts or more.
-    cusums : mapping of str to Cusum, or Untold
+    cusums : mapping of str to Cusum, or NotEstimable
         Cumulative sums by operator, for those with two cuts or more.
     target, scale : float
         Target and standard deviation for the cumulative sums; in the metric's unit.
@@ -115,7 +120,7 @@ class Study:
     cuts : sequence of StudiedCut
         The cuts, each operator's in the order in which they were made.
     metrics : sequence of str, optional
-        Names in :data:`~cutenv.scoring.METRICS`; by default those that lead the overall score.
+        "overall_score" and names in :data:`~cutenv.scoring.METRICS`; by default the score and the leading metrics.
     groups : pair of str, optional
         Groups to compare; by default the two groups, if there are two.
     target_group : str, optional
@@ -155,7 +160,7 @@ class Study:
         if len(units) > 1:
             raise ValueError(f"force is in {' and in '.join(units)}; study cuts of one unit at a time.")
         for metric in self.metrics:
-            one_of("metric", metric, METRICS)
+            one_of("metric", metric, (OVERALL, *METRICS))
         known = tuple(dict.fromkeys(cut.group for cut in self.cuts))
         for name, group in (("group", self.groups or ()), ("target group", (self.target_group,))):
             for each in group:
@@ -176,6 +181,7 @@ class Study:
         findings = [found for metric in self._chosen() if (found := self._find(metric, notes)) is not None]
         if not findings:
             raise ValueError(f"no metric could be computed from these cuts: {'; '.join(notes)}.")
+        notes += self._few(findings)
         object.__setattr__(self, "findings", tuple(findings))
         object.__setattr__(self, "notes", tuple(notes))
 
@@ -202,14 +208,43 @@ class Study:
         return groups
 
     def _chosen(self) -> Sequence[str]:
-        return tuple(dict.fromkeys(self.metrics)) or leading_metrics(self.cuts)
+        return tuple(dict.fromkeys(self.metrics)) or (OVERALL, *leading_metrics(self.cuts))
+
+    def _few(self, findings: Sequence[Findings]) -> list[str]:
+        """Return a note on the statistics without an interval, because people are too few for one."""
+        groups = max(
+            (each.separation.people for each in findings if isinstance(each.separation, Separation)), default=()
+        )
+        people = max(
+            (each.reliability.people for each in findings if isinstance(each.reliability, OneWay)),
+            default=FEWEST_PEOPLE,
+        )
+        curves = [
+            c for each in findings for c in each.curves.values() if isinstance(c, LearningCurve) and c.low is None
+        ]
+        said = []
+        if groups and min(groups) < FEWEST_IN_A_GROUP:
+            said.append(
+                f"the groups' difference ({groups[0]} and {groups[1]}, of at least {FEWEST_IN_A_GROUP} in each)"
+            )
+        if people < FEWEST_PEOPLE:
+            said.append(f"the reliability ({people} of at least {FEWEST_PEOPLE})")
+        if curves:
+            least = max(int(each.people[0]) for each in curves)
+            said.append(f"a group's learning ({least} of at least {FEWEST_IN_CURVE})")
+        if not said:
+            return []
+        return [
+            f"too few {self.who}s for an interval of {', of '.join(said)}: these values describe these {self.who}s, "
+            "and no others"
+        ]
 
     def _find(self, metric: str, notes: list[str]) -> Findings | None:
-        scored = [(cut, cut.card.metrics[metric]) for cut in self.cuts]
-        silent = [each for _, each in scored if each.value is None]
-        kept = [(cut, float(each.value)) for cut, each in scored if each.value is not None]
+        scored = [(cut, *value_of(cut.card, metric)) for cut in self.cuts]
+        silent = [reason for _, value, reason in scored if value is None]
+        kept = [(cut, value) for cut, value, _ in scored if value is not None]
         if silent:
-            reason = f"{metric} is missing in {len(silent)} of {len(scored)} cuts: {silent[0].unavailable}"
+            reason = f"{metric} is missing in {len(silent)} of {len(scored)} cuts: {silent[0]}"
             if not kept and self.metrics:
                 raise ValueError(f"{reason}.")
             notes.append(reason)
@@ -221,14 +256,14 @@ class Study:
             if any(cut.operator == operator for cut, _ in kept)
         }
         several = {operator: values for operator, values in series.items() if len(values) >= 2}
-        few = NotEstimable(f"fewer than {FEWEST_PEOPLE} {self.who}s with two cuts or more")
-        enough = len(several) >= FEWEST_PEOPLE
+        few = NotEstimable(f"fewer than {FEWEST_COMPARED} {self.who}s with two cuts or more")
+        enough = len(several) >= FEWEST_COMPARED
         reliability = told(one_way_reliability, list(several.values())) if enough else few
         target, target_is = self._target(series)
         within = _pooled(several)
         return Findings(
             metric=metric,
-            unit=self.cuts[0].card.unit(metric),
+            unit="1" if metric == OVERALL else self.cuts[0].card.unit(metric),
             series=series,
             missing=len(silent),
             reliability=reliability,
@@ -253,7 +288,7 @@ class Study:
     def _cusums(
         self, metric: str, several: Mapping[str, Array], target: float, within: float
     ) -> dict[str, Cusum] | NotEstimable:
-        direction = METRICS[metric].direction
+        direction = direction_of(metric)
         if direction == "none":
             return NotEstimable("neither way is better, so no target is reached")
         if within <= 0.0:
@@ -266,8 +301,8 @@ class Study:
         curves: dict[str, LearningCurve | NotEstimable] = {}
         for group in dict.fromkeys(group_of.values()):
             own = [values for operator, values in several.items() if group_of[operator] == group]
-            few = NotEstimable(f"fewer than {FEWEST_PEOPLE} {self.who}s with two cuts or more")
-            curves[group] = few if len(own) < FEWEST_PEOPLE else told(learning_curve, own)
+            few = NotEstimable(f"fewer than {FEWEST_COMPARED} {self.who}s with two cuts or more")
+            curves[group] = few if len(own) < FEWEST_COMPARED else told(learning_curve, own)
         return curves
 
     def _separation(self, series: Mapping[str, Array]) -> Separation | NotEstimable:
@@ -277,10 +312,8 @@ class Study:
         first, second = (
             [values for operator, values in series.items() if group_of[operator] == group] for group in self.groups
         )
-        if min(len(first), len(second)) < FEWEST_IN_A_GROUP:
-            return NotEstimable(
-                f"fewer than {FEWEST_IN_A_GROUP} {self.who}s in a group ({len(first)} and {len(second)})"
-            )
+        if min(len(first), len(second)) < FEWEST_COMPARED:
+            return NotEstimable(f"fewer than {FEWEST_COMPARED} {self.who}s in a group ({len(first)} and {len(second)})")
         return told(separation, first, second)
 
     def _retest(self, kept: Iterable[tuple[StudiedCut, float]]) -> Intraclass | NotEstimable:
@@ -294,13 +327,26 @@ class Study:
             for operator in self.operators
             if all((operator, session) in cells for session in self.sessions)
         ]
-        if len(rows) < FEWEST_PEOPLE:
-            return NotEstimable(f"fewer than {FEWEST_PEOPLE} {self.who}s were at every session")
+        if len(rows) < FEWEST_COMPARED:
+            return NotEstimable(f"fewer than {FEWEST_COMPARED} {self.who}s were at every session")
         return told(intraclass_correlation, rows)
 
 
+def value_of(card: ScoreCard, metric: str) -> tuple[float | None, str]:
+    """Return the value of a metric or of the overall score, and the reason if there is none."""
+    if metric == OVERALL:
+        return card.overall_score, card.no_score
+    scored = card.metrics[metric]
+    return scored.value, scored.unavailable
+
+
+def direction_of(metric: str) -> Direction:
+    """Return which values of a metric or of the overall score are better."""
+    return "higher" if metric == OVERALL else METRICS[metric].direction
+
+
 def leading_metrics(cuts: Sequence[StudiedCut]) -> tuple[str, ...]:
-    """Return the metrics that are studied if none are named."""
+    """Return the metrics that are studied beside the overall score if none are named."""
     moved = any(cut.card.metrics["idle_time"].value is not None for cut in cuts)
     return STUDIED if moved else tuple(weights_by_metric(ForceOnlyWeights()))
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 
-from cutenv.scoring.study.bootstrap import BootstrapEstimate
 from cutenv.scoring.study.estimate import Estimate
 from cutenv.scoring.study.pass_mark import PassMark
 from cutenv.scoring.study.raters import RaterAgreement, RaterCorrelation
@@ -90,9 +89,11 @@ def _relations(setting: StandardSetting, standard: Standard) -> tuple[str, ...]:
     found = []
     if isinstance(standard.separation, Separation):
         P = standard.separation.superiority
-        better = P if standard.better == "higher" else Estimate(value=1 - P.value, low=1 - P.high, high=1 - P.low)
+        if standard.better == "lower":
+            low, high = (None if end is None else 1.0 - end for end in (P.high, P.low))
+            P = Estimate(value=1.0 - P.value, low=low, high=high)
         pair = f"one of group {setting.passing} is better than one of group {setting.failing}"
-        found.append(f"probability that {pair}: {_shown(better)}")
+        found.append(f"probability that {pair}: {_shown(P)}")
     rater = ALL_RATERS if ALL_RATERS in standard.raters else next(iter(standard.raters), "")
     correlation = standard.raters.get(rater)
     if isinstance(correlation, RaterCorrelation):
@@ -113,7 +114,7 @@ def _consequences(standard: Standard) -> tuple[str, ...]:
     return tuple(found) or (f"{NO_EVIDENCE}: the mark was held against no group",)
 
 
-def _shown(each: Estimate | BootstrapEstimate) -> str:
+def _shown(each: Estimate) -> str:
     interval = "" if each.low is None or each.high is None else f" [{each.low:.2f}, {each.high:.2f}]"
     return f"{each.value:.2f}{interval}".replace("-", "\u2212")
 

@@ -1,0 +1,142 @@
+"""Cuts of several people, read and scored, with their operators from a table or from the records themselves."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cutenv.commands.inputs import LoadedTraces, Source, read_records, without_target
+from cutenv.commands.options import made_folder, target_length, watched
+from cutenv.commands.score import fitting_reference, reference_set
+from cutenv.measurement.calibration import RefusedRecord
+from cutenv.recording import OperatorRow, recorded_operators
+from cutenv.scoring import score
+from cutenv.scoring.study import StudiedCut, condition_of
+
+SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
+
+
+def studied_cuts(
+    arguments: argparse.Namespace, rows: Sequence[OperatorRow] | None
+) -> tuple[list[StudiedCut], list[RefusedRecord]]:
+    """Read and score the records; print notes and progress.
+
+    Parameters
+    ----------
+    arguments : Namespace
+        Options of :func:`cutenv.commands.options.add_study_options`.
+    rows : sequence of OperatorRow or None
+        Rows of the table of operators; without a table they come from the records.
+
+    Returns
+    -------
+    cuts : list of StudiedCut
+        The cuts, each operator's in the order in which they were made.
+    refused : list of RefusedRecord
+        Records that were left out as bad.
+
+    Raises
+    ------
+    ValueError, OSError
+        If the options are invalid, a record is bad or not to be found, or records and operators do not fit.
+    """
+    reference, length = reference_set(arguments.reference), target_length(arguments)
+    arguments.records = record_files(arguments)
+    records = read_records(arguments)
+    for note in [*records.notes, *without_target(records.traces, length)]:
+        print(f"note: {note}", file=sys.stderr)
+    if rows is None:
+        recorded = recorded_operators([trace.metadata for trace in records.traces])
+        pairs = sorted(zip(recorded, range(len(recorded)), strict=True), key=lambda pair: pair[0].order)
+    else:
+        pairs = assigned(rows, records, arguments.operators)
+    cuts = [
+        StudiedCut(
+            card=score(
+                records.traces[i], target_length=length, reference=fitting_reference(reference, records.traces[i])
+            ),
+            operator=row.operator,
+            group=row.group,
+            session=row.session,
+            date=str(records.traces[i].metadata.get("date") or ""),
+            marks=row.marks,
+            condition=condition_of(records.traces[i].metadata),
+        )
+        for row, i in watched(pairs, "scoring", "cut")
+    ]
+    return cuts, records.refused
+
+
+def study_name(arguments: argparse.Namespace) -> str:
+    """Return the title of a study: ``--name``, or the name of its table, or of its first folder or record."""
+    source: Path = arguments.operators or arguments.records[0].resolve()
+    return str(arguments.name or source.stem)
+
+
+def assigned(rows: Sequence[OperatorRow], records: LoadedTraces, table: Path) -> list[tuple[OperatorRow, int]]:
+    """Return every cut's row and its place in ``records.traces``, in the order in which each operator made them.
+
+    Raises
+    ------
+    ValueError
+        If a cut has no row or two, or a row no cut; names them all.
+    """
+    found: list[tuple[OperatorRow, int]] = []
+    used: dict[str, set[Path]] = {}
+    unknown = []
+    by_name = {row.record: row for row in rows}
+    for i, source in enumerate(records.sources):
+        names = [name for name in _names(source) if name in by_name]
+        if len(names) > 1:
+            raise ValueError(f"{table}: records {' and '.join(map(repr, names))} are one cut; keep one row.")
+        if not names:
+            unknown.append(_names(source)[0])
+            continue
+        used.setdefault(names[0], set()).add(source.path)
+        found.append((by_name[names[0]], i))
+    twice = [name for name, paths in used.items() if len(paths) > 1]
+    # A record that was left out as bad keeps its row.
+    bad = {Path(each.name).stem for each in records.refused} | {each.name for each in records.refused}
+    missing = [row.record for row in rows if row.record not in used and not {row.record, Path(row.record).stem} & bad]
+    wrong = [f"no row for {', '.join(unknown)}"] * bool(unknown)
+    wrong += [f"no record for {', '.join(missing)}"] * bool(missing)
+    wrong += [f"several files are called {', '.join(twice)}; give their suffixes"] * bool(twice)
+    if wrong:
+        raise ValueError(f"{table} and the records do not fit: {'; '.join(wrong)}.")
+    return sorted(found, key=lambda pair: (pair[0].order, pair[0].line, pair[1]))
+
+
+def _names(source: Source) -> list[str]:
+    """Return the names by which a row may refer to a cut."""
+    names = [source.path.name, source.path.stem]
+    if source.number is not None:
+        names += [f"{name} {source.number}" for name in names]
+    return names
+
+
+def record_files(arguments: argparse.Namespace) -> list[Path]:
+    """Return the records: folders stand for the record files in them, except the table and our own output."""
+    ours = {path.resolve() for path in (arguments.operators, arguments.out) if path is not None}
+    ours |= {path.with_suffix(".csv") for path in ours}
+    files: list[Path] = []
+    for path in arguments.records:
+        if not path.is_dir():
+            files.append(path)
+            continue
+        inside = [each for each in sorted(path.iterdir()) if each.suffix.lower() in SUFFIXES and each.is_file()]
+        inside = [each for each in inside if each.resolve() not in ours]
+        if not inside:
+            raise FileNotFoundError(f"no records in {path}; they end in {', '.join(SUFFIXES)}.")
+        files += inside
+    return files
+
+
+def check_page(out: Path | None) -> None:
+    """Raise an error for a path that cannot be written, before any work."""
+    if out is None:
+        return
+    if out.suffix != ".html":
+        raise ValueError(f"--out {out} must end in .html; the numbers go beside it as .csv.")
+    made_folder("--out", out.parent)
