@@ -163,7 +163,7 @@ class Lesson:
             hidden = progress is not None and progress.metadata()["feedback"] == "never"
             if progress is not None:
                 progress.add(card, end)
-            return told(card, progress, hidden=hidden)
+            return shown_card(card, progress, hidden=hidden)
 
     def _repeated(self, handed_out: HandedOutCut, movements: bytes, digest: str) -> tuple[HandCut, Any]:
         if len(movements) % 16 or not FEWEST_MOVEMENTS <= len(movements) // 16 <= LONGEST_CUT:
@@ -223,7 +223,7 @@ class Lesson:
             return known
 
 
-def told(card: ScoreCard, progress: CourseProgress | None, *, hidden: bool = False) -> dict[str, Any]:
+def shown_card(card: ScoreCard, progress: CourseProgress | None, *, hidden: bool = False) -> dict[str, Any]:
     """Return what the page shows of a card, and what comes next; nothing of the card if it is to be ``hidden``."""
     return {
         "score": None if hidden or card.overall_score is None else round(card.overall_score),
