@@ -121,12 +121,15 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--specimen-class", choices=CLASSES, default="liver", help="specimens without a course; default liver"
     )
-    parser.add_argument("--title", default="cutenv", help="name of the class on its pages")
+    parser.add_argument("--title", default="cutenv", metavar="NAME", help="name of the class on its pages")
     parser.add_argument("--language", choices=LANGUAGES, default="en", help="language of the pages; default en")
     parser.add_argument(
-        "--host", default="127.0.0.1", help="address to listen on; default 127.0.0.1, this machine alone"
+        "--host",
+        default="127.0.0.1",
+        metavar="ADDRESS",
+        help="address to listen on; default 127.0.0.1: this machine",
     )
-    parser.add_argument("--port", type=int, default=8800, help="port; default 8800, 0 takes a free one")
+    parser.add_argument("--port", type=int, default=8800, metavar="N", help="port; default 8800, 0 takes a free one")
     parser.add_argument("--certificate", type=Path, metavar="FILE", help="certificate (PEM), for https")
     parser.add_argument("--key", type=Path, metavar="FILE", help="its private key (PEM)")
     parser.add_argument("--database", metavar="URL", help="postgresql+psycopg://...; default SQLite in FOLDER")

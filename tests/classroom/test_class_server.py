@@ -162,10 +162,19 @@ def test_somebody_elses_cut_is_not_there(room: Room) -> None:
 
 @pytest.mark.parametrize(
     ("method", "path"),
-    [("GET", "/cuts"), ("POST", "/cuts"), ("POST", "/cuts/1"), ("POST", "/cuts/1/begun"),
-     ("GET", "/teacher/records.zip"), ("POST", "/teacher/codes"), ("POST", "/teacher/delete"), ("GET", "/teacher/sheet"), ("GET", "/teacher/P01/x"),
-     ("GET", "/teacher/P01/records.zip")],
-)  # fmt: skip
+    [
+        ("GET", "/cuts"),
+        ("POST", "/cuts"),
+        ("POST", "/cuts/1"),
+        ("POST", "/cuts/1/begun"),
+        ("GET", "/teacher/records.zip"),
+        ("POST", "/teacher/codes"),
+        ("POST", "/teacher/delete"),
+        ("GET", "/teacher/sheet"),
+        ("GET", "/teacher/P01/x"),
+        ("GET", "/teacher/P01/records.zip"),
+    ],
+)
 def test_nobody_gets_in_without_signing_in(room: Room, method: str, path: str) -> None:
     room.store.add_code("P01")
     assert room.client().request(method, path).status_code == 401
