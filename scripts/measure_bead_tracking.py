@@ -40,8 +40,6 @@ from cutenv.vision.fluoroscopy import CArmCalibration, deinterlaced
 from cutenv.vision.projection import project, triangulate
 from cutenv.vision.registration import clock_lag
 
-SLOW, FAST = 30, 3
-"""Frames of the video for one that is used, in the slow and in the fast cut."""
 FOLDER = "runs/bead_tracking"
 """Folder where each part of the measurement is kept, relative to the repository."""
 
@@ -122,11 +120,10 @@ def followed(
     rest: Array,
     covariance: Array,
     *,
-    every: int = 1,
     fields: bool = False,
 ) -> Followed:
     """Track the beads of a whole cut, and compare with the truth."""
-    rate = calibration.frame_rate / every
+    rate = calibration.frame_rate
     time = np.arange(0.5, session.cut.time[-1] - 0.1, 1.0 / rate)
     frames = session.frames(time, first="bottom" if fields else None)
     if fields:
@@ -263,16 +260,16 @@ def rest_part() -> Part:
 def slow_part() -> Part:
     """Measure tracks of a cut at 0.1 cm/s."""
     session, calibration, rest, covariance = prepared()
-    result = followed(session, calibration, rest, covariance, every=SLOW)
-    return report(result, f"cut at 0.1 cm/s, {30 / SLOW:.0f} frame a second", 0.0)
+    result = followed(session, calibration, rest, covariance)
+    return report(result, "cut at 0.1 cm/s", 0.0)
 
 
 def fast_part() -> Part:
     """Measure tracks of a cut at 1.27 cm/s from interlaced frames."""
     session, calibration, rest, covariance = prepared()
     session = replace(session, cut=type(session.cut).simulated(0.0127, 0.07, SEED))
-    result = followed(session, calibration, rest, covariance, fields=True, every=FAST)
-    return report(result, f"cut at 1.27 cm/s, {60 / FAST:.0f} fields a second", 1.0)
+    result = followed(session, calibration, rest, covariance, fields=True)
+    return report(result, "cut at 1.27 cm/s", 1.0)
 
 
 def motion_part() -> Part:

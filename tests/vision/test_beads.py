@@ -7,10 +7,9 @@ from dataclasses import replace
 import carm_measurement
 import numpy as np
 import pytest
-from rendering.xray_session import CutHistory, FieldAtPoints, Session
+from rendering.xray_session import CutHistory, Session
 from scipy.spatial import cKDTree
 
-from cutenv.tissue.cut_model import CutModel
 from cutenv.vision.bead_correspondence import linked, pairs_by_epipolar, places_from_sweep
 from cutenv.vision.bead_tracks import BeadTracks
 from cutenv.vision.beads import find_beads, track_beads
@@ -26,7 +25,7 @@ def ramps():
     time = np.arange(0.0, 7.0, 1e-3)
     blade = SPEED * np.maximum(time - 1.0, 0.0)
     tip = np.maximum(np.floor(blade / 0.0015) * 0.0015 - 0.0008, 0.0)
-    return CutHistory(time=time, blade=blade, tip=tip, force=400.0 * (blade - tip))
+    return CutHistory(time=time, blade=blade, tip=tip, lead=blade - tip, force=400.0 * (blade - tip))
 
 
 @pytest.fixture(scope="module")
@@ -65,13 +64,8 @@ def test_a_rotation_gives_every_bead_its_place(session, rest):
 
 def test_beads_are_followed_through_the_cut(session, calibration, rest, film):
     time, frames = film
-    model = FieldAtPoints(CutModel(), rest[0])
-
-    def displacement(_, now):
-        blade, tip = session.cut.at(now)
-        return model(tip, blade - tip)
-
-    tracks = track_beads(frames, time, calibration, *rest, diameter=3.5, displacement=displacement)
+    predicted = carm_measurement.predicted_by(session)
+    tracks = track_beads(frames, time, calibration, *rest, diameter=3.5, displacement=predicted)
     owner = owners(session, rest[0])
     off = np.array([
         place - session.places(now)[owner[bead]]
