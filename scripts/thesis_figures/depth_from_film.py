@@ -5,23 +5,17 @@ from __future__ import annotations
 import math
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
-from rendering.filmed_cut import film_cut
 from reproduction.drawn_livers import measure_as_the_thesis
 from reproduction.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
 
 from cutenv.measurement import estimate_local_effective_moduli
 from cutenv.tissue import CutModel
 from cutenv.trace import Trace
-from cutenv.vision.blade_depth import BladeCameras, BladeInSpace
-from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras
-from cutenv.vision.depth_record import FilmedDepth, filmed_depth
-from cutenv.vision.marked_blade import MarkedBlade
-from cutenv.vision.video import VideoFrame
 from thesis_figures.experiments import KIND
 from thesis_figures.style import (
     DISPLACEMENT_LABEL,
@@ -35,6 +29,10 @@ from thesis_figures.style import (
     panels,
     save,
 )
+
+if TYPE_CHECKING:
+    from cutenv.vision.blade_depth import BladeInSpace
+    from cutenv.vision.depth_record import FilmedDepth
 
 TOTAL, STRIP, WIDTH = 0.0425, 0.004, 0.008  # of the blade, from the strip's centre to its end as in the thesis [m]
 FIELD, TRAVEL, SHOWN = 0.17, 0.10, 0.06  # width of what a camera sees, travel, and place of the frame that is shown [m]
@@ -53,6 +51,15 @@ class FilmedLiver(NamedTuple):
 @cache
 def filmed_liver(rate: float) -> FilmedLiver:
     """Cut a drawn liver, film it with two cameras at some frames a second, and measure its depth from the film."""
+    # OpenCV and PyAV are an extra, which the other figures do not need.
+    from rendering.filmed_cut import film_cut
+
+    from cutenv.vision.blade_depth import BladeCameras
+    from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras
+    from cutenv.vision.depth_record import filmed_depth
+    from cutenv.vision.marked_blade import MarkedBlade
+    from cutenv.vision.video import VideoFrame
+
     cut = virtual_cut(KIND, speed=SPEEDS[1], turns=(TRAVEL, 0.0))
     (position,) = cut.trace.require("position", by="filmed_liver")
     film = film_cut(
