@@ -183,6 +183,8 @@ def command(main: Callable[[Sequence[str]], int], name: str, *arguments: object)
 def measure(seed: int, out: Path) -> int:
     """Render and measure; return 1 if a modulus is off by more than 10 %."""
     cut, record, cameras = RenderedCut(seed), out / "cut.csv", out / "cameras.json"
+    for part in out.glob("*.part.*"):  # of a run that was stopped
+        part.unlink()
     made(record, cut.record)
     boards = [out / "boards" / f"board_{number:02d}.png" for number in range(1, BOARDS + 1)]
     made(boards[-1], cut.boards)
