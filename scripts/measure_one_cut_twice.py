@@ -18,6 +18,7 @@ import multiprocessing
 import shlex
 import signal
 import sys
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -165,6 +166,12 @@ def made(path: Path, make: Callable[[Path], None]) -> None:
             make(part)
 
 
+def as_a_helper() -> None:
+    """Leave Ctrl-C to the process that began this one, and ends it; keep no lock of the bars that would outlive it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    tqdm.set_lock(threading.RLock())
+
+
 def rendered(job: tuple[int, str, Path]) -> None:
     """Render one of the videos."""
     seed, name, path = job
@@ -191,8 +198,7 @@ def measure(seed: int, out: Path) -> int:
     videos = {"film": out / "film.mp4", "top": out / "top.mkv", "side": out / "side.mkv"}
     jobs = [(seed, name, path) for name, path in videos.items() if not path.exists()]
     if jobs:
-        # Ctrl-C is for this process, which ends the others.
-        with multiprocessing.get_context("spawn").Pool(2, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
+        with multiprocessing.get_context("spawn").Pool(2, as_a_helper) as pool:
             pool.map(rendered, jobs, chunksize=1)
     if not cameras.exists():
         spacing = f"{53 * FIELD:g}mm"

@@ -1,6 +1,6 @@
 """Print the thesis's numbers and ours, misses included, and draw its figures.
 
-    python scripts/reproduce_thesis.py                      everything, about two minutes; figures into figures/
+    python scripts/reproduce_thesis.py                      everything, some minutes; figures into figures/
     python scripts/reproduce_thesis.py --quick              fewer speeds, specimens and policies
     python scripts/reproduce_thesis.py --only plane-strain  one comparison or figure, by its short name
     python scripts/reproduce_thesis.py --markdown FILE      the summary as a Markdown table, for the documentation

@@ -134,4 +134,9 @@ def _draw_moduli(ax: Axes, trace: Trace) -> None:
         ax.plot(100 * found.position, found.modulus / 1e3, marker, color=colour, ms=4, label=name)
     ax.set_ylim(bottom=0)
     ax.legend(loc="lower right")
-    named(ax, "3.13: without the depth the modulus seems to rise with the liver's bulge", DISTANCE_LABEL, LEM_LABEL)
+    named(
+        ax,
+        "3.13: LEM rises with the liver's bulge; per depth it falls, for the slab is not cut through",
+        DISTANCE_LABEL,
+        LEM_LABEL,
+    )
