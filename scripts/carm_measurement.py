@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rendering.xray import XRayCamera
-from rendering.xray_session import BALL, BEAD, ERRORS, FieldAtPoints, Session, exposed
+from rendering.xray_session import BALL, BEAD, ERRORS, Session, exposed
 from scipy.spatial import cKDTree
 
 from cutenv.tissue.cut_model import CutModel
@@ -90,13 +90,12 @@ def swept(session: Session, view: CArmView, rng: np.random.Generator, count: int
 
 def predicted_by(session: Session) -> Callable[[Array, float], Array]:
     """Return the displacement that a model predicts: even tissue in plane stress, not the truth's uneven bricks."""
-    kept: list[FieldAtPoints] = []
+    model = CutModel()
 
     def displacement(rest: Array, time: float) -> Array:
-        if not kept:
-            kept.append(FieldAtPoints(CutModel(), rest))
-        blade, tip = session.cut.at(time)
-        return kept[0](tip, max(blade - tip, 0.0))
+        _, tip, lead = session.cut.at(time)
+        moved = model.displacement_at(rest[:, : model.dim], tip, tip_displacement=lead)
+        return np.pad(moved, ((0, 0), (0, 3 - model.dim)))
 
     return displacement
 
@@ -167,8 +166,8 @@ def curve_error(found: Callable[[Array], Array], error: tuple[float, float, floa
     return float(min(np.abs(left(float(scale))).max() for scale in scales))
 
 
-def magnification(seed: int) -> list[Mark]:
-    """Measure the magnification against distance: a plate at six distances, a cone beam fitted to five of them."""
+def plates_by_distance(seed: int) -> tuple[XRayCamera, CArmView, Array, Array]:
+    """Image a plate at six distances from the detector; return camera, view, distances, and lengths of a pixel [m]."""
     rng = np.random.default_rng([seed, 3])
     camera = XRayCamera(pitch=float(rng.uniform(3.6e-4, 4e-4)), to_detector=float(rng.uniform(0.95, 1.02)))
     distance = np.array([0.0, 0.06, 0.12, 0.2, 0.28, 0.36])
@@ -178,7 +177,13 @@ def magnification(seed: int) -> list[Mark]:
         length_per_pixel(image, view, HOLE_PX / (1.0 - d / camera.to_detector), SPACING)
         for d, image in zip(distance, images, strict=True)
     ]
-    pixels = rng.uniform((18.0, 12.0), (701.0, 467.0), (400, 2))
+    return camera, view, distance, np.array(size)
+
+
+def magnification(seed: int) -> list[Mark]:
+    """Measure the magnification against distance: a plate at six distances, a cone beam fitted to five of them."""
+    camera, view, distance, size = plates_by_distance(seed)
+    pixels = np.random.default_rng([seed, 4]).uniform((18.0, 12.0), (701.0, 467.0), (400, 2))
     found, ideal = (points - points.mean(axis=0) for points in (view.undistort(pixels), camera.true_places(pixels)))
     # The scale of a corrected image is that of its centre: an undistorted pixel stands for so many true ones.
     scale = float(np.sqrt((ideal**2).sum() / (found**2).sum()))
@@ -186,6 +191,6 @@ def magnification(seed: int) -> list[Mark]:
     errors = []
     for one in range(len(distance)):
         rest = np.arange(len(distance)) != one
-        fit, _ = fit_magnification(distance[rest], np.array(size)[rest])
+        fit, _ = fit_magnification(distance[rest], size[rest])
         errors.append(abs(fit.at(float(distance[one])) / true[one] - 1.0))
     return [Mark(what="magnification at a distance left out of the fit", value=100 * max(errors), limit=0.3, unit="%")]

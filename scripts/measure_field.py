@@ -158,8 +158,8 @@ def section_7_4(livers: int) -> str:
     model, mean = CutModel(), float(table("5.6")["lem_plane_stress_90_deg_Pa"][0])
     rows = []
     for number in tqdm(range(livers), desc="livers of six cuts"):
-        cuts = [_cut(number, i, LEM_AVERAGE / mean, model) for i in range(6)]
-        other = _cut(1000 + number, 0, None, model)
+        cuts = [cut_of_liver(number, i, LEM_AVERAGE / mean, model) for i in range(6)]
+        other = cut_of_liver(1000 + number, 0, None, model)
         average = float(np.mean([cut.material_modulus for cut in cuts[:5]]))
         lem = float(np.mean([cut.moduli.mean for cut in cuts[:5]]))
         same, different = (_error(cut, average, model) for cut in (cuts[5], other))
@@ -185,7 +185,8 @@ def _range_of_5_1() -> str:
     return f"{cuts.min():.0f} to {cuts.max():.0f}"
 
 
-def _cut(liver: int, number: int, factor: float | None, model: CutModel) -> MeasuredCut:
+def cut_of_liver(liver: int, number: int, factor: float | None, model: CutModel) -> MeasuredCut:
+    """Make and measure a cut of a drawn liver at 0.1 cm/s, by ``factor`` as stiff as the mean, or drawn too."""
     specimen = Specimen.draw(generator(74, 10 * liver + number), liver_factor=factor)
     plant = SimulatedPlant(specimen, seed=74, episode=10 * liver + number)
     legs = [Leg(position=0.0, speed=0.001, dwell=0.5), Leg(position=0.1, speed=0.001), Leg(position=0.0, speed=0.0127)]

@@ -1,6 +1,6 @@
 """Print the thesis's numbers and ours, misses included, and draw its figures.
 
-    python scripts/reproduce_thesis.py                      everything, about two minutes; figures into figures/
+    python scripts/reproduce_thesis.py                      everything, some minutes; figures into figures/
     python scripts/reproduce_thesis.py --quick              fewer speeds, specimens and policies
     python scripts/reproduce_thesis.py --only plane-strain  one comparison or figure, by its short name
     python scripts/reproduce_thesis.py --markdown FILE      the summary as a Markdown table, for the documentation
@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from reproduction import COMPARISONS, Comparison
-from thesis_figures import FIGURES, draw
+from thesis_figures import FIGURES, NOT_DRAWN, draw
 from tqdm import tqdm
 
 ROOT = Path(__file__).parents[1]
@@ -95,6 +95,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"Markdown: {arguments.markdown}")
     for path in drawn:
         print(f"figure: {path}")
+    if len(drawn) == len(FIGURES):
+        print("\n".join(f"not drawn: {numbers}: {why}" for numbers, why in NOT_DRAWN.items()))
     print(f"{time.perf_counter() - began:.0f} s. The spread of drawn livers: python scripts/fit_specimens.py")
     return sum(len(c.misses) for c in done.values())
 

@@ -11,16 +11,20 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cutenv._base.validation import array_in_range, in_range, one_of
-from cutenv.tissue.elasticity import FORMULATIONS, LARGEST_POISSON, POISSON_CURE, strain_energy_density
-from cutenv.tissue.mesh import ACROSS, ALONG, ELEMENT_KINDS, CutMesh, ElementKind, checked_divisions, read_only
-from cutenv.tissue.mixed import mixed_strain_energy_density
-from cutenv.tissue.model_arguments import checked_points, checked_relative_modulus, element_moduli, whole_elements
+from cutenv._base.validation import array_in_range, in_range
+from cutenv.tissue.continuum import Continuum
+from cutenv.tissue.mesh import ACROSS, ALONG, CutMesh, checked_divisions, read_only
+from cutenv.tissue.model_arguments import (
+    METRES,
+    POSITIVE_MODULUS,
+    checked_points,
+    checked_relative_modulus,
+    element_moduli,
+    unit_force,
+    whole_elements,
+)
 from cutenv.tissue.tip_interpolation import TipInterpolation
-from cutenv.tissue.tip_response import TipResponse, stiffness_matrix, tip_responses
 
-_METRES = "Lengths are in metres: 5 cm is 0.05."
-_POSITIVE_MODULUS = "It is Young's modulus in pascals, and positive."
 _MIRROR_TOLERANCE = 1e-12
 
 
@@ -106,26 +110,11 @@ class CutModel:
     earlier_cuts: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        one_of("element", self.element, ELEMENT_KINDS)
-        one_of("formulation", self.formulation, FORMULATIONS)
-        if (self.element == "hex20") != (self.formulation == "solid"):
-            cure = 'formulation="solid"' if self.element == "hex20" else 'element="hex20"'
-            raise ValueError(
-                f"element={self.element!r} does not go with formulation={self.formulation!r}: bricks are "
-                f"solid, quadrilaterals plane stress or plane strain. Ask for {cure}, or change the other."
-            )
-        one_of("integration", self.integration, ("full", "reduced"))
-        if self.element == "quad8_mixed" and self.formulation != "plane_strain":
-            raise ValueError(
-                f'element="quad8_mixed" does not go with formulation={self.formulation!r}, which does not lock. '
-                'Ask for formulation="plane_strain", or for element="quad8".'
-            )
-        largest = 0.5 if self._kind.has_pressure else LARGEST_POISSON
         settled: dict[str, object] = {
-            "poisson": in_range("poisson", self.poisson, 0.0, largest, "1", POISSON_CURE),
-            "width": in_range("width", self.width, 1e-3, 5.0, "m", _METRES),
-            "length": in_range("length", self.length, 1e-3, 5.0, "m", _METRES),
-            "thickness": in_range("thickness", self.thickness, 1e-4, 0.5, "m", _METRES),
+            "poisson": self._continuum.poisson,
+            "width": in_range("width", self.width, 1e-3, 5.0, "m", METRES),
+            "length": in_range("length", self.length, 1e-3, 5.0, "m", METRES),
+            "thickness": in_range("thickness", self.thickness, 1e-4, 0.5, "m", METRES),
             "divisions": checked_divisions(self.element, self.divisions),
         }
         for name, value in settled.items():
@@ -190,10 +179,10 @@ class CutModel:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, CutModel):
             return NotImplemented
-        return self._scalars == other._scalars and self._modulus_bytes == other._modulus_bytes
+        return self._key == other._key
 
     def __hash__(self) -> int:
-        return hash((self._scalars, self._modulus_bytes))
+        return hash(self._key)
 
     def __repr__(self) -> str:
         names = [field.name for field in fields(self) if field.name != "relative_modulus"]
@@ -203,12 +192,9 @@ class CutModel:
         return f"CutModel({arguments}{modulus})"
 
     @property
-    def _scalars(self) -> tuple[object, ...]:
-        return tuple(getattr(self, field.name) for field in fields(self) if field.name != "relative_modulus")
-
-    @property
-    def _modulus_bytes(self) -> bytes:
-        return b"" if self.relative_modulus is None else self.relative_modulus.tobytes()
+    def _key(self) -> tuple[object, ...]:
+        arguments = (getattr(self, field.name) for field in fields(self))
+        return tuple(each.tobytes() if isinstance(each, np.ndarray) else each for each in arguments)
 
     @property
     def _divisions(self) -> tuple[int, ...]:
@@ -235,16 +221,16 @@ class CutModel:
         """Number of unknowns; clamped and tied ones count, as in Table 4.3, and pressures, if there are any."""
         return self._mesh.n_unknowns
 
-    @property
-    def _kind(self) -> ElementKind:
-        kind = ELEMENT_KINDS[self.element]
-        return kind if self.integration == "full" else kind.reduced()
+    @cached_property
+    def _continuum(self) -> Continuum:
+        names = ("element", "formulation", "poisson", "integration")
+        return Continuum(**{name: getattr(self, name) for name in names})
 
     @cached_property
     def _mesh(self) -> CutMesh:
         size = (self.width, self.length, self.thickness)[: self.dim]
         shift, earlier = self._lines
-        return CutMesh(kind=self._kind, divisions=self._divisions, size=size, shift=shift, earlier=earlier)
+        return CutMesh(kind=self._continuum.kind, divisions=self._divisions, size=size, shift=shift, earlier=earlier)
 
     @property
     def _lines(self) -> tuple[int, tuple[tuple[int, int], ...]]:
@@ -300,12 +286,8 @@ class CutModel:
 
     @cached_property
     def _interpolation(self) -> TipInterpolation:
-        stiffness = stiffness_matrix(self._mesh, self.formulation, self.poisson, self.relative_modulus)
-        response = tip_responses(self._mesh, stiffness, slipping=not self.is_mirror_symmetric)
-        # The plane models are assembled for unit thickness; the solid one contains its own.
-        thickness = self.thickness if self.dim == 3 else 1.0
-        unit = TipResponse(
-            stiffness=read_only(response.stiffness / thickness), fields=read_only(response.fields * thickness)
+        unit = self._continuum.unit_response(
+            self._mesh, self.relative_modulus, slipping=not self.is_mirror_symmetric, thickness=self.thickness
         )
         return TipInterpolation(mesh=self._mesh, tips=self.tips, response=unit)
 
@@ -368,13 +350,7 @@ class CutModel:
             If an argument is out of range.
         """
         a = in_range("cut_length", cut_length, 0.0, self.length, "m", self._cut_length_cure)
-        return self._unit_force(force, modulus, thickness) / self.stiffness(a) * self._interpolation.shape(a)
-
-    def _unit_force(self, force: float, modulus: float, thickness: float) -> float:
-        """Return the force over modulus and thickness [m]."""
-        f = in_range("force", force, -1e6, 1e6, "N", "Forces are in newtons.")
-        e = in_range("modulus", modulus, 1e-6, 1e12, "Pa", _POSITIVE_MODULUS)
-        return f / (e * in_range("thickness", thickness, 1e-6, 1.0, "m", _METRES))
+        return unit_force(force, modulus, thickness) / self.stiffness(a) * self._interpolation.shape(a)
 
     def displacement_at(
         self,
@@ -426,12 +402,12 @@ class CutModel:
         if tip_displacement is not None:
             if not force is modulus is thickness is None:
                 raise TypeError("displacement_at takes tip_displacement, or force, modulus and thickness, not both.")
-            unit_force = self.stiffness(a) * in_range("tip_displacement", tip_displacement, -1.0, 1.0, "m", _METRES)
+            load = self.stiffness(a) * in_range("tip_displacement", tip_displacement, -1.0, 1.0, "m", METRES)
         elif force is None or modulus is None or thickness is None:
             raise TypeError("displacement_at needs tip_displacement, or force, modulus and thickness.")
         else:
-            unit_force = self._unit_force(force, modulus, thickness)
-        return self._mesh.interpolated(unit_force * self._interpolation.shared(a), places)
+            load = unit_force(force, modulus, thickness)
+        return self._mesh.interpolated(load * self._interpolation.shared(a), places)
 
     def strain_energy_density(self, displacement: NDArray[np.float64], modulus: float) -> NDArray[np.float64]:
         """Return the mean strain energy per volume of each element.
@@ -456,14 +432,11 @@ class CutModel:
         ValueError
             If the modulus is out of range or the displacement has another shape.
         """
-        e = in_range("modulus", modulus, 1e-6, 1e12, "Pa", _POSITIVE_MODULUS)
+        e = in_range("modulus", modulus, 1e-6, 1e12, "Pa", POSITIVE_MODULUS)
         if displacement.shape != self.nodes.shape:
             raise ValueError(f"displacement has shape {displacement.shape}; give one of each node, {self.nodes.shape}.")
-        mesh, u = self._mesh, displacement.ravel()
         relative = np.ones(self.n_elements) if self.relative_modulus is None else self.relative_modulus
-        if mesh.kind.has_pressure:
-            return e * mixed_strain_energy_density(mesh.basis, mesh.pressure_basis, u, self.poisson, relative)
-        return e * relative * strain_energy_density(mesh.basis, u, self.formulation, self.poisson)
+        return self._continuum.strain_energy_density(self._mesh, displacement, e, relative)
 
     @overload
     def convert_modulus(self, modulus: float, to: CutModel, cut_length: float) -> float: ...
@@ -499,10 +472,10 @@ class CutModel:
         """
         if not isinstance(to, CutModel):
             raise TypeError(f"to must be a CutModel, got {to!r}. Build the model that shall use the modulus.")
-        found = array_in_range("modulus", modulus, 1e-6, 1e12, "Pa", _POSITIVE_MODULUS)
+        found = array_in_range("modulus", modulus, 1e-6, 1e12, "Pa", POSITIVE_MODULUS)
         converted = found * (np.asarray(self.stiffness(cut_length)) / np.asarray(to.stiffness(cut_length)))
         return float(converted) if np.ndim(converted) == 0 else converted
 
     @property
     def _cut_length_cure(self) -> str:
-        return f"The specimen ends at {self.length:g} m. {_METRES}"
+        return f"The specimen ends at {self.length:g} m. {METRES}"

@@ -7,9 +7,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cutenv._base.validation import array_in_range
+from cutenv._base.validation import array_in_range, in_range
 from cutenv.tissue.mesh import read_only
 
+METRES = "Lengths are in metres: 5 cm is 0.05."
+"""Cure of a length that is out of range."""
+POSITIVE_MODULUS = "It is Young's modulus in pascals, and positive."
+"""Cure of a modulus that is out of range."""
 _PARTS = 50  # parts of a row over which its thickness is averaged
 _WHOLE = 1e-6  # of an element: a line that is so close to an edge lies on it
 
@@ -82,6 +86,13 @@ def whole_elements(
             raise ValueError(f"length = {length:g} m of an earlier cut is outside 0 to {size[1]:g} m.")
         lines.append((beside, cut))
     return shift, tuple(lines)
+
+
+def unit_force(force: float, modulus: float, thickness: float) -> float:
+    """Return the blade's force [N] over modulus [Pa] and thickness [m], in metres; raise for one out of range."""
+    f = in_range("force", force, -1e6, 1e6, "N", "Forces are in newtons.")
+    e = in_range("modulus", modulus, 1e-6, 1e12, "Pa", POSITIVE_MODULUS)
+    return f / (e * in_range("thickness", thickness, 1e-6, 1.0, "m", METRES))
 
 
 def checked_points(points: ArrayLike, nodes: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -22,6 +22,7 @@ Displacement = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
 _JUMP = 12.0  # squared innovation over its variance, beyond which the prediction, not the image, is doubted
 _SWAP = 0.75  # diameters: two beads nearer than that in every view are one bead measured twice
 _NEIGHBOURS = 4
+_OF_A_FIELD = 2.4  # true covariance over that of a fit in a field: interpolated lines tell nothing, and are less noisy
 _FEWEST = 0.5  # of the beads, to be seen in the first frame of each view
 
 
@@ -188,7 +189,7 @@ def track_beads(
             continue
         if not looks:
             looks = [bead_look(grey, view, diameter) for grey, view in zip(greys, calibration.views, strict=True)]
-        seen = _measured(state, predicted, calibration.views, greys, looks)
+        seen = _measured(state, predicted, calibration, greys, looks)
         if number == 0:
             _check_first(seen, calibration.views)
         hidden += ~seen
@@ -247,18 +248,21 @@ def _checked_times(time: ArrayLike, calibration: CArmCalibration) -> NDArray[np.
 def _measured(
     state: _Filter,
     predicted: NDArray[np.float64],
-    views: Sequence[CArmView],
+    calibration: CArmCalibration,
     greys: Sequence[NDArray[np.float64]],
     looks: Sequence[BeadLook],
 ) -> NDArray[np.bool_]:
     """Take in all views; return which beads each one showed, shape (views, n)."""
+    views = calibration.views
     before = state.offset.copy(), state.variance.copy()
     seen = np.zeros((len(views), len(state.rest)), bool)
     for number, (view, grey, look) in enumerate(zip(views, greys, looks, strict=True)):
         assert view.projection is not None  # a calibration's views have one
-        expected = view.seen(project(view.projection, predicted + state.offset))
-        place, covariance = _with_second_look(attenuation(grey), expected, look)
+        expected, unmoved = (view.seen(project(view.projection, at)) for at in (predicted + state.offset, predicted))
+        place, covariance = _with_second_look(attenuation(grey), expected, unmoved, look)
         ideal, error = view.undistorted_with_covariance(place, covariance)
+        if calibration.interlaced:
+            error = _OF_A_FIELD * error
         seen[number] = state.update(predicted, view, ideal, error)
     # Two that ended in one place everywhere: neither is believed, both go on as predicted.
     near = np.ones((len(state.rest),) * 2, bool)
@@ -273,16 +277,16 @@ def _measured(
 
 
 def _with_second_look(
-    image: NDArray[np.float64], expected: NDArray[np.float64], look: BeadLook
+    image: NDArray[np.float64], expected: NDArray[np.float64], predicted: NDArray[np.float64], look: BeadLook
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Measure the beads, and those not seen once more, as far off as their neighbours: they slip together."""
+    """Measure the beads, and those not seen once more, as far off the prediction as their neighbours are now."""
     place, covariance = measure_beads(image, expected, look)
     seen = np.isfinite(place).all(axis=1)
     if seen.all() or seen.sum() < _NEIGHBOURS:
         return place, covariance
     _, near = cKDTree(expected[seen]).query(expected[~seen], k=_NEIGHBOURS)
     again = place.copy()
-    again[~seen] = expected[~seen] + np.median((place - expected)[seen][near], axis=1)
+    again[~seen] = predicted[~seen] + np.median((place - predicted)[seen][near], axis=1)
     second, error = measure_beads(image, again, look)
     place[~seen], covariance[~seen] = second[~seen], error[~seen]
     return place, covariance

@@ -14,6 +14,7 @@ from cutenv._base.validation import in_range
 FLOOR = 1e-12
 """Smallest pivot of a normal matrix: keeps a flat window solvable."""
 _CANDIDATE = 4.5  # in standard deviations of the filtered noise; the fit then decides
+_REACH = 3.2  # widths of a spot around it that are fitted: in a smaller window place and background are confused
 _ROUNDS = 14  # of the fit; beads settle in five
 _SETTLED = 1e-3  # px
 _AT_ONCE = 128  # windows: what fits into a cache
@@ -125,7 +126,7 @@ def locate_spots(image: ArrayLike, diameter: float, *, dark: bool = True, least_
     if dark:
         grey = -grey
     width = 0.4 * diameter
-    half = max(3, math.ceil(2.6 * width))
+    half = max(3, math.ceil(_REACH * width))
     noise = noise_of(grey)
     if min(grey.shape) <= 2 * half + 1:
         raise ValueError(f"image has shape {grey.shape}, too small for spots of {diameter:g} px.")
@@ -167,7 +168,7 @@ def fit_spots(
         Whether it is a spot: whole in the image, of half to twice the size, near its start, and more than an edge.
     """
     width = 0.4 * diameter
-    half = max(3, math.ceil(2.6 * width))
+    half = max(3, math.ceil(_REACH * width))
     nearest = np.round(start).astype(int)
     room = np.array([grey.shape[1], grey.shape[0]]) - half
     inside = ((nearest >= half) & (nearest < room)).all(axis=1)

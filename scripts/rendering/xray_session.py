@@ -9,11 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import LinearNDInterpolator
 from scipy.ndimage import minimum_filter
 
 from cutenv.plant.protocol import Leg, run
@@ -34,11 +32,12 @@ ERRORS = {"top": (8e-5, -0.0079, 0.0), "side": (6e-4, -0.0706, 0.0)}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CutHistory:
-    """Blade, tip and force of a simulated cut at 1 kHz."""
+    """Blade, tip, displacement of the tip, and force of a simulated cut at 1 kHz."""
 
     time: Array
     blade: Array
     tip: Array
+    lead: Array
     force: Array
 
     @classmethod
@@ -49,39 +48,14 @@ class CutHistory:
         rest = plant.advance(0.0, math.pi / 2, 1000).copy()
         cut = run(plant, [Leg(position=length, speed=speed, angle=math.pi / 2)])
         readings = np.concatenate([rest, cut])
-        columns = (readings[name].astype(float) for name in ("position", "tip", "force"))
-        return cls(time=np.arange(len(readings)) * 1e-3, **dict(zip(("blade", "tip", "force"), columns, strict=True)))
+        blade, tip, force = (readings[name].astype(float) for name in ("position", "tip", "force"))
+        time = np.arange(len(readings)) * 1e-3
+        return cls(time=time, blade=blade, tip=tip, lead=np.maximum(blade - tip, 0.0), force=force)
 
-    def at(self, time: float) -> tuple[float, float]:
-        """Return blade and tip at a time [m]."""
-        return float(np.interp(time, self.time, self.blade)), float(np.interp(time, self.time, self.tip))
-
-
-class FieldAtPoints:
-    """Displacement of some points by a model, for any tip; interpolated between nodes and between tips."""
-
-    def __init__(self, model: CutModel, points: Array) -> None:
-        self.tips = model.tips
-        unit = model.unit_fields * np.asarray(model.stiffness(model.tips))[:, None, None]  # of a tip that moves by 1
-        self.shape = np.zeros((len(self.tips), len(points), 3))
-        behind = {int(node) for node in model.pairs[:, 0]}, {int(node) for node in model.pairs[:, 1]}
-        inner = np.clip(points[:, : model.dim], model.nodes.min(axis=0), model.nodes.max(axis=0))
-        for side, other in ((points[:, 0] < 0.0, behind[1]), (points[:, 0] >= 0.0, behind[0])):
-            left = bool(side.any() and points[side][0, 0] < 0.0)
-            use = np.array(
-                [n for n, x in enumerate(model.nodes[:, 0]) if n not in other and (x <= 1e-9 if left else x >= -1e-9)]
-            )
-            values = unit[:, use].transpose(1, 0, 2).reshape(len(use), -1)
-            if side.any():
-                found = LinearNDInterpolator(model.nodes[use], values)(inner[side])
-                self.shape[:, side, : model.dim] = found.reshape(side.sum(), len(self.tips), -1).transpose(1, 0, 2)
-
-    def __call__(self, tip: float, tip_displacement: float) -> Array:
-        """Return the displacement of the points [m]."""
-        place = np.clip(np.interp(tip, self.tips, np.arange(len(self.tips))), 0, len(self.tips) - 1)
-        first = min(int(place), len(self.tips) - 2)
-        share = place - first
-        return tip_displacement * ((1.0 - share) * self.shape[first] + share * self.shape[first + 1])
+    def at(self, time: float) -> tuple[float, float, float]:
+        """Return blade, tip and displacement of the tip at a time [m]."""
+        blade, tip, lead = (float(np.interp(time, self.time, each)) for each in (self.blade, self.tip, self.lead))
+        return blade, tip, lead
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,15 +117,10 @@ class Session:
             cameras=cameras, rest=rest, model=model, cut=cut, lag=float(rng.uniform(0.1, 0.6)), seed=seed, dose=dose
         )
 
-    @cached_property
-    def field(self) -> FieldAtPoints:
-        """Displacement of the beads."""
-        return FieldAtPoints(self.model, self.rest)
-
     def places(self, time: float) -> Array:
         """Return the true places of the beads at a time of the record [s]."""
-        blade, tip = self.cut.at(time)
-        return self.rest + self.field(tip, max(blade - tip, 0.0))
+        _, tip, lead = self.cut.at(time)
+        return self.rest + self.model.displacement_at(self.rest, tip, tip_displacement=lead)
 
     @property
     def slab(self) -> Box:
@@ -169,7 +138,7 @@ class Session:
         """Render one view at a time of the record."""
         camera = self.cameras[name]
         camera.prepare()
-        blade, _ = self.cut.at(time)
+        blade, *_ = self.cut.at(time)
         knife = Box(low=(-0.001, blade - 0.008, 0.002), high=(0.001, blade, 0.07), attenuation=STEEL)
         boxes = (knife,) if blade > 1e-5 else ()
         return exposed(camera, camera.light(self.places(time), BEAD, boxes, (self.slab,)), rng)

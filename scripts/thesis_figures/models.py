@@ -28,7 +28,7 @@ CUT_LENGTH, TIP_DISPLACEMENT, DEPTH = 0.07, 0.010, 0.01  # [m]
 RUN, LEAD = 0.010, 0.015  # of a unit of cutting: growth, one element, and displacement of the tip before [m]
 COLOURS = "viridis"
 TRAVEL = 0.12  # [m]
-_FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))  # of a brick
+FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))  # of a brick
 
 
 def element_types(path: Path, quick: bool) -> None:
@@ -132,14 +132,14 @@ def _draw_plane(ax: Axes, of: CutModel, norm: Normalize) -> None:
 
 def _draw_solid(ax: Axes, of: CutModel, norm: Normalize) -> None:
     u = displacement_at_the_tip(of)
-    points, size = _seen_from_above(100 * (of.nodes + u)), 1e3 * np.linalg.norm(u, axis=1)
+    points, size = seen_from_above(100 * (of.nodes + u)), 1e3 * np.linalg.norm(u, axis=1)
     low, high = of.nodes.min(axis=0), of.nodes.max(axis=0)
-    faces = of.elements[:, np.array(_FACES)].reshape(-1, 4)
+    faces = of.elements[:, np.array(FACES)].reshape(-1, 4)
     centre = of.nodes[faces].mean(axis=1)
     for side in (centre[:, 1] < low[1] + 1e-9, centre[:, 0] > high[0] - 1e-9, centre[:, 2] > high[2] - 1e-9):
         _draw_faces(ax, points, faces[side], size, norm)
     _draw_cut(ax, points[_corners_of_the_cut(of)])
-    edge = _seen_from_above(np.array([[-4.0, 0.0, 0.0], [4.0, 0.0, 0.0]]))
+    edge = seen_from_above(np.array([[-4.0, 0.0, 0.0], [4.0, 0.0, 0.0]]))
     ax.plot(*edge.T, color="black", linewidth=5, solid_capstyle="butt")
     ax.set_aspect("equal")
     ax.axis("off")
@@ -190,7 +190,7 @@ def stages_of_fracture(path: Path, quick: bool) -> None:
     save(figure, path)
 
 
-def _seen_from_above(x: Array) -> Array:
+def seen_from_above(x: Array) -> Array:
     """Project points in space in parallel, seen from over the right shoulder of the clamp; shape (n, 2)."""
     turned, raised = np.radians(-32.0), np.radians(42.0)
     across = x[:, 0] * np.cos(turned) - x[:, 1] * np.sin(turned)

@@ -7,13 +7,13 @@ from dataclasses import replace
 import carm_measurement
 import numpy as np
 import pytest
-from rendering.xray_session import CutHistory, FieldAtPoints, Session
+from rendering.xray_session import CutHistory, Session
 from scipy.spatial import cKDTree
 
-from cutenv.tissue.cut_model import CutModel
 from cutenv.vision.bead_correspondence import linked, pairs_by_epipolar, places_from_sweep
 from cutenv.vision.bead_tracks import BeadTracks
 from cutenv.vision.beads import find_beads, track_beads
+from cutenv.vision.fluoroscopy import deinterlaced
 from cutenv.vision.projection import project
 from cutenv.vision.registration import SpecimenFrame, clock_lag
 
@@ -26,7 +26,7 @@ def ramps():
     time = np.arange(0.0, 7.0, 1e-3)
     blade = SPEED * np.maximum(time - 1.0, 0.0)
     tip = np.maximum(np.floor(blade / 0.0015) * 0.0015 - 0.0008, 0.0)
-    return CutHistory(time=time, blade=blade, tip=tip, force=400.0 * (blade - tip))
+    return CutHistory(time=time, blade=blade, tip=tip, lead=blade - tip, force=400.0 * (blade - tip))
 
 
 @pytest.fixture(scope="module")
@@ -65,13 +65,8 @@ def test_a_rotation_gives_every_bead_its_place(session, rest):
 
 def test_beads_are_followed_through_the_cut(session, calibration, rest, film):
     time, frames = film
-    model = FieldAtPoints(CutModel(), rest[0])
-
-    def displacement(_, now):
-        blade, tip = session.cut.at(now)
-        return model(tip, blade - tip)
-
-    tracks = track_beads(frames, time, calibration, *rest, diameter=3.5, displacement=displacement)
+    predicted = carm_measurement.predicted_by(session)
+    tracks = track_beads(frames, time, calibration, *rest, diameter=3.5, displacement=predicted)
     owner = owners(session, rest[0])
     off = np.array([
         place - session.places(now)[owner[bead]]
@@ -210,3 +205,33 @@ def test_a_view_that_is_left_out_makes_a_place_less_certain(session, calibration
     one = track_beads([*still[:2], *blind[2:]], time[:7], replace(calibration), *rest, diameter=3.5)
     spread = [np.trace(t.of(0).covariance[-1]) for t in (both, one)]
     assert spread[1] > 2.0 * spread[0]
+
+
+def test_a_bead_that_was_hidden_is_found_where_its_neighbours_have_gone(session, calibration, rest):
+    """All beads drift by a pixel a frame; one is not there for six frames, and seven pixels farther when it is back."""
+    rng, lost = np.random.default_rng(0), 9
+    frames = []
+    for number in range(12):
+        moved = session.rest + np.array([0.0, 3e-4 * number, 0.0])
+        shown = np.arange(len(moved)) != lost if 3 <= number < 9 else slice(None)
+        still = replace(session, rest=moved[shown])
+        frames.append([still.image(name, 0.0, rng) for name in session.cameras])
+    time = np.arange(12) / calibration.frame_rate
+    tracks = track_beads(frames, time, calibration, *rest, diameter=3.5)
+    own = tracks.of(int(np.argmax(owners(session, rest[0]) == lost)))
+    assert own.time[-1] == time[-1]
+    assert own.place[-1] == pytest.approx(moved[lost], abs=2e-4)
+
+
+def test_the_covariance_in_a_field_is_at_least_twice_that_in_a_frame(session, calibration, rest):
+    """A field has half the lines; those in between are interpolated and tell nothing new."""
+    place, _ = rest
+    far = np.broadcast_to(1e-6 * np.eye(3), (len(place), 3, 3))  # hardly anything is known beforehand
+    frame = [session.image(name, 0.0, np.random.default_rng(0)) for name in session.cameras]
+    time, spread = np.arange(2) / calibration.frame_rate, {}
+    for first in (None, "bottom"):
+        image = frame if first is None else [deinterlaced(each, first)[0] for each in frame]
+        tracks = track_beads([image] * 2, time, replace(calibration, interlaced=first), place, far, diameter=3.5)
+        covariance = tracks.covariance[tracks.time == 0.0]
+        spread[first] = float(np.median(np.trace(covariance, axis1=1, axis2=2)))
+    assert 2.0 < spread["bottom"] / spread[None] < 3.0
