@@ -126,7 +126,7 @@ def killed(folder: Path, people: int) -> tuple[int, int, int]:
         served.end(signal.SIGKILL)
         said = sum(each.result() for each in going)
     again = Served(folder)
-    assert again.end() == 0
+    assert again.end() in (0, 130)  # ended before or after it began to serve
     cuts = [each for code in codes for each in store.cuts(code)]
     store.close()
     assert all(each.state != GOING_ON for each in cuts)

@@ -82,6 +82,7 @@ def _listening(host: str, port: int) -> socket.socket:
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((host, port))
+        listening.listen(256)  # who comes before the server has begun waits
     except OSError as error:
         listening.close()
         raise ValueError(
