@@ -154,7 +154,8 @@ def report(results: Sequence[dict[str, Any]]) -> str:
                 for r in good if "R_percent" in r
             ]  # fmt: skip
     heads = (
-        "measured with", "angle [deg]", "films", "RMS [mm]", "bias: all; worst film [mm]", "sd told [mm]", "within 2 sd [%]",
+        "measured with", "angle [deg]", "films", "RMS [mm]", "bias: all; worst film [mm]", "sd told [mm]",
+        "within 2 sd [%]",
         "largest error [mm]", "worst time [ms]", "spoilt frames left out", "good frames left out [%]",
         "slowest [frames/s]",
     )  # fmt: skip
