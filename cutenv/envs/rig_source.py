@@ -208,12 +208,11 @@ class RigSource:
             supply = EmulatedSpecimens(emulator.control)
             return RigSession(rig_plant(self.settings), operator, supply, release=emulator.close)
         operator = self._operator or operator_of(self.settings)
-        release = None
         if self.settings.camera is not None:
             self._camera = RigCamera(self.settings.camera)
-            release = self._camera.close
-        by_hand = SpecimensByHand(lambda: read_rig_file(self._rig), operator)
-        return RigSession(rig_plant(self.settings), operator, by_hand, release=release)
+        return RigSession(
+            rig_plant(self.settings), operator, SpecimensByHand(lambda: read_rig_file(self._rig), operator)
+        )
 
     def _lowered(self, settings: RigSettings) -> RigSettings:
         settings = dataclasses.replace(settings, limits=settings.limits.lowered(**self._lower))
@@ -272,6 +271,12 @@ class RigSource:
             self.records.append(record.path)
             if self._camera is not None:
                 self._camera.put_depth(record.path)
+
+    def close_camera(self) -> None:
+        """End the camera, if there is one."""
+        camera, self._camera = self._camera, None
+        if camera is not None:
+            camera.close()
 
 
 def _forget(readings: StructArray) -> None:

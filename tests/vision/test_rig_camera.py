@@ -124,10 +124,13 @@ def test_a_cut_asks_the_camera_at_its_beginning_and_its_end(tmp_path):
         def put_depth(self, record):
             asked.append(record)
 
+        def close(self):
+            asked.append("close")
+
     env = RigCutEnv(rig="fake", records=tmp_path)
     env._source._camera = Asked()
     env.reset(seed=1)
     env.step(np.array([0.5, 0.0], np.float32))
     env.close()
-    assert asked == ["begin", *env.records]
+    assert asked == ["begin", *env.records, "close"]
     assert "did not answer" in load_one(env.records[0]).metadata[CAMERA_NOTE]
