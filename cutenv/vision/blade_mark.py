@@ -109,7 +109,7 @@ def _find_strip(image: GreyImage, blade: MarkedBlade) -> tuple[Array, Array, flo
     smooth: GreyImage = np.asarray(cv2.GaussianBlur(small, (0, 0), 1.2), np.uint8)
     dark, middle = (float(each) for each in np.percentile(smooth, [0.2, 50.0]))
     found: list[tuple[float, Array, Array, float]] = []
-    for level in (dark + 6.0, *np.linspace(dark + 12.0, max(middle, dark + 24.0), 4)):
+    for level in (dark + 6.0, *np.linspace(dark + 12.0, max(middle, dark + 24.0), 4)[:3]):
         mask = (smooth < level).astype(np.uint8)
         contours, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
         for contour in contours:
